@@ -13,6 +13,7 @@ from types import ModuleType
 from typing import Final
 
 MOVED: Final = {
+    "minerva_bus.testing.telling": "minerva_bus.testing.trace_lines",
     "minerva_bus.world.acl": "minerva_bus.acl",
     "minerva_bus.record": "minerva_bus.log",
     "minerva_bus.world.moment": "minerva_bus.world.context",

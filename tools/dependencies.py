@@ -1,4 +1,4 @@
-"""The locked dependencies: write the locks, report licences and vulnerabilities, test the limits.
+"""Locked dependencies: write the locks, report licences and vulnerabilities, test the bounds.
 
     python -m tools.dependencies                # licences, and what is known to be vulnerable
     python -m tools.dependencies lock           # write requirements/ from pyproject.toml
@@ -36,7 +36,7 @@ FAST = ("unit", "laws", "frame", "protocol", "record", "paper", "views", "study"
 
 @dataclass(frozen=True)
 class Locked:
-    """A version of a lock: for which markers, with which hashes, and what required it."""
+    """A locked version with its markers, its hashes and the packages that require it."""
 
     name: str
     version: str
@@ -46,7 +46,7 @@ class Locked:
 
 
 def read(lock: Path) -> list[Locked]:
-    """The versions of a lock, in its order."""
+    """The versions of a lock file, in order."""
     entries = re.split(r"^(?=[A-Za-z0-9])", lock.read_text(encoding="utf-8"), flags=re.M)[1:]
     return [_locked(entry) for entry in entries]
 
@@ -66,7 +66,7 @@ def project() -> dict:
 
 
 def lock() -> int:
-    """Write all locks. The image and the build have the versions that the tests have."""
+    """Write all locks; image and build use the versions of the tests."""
     LOCKS.mkdir(exist_ok=True)
     build = project()["build-system"]["requires"]
     dev = LOCKS / "dev.txt"
@@ -79,7 +79,7 @@ def lock() -> int:
 
 
 def compile_lock(path: Path, requirements: list[str], *arguments: str) -> None:
-    """One lock, for every platform and each Python that is allowed."""
+    """Write one lock for every platform and allowed Python."""
     command = [
         sys.executable, "-m", "uv", "pip", "compile", "--quiet", "--universal", "--generate-hashes",
         f"--python-version={OLDEST_PYTHON}", "--no-header", *arguments,
@@ -109,7 +109,7 @@ def report() -> int:
 
 
 def print_licences(names: set[str], in_image: set[str]) -> None:
-    """The names by licence, as the packages that are installed here state it."""
+    """Print package names by licence, as declared by the installed packages."""
     by_licence: dict[str, list[str]] = defaultdict(list)
     stated = licences()
     for name in sorted(names):
@@ -120,7 +120,7 @@ def print_licences(names: set[str], in_image: set[str]) -> None:
 
 
 def licences() -> dict[str, str]:
-    """The licence that each installed package states, on one line."""
+    """The declared licence of each installed package, on one line."""
     done = subprocess.run(
         [sys.executable, "-m", "piplicenses", "--format=json", "--from=all", "--with-system"],
         capture_output=True, text=True, check=True,
@@ -141,7 +141,7 @@ def _licence(package: dict[str, str]) -> str:
 
 
 def print_vulnerabilities(lock: Path) -> int:
-    """What the first source of advisories that answers knows of a lock."""
+    """Print the advisories for a lock from the first source that answers."""
     silent = []
     for source in ("pypi", "osv"):
         answer, reason = ask(source, lock)
@@ -155,9 +155,9 @@ def print_vulnerabilities(lock: Path) -> int:
 
 
 def ask(source: str, lock: Path) -> tuple[list[dict] | None, str]:
-    """What a source knows of the versions of a lock, or None and why it knows nothing.
+    """Advisories of a source for a lock, or None with the reason.
 
-    A source that finds none of the packages is none: pip-audit calls that "no vulnerabilities".
+    A source that knows none of the packages does not count; pip-audit reports "no vulnerabilities".
     """
     done = subprocess.run(
         [sys.executable, "-m", "pip_audit", "--vulnerability-service", source,

@@ -1,6 +1,6 @@
 """Draw the picture of the web page in the documentation: python tools/draw_page.py docs/web.png.
 
-Runs the robot's world with its page, looks at it with Debian's chromium and takes a photograph.
+Runs the robot's world with its page and takes a screenshot with Debian's chromium.
 Needs `pip install playwright` and `apt install chromium`.
 """
 
@@ -26,7 +26,7 @@ PATIENCE = 60_000
 
 
 def photograph(url: str, path: Path) -> None:
-    """Open the page, give the robots something to do, and photograph it."""
+    """Open the page, give the robots orders, and take a screenshot."""
     with sync_playwright() as player:
         browser = player.chromium.launch(executable_path=shutil.which("chromium"), args=FLAGS)
         page = browser.new_page(viewport={"width": 1400, "height": 820})
@@ -41,7 +41,7 @@ def photograph(url: str, path: Path) -> None:
         page.goto(url)
         page.get_by_text("ARobot#r1").wait_for()
         for notice in page.locator(".mantine-Notification-closeButton").all():
-            notice.click()  # That the processor draws is no concern of the picture.
+            notice.click()  # Software rendering does not matter for the picture.
         page.wait_for_timeout(8000)
         page.screenshot(path=path)
         browser.close()

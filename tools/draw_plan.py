@@ -98,7 +98,7 @@ START = (1.4, 1.3, 90.0)
 
 
 def main() -> None:
-    """Write both files and say where."""
+    """Write both files and print their paths."""
     FOLDER.mkdir(exist_ok=True)
     picture = draw()
     header = f"P5\n{picture.shape[1]} {picture.shape[0]}\n255\n".encode()
@@ -123,7 +123,7 @@ def draw() -> Picture:
 
 
 def describe() -> str:
-    """The YAML file: JSON, which is YAML too, so that reading it needs no library."""
+    """The YAML file, written as JSON, which is also YAML, so that reading it needs no library."""
     keys: dict[str, object] = {
         "image": "office.pgm",
         "resolution": CELL,
@@ -154,7 +154,7 @@ def _disc(disc: Disc) -> Mask:
 
 
 def _shrunk(shape: Mask) -> Mask:
-    """The shape less its outline, which stays closed to a ray that slips between two corners."""
+    """The shape without its outline, which stays closed to rays between two corners."""
     inside = shape.copy()
     for down in (-1, 0, 1):
         for across in (-1, 0, 1):

@@ -1,4 +1,4 @@
-"""Draws `minerva top` as it looks at the only world that runs here: draw_top.py FILE.png."""
+"""Draw `minerva top` for the only running world: draw_top.py FILE.png."""
 
 import asyncio
 import re

@@ -3,9 +3,9 @@
     python -m tools.golden            # compare with tests/golden/worlds.toml; 1 where they differ
     python -m tools.golden --record   # write it
 
-A change that is not meant to change what worlds do, or what travels, leaves them as they are. One
-that is records new values and says why in CHANGELOG.md; where the wire changes, also in PROTOCOL.md
-with a new version.
+A change that should not affect worlds or messages leaves them as they are. One that should records
+new values, with the reason in CHANGELOG.md; a change of the wire format also gets a new version in
+PROTOCOL.md.
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ class Tapped:
 
 
 def golden_values(name: str) -> dict[str, str]:
-    """Run a world; its string's digest, as `string`, and those of its messages by type."""
+    """Run a world; return the digest of its string, as `string`, and of its messages by type."""
     path, overrides = WORLDS[name]
     file = read_world_file(
         ROOT / path if path.endswith(".toml") else find_world(path), Overrides(**overrides)
@@ -105,7 +105,7 @@ def golden_values(name: str) -> dict[str, str]:
 
 
 def recorded_values() -> dict[str, dict[str, str]]:
-    """What is recorded, by world."""
+    """Recorded values by world."""
     return tomllib.loads(GOLDEN.read_text(encoding="utf-8"))
 
 

@@ -3,7 +3,7 @@
     python -m tools.golden_messages            # compare with tests/golden/messages.toml
     python -m tools.golden_messages --record   # write it
 
-A value that changes is a change of the wire: it needs a new version of PROTOCOL.md.
+A changed value is a change of the wire format and needs a new version in PROTOCOL.md.
 """
 
 from __future__ import annotations
@@ -229,14 +229,14 @@ MESSAGES: Mapping[str, m.Message] = {
 
 
 def shown(data: bytes) -> str:
-    """Bytes in hexadecimal; of long ones their number and a digest."""
+    """Bytes in hexadecimal; for long ones their number and a digest."""
     if len(data) <= LONGEST_HEX:
         return data.hex()
     return f"{len(data)} {blake2b(data, digest_size=16).hexdigest()}"
 
 
 def recorded_messages() -> Mapping[str, str]:
-    """What is recorded, by the name of the sample."""
+    """Recorded values by sample."""
     return tomllib.loads(GOLDEN.read_text(encoding="utf-8"))
 
 

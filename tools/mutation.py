@@ -1,10 +1,10 @@
-"""Mutation testing of modules of the core: do the tests notice a small fault in them?
+"""Mutation testing of the core: do the tests detect small faults?
 
     python -m tools.mutation minerva_bus/world/order.py ... [--minutes 10] [--processes 1]
     python -m tools.mutation            # every module of tools/mutation.toml
 
-mutmut makes the mutants and runs the tests that tools/mutation.toml names for a module, as far as
-they reach the mutated function. Verdicts are kept in build/mutation: an interrupted run goes on
+mutmut creates the mutants and runs the tests that tools/mutation.toml names for a module, if
+they reach the mutated function. Verdicts are stored in build/mutation: an interrupted run continues
 where it stopped, and only changed functions and survivors run again after a change. A mutant that
 no test kills must stand in tools/survivors.toml with the reason why it is accepted: one that does
 not makes the command exit with 1, a run that is not finished with 2. `--record` writes the run's
@@ -56,7 +56,7 @@ HEAD = """\
 
 @dataclass(frozen=True)
 class Survivor:
-    """A mutant that no test kills: what it changes, and why that is accepted."""
+    """A mutant that no test kills: its change, and why it is accepted."""
 
     module: str
     function: str
@@ -65,7 +65,7 @@ class Survivor:
 
     @property
     def key(self) -> tuple[str, str, str]:
-        """What identifies it from run to run, whatever its number is."""
+        """Identity across runs, independent of its number."""
         return self.module, self.function, self.mutation
 
 
@@ -86,7 +86,7 @@ class Result:
 
     @property
     def counts(self) -> dict[str, int]:
-        """What [run] records."""
+        """Counts for [run]."""
         total, alive = len(self.verdicts) - self.same, len(self.survivors)
         return {"mutants": total, "killed": total - alive - self.waiting, "survived": alive}
 
@@ -117,7 +117,7 @@ def write_survivors(
 
 
 def compared(result: Result, accepted: list[Survivor]) -> tuple[list[Survivor], list[Survivor]]:
-    """The survivors of a result that lack a reason, and the accepted ones that are no more."""
+    """Survivors without a reason, and accepted ones that no longer survive."""
     reasons = {entry.key: entry.reason for entry in accepted if entry.module == result.module}
     new = [entry for entry in result.survivors if not reasons.get(entry.key)]
     keys = {entry.key for entry in result.survivors}
@@ -126,7 +126,7 @@ def compared(result: Result, accepted: list[Survivor]) -> tuple[list[Survivor], 
 
 
 def recorded(result: Result, path: Path = SURVIVORS) -> None:
-    """Put a finished run into the list: reasons stay, what is no more goes."""
+    """Update the list with a finished run: reasons stay, obsolete entries go."""
     runs, accepted = read_survivors(path)
     reasons = {entry.key: entry.reason for entry in accepted}
     others = [entry for entry in accepted if entry.module != result.module]
@@ -150,7 +150,7 @@ def _quoted(text: str) -> str:
 
 
 def run_module(module: str, tests: list[str], processes: int, until: float) -> Result:
-    """Run a module's mutants until a time of `time.monotonic`, and read the verdicts."""
+    """Run a module's mutants until a monotonic time, and read the verdicts."""
     workspace = _workspace(module, tests)
     _notice_changed_tests(workspace, tests)
     words = [_mutmut(), "run", "--max-children", str(processes)]
@@ -170,7 +170,7 @@ def run_module(module: str, tests: list[str], processes: int, until: float) -> R
 
 
 def _workspace(module: str, tests: list[str]) -> Path:
-    """A folder where mutmut finds the project, and a configuration for one module."""
+    """Create a folder with the project and a configuration of mutmut for one module."""
     folder = WORKSPACES / module.removesuffix(".py").replace("/", ".")
     folder.mkdir(parents=True, exist_ok=True)
     pages = [path.name for path in ROOT.glob("*.md")]
@@ -193,7 +193,7 @@ def _workspace(module: str, tests: list[str]) -> Path:
 
 
 def _notice_changed_tests(workspace: Path, tests: list[str]) -> None:
-    """Run survivors again if tests have changed: mutmut itself sees changed functions only."""
+    """Run survivors again if tests have changed; mutmut notices changed functions only."""
     known, stats = workspace / "tests.sha256", workspace / "mutants" / "mutmut-stats.json"
     files = sorted(path for test in tests for path in _files(ROOT / test))
     now = hashlib.sha256(b"".join(path.read_bytes() for path in files)).hexdigest()
@@ -204,7 +204,7 @@ def _notice_changed_tests(workspace: Path, tests: list[str]) -> None:
 
 
 def _forget_survivors(workspace: Path) -> None:
-    """Make mutmut run again what no test has killed."""
+    """Make mutmut run survivors again."""
     for path in (workspace / "mutants" / "minerva_bus").rglob("*.meta"):
         data = json.loads(path.read_text(encoding="utf-8"))
         codes = data["exit_code_by_key"]
@@ -224,7 +224,7 @@ def _verdicts(workspace: Path) -> Iterator[tuple[str, str]]:
 
 
 def _survivor(module: str, name: str, workspace: Path) -> Survivor:
-    """What a mutant changes: the lines that go, and those that come instead."""
+    """The change of a mutant: removed and added lines."""
     lines = _said("show", name, workspace=workspace).splitlines()
     changed = [line for line in lines if re.match(r"[-+](?![-+]{2} )", line)]
     mutation = "\n".join(f"{line[0]} {line[1:].strip()}" for line in changed)
@@ -254,7 +254,7 @@ def _mutmut() -> str:
 
 
 def report(result: Result) -> int:
-    """Print what a run has found, and return the exit code for it."""
+    """Print the results of a run and return its exit code."""
     new, gone = compared(result, read_survivors()[1])
     counts = result.counts
     judged = counts["mutants"] - result.waiting
@@ -273,8 +273,8 @@ def _indented(entry: Survivor) -> str:
 
 
 def main() -> None:
-    """Run what the command line asks for."""
-    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # a shell began it in its background
+    """Run the command."""
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # started in the background of a shell
         signal.signal(signal.SIGINT, signal.default_int_handler)
     parser = argparse.ArgumentParser(description="mutation testing of modules of the core")
     parser.add_argument("modules", nargs="*", help="files of tools/mutation.toml; none: all")

@@ -34,7 +34,7 @@ def table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
 
 
 def type_of(of: DeclaredField, codec: MessageCodec) -> str:
-    """The type of a field as the document names it, patches included."""
+    """The type of a field in the document's terms, including patches."""
     text = field_codec(of).text
     guests = any(other.host == of.name for other in codec.fields)
     text = text.replace("string", "string or patch") if guests else text
@@ -50,13 +50,13 @@ def _bound(of: DeclaredField) -> str:
 
 
 def item(of: DeclaredField, codec: MessageCodec) -> str:
-    """An item of a message: its name, its type, and what there is to say of it."""
+    """An item of a message: name, type and note."""
     text = f"`{of.name}` {type_of(of, codec)}"
     return f"{text} ({of.note})" if of.note else text
 
 
 def messages(codecs: Mapping[str, MessageCodec], column: str) -> str:
-    """A table of messages; `column` is the one beside their numbers of items."""
+    """A table of messages; `column` follows the number of items."""
     return table(
         ["message", "items", column, "what they are, in order", "meaning"],
         [
@@ -95,7 +95,7 @@ def _if_missing(of: DeclaredField) -> str:
 
 
 def limits() -> str:
-    """The limits; in bold those that a world file may set."""
+    """The limits; those that a world file may set in bold."""
     notes, bold = limit_notes(), configurable_limits()
     return table(
         ["limit", "most", "of what"],
@@ -120,7 +120,7 @@ TABLES: Mapping[str, Callable[[], str]] = {
 
 
 def with_tables(document: str) -> str:
-    """The document with its tables as they should be."""
+    """The document with its tables up to date."""
     return TABLE.sub(lambda match: match[1] + TABLES[match[2]]() + match[3], document)
 
 

@@ -1,1 +1,1 @@
-"""What helps to test worlds, agents and services; open to users."""
+"""Tools to test worlds, agents and services; part of the public interface."""

@@ -1,4 +1,4 @@
-"""Strategies for values, and for strings as they come: any at all that the grammar allows."""
+"""Hypothesis strategies for values, and for any string that the grammar allows."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def ids() -> SearchStrategy[str]:
 
 
 def given_ids() -> SearchStrategy[str]:
-    """Ids such as people give; those of newborns and copies have : and - in them."""
+    """Ids such as people write; those of newborns and copies contain : and -."""
     return st.text(LETTERS, min_size=1, max_size=6)
 
 
@@ -56,23 +56,23 @@ def integers() -> SearchStrategy[int]:
 
 
 def reals() -> SearchStrategy[float]:
-    """Finite numbers, with -0.0 and the denormal ones."""
+    """Finite numbers, including -0.0 and denormal ones."""
     return st.floats(allow_nan=False, allow_infinity=False)
 
 
 def texts() -> SearchStrategy[str]:
-    """Texts of Unicode characters; quotes, backslashes and control characters among them."""
+    """Texts of Unicode characters, including quotes, backslashes and control characters."""
     return st.text(st.characters(exclude_categories=("Cs",)), max_size=12)
 
 
 def matrices() -> SearchStrategy[Array]:
-    """Read-only matrices of either sort, also without rows or columns."""
+    """Read-only matrices of both types, also without rows or columns."""
     return st.one_of(matrices_of(np.int16), matrices_of(np.float64))
 
 
 @st.composite
 def matrices_of(draw: DrawFn, dtype: type[np.int16] | type[np.float64]) -> Array:
-    """Read-only matrices of one sort; few different values, so that they come in runs."""
+    """Read-only matrices of one type; few different values, so that equal ones repeat."""
     rows, columns = draw(st.integers(0, 4)), draw(st.integers(0, 4))
     cells: SearchStrategy[Any] = st.integers(-32768, 32767) if dtype is np.int16 else reals()
     few = draw(st.lists(cells | st.sampled_from([0.0, -0.0]), min_size=1, max_size=3))
@@ -83,12 +83,12 @@ def matrices_of(draw: DrawFn, dtype: type[np.int16] | type[np.float64]) -> Array
 
 
 def quantities() -> SearchStrategy[Quantity]:
-    """Numbers with a unit, as a text may give them and before a vocabulary has converted them."""
+    """Numbers with a unit, as in a text, before a vocabulary converts them."""
     return st.builds(Quantity, reals(), st.sampled_from(UNITS))
 
 
 def values(depth: int = 2) -> SearchStrategy[Value]:
-    """Any value that a text may hold, with lists and strings nested in it up to a depth."""
+    """Any value that a text may hold, with lists and strings nested up to a depth."""
     plain: SearchStrategy[Any] = st.one_of(
         st.booleans(), integers(), reals(), texts(), matrices(), quantities()
     )
@@ -99,7 +99,7 @@ def values(depth: int = 2) -> SearchStrategy[Value]:
 
 
 def scenes(depth: int = 1, max_leaves: int = 12) -> SearchStrategy[Scene]:
-    """Any string of L(M): symbols, parameters and values as they come, ids of agents unique."""
+    """Any string of L(M): arbitrary symbols, parameters and values, unique ids of agents."""
     bare: SearchStrategy[Any] = st.dictionaries(names(), values(depth), max_size=2)
     return grown(
         st.builds(figure_node, symbols("P"), bare),
@@ -116,7 +116,7 @@ def grown(
     extend: Callable[[SearchStrategy[Scene]], SearchStrategy[Node]],
     max_leaves: int,
 ) -> SearchStrategy[Scene]:
-    """Strings of such leaves, and of what `extend` makes of the strings drawn so far."""
+    """Strings of `leaves`, and of the results of `extend` for the strings drawn so far."""
 
     def concatenated(nodes: SearchStrategy[Node]) -> SearchStrategy[Scene]:
         return st.lists(nodes, max_size=4).map(lambda drawn: Scene(tuple(drawn)))
@@ -145,7 +145,7 @@ def agent_node(symbol: str, name: str, data: dict[str, Value], scope: Scene) -> 
 
 
 def with_unique_ids(scene: Scene) -> Scene:
-    """The same string, where the second and later agents with an id have got another."""
+    """The same string, in which the second and later agents with an id have another one."""
     taken: set[str] = set()
 
     def leave(node: Node, scope: Scene) -> Node:

@@ -1,6 +1,6 @@
-"""A small family of agents that do, between them, whatever λ and θ may do.
+"""A small set of agent kinds that together do everything λ and θ may do.
 
-For tests of engines, hosts and buses: no chance and no clock, so that the same string and the
+For tests of engines, hosts and buses. There is no randomness or clock: the same string and the
 same events always give the same string.
 """
 # ruff: noqa: N816 - event types are named as the paper names them
@@ -28,7 +28,7 @@ eMark = EventType("eMark", visual=True, size=float)
 
 
 class Walker(Agent, symbol="AWalker"):
-    """Changes its state, and shows itself around what stands in its scope."""
+    """Changes its state, and shows itself around its scope."""
 
     x: Metres = 0.0
     energy: float = 3.0
@@ -51,7 +51,7 @@ class Walker(Agent, symbol="AWalker"):
 
 
 class Mortal(Agent, symbol="AMortal"):
-    """Dies when it is hit too hard, and leaves a grave or nothing."""
+    """Dies when it is hit too hard, leaving a grave or nothing."""
 
     energy: float = 1.0
 
@@ -87,7 +87,7 @@ class Parent(Agent, symbol="AParent"):
 
 
 class Chameleon(Agent, symbol="AChameleon"):
-    """Turns into an agent of another kind, which meets the rest of the frame's events."""
+    """Turns into an agent of another kind, which receives the rest of the frame's events."""
 
     x: Metres = 1.0
 
@@ -97,7 +97,7 @@ class Chameleon(Agent, symbol="AChameleon"):
 
 
 class Caller(Agent, symbol="ACaller"):
-    """Answers what it hears with events for the next frame."""
+    """Answers events with events for the next frame."""
 
     heard: int = 0
 

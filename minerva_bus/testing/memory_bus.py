@@ -26,7 +26,7 @@ from minerva_bus.frame.inputs import FrameInputs
 from minerva_bus.frame.member import Member, Outgoing, Refusal
 from minerva_bus.runtime.direct import observers, receivers
 from minerva_bus.runtime.runner import Notice, Runner, Sink
-from minerva_bus.testing.telling import told
+from minerva_bus.testing.trace_lines import trace_line
 
 MemberFactory: TypeAlias = Callable[[], Member]
 Link: TypeAlias = tuple[str, str]
@@ -79,8 +79,8 @@ class _Log(Sink):
 
     def decided(self, stimulus: s.Stimulus, instructions: Sequence[s.Instruction]) -> None:
         """Add a stimulus and its instructions to the trace."""
-        self.trace.append(f"> {told(stimulus)}")
-        self.trace += [f"    {line}" for line in map(told, instructions) if line]
+        self.trace.append(f"> {trace_line(stimulus)}")
+        self.trace += [f"    {line}" for line in map(trace_line, instructions) if line]
 
     def frame_done(self, notice: s.FrameDone) -> None:
         """Keep the record and the inputs of a frame."""

@@ -1,4 +1,4 @@
-"""A bad line for tests: TCP connections on which everything is late, and which may be cut."""
+"""A bad line for tests: TCP connections that delay all data and can be cut."""
 
 from __future__ import annotations
 
@@ -15,28 +15,28 @@ CHUNK: Final = 65536
 
 
 def slow_line(random: Random, latency: float, lost: float = 0.0) -> Callable[[], float]:
-    """How many seconds what is sent takes: `latency`, and more where it was lost on its way.
+    """Delays in seconds: `latency`, and more for lost data.
 
-    `lost` is the share that TCP has to send again, which takes it a fifth of a second and what
-    comes behind has to wait for. One `Random` makes one series of delays.
+    `lost` is the share that TCP has to send again, which takes a fifth of a second and delays the
+    data behind it. One `Random` gives one series of delays.
     """
     return lambda: latency + (0.2 + 2 * latency if random.random() < lost else 0.0)
 
 
 class Proxy:
-    """A way to a TCP port; also the context in which it is open.
+    """A proxy for a TCP port; a context manager that closes it.
 
         with Proxy(port, slow_line(Random(1), 0.05, 0.01)) as proxy:
             open_client("a", f"tcp/127.0.0.1:{proxy.port}")
 
-    What is passed on keeps its order; `delay` gives the seconds of each chunk. Latency does not
-    take bandwidth: chunks follow each other as they were sent.
+    Data keep their order; `delay` gives the seconds for each chunk. Latency does not
+    cost bandwidth: chunks keep their distance in time.
     """
 
     def __init__(
         self, port: int, delay: Callable[[], float], host: str = "127.0.0.1", at: int = 0
     ) -> None:
-        """`at` is the port that it takes; 0: any that is free."""
+        """`at` is the port to listen on; 0: any free one."""
         self._to = (host, port)
         self._delay = delay
         self._links: set[socket.socket] = set()
@@ -52,16 +52,16 @@ class Proxy:
         self.close()
 
     def cut(self) -> int:
-        """Break all connections; how many there were. New ones are taken as before."""
+        """Break all connections and return their number. New ones are still accepted."""
         with self._lock:
             links, self._links = self._links, set()
-        for one in links:
+        for link in links:
             with suppress(OSError):
-                one.shutdown(socket.SHUT_RDWR)
+                link.shutdown(socket.SHUT_RDWR)
         return len(links) // 2
 
     def close(self) -> None:
-        """Take no more connections, and break those that there are."""
+        """Accept no more connections, and break the open ones."""
         with suppress(OSError):
             self._server.shutdown(socket.SHUT_RDWR)
         self._server.close()
@@ -78,17 +78,17 @@ class Proxy:
                     continue
                 with self._lock:
                     self._links |= {near, far}
-                for one, other in ((near, far), (far, near)):
-                    one.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-                    self._carry(one, other)
+                for source, target in ((near, far), (far, near)):
+                    source.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+                    self._carry(source, target)
 
-    def _carry(self, one: socket.socket, other: socket.socket) -> None:
+    def _carry(self, source: socket.socket, target: socket.socket) -> None:
         late: queue.SimpleQueue[tuple[float, bytes]] = queue.SimpleQueue()
-        for what, link in ((self._take, one), (self._give, other)):
+        for what, link in ((self._take, source), (self._give, target)):
             threading.Thread(target=what, args=(link, late), daemon=True).start()
 
     def _take(self, link: socket.socket, late: queue.SimpleQueue[tuple[float, bytes]]) -> None:
-        """Read until the end, which is an empty chunk."""
+        """Read until the end, which is passed on as an empty chunk."""
         data = b" "
         while data:
             try:
@@ -98,7 +98,7 @@ class Proxy:
             late.put((time.monotonic() + self._delay(), data))
 
     def _give(self, link: socket.socket, late: queue.SimpleQueue[tuple[float, bytes]]) -> None:
-        """Write each chunk when it is due, and end as the other side has."""
+        """Write each chunk when it is due; end when the other side has ended."""
         with suppress(OSError):
             while True:
                 due, data = late.get()

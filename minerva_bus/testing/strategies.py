@@ -126,7 +126,7 @@ def vocabularies() -> SearchStrategy[Vocabulary]:
 
 
 def _vocabulary(*alphabets: list[Entry]) -> Vocabulary:
-    return Vocabulary.of(*[one for alphabet in alphabets for one in alphabet])
+    return Vocabulary.of(*[symbol for alphabet in alphabets for symbol in alphabet])
 
 
 _Entry = TypeVar("_Entry")
@@ -148,19 +148,19 @@ def _is_free(name: str) -> bool:
 def _field() -> SearchStrategy[Any]:
     wanted = types() | st.just(Type("string"))
     return wanted | wanted.flatmap(
-        lambda one: values_of(one).map(lambda value: Default(one, value))
+        lambda kind: values_of(kind).map(lambda value: Default(kind, value))
     )
 
 
 def strings_of(
     vocabulary: Vocabulary, depth: int = 1, max_leaves: int = 8
 ) -> SearchStrategy[Scene]:
-    """Strings of one vocabulary's world, checked."""
+    """Checked strings of one vocabulary."""
     inner = strings_of(vocabulary, depth - 1, 3) if depth else None
 
     def data(owner: str) -> SearchStrategy[dict[str, Value]]:
         fields = vocabulary.fields(owner).all
-        return st.fixed_dictionaries({one.name: values_of(one.type, inner) for one in fields})
+        return st.fixed_dictionaries({field.name: values_of(field.type, inner) for field in fields})
 
     def living(scopes: SearchStrategy[Scene]) -> SearchStrategy[Node]:
         return _one(
@@ -185,7 +185,7 @@ def _one(names: Iterable[str], make: Callable[[str], SearchStrategy[Node]]) -> S
 
 
 def worlds() -> SearchStrategy[tuple[Vocabulary, Scene]]:
-    """A vocabulary, and a string of its world."""
+    """A vocabulary and a string of it."""
     return vocabularies().flatmap(lambda v: st.tuples(st.just(v), strings_of(v)))
 
 
@@ -195,14 +195,14 @@ def events_of(
     conditions: Sequence[str] = ("",),
     types: Iterable[str] | None = None,
 ) -> SearchStrategy[Event]:
-    """Events of a vocabulary's types, to all or to some of the agents."""
+    """Events of a vocabulary, for all or some of the agents."""
     receivers: SearchStrategy[list[str]] = (
         st.lists(st.sampled_from(agent_ids), unique=True, max_size=2) if agent_ids else st.just([])
     )
 
     def of_type(name: str) -> SearchStrategy[Event]:
         declared = vocabulary.events[name]
-        data = {one.name: values_of(one.type) for one in declared.fields.all}
+        data = {field.name: values_of(field.type) for field in declared.fields.all}
 
         def event(data: dict[str, Any], receivers: list[str], condition: str) -> Event:
             return declared(receivers=receivers, condition=condition, **data)
@@ -229,7 +229,11 @@ def _with_few_births(scene: Scene) -> Scene:
 
 def family_events(scene: Scene, visual: bool = False) -> SearchStrategy[list[Event]]:
     """Events of a frame for a string of the family, each once."""
-    names = [one.name for one in FAMILY_VOCABULARY.events.values() if one.visual is visual]
+    names = [
+        event_type.name
+        for event_type in FAMILY_VOCABULARY.events.values()
+        if event_type.visual is visual
+    ]
     present = [agent.id for agent in agents(scene)]
     conditions = ("", "energy > 0", "x < 3 and energy >= 1", "nothing == 1")
     one = events_of(FAMILY_VOCABULARY, present, conditions, names)

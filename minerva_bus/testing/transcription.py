@@ -1,8 +1,8 @@
-"""Equations 1 to 6 and Table 2, written down as they stand in the paper.
+"""Literal transcription of equations 1 to 6 and Table 2 of the paper.
 
-No cleverness: each function is its equation, case by case, recursive and slow. It documents the
-paper, and the engine is held to it by a differential test. λ and θ are given as functions, as in
-the paper: `lam(agent, event)` and `theta(agent, event)`. `sequential` is our other reading of
+Each function is its equation, case by case, recursive and slow. It documents the
+paper, and a differential test compares the engine with it. λ and θ are functions, as in
+the paper: `lam(agent, event)` and `theta(agent, event)`. `eta_sequential` is the default reading of
 equation 3 (see ARCHITECTURE.md).
 """
 
@@ -47,7 +47,7 @@ def phi(
 
 
 def eta(w: Scene, events: Sequence[Event], lam: Lambda) -> Scene:
-    """Equation 3, to the letter: one copy of an agent for each event."""
+    """Equation 3, literally: one copy of an agent for each event."""
     if w == EMPTY:
         return EMPTY
     s, t = parts(w)
@@ -66,7 +66,7 @@ def eta(w: Scene, events: Sequence[Event], lam: Lambda) -> Scene:
 
 
 def eta_sequential(w: Scene, events: Sequence[Event], lam: Lambda) -> Scene:
-    """Equation 3 with the events of an agent one after another; without events it stays."""
+    """Equation 3 with the events of an agent applied in sequence; without events it stays."""
     if w == EMPTY:
         return EMPTY
     s, t = parts(w)
@@ -84,7 +84,7 @@ def eta_sequential(w: Scene, events: Sequence[Event], lam: Lambda) -> Scene:
 
 
 def apply_to(w: Scene, agent: str, f: Event, lam: Lambda) -> Scene:
-    """w with λ applied to one agent of it, wherever it stands."""
+    """w with λ applied to one of its agents, at any depth."""
     result = EMPTY
     for node in w.nodes:
         if isinstance(node, AgentNode) and node.id == agent:
@@ -116,7 +116,7 @@ def pi(w: Scene, events: Sequence[Event], theta: Lambda) -> Scene:
 
 
 def collect(generators: Generators, t: int) -> tuple[Event, ...]:
-    """Equation 6: E(C*, t), with e(z, e^i) that adds an event which is not in z yet."""
+    """Equation 6: E(C*, t), with e(z, e^i) that adds an event that is not in z."""
     if not generators:
         return ()
     *rest, last = generators
@@ -140,8 +140,8 @@ def system(
     while True:
         yield w
         e = collect(generators, t)  # 2
-        e_v = [one for one in e if visual(one)]  # 3
-        e_u = [one for one in e if not visual(one)]  # 4
+        e_v = [event for event in e if visual(event)]  # 3
+        e_u = [event for event in e if not visual(event)]  # 4
         w_next = evolved(w, e_u, lam)  # 5
         v = pi(w, e_v, theta)  # 6
         phi_g(v)  # 7

@@ -1,4 +1,4 @@
-"""What must hold of every history, whatever went wrong in it."""
+"""Properties that must hold for every history, whatever its faults."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from minerva_bus.testing.simulation.reference import cries_in, orders_in, undist
 
 
 def wrong(played: Played) -> list[str]:
-    """What does not hold, each in a line; nothing where all is well."""
+    """Violated properties, one line each."""
     observed = played.observed
     return [
         *observed.problems,
@@ -28,12 +28,12 @@ def wrong(played: Played) -> list[str]:
 
 
 def _wrong_end(played: Played) -> Iterator[str]:
-    """A world ends, and leaves nothing behind."""
+    """A world ends and leaves no processes behind."""
     if played.waits:
         yield f"it hangs: {played.waits}"
         return
     if played.failure and not played.listened:
-        return  # Whoever is killed before the world is anywhere ends it.
+        return  # A process killed before the world is registered ends it.
     if played.failure:
         yield f"the world stopped: {played.failure}"
     elif played.result is not None:
@@ -45,7 +45,7 @@ def _wrong_end(played: Played) -> Iterator[str]:
 def _wrong_summary(played: Played) -> Iterator[str]:
     result, frames = played.result, played.observed.frames
     assert result is not None
-    stopped = any(one.act.ask == "stop" and one.sent for one in played.observed.asked)
+    stopped = any(asked.act.ask == "stop" and asked.sent for asked in played.observed.asked)
     if result.frames != played.history.frames and not stopped:
         yield f"it ended after {result.frames} frames: {result.ended}"
     if result.frames != len(frames):
@@ -55,25 +55,27 @@ def _wrong_summary(played: Played) -> Iterator[str]:
 
 
 def _wrong_frames(observed: Observed) -> Iterator[str]:
-    """Frames are consecutive, whichever coordinator ended them, and epochs only grow."""
-    numbers = [one.number for one in observed.frames]
+    """Frames are consecutive across coordinators, and epochs only increase."""
+    numbers = [frame.number for frame in observed.frames]
     if numbers != list(range(len(numbers))):
         yield f"frames are not consecutive: {numbers}"
-    epochs = [one.epoch for one in observed.frames]
+    epochs = [frame.epoch for frame in observed.frames]
     if epochs != sorted(epochs):
         yield f"an older coordinator went on: epochs {epochs}"
 
 
 def _wrong_answers(observed: Observed) -> Iterator[str]:
-    """Only answers of the frame count, and each fragment is answered for by one host."""
+    """Only replies to the frame count, and one host replies for each fragment."""
     for frame in observed.frames:
         inputs = frame.inputs
         stale = [
-            one for one in (*inputs.ticked.values(), *inputs.replies) if one.frame != frame.number
+            reply
+            for reply in (*inputs.ticked.values(), *inputs.replies)
+            if reply.frame != frame.number
         ]
-        for one in stale:
-            yield f"an answer of {one.member} to frame {one.frame} counts in frame {frame.number}"
-        changed = Counter(chain.from_iterable(one.changed for one in inputs.replies))
+        for reply in stale:
+            yield f"a reply of {reply.member} to frame {reply.frame} counts in frame {frame.number}"
+        changed = Counter(chain.from_iterable(reply.changed for reply in inputs.replies))
         twice = sorted(name for name, times in changed.items() if times > 1)
         if twice:
             yield f"in frame {frame.number} several hosts answered for {', '.join(twice)}"
@@ -82,13 +84,13 @@ def _wrong_answers(observed: Observed) -> Iterator[str]:
 def _wrong_strings(played: Played) -> Iterator[str]:
     """Strings, events and views are those of the undisturbed run with the same orders."""
     observed = played.observed
-    if [one.number for one in observed.frames] != list(range(len(observed.frames))):
+    if [frame.number for frame in observed.frames] != list(range(len(observed.frames))):
         return
-    ordered = ((one.number, orders_in(_single(one))) for one in observed.frames)
-    same = undisturbed(played.history.frames, tuple((n, some) for n, some in ordered if some))
+    ordered = ((frame.number, orders_in(_single(frame))) for frame in observed.frames)
+    same = undisturbed(played.history.frames, tuple((n, orders) for n, orders in ordered if orders))
     for frame in observed.frames:
         number = frame.number
-        events = tuple(str(one) for one in frame.events if one.type != "eCry")
+        events = tuple(str(event) for event in frame.events if event.type != "eCry")
         if events != same.events[number]:
             yield f"frame {number} has the events {_differing(events, same.events[number])}"
         if frame.digest != same.digests[number]:
@@ -101,17 +103,17 @@ def _wrong_strings(played: Played) -> Iterator[str]:
 
 def _differing(events: tuple[str, ...], wanted: tuple[str, ...]) -> str:
     more, less = Counter(events) - Counter(wanted), Counter(wanted) - Counter(events)
-    told = [f"+{one}" for one in sorted(more)] + [f"-{one}" for one in sorted(less)]
-    return " ".join(told) or "in another order"
+    lines = [f"+{line}" for line in sorted(more)] + [f"-{line}" for line in sorted(less)]
+    return " ".join(lines) or "in another order"
 
 
 def _single(frame: Frame) -> Iterator[Event]:
-    return (one for one in frame.events if isinstance(one, Event))
+    return (event for event in frame.events if isinstance(event, Event))
 
 
 def _wrong_cries(observed: Observed) -> Iterator[str]:
-    """What a free-running generator says counts once at most."""
-    cries = Counter(chain.from_iterable(cries_in(_single(one)) for one in observed.frames))
+    """An event of a free-running generator counts at most once."""
+    cries = Counter(chain.from_iterable(cries_in(_single(frame)) for frame in observed.frames))
     for number, times in sorted(cries.items()):
         if times > 1:
             yield f"eCry {number} is in {times} frames"

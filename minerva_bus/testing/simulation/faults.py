@@ -1,4 +1,4 @@
-"""What goes wrong in a history, done when it is due."""
+"""Executes the faults of a history when they are due."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ RESET: Final = 0.02
 
 
 class Faults:
-    """Carries out the faults of one history."""
+    """Executes the faults of one history."""
 
     def __init__(self, play: Play) -> None:
         self._play = play
@@ -27,7 +27,7 @@ class Faults:
         play.network.crash = self._crash
 
     def begin(self, frame: int) -> None:
-        """A frame begins for the first time: what it brings is due after its delay."""
+        """Schedule the faults of a frame that begins for the first time."""
         for fault in self._play.history.faults:
             if fault.frame == frame:
                 self._timeline.after(fault.delay, lambda fault=fault: self._do(fault))
@@ -57,14 +57,14 @@ class Faults:
             self._to_link(process, fault)
 
     def _to_link(self, process: SimulatedProcess, fault: Fault) -> None:
-        for session in [one for one in self._network.clients if one.process is process]:
+        for session in [client for client in self._network.clients if client.process is process]:
             if fault.kind == "cut":
                 self._network.cut(session, (RESET, fault.seconds))
             elif session.link is not None:
                 session.link.stall(fault.seconds, up=fault.count % 2 == 0, down=True)
 
     def _crash(self, process: SimulatedProcess) -> None:
-        """Kill a process amid a turn: what it still writes to the journal has not been written."""
+        """Kill a process during a turn; its later writes to the journal are lost."""
         before = _content(self._journal)
         process.after_turn = lambda: _restore(self._journal, before)
         process.kill()

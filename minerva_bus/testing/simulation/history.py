@@ -1,4 +1,4 @@
-"""A history: a world's length and pace, what goes wrong, and what a person does, from one seed."""
+"""A history: length and pace of a world, its faults and the acts of a person, from one seed."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ MAX_KILLS: Final = 3
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """What goes wrong, so many seconds after a frame has begun for the first time (-1: the world).
+    """A fault, in seconds after the first begin of a frame (-1: of the world).
 
-    `count`: after so many more messages of the target. `seconds`: for how long, as far as it lasts.
+    `count`: after this many more messages of the target. `seconds`: its duration, if it has one.
     """
 
     frame: int
@@ -40,7 +40,7 @@ class Fault:
 
 @dataclass(frozen=True, slots=True)
 class Act:
-    """What a person does, so many seconds after the answer to what was done before."""
+    """An act of a person, in seconds after the answer to the previous one."""
 
     wait: float
     ask: str
@@ -52,7 +52,7 @@ class Act:
 
 @dataclass(frozen=True, slots=True)
 class History:
-    """What a simulation plays. A person begins to act when frame `acts_from` begins.
+    """Script of a simulation. A person begins to act when frame `acts_from` begins.
 
     `slow` is the share of messages that are late.
     """

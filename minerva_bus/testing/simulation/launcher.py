@@ -1,4 +1,4 @@
-"""The real launcher, turn by turn, on a simulated machine."""
+"""Runs the real launcher in turns on a simulated machine."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ SOON: Final = 20e-6, 100e-6
 
 
 class Quiet(Console):
-    """Shows nothing; what is said goes to the trace."""
+    """A console that writes log lines to the trace."""
 
     def __init__(self, timeline: Timeline) -> None:
         super().__init__(quiet=True)
         self._timeline = timeline
 
     def log(self, name: str, line: str, level: str = "info") -> None:
-        """A line about a member."""
+        """Log a line about a member."""
         self._timeline.note(f"launcher ({name})", line.partition("\n")[0])
 
     def live(self, line: str) -> None:
-        """Nobody looks."""
+        """Ignore the live line."""
 
 
 class Launcher:
@@ -65,7 +65,9 @@ class Launcher:
 
     def begin(self) -> None:
         """Start the world."""
-        self._supervisor.start(lambda endpoint: None)  # There is one world only.
+        self._supervisor.start(
+            lambda endpoint: None
+        )  # A claim on a world's name; there is only one world.
         self._wake()
 
     def result(self) -> RunSummary:

@@ -1,7 +1,7 @@
-"""The link between a client and the hub: what is said in one direction keeps its order.
+"""The link between a client and the hub; messages in one direction keep their order.
 
-A link loses nothing while it is there. What is under way when it is cut is lost; what a process
-has said before it died is not.
+A link loses nothing while it is up. Messages in transit when it is cut are lost; those that a
+process sent before it died are not.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ MIN_SECONDS: Final = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class Weather:
-    """How links are: the share of messages that are slow."""
+    """Quality of links: the share of slow messages."""
 
     slow: float = 0.02
 
 
 @dataclass(slots=True)
 class _Way:
-    """One direction: to whom, and when the last message arrives."""
+    """One direction: the receiver, and when the last message arrives."""
 
     to: SimulatedProcess
     last: float = 0.0
@@ -38,7 +38,7 @@ class _Way:
 
 
 class Link:
-    """Between a client's session and the hub's; `heard` are the patterns that the hub knows of."""
+    """Link between a client's session and the hub's; `heard` are the client's subscriptions."""
 
     def __init__(self, timeline: Timeline, weather: Weather, client: Session, hub: Session) -> None:
         self.client = client
@@ -53,20 +53,20 @@ class Link:
         self._chance = timeline.stream(f"link of {client.process.name}")
 
     def hears(self, patterns: dict[str, None]) -> None:
-        """The hub learns what the client listens to."""
+        """Send the client's subscriptions to the hub."""
         self.heard.update(patterns)
         self.listens.clear()
 
     def up(self, call: Callable[[], None]) -> None:
-        """Let something happen at the hub when the word of it arrives."""
+        """Execute something at the hub when its message arrives."""
         self._send(self._up, call)
 
     def down(self, call: Callable[[], None]) -> None:
-        """The same at the client."""
+        """Execute something at the client when its message arrives."""
         self._send(self._down, call)
 
     def stall(self, seconds: float, *, up: bool, down: bool) -> None:
-        """Let nothing arrive for some time."""
+        """Delay all messages for some time."""
         for way, stalls in ((self._up, up), (self._down, down)):
             if stalls:
                 way.stalled_until = self._timeline.now + seconds

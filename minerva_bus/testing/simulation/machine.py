@@ -32,7 +32,7 @@ LAST: Final = 1.0
 
 
 class SimulatedPipes(Pipes):
-    """Pipes in memory. The first wait of a turn only hears what has come; others let time pass."""
+    """Pipes in memory. The first wait of a turn only reads; others let time pass."""
 
     def __init__(self, timeline: Timeline, wake: Callable[[], None]) -> None:
         self.waits = False
@@ -44,13 +44,13 @@ class SimulatedPipes(Pipes):
         self._handlers: dict[int, Callable[[], object]] = {}
 
     def open(self) -> int:
-        """A new pipe's descriptor."""
+        """Open a pipe and return its descriptor."""
         number = next(self._numbers)
         self._data[number] = bytearray()
         return number
 
     def arrive(self, descriptor: int, data: bytes) -> None:
-        """Something can be read; b"": nothing more will come."""
+        """Add data to a pipe; b"" closes it."""
         if descriptor not in self._data:
             return
         if data:
@@ -73,11 +73,11 @@ class SimulatedPipes(Pipes):
                 self._handlers[descriptor]()
 
     def wait_for(self, descriptor: int, seconds: float) -> bool:
-        """Whether a pipe has something to read, now."""
+        """Whether a pipe has data now."""
         return descriptor in self.readable()
 
     def read(self, descriptor: int) -> bytes | None:
-        """What there is to read; None where no more will come."""
+        """Available data; None after the end."""
         data = bytes(self._data.get(descriptor, b""))
         if data or descriptor not in self._over:
             if data:
@@ -87,19 +87,19 @@ class SimulatedPipes(Pipes):
         return None
 
     def forget(self, descriptor: int) -> None:
-        """Close one, if it is not closed already."""
+        """Close a pipe if it is open."""
         if descriptor != CLOSED:
             self._handlers.pop(descriptor, None)
             self._data.pop(descriptor, None)
             self._over.pop(descriptor, None)
 
     def close(self) -> None:
-        """Close them all."""
+        """Close all pipes."""
         self._data.clear()
         self._handlers.clear()
 
     def readable(self) -> list[int]:
-        """The pipes that have something to read, or have ended."""
+        """Pipes that have data or have ended."""
         return [pipe for pipe in self._handlers if self._data.get(pipe) or pipe in self._over]
 
 
@@ -139,11 +139,11 @@ class SimulatedMachine(Machine):
         return self.timeline.now
 
     def pipes(self) -> SimulatedPipes:
-        """Where pipes are heard."""
+        """The pipes of the launcher."""
         return self._pipes
 
     def lifeline(self) -> tuple[int, int]:
-        """The launcher outlives its world here."""
+        """Unused: here the launcher outlives its world."""
         return self._pipes.open(), self._pipes.open()
 
     def close(self, descriptor: int) -> None:
@@ -192,21 +192,21 @@ class SimulatedMachine(Machine):
         return child
 
     def cores(self) -> int:
-        """Few enough that members start in turns."""
+        """A small number, so that members start in turns."""
         return 1
 
     def signal(self, pid: int, number: int) -> None:
-        """Stacks are not to be had here."""
+        """Do nothing: there are no stacks to request."""
 
     def kill(self, pid: int) -> None:
         """Kill a process."""
         self.processes[pid].kill()
 
     def kill_group(self, pid: int) -> None:
-        """A simulated process starts no others."""
+        """Do nothing: a simulated process starts no others."""
 
     def next_ended(self, *, wait: bool = False) -> tuple[int, int] | None:
-        """A child that has ended, and its exit code; None where there is none."""
+        """The next ended child with its exit code, or None."""
         if wait:
             self.timeline.run(self.timeline.now + LAST, lambda: bool(self.ended))
         return self.ended.popleft() if self.ended else None
@@ -232,7 +232,7 @@ class SimulatedMachine(Machine):
         return process, ChildProcess(pid, output)
 
     def _has_ended(self, pid: int, code: int) -> None:
-        """It is known only when all that it has written can be read."""
+        """Report an end only after all output can be read."""
         self.ended.append((pid, code))
         self._woken()
 
@@ -240,14 +240,14 @@ class SimulatedMachine(Machine):
         self._later(descriptor, lambda: self._pipes.arrive(descriptor, data))
 
     def _later(self, descriptor: int, call: Callable[[], None]) -> None:
-        """A pipe keeps its order."""
+        """Schedule something on a pipe, which keeps its order."""
         at = self.timeline.now + self._chance.uniform(*PIPE)
         at = self._arrives[descriptor] = max(at, self._arrives.get(descriptor, 0.0))
         self.timeline.at(at, call)
 
 
 class _Obeyed:
-    """The thread that reads a coordinator's commands, once there is a coordinator."""
+    """Reads the commands of a coordinator, once there is one."""
 
     def __init__(self, process: SimulatedProcess) -> None:
         self._process = process
@@ -256,14 +256,14 @@ class _Obeyed:
         self._coordinator: Coordinator | None = None
 
     def __call__(self, data: bytes) -> None:
-        """Some commands have come."""
+        """Execute received commands."""
         if self._coordinator is None:
             self._before.append(data)
         else:
             self._process.system.call(lambda: self._obey(data))
 
     def begin(self, coordinator: Coordinator) -> None:
-        """Obey what came before, and whatever comes."""
+        """Execute earlier commands, and then new ones."""
         self._coordinator = coordinator
         for data in self._before:
             self._obey(data)

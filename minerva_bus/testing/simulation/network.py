@@ -13,7 +13,7 @@ from minerva_bus.wire.codec import declaration
 from minerva_bus.wire.epochs import stamp
 
 LEASE: Final = 3.0
-"""Seconds after which a side that is not heard is given up, as in `bus/session.py`."""
+"""Seconds of silence after which a link is given up, as in `runtime/session.py`."""
 
 RETRY: Final = 0.02, 0.5
 RESET: Final = 1e-4, 20e-3
@@ -31,7 +31,7 @@ LOST: Final = 0.5
 
 
 class Network:
-    """Carries what sessions say. `graveyard` keeps the lives of killed processes as they were."""
+    """Carries messages of sessions. `graveyard` keeps the coroutines of killed processes."""
 
     def __init__(self, timeline: Timeline, weather: Weather) -> None:
         self.timeline = timeline
@@ -49,13 +49,13 @@ class Network:
     # --- sessions ---
 
     def open_hub(self, process: SimulatedProcess, listen: str) -> tuple[Any, str]:
-        """A hub's session, and where clients find it."""
+        """Open a hub's session; return it with its endpoint."""
         self._hubs += 1
         self.hub = Session(self, process, hub=True)
         return self.hub, listen.replace(":0", ":7447")
 
     def open_client(self, process: SimulatedProcess) -> Session:
-        """A client's session; it is linked as soon as there is a hub."""
+        """Open a client's session, linked as soon as there is a hub."""
         session = Session(self, process, hub=False)
         self.clients.append(session)
         if self.hub is not None and self._reachable(self.hub):
@@ -65,7 +65,7 @@ class Network:
         return session
 
     def leave(self, session: Session) -> None:
-        """A session is closed: the other side learns of it, behind all that was said before."""
+        """Close a session; the other side notices after all earlier messages."""
         if session.hub:
             self._close_hub(session)
         elif session in self.clients:
@@ -75,16 +75,16 @@ class Network:
                 link.up(lambda: self._forget(link))
 
     def gone(self, process: SimulatedProcess) -> None:
-        """A process has ended."""
+        """Handle the end of a process."""
         if self.hub is not None and self.hub.process is process:
             self._close_hub(self.hub)
-        for session in [one for one in self.clients if one.process is process]:
+        for session in [client for client in self.clients if client.process is process]:
             self.leave(session)
 
     def _close_hub(self, hub: Session) -> None:
         if self.hub is hub:
             self.hub = None
-        for link in [one for one in self.links if one.hub is hub]:
+        for link in [known for known in self.links if known.hub is hub]:
             self.links.remove(link)
             chance = self.timeline.stream("resets")
             link.down(lambda link=link: self._lost(link))
@@ -129,7 +129,7 @@ class Network:
             self._link(session, self.hub)
 
     def cut(self, session: Session, noticed: tuple[float, float]) -> None:
-        """Cut a client's link; the client and the hub notice after so many seconds."""
+        """Cut a client's link; client and hub notice it after the given seconds."""
         link = session.link
         if link is None or link.cut:
             return
@@ -139,7 +139,7 @@ class Network:
         self._after(hub, link.hub.process, lambda: self._forget(link))
 
     def _after(self, seconds: float, process: SimulatedProcess, call: Callable[[], None]) -> None:
-        """Let a process notice something; one that is frozen does so later."""
+        """Call something of a process; a frozen one is called later."""
 
         def notice() -> None:
             if self.timeline.now < process.frozen_until:
@@ -150,7 +150,7 @@ class Network:
         self.timeline.after(seconds, notice)
 
     def _lost(self, link: Link) -> None:
-        """A client notices that its link is gone: with it go the tokens that it knew."""
+        """Let a client notice that its link and the tokens that it knew are gone."""
         session = link.client
         if session.link is not link:
             return
@@ -161,7 +161,7 @@ class Network:
         self._retry(session)
 
     def _forget(self, link: Link) -> None:
-        """The hub notices that a link is gone: with it go what its client heard, and its tokens."""
+        """Let the hub notice that a link, its subscriptions and its tokens are gone."""
         if link not in self.links:
             return
         self.links.remove(link)
@@ -170,7 +170,7 @@ class Network:
             self._unseen(link, key)
 
     def freeze(self, process: SimulatedProcess, seconds: float) -> None:
-        """Freeze a process: who is not heard for a lease loses its links."""
+        """Freeze a process; after a lease it loses its links."""
         process.freeze(seconds)
         if seconds <= LEASE:
             return
@@ -186,7 +186,7 @@ class Network:
     # --- tokens ---
 
     def token(self, session: Session, key: str, *, there: bool) -> None:
-        """A token of a session has come or gone."""
+        """Declare or remove a token of a session."""
         if session.hub:
             self._show_token(session, key, there=there)
         elif session.link is not None:
@@ -214,7 +214,9 @@ class Network:
     def _show_token(self, hub: Session, key: str, *, there: bool) -> None:
         hub.see(key, there=there)
         for link in list(self.links):
-            if link.hub is hub and any(matches(one.pattern, key) for one in link.client.watches):
+            if link.hub is hub and any(
+                matches(watch.pattern, key) for watch in link.client.watches
+            ):
                 self._tell_of(link, key, there=there)
 
     def _tell_of(self, link: Link, key: str, *, there: bool) -> None:
@@ -232,9 +234,9 @@ class Network:
         link.down(told)
 
     def tell_of_tokens(self, session: Session, watch: Declared) -> None:
-        """Tell a new watcher of the tokens that are there."""
+        """Notify a new watcher of the present tokens."""
         if session.hub:
-            return  # It is the first in its world.
+            return  # The first coordinator of its world has no one to succeed.
         link = session.link
         if link is not None:
 
@@ -245,28 +247,28 @@ class Network:
             link.up(asked)
 
     def tokens_matching(self, session: Session, pattern: str) -> list[str]:
-        """The tokens that the hub knows of, sorted; nothing where it cannot be asked."""
+        """Tokens that the hub knows, sorted; none if it is unreachable."""
         link = session.link
         hub = session if session.hub else None if link is None or link.cut else link.hub
         if hub is None or not self._reachable(hub):
             return []
         keys = {token.key for token in hub.tokens}
-        for one in self.links:
-            if one.hub is hub:
-                keys.update(one.tokens)
+        for link in self.links:
+            if link.hub is hub:
+                keys.update(link.tokens)
         return sorted(key for key in keys if matches(pattern, key))
 
     # --- messages ---
 
     def changed(self, session: Session) -> None:
-        """A client hears something else from now on; the hub learns of it."""
+        """Send a client's changed subscriptions to the hub."""
         link = session.link
         if link is not None and not session.hub:
-            patterns = {one.pattern: None for one in session.subscribers}
+            patterns = {subscriber.pattern: None for subscriber in session.subscribers}
             link.up(lambda: link.hears(patterns))
 
     def publish(self, session: Session, key: str, data: bytes, *, droppable: bool) -> None:
-        """Carry something to all who listen elsewhere."""
+        """Send a message to all other subscribers."""
         if not self._may_speak(session.process):
             return
         if session.hub:
@@ -284,7 +286,7 @@ class Network:
             self.timeline.after(chance.uniform(*ECHO), lambda: self._echo(key, data))
 
     def _echo(self, key: str, data: bytes) -> None:
-        """An answer comes once more, by a way round, to whoever is the hub by then."""
+        """Deliver a reply a second time, later, to the current hub."""
         if self.hub is not None and self._reachable(self.hub):
             self.hub.hear(key, data)
 
@@ -309,7 +311,7 @@ class Network:
         return self.timeline.stream(f"room for {link.client.process.name}").random() < LOST
 
     def _may_speak(self, process: SimulatedProcess) -> bool:
-        """Whether a process is there to speak; one that is to crash may do so on the way."""
+        """Whether a process may send; one with a pending crash may crash here."""
         if not process.alive:
             return False
         left = self.crash_after.get(process.name)
@@ -327,7 +329,7 @@ class Network:
     def ask(
         self, session: Session, key: str, data: bytes, answered: Callable[[bytes], None]
     ) -> None:
-        """Put a question to the hub; its answer may come."""
+        """Send a query to the hub; an answer may follow."""
         link = session.link
         if link is None:
             return
@@ -337,9 +339,9 @@ class Network:
                 link.down(lambda: answered(answer))
 
         def asked() -> None:
-            for one in link.hub.queryables:
-                if matches(one.pattern, key):
-                    one.hear(Query(key, data, reply))
+            for queryable in link.hub.queryables:
+                if matches(queryable.pattern, key):
+                    queryable.hear(Query(key, data, reply))
                     return
 
         link.up(asked)

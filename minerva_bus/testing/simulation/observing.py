@@ -1,4 +1,4 @@
-"""What can be seen of a history while it is played, beside its members' own views."""
+"""Observations of a history while it is played, beside its members' own views."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from minerva_bus.testing.simulation.timeline import Timeline
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """A frame that a coordinator has ended; `epoch` is the coordinator's."""
+    """A frame ended by the coordinator with this `epoch`."""
 
     number: int
     epoch: int
@@ -34,7 +34,7 @@ class Frame:
 
 @dataclass(frozen=True, slots=True)
 class Asked:
-    """What a person has asked: when, and what was answered; None: nothing, or it was not sent."""
+    """A query of a person with its times and answer; None: no answer, or not sent."""
 
     act: Act
     at: float
@@ -44,13 +44,13 @@ class Asked:
 
     @property
     def confirmed(self) -> bool:
-        """Whether the world says that it was done."""
+        """Whether the world confirmed it."""
         return self.answer is not None and "error" not in self.answer
 
 
 @dataclass(slots=True)
 class Observed:
-    """A history as it went; `shown` is what the screen has drawn of which frame."""
+    """Observations of a history; `shown` has the screen's drawings by frame."""
 
     frames: list[Frame] = field(default_factory=list[Frame])
     begun: list[tuple[float, int]] = field(default_factory=list[tuple[float, int]])
@@ -83,7 +83,7 @@ class _FrameSink(Sink):
 
     @property
     def _lives(self) -> bool:
-        """Whether the process runs: what it does after it was killed amid a turn does not count."""
+        """Whether the process runs: effects after a kill during a turn do not count."""
         return isinstance(self._system, SimulatedSystem) and self._system.lives
 
     def received(self, stimulus: s.Stimulus) -> None:

@@ -1,8 +1,8 @@
-"""Whether what a person did took effect: exactly once if it was confirmed, else once at most.
+"""Checks that operations of a person took effect: once if confirmed, else at most once.
 
-One person acts, one act after another. So the orders of operations that could have happened differ
-only in what was not confirmed; where something of that kind could still have an effect, nothing is
-claimed of the pace until it is known again.
+A single person acts in sequence, so possible orders of operations differ
+only in unconfirmed ones; while such a one could still take effect, nothing is
+claimed about the pace.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ PACE = ("pause", "step", "resume", "stop")
 
 
 def wrong_operations(played: Played) -> Iterator[str]:
-    """What does not hold of a person's operations."""
+    """Violated properties of a person's operations."""
     yield from _wrong_orders(played.observed)
     yield from _wrong_pace(played.observed, played.history.frames)
 
 
 def _wrong_orders(observed: Observed) -> Iterator[str]:
     events = (
-        orders_in(one for one in frame.events if isinstance(one, Event))
+        orders_in(event for event in frame.events if isinstance(event, Event))
         for frame in observed.frames
     )
     times = Counter(chain.from_iterable(events))
@@ -58,16 +58,16 @@ def _said(asked: Asked) -> str:
 
 
 def _wrong_pace(observed: Observed, frames: int) -> Iterator[str]:
-    """After a confirmed pause no frame begins; after a confirmed step so many as were asked for.
+    """No frame begins after a confirmed pause; after a confirmed step the requested number do.
 
-    A frame that was under way when its coordinator died begins again, which is the same frame.
+    A frame in progress when its coordinator died begins again and counts as the same frame.
     """
-    paced = [one for one in observed.asked if one.act.ask in PACE and one.sent]
+    paced = [asked for asked in observed.asked if asked.act.ask in PACE and asked.sent]
     for asked, then in zip_longest(paced, paced[1:]):
         until = float("inf") if then is None else then.at
         before = {frame for at, frame in observed.begun if at <= asked.done}
         begun = {frame for at, frame in observed.begun if asked.done < at < until} - before
-        ended = {one.number for one in observed.frames if one.time < until}
+        ended = {frame.number for frame in observed.frames if frame.time < until}
         if not asked.confirmed or asked.answer is None:
             continue
         name = f"{asked.act.ask} {asked.act.number or ''}".rstrip()

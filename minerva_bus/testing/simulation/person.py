@@ -25,7 +25,7 @@ _HALTING: Final = ("pause", "step")
 
 
 class Person:
-    """Does what a history says; in the end no world stays paused. `heard` gets what came of it."""
+    """Executes the acts of a history; then resumes the world. `heard` gets the results."""
 
     def __init__(
         self,
@@ -59,7 +59,7 @@ class Person:
             self._timeline.after(act.wait, lambda: self._do(act))
 
     def leave(self) -> None:
-        """Be there no more."""
+        """Stop acting."""
         self._acts = []
         if self._session is not None:
             self._session.close()
@@ -100,7 +100,7 @@ class Person:
 
 
 def question_of(act: Act) -> Mapping[str, Any]:
-    """How an act is asked for."""
+    """The query of an act."""
     word, _, what = act.ask.partition(" ")
     if word == "pub":
         return {"ask": "pub", "type": what, "data": {"n": str(act.number)}}

@@ -1,4 +1,4 @@
-"""Plays a history: a world from its start to its end, with all that goes wrong in it."""
+"""Plays a history: a world from its start to its end, with all its faults."""
 
 from __future__ import annotations
 
@@ -34,10 +34,10 @@ AFTERWARDS: Final = 15.0
 
 @dataclass(frozen=True, slots=True)
 class Played:
-    """What became of a history; `waits` names who was waited for where it did not end.
+    """Result of a history; `waits` names the awaited members if it did not end.
 
-    `failure` is why the launcher ended the world, `left` who was alive afterwards, `listened`
-    whether the world could be reached at all.
+    `failure` is the launcher's reason for ending the world, `left` the surviving processes,
+    `listened` whether the world was ever reachable.
     """
 
     history: History
@@ -51,7 +51,7 @@ class Played:
 
 
 class Play:
-    """One history, being played; files go to a folder."""
+    """One history in progress; files go to a folder."""
 
     def __init__(self, history: History, folder: Path) -> None:
         self.history = history
@@ -77,7 +77,7 @@ class Play:
         if over:
             self._person.leave()
             self.timeline.run(self.timeline.now + AFTERWARDS, lambda: False)
-            left = tuple(one.name for one in self._processes() if one.alive)
+            left = tuple(process.name for process in self._processes() if process.alive)
         else:
             waits = self._waits()
         result = self.launcher.result() if over else None
@@ -96,15 +96,18 @@ class Play:
     # --- processes ---
 
     def process(self, name: str) -> SimulatedProcess | None:
-        """The process of this name that is alive."""
-        return next((one for one in self._processes() if one.name == name and one.alive), None)
+        """The running process of this name."""
+        return next(
+            (process for process in self._processes() if process.name == name and process.alive),
+            None,
+        )
 
     def _processes(self) -> list[SimulatedProcess]:
         own = list(self.launcher.machine.processes.values())
         return [*own, *(process for process, _ in self.guests.values())]
 
     def attach(self, name: str) -> None:
-        """Let a guest come, if it is not here and there is a world."""
+        """Attach a guest, unless it is attached or there is no world."""
         if not self.launcher.endpoint or self.launcher.over:
             return
         if name in self.guests and self.guests[name][0].alive:
@@ -124,7 +127,7 @@ class Play:
         process.start(member.life)
 
     def send_away(self, name: str) -> None:
-        """Let a guest leave of its own will."""
+        """Let a guest leave on its own initiative."""
         if name in self.guests and self.guests[name][0].alive:
             self.guests[name][1].inbox.put(Leave())
 
@@ -144,7 +147,7 @@ class Play:
             self._check_journal(coordinator.algorithm)
 
     def _check_journal(self, algorithm: FrameAlgorithm) -> None:
-        """Whoever goes on from the journal now has the same string."""
+        """Check that a successor from the journal has the same string."""
         past = read_journal(journal_path(self.file), self.file.world)
         if past is None:
             self.observed.problems.append(f"there is no journal in frame {algorithm.frame}")
@@ -162,7 +165,7 @@ class Play:
 
     def _waits(self) -> str:
         coordinator = self._coordinator
-        alive = ", ".join(one.name for one in self._processes() if one.alive)
+        alive = ", ".join(process.name for process in self._processes() if process.alive)
         if coordinator is None:
             return f"no frame has ended; alive: {alive}"
         algorithm = coordinator.algorithm
@@ -172,7 +175,7 @@ class Play:
         return f"frame {algorithm.frame} ({phase}{paused}) waits for {names}; alive: {alive}"
 
     def _bury(self) -> None:
-        """Let what was killed tidy up, unseen."""
+        """Close the coroutines of killed processes without effects."""
         for process in self._processes():
             process.alive = False
         lives: list[Generator[None, None, int] | None] = list(self.network.graveyard)
@@ -183,5 +186,5 @@ class Play:
 
 
 def play(history: History, folder: Path) -> Played:
-    """Play a history; its journal goes to a folder, which must be empty."""
+    """Play a history; its journal goes to an empty folder."""
     return Play(history, folder).run()

@@ -1,4 +1,4 @@
-"""A simulated process: it takes its turns, and has the clock and the sessions of a `System`."""
+"""A simulated process: it runs in turns, and has the clock and sessions of a `System`."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ THREAD: Final = 10e-6, 200e-6
 
 
 class SimulatedProcess:
-    """Runs a `life` turn by turn, until it ends or is killed; `exited` is told its exit code.
+    """Runs a `life` in turns until it ends or is killed; `exited` receives the exit code.
 
-    One that is frozen takes no turn, and its timers wait. `said` gets what it prints.
+    A frozen process runs no turn, and its timers wait. `said` receives its output.
     """
 
     def __init__(
@@ -53,7 +53,7 @@ class SimulatedProcess:
         self._chance = timeline.stream(f"turns of {name}")
 
     def start(self, make: Callable[[], Generator[None, None, int]]) -> None:
-        """Begin a life; one that cannot even begin ends at once."""
+        """Start a life; one that fails to start ends at once."""
 
         def begin() -> None:
             if self.alive:
@@ -68,15 +68,15 @@ class SimulatedProcess:
     # --- turns ---
 
     def block(self) -> None:
-        """It waits for something to come; until then it takes no turn."""
+        """Wait for input without running turns."""
         self._blocked = True
 
     def nap(self, seconds: float) -> None:
-        """It takes no turn for some time."""
+        """Run no turn for some time."""
         self._wake_at = self.timeline.now + seconds
 
     def wake(self) -> None:
-        """Something has come: it may take a turn."""
+        """Run a turn because of new input."""
         self._blocked = False
         if self._next is None and self.alive and self.life is not None:
             at = max(self.timeline.now, self._wake_at) + self._chance.uniform(*TURN)
@@ -105,7 +105,7 @@ class SimulatedProcess:
             self.wake()
 
     def _guarded(self, call: Callable[[], None]) -> None:
-        """Let what is raised end the process, as it ends a child of the launcher."""
+        """End the process at an exception, as for a child of the launcher."""
         try:
             call()
         except MinervaError as error:
@@ -124,13 +124,13 @@ class SimulatedProcess:
     # --- what happens to it ---
 
     def kill(self) -> None:
-        """End it at once: whatever it still does is not seen by anybody."""
+        """End it at once; later effects are ignored."""
         if self.alive:
             self.network.graveyard.append(self.life)  # It tidies up, unseen, when all is over.
             self._end(KILLED)
 
     def freeze(self, seconds: float) -> None:
-        """Stop it for some time."""
+        """Freeze it for some time."""
         self.frozen_until = max(self.frozen_until, self.timeline.now + seconds)
 
 
@@ -143,7 +143,7 @@ class SimulatedSystem:
 
     @property
     def lives(self) -> bool:
-        """Whether its process is alive."""
+        """Whether the process is alive."""
         return self._process.alive
 
     def monotonic(self) -> float:
@@ -151,28 +151,28 @@ class SimulatedSystem:
         return self._timeline.now
 
     def time(self) -> float:
-        """The same since 1970."""
+        """Simulated seconds since 1970."""
         return EPOCH + self._timeline.now
 
     def sleep(self, seconds: float) -> None:
-        """Take no turn for some time, once this one is over."""
+        """Run no turn for some time after this one."""
         self._process.nap(seconds)
 
     def later(self, seconds: float, call: Callable[[], object]) -> Alarm:
-        """Call once after some time."""
+        """Call something once after some time."""
         return self._timeline.after(seconds, lambda: self.call(call))
 
     def every(self, seconds: float, call: Callable[[], object]) -> Repeated:
-        """Call again and again."""
+        """Call something at an interval."""
         return Repeated(self, seconds, call)
 
     def aside(self, call: Callable[[], object]) -> None:
-        """Call as soon as a thread has begun; it runs to its end without a pause."""
+        """Call something as a thread would; it runs to its end without a pause."""
         chance = self._timeline.stream(f"threads of {self._process.name}")
         self.later(chance.uniform(*THREAD), call)
 
     def call(self, call: Callable[[], object]) -> None:
-        """Call something of this process now, or when it is frozen no more."""
+        """Call something of this process now, or after it is unfrozen."""
         process = self._process
         if not process.alive:
             return
@@ -190,12 +190,12 @@ class SimulatedSystem:
         secured: Secured | None = None,
         routers: Sequence[str] = (),
     ) -> tuple[Any, str]:
-        """The coordinator's session and where it listens."""
+        """Open the coordinator's session; return it with its endpoint."""
         return self._process.network.open_hub(self._process, listen)
 
     @contextmanager
     def client(self, name: str, endpoint: str, **_: Any) -> Generator[Any]:
-        """A member's session."""
+        """Open a member's session."""
         session = self._process.network.open_client(self._process)
         try:
             yield session
@@ -203,12 +203,12 @@ class SimulatedSystem:
             session.close()
 
     def obstacle(self, endpoint: str, own: object) -> str:
-        """What is in the way is not looked for."""
+        """Diagnose nothing."""
         return f"nobody answers at {endpoint}"
 
 
 class Repeated:
-    """Something that happens every so many seconds until it is cancelled."""
+    """A call that repeats at an interval until it is cancelled."""
 
     def __init__(self, system: SimulatedSystem, seconds: float, call: Callable[[], object]) -> None:
         self._system = system
@@ -217,12 +217,12 @@ class Repeated:
         self._alarm = system.later(seconds, self._ring)
 
     def cancel(self) -> None:
-        """Let it not happen again."""
+        """Cancel further calls."""
         self._seconds = math.inf
         self._alarm.cancel()
 
     def join(self) -> None:
-        """Nothing runs beside, so nothing is waited for."""
+        """Return at once: there are no threads."""
 
     def _ring(self) -> None:
         self._call()

@@ -1,4 +1,4 @@
-"""The undisturbed run of the simulated world: in one process, with the same orders."""
+"""The undisturbed run of a simulated world in one process, with the same orders."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Orders = tuple[tuple[int, tuple[tuple[str, int], ...]], ...]
 
 @dataclass(frozen=True, slots=True)
 class Undisturbed:
-    """The digest and the events of each frame, and what its screen has drawn."""
+    """Digest, events and drawing of each frame."""
 
     digests: tuple[str, ...]
     events: tuple[tuple[str, ...], ...]
@@ -29,7 +29,7 @@ class Undisturbed:
 
 @lru_cache(512)
 def undisturbed(frames: int, orders: Orders) -> Undisturbed:
-    """The run of so many frames, with these orders."""
+    """Run the world for some frames with these orders."""
     digests: list[str] = []
     events: list[tuple[str, ...]] = []
     shown: dict[int, str] = {}
@@ -55,10 +55,10 @@ def _members(shown: dict[int, str]) -> list[Member]:
 
 
 def orders_in(events: Iterator[Event]) -> tuple[tuple[str, int], ...]:
-    """Those of a frame's events that people sent."""
-    return tuple((one.type, one.data["n"]) for one in events if one.type in ORDERS)
+    """Events of a frame that people sent."""
+    return tuple((event.type, event.data["n"]) for event in events if event.type in ORDERS)
 
 
 def cries_in(events: Iterator[Event]) -> tuple[int, ...]:
-    """The numbers of the gulls' cries among a frame's events."""
-    return tuple(one.data["n"] for one in events if one.type == eCry.name)
+    """Numbers of the gulls' cries among the events of a frame."""
+    return tuple(event.data["n"] for event in events if event.type == eCry.name)

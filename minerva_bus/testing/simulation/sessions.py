@@ -1,4 +1,4 @@
-"""Sessions as Zenoh's are: subscribers, publishers, queryables and tokens, over simulated links."""
+"""Simulated Zenoh sessions: subscribers, publishers, queryables and tokens over links."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ CALLBACK: Final = 5e-6, 300e-6
 
 @lru_cache(65536)
 def matches(pattern: str, key: str) -> bool:
-    """Whether two key expressions meet; they may have `*`, and the first one `**` at its end."""
+    """Whether two key expressions intersect; both may have `*`, the first a final `**`."""
     ours, theirs = pattern.split("/"), key.split("/")
     if ours[-1] == "**":
         ours, theirs = ours[:-1], theirs[: len(ours) - 1]
     return len(ours) == len(theirs) and all(
-        mine in ("*", other) or other == "*" for mine, other in zip(ours, theirs, strict=True)
+        own in ("*", other) or other == "*" for own, other in zip(ours, theirs, strict=True)
     )
 
 
@@ -44,7 +44,7 @@ class Bytes:
 
 @dataclass(frozen=True, slots=True)
 class Sample:
-    """What a subscriber gets."""
+    """A received message."""
 
     key_expr: str
     payload: Bytes
@@ -52,7 +52,7 @@ class Sample:
 
 
 class Query:
-    """A question, which is answered at most once."""
+    """A query, which is answered at most once."""
 
     def __init__(self, key: str, data: bytes, answer: Callable[[bytes], None]) -> None:
         self.key_expr = key
@@ -71,37 +71,37 @@ class Query:
 
 
 class Channel:
-    """What a process has heard and not yet taken; taking from an empty one is a knock in vain."""
+    """Received messages of a process; reading an empty one returns a spurious wake-up."""
 
     def __init__(self, process: SimulatedProcess, pattern: str) -> None:
         self._process = process
         self._queue: deque[Sample] = deque()
-        self._in_vain = Sample(pattern.replace("*", "coordinator"), Bytes(WAKE_UP), HERE)
+        self._spurious = Sample(pattern.replace("*", "coordinator"), Bytes(WAKE_UP), HERE)
 
     def put(self, sample: Sample) -> None:
-        """Something has come."""
+        """Add a message."""
         self._queue.append(sample)
         self._process.wake()
 
     def recv(self) -> Sample:
-        """The next one."""
+        """The next message."""
         if self._queue:
             return self._queue.popleft()
         self._process.block()
-        return self._in_vain
+        return self._spurious
 
     def try_recv(self) -> Sample | None:
-        """The next one, if there is one."""
+        """The next message, or None."""
         return self._queue.popleft() if self._queue else None
 
     def undeclare(self) -> None:
-        """Hear nothing more."""
+        """Remove the subscription."""
         self._queue.clear()
 
 
 @dataclass(slots=True)
 class Declared:
-    """Somebody hears what matches a pattern; `undo` ends that."""
+    """A declared subscription; `undo` removes it."""
 
     pattern: str
     hear: Callable[[Any], None]
@@ -109,21 +109,21 @@ class Declared:
     undo: Callable[[Declared], None]
 
     def undeclare(self) -> None:
-        """Hear nothing more."""
+        """Remove the subscription."""
         self.undo(self)
 
 
 class DeclaredChannel(Declared):
-    """The same with a channel to take from."""
+    """A declared subscription with a channel."""
 
     channel: Channel
 
     def recv(self) -> Sample:
-        """The next one."""
+        """The next message."""
         return self.channel.recv()
 
     def try_recv(self) -> Sample | None:
-        """The next one, if there is one."""
+        """The next message, or None."""
         return self.channel.try_recv()
 
 
@@ -135,13 +135,13 @@ class Token:
     session: Session
 
     def undeclare(self) -> None:
-        """It is there no more."""
+        """Remove the token."""
         self.session.drop_token(self)
 
 
 @dataclass(slots=True)
 class Publisher:
-    """Puts on one key: `local` goes nowhere else, `droppable` may be lost on its way."""
+    """Publishes on one key: `local` stays in the process, `droppable` may be lost."""
 
     session: Session
     key: str
@@ -149,23 +149,23 @@ class Publisher:
     droppable: bool
 
     def put(self, data: bytes) -> None:
-        """Publish something."""
+        """Publish a payload."""
         if self.local:
             self.session.hear(self.key, data)
         else:
             self.session.publish(self.key, data, droppable=self.droppable)
 
     def declare_matching_listener(self, _: Any) -> Publisher:
-        """Nobody observes records of frames here."""
+        """Do nothing: records of frames have no observers here."""
         return self
 
     def undeclare(self) -> None:
-        """Publish nothing more."""
+        """Remove the publisher."""
 
 
 @dataclass(slots=True)
 class Session:
-    """One process's session: a hub's, or a client's with its `link` to the hub, if it has one."""
+    """Session of a process: the hub's, or a client's with its `link` to the hub if there is one."""
 
     network: Network
     process: SimulatedProcess
@@ -181,7 +181,7 @@ class Session:
     # --- as Zenoh's ---
 
     def declare_subscriber(self, key: str, handler: Any) -> Declared:
-        """Hear what is published: by a callback, or through a channel."""
+        """Subscribe with a callback or a channel."""
         declared = self._declared(key, handler, self.subscribers)
         self.network.changed(self)
         return declared
@@ -193,11 +193,11 @@ class Session:
         return Publisher(self, key, local, droppable)
 
     def declare_queryable(self, key: str, handler: Any) -> Declared:
-        """Answer questions."""
+        """Declare a queryable."""
         return self._declared(key, handler, self.queryables)
 
     def liveliness(self) -> Liveliness:
-        """Tokens, and who looks at them."""
+        """The liveliness interface."""
         return Liveliness(self)
 
     def close(self) -> None:
@@ -216,16 +216,16 @@ class Session:
         call = getattr(handler, "callback", None)
         if call is None:
             channel = Channel(self.process, key)
-            found = DeclaredChannel(key, channel.put, self, among.remove)
-            found.channel = channel
+            declared = DeclaredChannel(key, channel.put, self, among.remove)
+            declared.channel = channel
         else:
             hear = self._by_thread(call) if handler.indirect else call
-            found = Declared(key, hear, self, among.remove)
-        among.append(found)
-        return found
+            declared = Declared(key, hear, self, among.remove)
+        among.append(declared)
+        return declared
 
     def _by_thread(self, call: Callable[[Any], None]) -> Callable[[Any], None]:
-        """A thread of its own calls back: in order, but later than what is read from a channel."""
+        """Call back as Zenoh's thread does: in order, but later than a channel."""
         timeline, process = self.process.timeline, self.process
         chance, last = timeline.stream(f"callbacks of {process.name}"), [0.0]
 
@@ -236,7 +236,7 @@ class Session:
         return hear
 
     def watch(self, key: str, handler: Any, history: bool) -> Declared:
-        """Be told of tokens, with those that are there already."""
+        """Watch tokens, including the present ones."""
         declared = self._declared(key, handler, self.watches)
         if history:
             self.network.tell_of_tokens(self, declared)
@@ -250,44 +250,44 @@ class Session:
         return token
 
     def drop_token(self, token: Token) -> None:
-        """Declare it no more."""
+        """Remove a token."""
         self.tokens.remove(token)
         self.network.token(self, token.key, there=False)
 
     def publish(self, key: str, data: bytes, *, droppable: bool) -> None:
-        """Let all hear it who listen, here and elsewhere."""
+        """Publish to all subscribers, here and elsewhere."""
         self.hear(key, data)
         self.network.publish(self, key, data, droppable=droppable)
 
     def hear(self, key: str, data: bytes) -> None:
-        """Hear what was published."""
+        """Deliver a message."""
         sample = Sample(key, Bytes(data), HERE)
-        for one in list(self.subscribers):
-            if matches(one.pattern, key):
-                one.hear(sample)
+        for subscriber in list(self.subscribers):
+            if matches(subscriber.pattern, key):
+                subscriber.hear(sample)
 
     def see(self, key: str, *, there: bool) -> None:
-        """A token has come or gone."""
+        """Deliver a change of a token."""
         sample = Sample(key, Bytes(), HERE if there else GONE)
-        for one in list(self.watches):
-            if matches(one.pattern, key):
-                one.hear(sample)
+        for watch in list(self.watches):
+            if matches(watch.pattern, key):
+                watch.hear(sample)
 
 
 class Liveliness:
-    """The tokens of a session."""
+    """Liveliness of a session."""
 
     def __init__(self, session: Session) -> None:
         self._session = session
 
     def declare_token(self, key: str) -> Token:
-        """Be seen by a key."""
+        """Declare a token."""
         return self._session.take_token(key)
 
     def declare_subscriber(self, key: str, handler: Any, *, history: bool) -> Declared:
-        """Be told of tokens."""
+        """Subscribe to tokens."""
         return self._session.watch(key, handler, history)
 
     def get(self, key: str, *, timeout: float) -> list[str]:
-        """The tokens that match; the hub is asked, and its answer is there at once."""
+        """Matching tokens according to the hub, without delay."""
         return self._session.network.tokens_matching(self._session, key)

@@ -1,4 +1,4 @@
-"""Shortens a history that fails, while it still does: delta debugging."""
+"""Shortens a failing history by delta debugging."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ Item = TypeVar("Item")
 
 
 def shortened(history: History, fails: Callable[[History], bool], most: int = MAX_TRIES) -> History:
-    """The shortest history on the way that still `fails`, after so many tries at most.
+    """The shortest history found that still `fails`, within a number of tries.
 
-    It leaves out halves of the faults and acts, then quarters, down to single ones; then frames.
+    Removes halves of the faults and acts, then quarters, down to single ones; then frames.
     """
     tries = 0
     shorter: History | None = history
@@ -32,7 +32,7 @@ def shortened(history: History, fails: Callable[[History], bool], most: int = MA
 
 
 def _shorter(history: History) -> Iterator[History]:
-    """Histories with less in them, those with much less first."""
+    """Shorter histories, the shortest first."""
     for faults in _without(history.faults):
         yield replace(history, faults=faults)
     for acts in _without(history.acts):

@@ -1,4 +1,4 @@
-"""Simulated time: what happens when, one thing after another."""
+"""Simulated time: scheduled calls in order."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ EPOCH: Final = 1_700_000_000.0
 
 @dataclass(slots=True)
 class Alarm:
-    """Something that is to happen; `cancel` lets it not happen."""
+    """A scheduled call that can be cancelled."""
 
     call: Callable[[], object] | None
 
     def cancel(self) -> None:
-        """Let it not happen."""
+        """Cancel the call."""
         self.call = None
 
     def join(self) -> None:
@@ -28,10 +28,10 @@ class Alarm:
 
 
 class Timeline:
-    """A clock that goes from one event to the next; equal times keep the order of asking.
+    """A clock that advances from call to call; calls at equal times keep their order.
 
-    Streams of chance are keyed by the seed and a name, so that what one of them draws does not
-    depend on what happens elsewhere: a shorter history stays like the longer one.
+    Random streams are keyed by the seed and a name, so that the draws of one do not
+    depend on the others: a shortened history stays the same otherwise.
     """
 
     def __init__(self, seed: str) -> None:
@@ -43,24 +43,24 @@ class Timeline:
         self._streams: dict[str, Random] = {}
 
     def stream(self, name: str) -> Random:
-        """The stream of chance of this name."""
+        """The random stream of this name."""
         found = self._streams.get(name)
         if found is None:
             found = self._streams[name] = Random(f"{self._seed}/{name}")  # noqa: S311
         return found
 
     def at(self, time: float, call: Callable[[], object]) -> Alarm:
-        """Let something happen at a time, or now where that has passed."""
+        """Schedule a call at a time, or now if it has passed."""
         alarm = Alarm(call)
         heapq.heappush(self._heap, (max(time, self.now), next(self._numbers), alarm))
         return alarm
 
     def after(self, seconds: float, call: Callable[[], object]) -> Alarm:
-        """Let something happen after some time."""
+        """Schedule a call after some time."""
         return self.at(self.now + seconds, call)
 
     def run(self, until: float, over: Callable[[], bool]) -> None:
-        """Let things happen one after another, up to a time or until it is over."""
+        """Execute calls in order, up to a time or until the end."""
         while self._heap and self._heap[0][0] <= until and not over():
             time, _, alarm = heapq.heappop(self._heap)
             call, alarm.call = alarm.call, None

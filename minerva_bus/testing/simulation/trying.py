@@ -1,4 +1,4 @@
-"""Plays histories one after another and looks at each: what tests and the command do."""
+"""Plays and checks histories, for tests and the command."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ MEMORY: Final = Path("/dev/shm")  # noqa: S108
 
 @dataclass(frozen=True, slots=True)
 class Tried:
-    """A history that was played, and what did not hold of it; `crash` is an error of ours."""
+    """A played history and the violated properties; `crash` is an internal error."""
 
     played: Played | None
     wrong: tuple[str, ...]
@@ -29,12 +29,12 @@ class Tried:
 
     @property
     def frames(self) -> int:
-        """How many frames it had."""
+        """Number of frames."""
         return 0 if self.played is None else len(self.played.observed.frames)
 
     @property
     def trace(self) -> list[str]:
-        """What happened, a line each."""
+        """The trace, one line per event."""
         return [] if self.played is None else self.played.trace
 
 
@@ -55,12 +55,12 @@ def tried_seed(seed: int) -> Tried:
 
 
 def shortest(failed: Tried) -> Tried:
-    """A failure with as little in its history as still fails."""
+    """A failure with the shortest history that still fails."""
     return tried(shortened(failed.history, lambda history: bool(tried(history).wrong)))
 
 
 def report(failed: Tried, *, trace: bool = False) -> str:
-    """A failure in words: the history, what is wrong, and the end of what happened."""
-    lines = [*str(failed.history).split("\n"), *(f"! {one}" for one in failed.wrong[:5])]
+    """Report of a failure: history, violated properties and the end of the trace."""
+    lines = [*str(failed.history).split("\n"), *(f"! {problem}" for problem in failed.wrong[:5])]
     left = len(failed.trace) if trace else max(0, LINES - len(lines))
     return "\n".join([*lines, *failed.trace[len(failed.trace) - left :]])

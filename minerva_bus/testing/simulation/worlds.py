@@ -1,6 +1,6 @@
-"""The world that is simulated: small, but with one of each kind of member.
+"""The simulated world: small, but with every kind of member.
 
-Herons stride, call and breed by chance; eels flee and die; a bed of reeds is an agent around
+Herons stride, call and breed at random; eels flee and die; a bed of reeds is an agent around
 others. The tide has a memory; the water is coupled and publishes what it sees, of which the lookout
 makes events. A clerk takes people's orders, and gulls cry whenever they like.
 """
@@ -58,7 +58,7 @@ eShow = EventType("eShow", visual=True)
 
 
 class Heron(Agent, symbol="AHeron"):
-    """Strides, calls and breeds by chance; too many calls are its end."""
+    """Strides, calls and breeds at random; too many calls kill it."""
 
     x: Metres = 0.0
     heard: int = 0
@@ -108,7 +108,7 @@ class Eel(Agent, symbol="AEel"):
 
 
 class Reeds(Agent, symbol="AReeds"):
-    """Stands around other agents."""
+    """Has other agents in its scope."""
 
     total: int = 0
 
@@ -126,7 +126,7 @@ class Reeds(Agent, symbol="AReeds"):
 
 
 class Tide(Generator, events=("eTide",)):
-    """Has a memory that a successor must inherit."""
+    """Has state that its successor must restore."""
 
     def __init__(self) -> None:
         self.count = 0
@@ -143,7 +143,7 @@ class Tide(Generator, events=("eTide",)):
 
 
 class Water(Generator, Device, events=(), draws=("eShow",), coupled=True):
-    """Draws the view into its own state, and publishes what can be seen of it."""
+    """Draws the view into its own state and publishes it."""
 
     every = 1
     publishes = ("sight",)
@@ -168,22 +168,22 @@ class Water(Generator, Device, events=(), draws=("eShow",), coupled=True):
         self.ripples = saved["ripples"]
 
 
-class ReconnectMonitor(Generator, events=("eSeen",)):
-    """Makes events of what the water publishes."""
+class Lookout(Generator, events=("eSeen",)):
+    """Creates events from the readings of the water."""
 
     topics = ("sight",)
 
     def generate(self, tick: Tick) -> Iterable[Event]:
         return [
-            eSeen(int(one.distance))
+            eSeen(int(sighting.distance))
             for reading in tick.readings
             if isinstance(reading, Sightings)
-            for one in reading.seen
+            for sighting in reading.seen
         ]
 
 
 class Clerk(Generator, events=("eMark",)):
-    """Makes events of what people order."""
+    """Creates events from orders."""
 
     def takes_orders(self) -> tuple[str, ...]:
         return ("eMark",)
@@ -193,7 +193,7 @@ class Clerk(Generator, events=("eMark",)):
 
 
 class Gulls(Generator, events=("eCry",), lockstep=False):
-    """Cry when they have come, each cry with a number of its own."""
+    """Cry after joining, each cry with a new number."""
 
     def __init__(self, numbers: Iterator[int], cries: int = 3) -> None:
         self.cries = [next(numbers) for _ in range(cries)]
@@ -204,7 +204,7 @@ class Gulls(Generator, events=("eCry",), lockstep=False):
 
 
 class Screen(Device, draws=("eShow",)):
-    """An observer that keeps what it was shown of each frame in `shown`."""
+    """An observer that keeps the view of each frame in `shown`."""
 
     def __init__(self, shown: dict[int, str]) -> None:
         self._shown = shown
@@ -216,7 +216,7 @@ class Screen(Device, draws=("eShow",)):
 VOCABULARY: Final = Vocabulary.of(
     PDot, TAt, eTide, eCall, eSeen, eMark, eNote, eCry, eShow, Heron, Eel, Reeds
 )
-ORDERS: Final = {one.name: one for one in (eMark, eNote)}
+ORDERS: Final = {event_type.name: event_type for event_type in (eMark, eNote)}
 """The event types that people send: one through the clerk, one by themselves."""
 
 GUESTS: Final[Mapping[str, tuple[type[Agent], ...]]] = {
@@ -232,7 +232,7 @@ def processes(shown: dict[int, str], numbers: Iterator[int]) -> tuple[Process, .
         Process("birds", agents=(Heron, Eel)),
         Process("clerk", Clerk),
         Process("gulls", partial(Gulls, numbers)),
-        Process("lookout", ReconnectMonitor),
+        Process("lookout", Lookout),
         Process("marsh", agents=(Reeds, Heron, Eel)),
         Process("screen", partial(Screen, shown)),
         Process("tide", Tide),
@@ -241,7 +241,7 @@ def processes(shown: dict[int, str], numbers: Iterator[int]) -> tuple[Process, .
 
 
 def world(frames: int) -> World:
-    """The world, of so many frames."""
+    """The world, with a number of frames."""
     return World(
         NAME,
         _scene(),
@@ -249,7 +249,7 @@ def world(frames: int) -> World:
         order=Order(("eTide", "eSeen", "eCall", "eMark", "eNote", "eCry")),
         frames=frames,
         seed=5,
-        expected=frozenset(one.name for one in processes({}, count())),
+        expected=frozenset(process.name for process in processes({}, count())),
     )
 
 
@@ -259,7 +259,7 @@ def _scene() -> Scene:
 
 
 def world_file(frames: int, rate: float, folder: Path, shown: dict[int, str]) -> WorldFile:
-    """The world file, with its journal in a folder; `shown` is what its screen draws."""
+    """The world file, with its journal in a folder; `shown` has the drawings of its screen."""
     bus = BusSettings(journal=str(folder))
     numbers = count(1)
     return WorldFile(folder / f"{NAME}.toml", world(frames), rate, processes(shown, numbers), bus)

@@ -1,4 +1,4 @@
-"""Histories as lines of JSON: what failed once is kept as it was, whatever seeds draw later."""
+"""Histories as lines of JSON, so that failures stay reproducible when the generator changes."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from minerva_bus.testing.simulation.history import Act, Fault, History
 
 
 def written(history: History, reason: str) -> str:
-    """A history in one line, with the reason why it is kept."""
+    """A history as one line, with the reason for keeping it."""
     return json.dumps({"reason": reason, **asdict(history)})
 
 
 def read_back(line: str) -> tuple[History, str]:
-    """A history and its reason. Raises ValueError, TypeError or KeyError for another line."""
+    """Parse a history and its reason. Raises ValueError, TypeError or KeyError."""
     plain = cast("dict[str, Any]", json.loads(line))
     reason = str(plain.pop("reason"))
-    faults = tuple([Fault(**one) for one in plain.pop("faults")])
-    acts = tuple([Act(**one) for one in plain.pop("acts")])
+    faults = tuple([Fault(**fault) for fault in plain.pop("faults")])
+    acts = tuple([Act(**act) for act in plain.pop("acts")])
     return replace(History(**plain), faults=faults, acts=acts), reason

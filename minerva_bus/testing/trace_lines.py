@@ -1,4 +1,4 @@
-"""What is said between members and coordinator, a line each: the text of golden traces."""
+"""Messages between members and coordinator as lines of text, for golden traces."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.grammar.batch import AnyEvent, single
 
 
-def told(what: object) -> str:  # noqa: C901
-    """A stimulus or an instruction as a line; empty where it tells nothing new."""
+def trace_line(what: object) -> str:  # noqa: C901
+    """A stimulus or an instruction as a line; empty for one that adds nothing."""
     match what:
         case s.Send(to, message):
             line = _sent(message)
@@ -23,7 +23,9 @@ def told(what: object) -> str:  # noqa: C901
             return f"ready for frame {frame}"
         case s.FrameDone():
             record = what.record
-            changed = ", ".join(f"#{one}: {what}" for one, what in sorted(record.changed.items()))
+            changed = ", ".join(
+                f"#{name}: {state}" for name, state in sorted(record.changed.items())
+            )
             return f"frame {record.frame} done: {_events(record.events)}; {changed or 'no change'}"
         case s.Ended(reason, figures):
             return f"ended: {reason} {dict(figures) or ''}".rstrip()
@@ -44,7 +46,7 @@ def told(what: object) -> str:  # noqa: C901
         case s.Begin() | s.Silent() | s.Stopping():
             return type(what).__name__.lower()
         case _:
-            return _heard(what)
+            return _received(what)
 
 
 def _sent(message: m.ToMember) -> str:
@@ -75,7 +77,7 @@ def _sent(message: m.ToMember) -> str:
             return type(message).__name__.lower()
 
 
-def _heard(message: object) -> str:
+def _received(message: object) -> str:
     match message:
         case m.Hello(member=member):
             return f"{member}: hello, {', '.join(message.roles) or 'nothing'}"
@@ -106,4 +108,4 @@ def _events(events: Iterable[AnyEvent]) -> str:
 
 
 def _ids(names: Iterable[str]) -> str:
-    return " ".join(f"#{one}" for one in sorted(names)) or "nothing"
+    return " ".join(f"#{name}" for name in sorted(names)) or "nothing"
