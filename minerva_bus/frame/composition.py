@@ -44,6 +44,7 @@ class Composition:
     def _take_apart(self, scene: Scene, named: Mapping[str, Scene]) -> None:
         """Take a string apart; parts that are among the fragments `named` keep their names."""
         kept = {name: fragment_in(scene, name) for name, scene in named.items()}
+        # By identity, because a comparison of columns would read all their rows.
         self._names = {id(part): name for name, part in kept.items() if part is not None}
         self._scene: Scene | None = scene
         self.fragments: dict[str, Fragment] = {}
@@ -114,22 +115,21 @@ class Composition:
         return not self.skeleton.pieces
 
     def home(self, agent: str) -> str | None:
-        """The fragment in which an agent lives."""
+        """The fragment that contains an agent, or None."""
         home = self._home.get(agent)
         if home is None and self.parts:
             return next((name for name, part in self.parts.items() if _has(part, agent)), None)
         return home
 
     def homes(self, agents: Ids) -> Iterator[str]:
-        """The fragments in which these agents live."""
+        """The fragments that contain these agents."""
         exact = next((name for name, part in self.parts.items() if part.ids is agents), None)
         if exact is not None:  # An event for all agents of a part shares its ids.
             yield exact
             return
         if not self._home:
-            first = agents.take(
-                slice(FIRST)
-            )  # Of many agents, the first few usually live in all parts.
+            # Of many agents, the first few are usually in all parts.
+            first = agents.take(slice(FIRST))
             parts = {name for name, part in self.parts.items() if _any_in(part, first)}
             if len(parts) == len(self.parts):
                 yield from self.parts
@@ -206,6 +206,7 @@ class Composition:
         """
         if not changes:
             return False
+        # A failed check must leave no trace: the world then ends with the string of this frame.
         before = self.__dict__ | {
             name: self.__dict__[name].copy() for name in ("fragments", "parts")
         }

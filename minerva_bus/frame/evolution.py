@@ -39,6 +39,7 @@ class EvolutionStep:
         algorithm, in_flight = self._algorithm, self._algorithm.in_flight
         requests, events = in_flight.requests, in_flight.events
         if in_flight.logged is not None and in_flight.logged.complete:
+            # Logged replies name fragments of the layout that their coordinator had chosen.
             algorithm.composition.lay_out(in_flight.logged.layout)
             requests.layout = in_flight.logged.layout
             requests.left_out.update(in_flight.logged.left_out)
@@ -255,6 +256,7 @@ class EvolutionStep:
         algorithm, in_flight = self._algorithm, self._algorithm.in_flight
         result, inbox = in_flight.result, algorithm.inbox
         algorithm.goal.note(result.sent, algorithm.out)
+        # Before the replacement, because an agent that died in this frame has no place after it.
         inbox.emitted = self._sent_in_order()
         try:
             algorithm.placement.outdated |= algorithm.composition.replace(result.changed)

@@ -64,7 +64,7 @@ class WorldGoal:
 
         Kinds are noted before the frame's changes count, because the sender may be gone then.
         """
-        ends = {self._until, self._give_up} - {""}
+        ends = {self._until, self._give_up} - {""}  # A world without a goal has empty types.
         for name, events in sent.items() if ends else ():
             ending = [event for event in events if event.type in ends]
             for event in ending:

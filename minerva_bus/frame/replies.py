@@ -22,6 +22,7 @@ def patched(reply: m.EvolveReply, composition: Composition) -> dict[str, Scene]:
     }
     patch_all(changed, reply.patched)
     parts = composition.parts
+    # A host that declines columns returns a part node by node; the composition holds columns.
     whole = {
         name: packed(scene) if name in parts else scene for name, scene in reply.changed.items()
     }

@@ -27,7 +27,7 @@ class Shutdown:
 
     def report(self, member: str, figures: Figures) -> None:
         """Note a member's report; empty figures mean that it cannot report any more."""
-        if member in self.pending:
+        if member in self.pending:  # A member that was dropped does not count.
             self.pending.discard(member)
             self._figures[member] = figures
 

@@ -46,6 +46,7 @@ class ViewStream:
         patch_all(self.parts, patches)
         self.sequence += 1
         self.frame = frame
+        # The composition makes a new skeleton whenever fragments change: identity is sufficient.
         if skeleton is not self.skeleton:
             self.skeleton = skeleton
             self.parts = {name: view for name, view in self.parts.items() if name in alive}

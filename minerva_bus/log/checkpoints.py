@@ -95,7 +95,7 @@ def entry_items(data: bytes, count: int, *names: str) -> list[Any]:
 
 
 def _new(now: frozenset[str], before: frozenset[str]) -> list[str]:
-    return [] if now is before else sorted(now - before)
+    return [] if now is before else sorted(now - before)  # Usually nothing has changed.
 
 
 def _saved(plain: Any) -> Mapping[str, Any]:

@@ -104,6 +104,7 @@ class Cursor:
         ahead = self._peek()
         if ahead is None:
             raise RecordError(f"{self._record.path}: the record ends before frame {self.number}")
+        # After a tear a change of the checkpoint may be missing; the next whole one restores it.
         checkpoint = None if ahead.torn else self.checkpoint
         if ahead.base is not None:
             self.scene, checkpoint = ahead.base.scene, ahead.base.checkpoint

@@ -201,7 +201,7 @@ def read_journal(path: Path, world: World) -> Journaled | None:
         return None
     except OSError as error:
         raise RecordError(f"{path}: {error.strerror}") from None
-    entries = _Entries(data)
+    entries = list(_entries(data))
     try:
         journaled = _journaled(iter(entries), world, path)
     except RecordError:
@@ -214,31 +214,22 @@ def read_journal(path: Path, world: World) -> Journaled | None:
             " the file away to start from the beginning"
         )
     if journaled is not None:
-        journaled.lost = len(data) - entries.read
+        journaled.lost = len(data) - sum(_HEAD.size + len(entry) for entry in entries)
     return journaled
 
 
-class _Entries:
-    """Entries of a journal up to the first damaged one; `read` is the number of bytes so far."""
-
-    def __init__(self, data: bytes) -> None:
-        self._data = data
-        self.read = 0
-
-    def __iter__(self) -> Iterator[bytes]:
-        data = self._data
-        while (entry := _entry(data, self.read)) is not None:
-            self.read += _HEAD.size + len(entry)
-            yield entry
-
-
-def _entry(data: bytes, begin: int) -> bytes | None:
-    if begin + _HEAD.size > len(data):
-        return None
-    length, check = _HEAD.unpack_from(data, begin)
-    entry = data[begin + _HEAD.size : begin + _HEAD.size + length]
-    complete = 0 < length == len(entry)  # Zeros on a disk would pass: the CRC of nothing is zero.
-    return entry if complete and zlib.crc32(entry) == check else None
+def _entries(data: bytes) -> Iterator[bytes]:
+    """Entries of a journal up to the first damaged one."""
+    begin = 0
+    while begin + _HEAD.size <= len(data):
+        length, check = _HEAD.unpack_from(data, begin)
+        begin += _HEAD.size
+        entry = data[begin : begin + length]
+        # An empty entry would match zeros on the disk, because the CRC of nothing is zero.
+        if not 0 < length == len(entry) or zlib.crc32(entry) != check:
+            return
+        yield entry
+        begin += length
 
 
 def _journaled(entries: Iterator[bytes], world: World, path: Path) -> Journaled | None:

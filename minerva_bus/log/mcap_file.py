@@ -77,7 +77,7 @@ class McapFile:
             sequence=sequence & 0xFFFFFFFF,
         )
         self.in_chunk += len(data) + HEAD
-        if self.in_chunk > CHUNK:
+        if self.in_chunk > CHUNK:  # The library has begun a new chunk.
             self.in_chunk = 0
         self._is_dirty = True
 

@@ -141,7 +141,7 @@ class Backlog:
 
     def put(self, sensed: Sensed) -> None:
         """Queue data, if there is room."""
-        with self._lock:
+        with self._lock:  # Readings arrive on threads of the bus.
             if len(self._waiting) >= MESSAGES or self._bytes + sensed.size > BYTES:
                 self.dropped += 1
             else:

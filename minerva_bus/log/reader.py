@@ -28,6 +28,7 @@ from minerva_bus.log.losses import Losses
 from minerva_bus.log.sensing import Dropped, decode_sensed
 
 _END: Final = 1 << 62
+"""A number greater than that of any frame."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -176,6 +177,7 @@ class Record:
 
     def keyframe(self, number: int, before: int | None = None) -> tuple[Keyframe, int]:
         """The last keyframe at or before a frame, and its chunk; `before` excludes later chunks."""
+        # The scanner knows when each chunk begins, so later chunks are not unpacked.
         time = c.time_of(number, self.description.world.dt)
         for chunk in range((self._count if before is None else before) - 1, -1, -1):
             early = self._chunks.places[chunk].first <= time

@@ -112,5 +112,5 @@ class Decoder:
             )
         if len(plain) - 1 != codec.size:
             raise ProtocolError(f"{name} has {codec.size} items, not {len(plain) - 1}")
-        self._reader.columns.rows = self._limits.rows
+        self._reader.columns.rows = self._limits.rows  # The budget is per message.
         return codec.decode(self._reader, key, plain)

@@ -33,7 +33,7 @@ _KINDS = frozenset(
 )  # fmt: skip
 
 
-@lru_cache(4096)
+@lru_cache(4096)  # The name in the key of each message is checked, and the names recur.
 def is_name(text: str) -> bool:
     """Whether this can name a world, a member or a topic."""
     return _NAME.fullmatch(text) is not None

@@ -99,7 +99,7 @@ def _plain_node(node: Node) -> list[Any]:
 
 
 def _plain_values(values: Sequence[Value]) -> list[Any]:
-    if _PLAIN_TYPES.issuperset(map(type, values)):
+    if _PLAIN_TYPES.issuperset(map(type, values)):  # The usual case: nothing to convert.
         return list(values)
     return [plain_value(value) for value in values]
 
@@ -182,6 +182,7 @@ class Reader:
 
     def scene(self, plain: Any) -> Scene:
         """A string of the vocabulary, in which ids are unique."""
+        # A string that is a value within another one has ids of its own.
         outer, self._ids, self._columns_ids = (self._ids, self._columns_ids), set(), []
         try:
             scene = self._scene(as_list(plain, "a string"))
