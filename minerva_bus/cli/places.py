@@ -33,11 +33,11 @@ def identity(name: str = "") -> Credentials | None:
     """
     if not _identity.keys:
         return None
-    from minerva_bus.security.keys import Keys
+    from minerva_bus.security.keys import KeyFolder
 
     path = Path(_identity.keys)
     named = path.suffix == ".pem"
-    return Keys(path.parent if named else path).credentials(name, path.stem if named else "")
+    return KeyFolder(path.parent if named else path).credentials(name, path.stem if named else "")
 
 
 def client(target: Target) -> Client:

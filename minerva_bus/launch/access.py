@@ -83,9 +83,9 @@ def security(access: Access, world: str, started: Iterable[str] = ()) -> Securit
     """
     if access.keys is None:
         return None
-    from minerva_bus.security.keys import Keys
+    from minerva_bus.security.keys import KeyFolder
 
-    keys = Keys(access.keys)
+    keys = KeyFolder(access.keys)
     own = keys.credentials(COORDINATOR)
     _check_families(keys.rights(), started)
     return Security(own, local_endpoint(world), keys.rights, keys.stamp, access.audit)

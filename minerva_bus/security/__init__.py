@@ -1,1 +1,1 @@
-"""Who may take part in a world: rights, credentials, certificates. See docs/security.md."""
+"""Security of worlds with remote members: rights, credentials, certificates (docs/security.md)."""

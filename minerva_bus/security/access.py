@@ -1,9 +1,9 @@
-"""Who may say and hear what on a world's keys, as Zenoh's access control has it.
+"""Zenoh's access control for a world: which keys each certificate may publish and subscribe to.
 
-All is forbidden but what a rule allows. A rule holds for one common name, since Zenoh knows no
-templates: what a member says is on keys that end with its own name, so that nobody can speak as
-another; but for those of a family, whose common name and whose rules are the same (hosts-$*). Each
-router of Zenoh's enforces for itself: the coordinator's session, and those between.
+Everything is forbidden unless a rule allows it. Zenoh has no templates, so each common name has its
+own rules. A member publishes on keys that end with its name, so that it cannot impersonate another
+one; the members of a family share a common name and its rules (hosts-$*), and can impersonate each
+other. Each Zenoh router enforces the rules itself: the coordinator's session, and routers between.
 """
 
 from __future__ import annotations
@@ -40,27 +40,27 @@ Rule = dict[str, Any]
 def access_control(
     keys: Keys, rights: Iterable[Rights], local: Iterable[str], *, carrier: bool = False
 ) -> dict[str, Any]:
-    """Zenoh's `access_control` for a world; whoever is revoked or unknown may do nothing.
+    """Zenoh's `access_control` for a world; revoked and unknown certificates may do nothing.
 
-    `local` are the link protocols by which processes of this machine come, who may do all.
-    `carrier`: it is for a router between networks, to which the coordinator is a link as well.
+    `local`: the link protocols of processes on this machine, which may do everything. `carrier`:
+    the rules are for a router between networks, to which the coordinator connects, too.
     """
     rules = [_rule(_OPEN, (_IN, _OUT), _ALL, ["**"])]
-    open_to = [{"id": f"by {one}", "link_protocols": [one]} for one in sorted(local)]
+    open_to = [{"id": f"by {kind}", "link_protocols": [kind]} for kind in sorted(local)]
     trusted = {HUB, ROUTER} if carrier else {ROUTER}
     subjects, policies = list(open_to), list[dict[str, Any]]()
-    for one in sorted(rights, key=lambda one: one.name):
-        if one.revoked:
+    for holder in sorted(rights, key=lambda holder: holder.name):
+        if holder.revoked:
             continue
-        subject: dict[str, Any] = {"id": one.name, "cert_common_names": [one.name]}
-        if one.may(*trusted):
+        subject: dict[str, Any] = {"id": holder.name, "cert_common_names": [holder.name]}
+        if holder.may(*trusted):
             subjects.append(subject)
             open_to.append(subject)
-        elif not one.may(HUB):
-            own = _rules(keys, one)
+        elif not holder.may(HUB):
+            own = _rules(keys, holder)
             rules += own
             subjects.append({**subject, "link_protocols": list(SECURED)})
-            policies.append({"rules": [rule["id"] for rule in own], "subjects": [one.name]})
+            policies.append({"rules": [rule["id"] for rule in own], "subjects": [holder.name]})
     if open_to:
         policies.append({"rules": [_OPEN], "subjects": [subject["id"] for subject in open_to]})
     return {
@@ -72,61 +72,59 @@ def access_control(
     }
 
 
-def _rules(keys: Keys, one: Rights) -> list[Rule]:
-    """What one member, view or operator may do; what goes to it is seen from the hub: egress."""
-    name, own = one.name, _own(one)
-    hears, asks = _hears(keys, one), [asking_key(ANY_WORLD, own)]
-    if one.may(OPERATOR):
-        asks.append(control_key(ANY_WORLD, own))
-    told = [keys.alive(COORDINATOR), keys.alive(own)]
-    wants = [keys.sent_by("*"), f"{keys.base}/topic/*/*"]
+def _rules(keys: Keys, holder: Rights) -> list[Rule]:
+    """The rules of one member, view or operator.
+
+    Flows are seen from the hub: `ingress` is what the member sends, `egress` what it receives.
+    """
+    name, own = holder.name, _own_chunk(holder)
+    received, asked = _received(keys, holder, own), [asking_key(ANY_WORLD, own)]
+    if holder.may(OPERATOR):
+        asked.append(control_key(ANY_WORLD, own))
+    tokens = [keys.alive(COORDINATOR), keys.alive(own)]
+    sent = [keys.sent_by("*"), f"{keys.base}/topic/*/*"]
     return [
-        _rule(f"{name} says", (_IN,), _PUT, _says(keys, one)),
-        _rule(f"{name} is there", (_IN,), _TOKEN, [keys.alive(own)]),
-        _rule(f"{name} looks who is there", (_IN,), _LIVELINESS, told),
-        _rule(f"{name} is told who is there", (_OUT,), _TOKEN, told),
-        _rule(f"{name} listens", (_IN,), _SUBSCRIBE, hears),
-        _rule(f"{name} hears", (_OUT,), _PUT, hears),
-        _rule(f"{name} learns that it is heard", (_OUT,), _SUBSCRIBE, wants),
-        _rule(f"{name} asks", (_IN,), ("query",), asks),
-        _rule(f"{name} is answered", (_OUT,), ("reply",), asks),
+        _rule(f"{name} publishes", (_IN,), _PUT, _sent(keys, holder, own)),
+        _rule(f"{name} declares its token", (_IN,), _TOKEN, [keys.alive(own)]),
+        _rule(f"{name} watches tokens", (_IN,), _LIVELINESS, tokens),
+        _rule(f"{name} receives tokens", (_OUT,), _TOKEN, tokens),
+        _rule(f"{name} subscribes", (_IN,), _SUBSCRIBE, received),
+        _rule(f"{name} receives", (_OUT,), _PUT, received),
+        # A publisher sends nothing to the hub before it learns of a subscriber there.
+        _rule(f"{name} receives subscriptions", (_OUT,), _SUBSCRIBE, sent),
+        _rule(f"{name} asks", (_IN,), ("query",), asked),
+        _rule(f"{name} receives answers", (_OUT,), ("reply",), asked),
     ]
 
 
-def _own(one: Rights) -> str:
-    """Its name as the last chunk of a key, or all names of its family."""
-    start = family_start(one.name)
-    return f"{start}$*" if start else one.name
+def _own_chunk(holder: Rights) -> str:
+    """A member's name as the last chunk of a key; for a family a pattern of all its names."""
+    start = family_start(holder.name)
+    return f"{start}$*" if start else holder.name
 
 
-def _says(keys: Keys, one: Rights) -> list[str]:
-    found = [keys.sent_by(_own(one))]
-    if one.may(GENERATOR):
-        topics = sorted(one.topics) or ["*"]
-        found += [f"{keys.base}/topic/{topic}/{_own(one)}" for topic in topics]
-    return found
+def _sent(keys: Keys, holder: Rights, own: str) -> list[str]:
+    topics = (sorted(holder.topics) or ["*"]) if holder.may(GENERATOR) else []
+    return [keys.sent_by(own), *(f"{keys.base}/topic/{topic}/{own}" for topic in topics)]
 
 
-def _hears(keys: Keys, one: Rights) -> list[str]:
-    found = [f"{keys.base}/to/{_own(one)}", keys.all]
-    if one.may(AGENT):
-        found.append(keys.evolve)
-    if one.may(GENERATOR):
-        found.append(keys.tick)
-    if one.may(GENERATOR, VIEW):
-        found.append(f"{keys.base}/topic/*/*")
-    if one.may(VIEW):
-        found.append(keys.view("*"))
-    if one.may(VIEW, OPERATOR):
-        found.append(keys.record)
-    return found
+def _received(keys: Keys, holder: Rights, own: str) -> list[str]:
+    by_roles = (
+        ((AGENT,), keys.evolve),
+        ((GENERATOR,), keys.tick),
+        ((GENERATOR, VIEW), f"{keys.base}/topic/*/*"),
+        ((VIEW,), keys.view("*")),
+        ((VIEW, OPERATOR), keys.record),
+    )
+    own_keys = [f"{keys.base}/to/{own}", keys.all]
+    return own_keys + [key for roles, key in by_roles if holder.may(*roles)]
 
 
-def _rule(id: str, flows: tuple[str, ...], messages: tuple[str, ...], on: list[str]) -> Rule:
+def _rule(id: str, flows: tuple[str, ...], messages: tuple[str, ...], keys: list[str]) -> Rule:
     return {
         "id": id,
         "permission": "allow",
         "flows": list(flows),
         "messages": list(messages),
-        "key_exprs": on,
+        "key_exprs": keys,
     }

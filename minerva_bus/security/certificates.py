@@ -1,9 +1,8 @@
-"""What the certificates of a world's keys say, and how they are made and read (X.509, RFC 5280).
+"""Certificates of a world: their contents, how they are issued and read (X.509, RFC 5280).
 
-Who somebody is stands in the common name (a family's is hosts-*), roles in OU, what it is
-confined to in URIs `minerva:kind/AFox`, `minerva:event/eNear`, `minerva:topic/scan`, and where it
-serves in host names and addresses, all three alternative names. Keys are ECDSA P-256, signatures
-with SHA-256.
+The common name is the member's (a family's is hosts-*). Roles are organizational units (OU).
+Alternative names hold restrictions as URIs (`minerva:kind/AFox`, `minerva:event/eNear`,
+`minerva:topic/scan`), and host names and addresses. Keys are ECDSA P-256, signatures use SHA-256.
 """
 
 from __future__ import annotations
@@ -31,15 +30,16 @@ except ImportError:
 DAYS: Final = 365
 _SCHEME = "minerva"
 _SKEW = timedelta(minutes=5)
-"""Clocks of several machines may differ by so much."""
+"""Allowed difference between the clocks of machines."""
 
 _HERE = ("localhost", "127.0.0.1", "::1")
-_LONGEST = 365 * 7000
+_MAX_DAYS = 365 * 7000
+"""Beyond this, the end would be after the year 9999, which datetime cannot represent."""
 
 
 @dataclass(frozen=True, slots=True)
 class Wanted:
-    """What a new certificate shall say; `family`: it is for all whose names begin with its own."""
+    """Contents of a new certificate; `family`: it is valid for all names that begin with it."""
 
     roles: tuple[str, ...]
     hosts: tuple[str, ...] = ()
@@ -51,13 +51,16 @@ class Wanted:
 
     @property
     def serves(self) -> bool:
-        """Whether others connect to it."""
+        """Whether its holder accepts connections."""
         return not SERVERS.isdisjoint(self.roles)
 
 
 @dataclass(frozen=True, slots=True)
 class Issued:
-    """A certificate of a folder: what it is for, where it may serve, from when until when."""
+    """A certificate in a folder: rights, hosts that it may serve at, and period of validity.
+
+    `key`: whether its key is in the folder, too.
+    """
 
     rights: Rights
     hosts: tuple[str, ...]
@@ -67,7 +70,7 @@ class Issued:
     key: bool
 
     def state(self, now: datetime) -> str:
-        """valid, revoked, expired, or not yet valid."""
+        """One of: valid, revoked, expired, not yet valid."""
         if self.rights.revoked:
             return "revoked"
         if now > self.ends:
@@ -77,19 +80,19 @@ class Issued:
 
 @dataclass(frozen=True, slots=True)
 class Authority:
-    """Who signs: its certificate and its key."""
+    """A certificate authority: its certificate and its key."""
 
     certificate: x509.Certificate
     key: ec.EllipticCurvePrivateKey
 
     @property
     def ends(self) -> datetime:
-        """Until when anything that it has signed is taken."""
+        """When the authority and everything that it signed expires."""
         return self.certificate.not_valid_after_utc
 
     @staticmethod
     def new(now: datetime, days: int) -> Authority:
-        """An authority that makes certificates of members and no other authorities."""
+        """An authority that can issue certificates of members, but none of other authorities."""
         key = ec.generate_private_key(ec.SECP256R1())
         name = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, "Minerva Bus authority")])
         usage = _usage(key_cert_sign=True, crl_sign=True)
@@ -105,9 +108,9 @@ class Authority:
     def issue(
         self, name: str, wanted: Wanted, now: datetime
     ) -> tuple[x509.Certificate, ec.EllipticCurvePrivateKey]:
-        """A certificate and its key, for a common name; it ends no later than the authority.
+        """A certificate and its key; it expires with the authority at the latest.
 
-        Raises KeysError for what it cannot say.
+        Raises KeysError for contents that a certificate cannot have.
         """
         key = ec.generate_private_key(ec.SECP256R1())
         subject, issuer = _subject(name, wanted), self.certificate.subject
@@ -128,11 +131,11 @@ class Authority:
         return builder.sign(self.key, hashes.SHA256()), key
 
     def revocations(self, serials: Iterable[int], now: datetime) -> bytes:
-        """The list of what counts no more, PEM."""
+        """The certificate revocation list, as PEM."""
         builder = x509.CertificateRevocationListBuilder(self.certificate.subject, now, self.ends)
         for serial in sorted(serials):
-            one = x509.RevokedCertificateBuilder(serial, now)
-            builder = builder.add_revoked_certificate(one.build())
+            revoked = x509.RevokedCertificateBuilder(serial, now).build()
+            builder = builder.add_revoked_certificate(revoked)
         made = builder.sign(self.key, hashes.SHA256())
         return made.public_bytes(serialization.Encoding.PEM)
 
@@ -141,7 +144,7 @@ class Authority:
 
 
 def key_pem(key: ec.EllipticCurvePrivateKey) -> bytes:
-    """A key as PEM, not encrypted: Zenoh reads it."""
+    """A key as PEM, not encrypted, because Zenoh has to read it."""
     return key.private_bytes(
         serialization.Encoding.PEM,
         serialization.PrivateFormat.PKCS8,
@@ -163,7 +166,7 @@ def read_key(path: Path) -> ec.EllipticCurvePrivateKey:
             f"{path} cannot be read: {error}; issue and revoke where the authority was made"
         ) from None
     if not isinstance(key, ec.EllipticCurvePrivateKey):
-        raise KeysError(f"{path} is no key of an elliptic curve")
+        raise KeysError(f"{path} is not a key of an elliptic curve")
     return key
 
 
@@ -176,22 +179,22 @@ def read_certificate(path: Path) -> x509.Certificate:
 
 
 def read_revoked(path: Path, authority: x509.Certificate) -> frozenset[int]:
-    """The serial numbers of what an authority has revoked. Raises KeysError."""
+    """The serial numbers of revoked certificates. Raises KeysError."""
     key = authority.public_key()
     if not isinstance(key, ec.EllipticCurvePublicKey):
         raise KeysError(f"{path.parent} has an authority without a key of an elliptic curve")
     try:
-        found = x509.load_pem_x509_crl(path.read_bytes())
-        signed = found.is_signature_valid(key)
+        revocations = x509.load_pem_x509_crl(path.read_bytes())
+        signed = revocations.is_signature_valid(key)
     except (OSError, ValueError, TypeError) as error:
         raise KeysError(f"{path} is no list of what was revoked: {error}") from None
     if not signed:
         raise KeysError(f"{path} is not of the authority beside it")
-    return frozenset(one.serial_number for one in found)
+    return frozenset(revoked.serial_number for revoked in revocations)
 
 
 def read_issued(path: Path, authority: x509.Certificate, revoked: frozenset[int]) -> Issued:
-    """A member's certificate, if it is of this authority. Raises KeysError."""
+    """A member's certificate. Raises KeysError if another authority issued it."""
     made = read_certificate(path)
     try:
         made.verify_directly_issued_by(authority)
@@ -204,7 +207,7 @@ def read_issued(path: Path, authority: x509.Certificate, revoked: frozenset[int]
     rights = Rights(
         name[0],
         frozenset(_texts(made.subject, NameOID.ORGANIZATIONAL_UNIT_NAME)),
-        *(_confined(uris, what) for what in ("kind", "event", "topic")),
+        *(_restricted(uris, what) for what in ("kind", "event", "topic")),
         revoked=made.serial_number in revoked,
     )
     key = path.with_suffix(".key").exists()
@@ -223,7 +226,7 @@ def _builder(
     days: int,
     latest: datetime | None = None,
 ) -> x509.CertificateBuilder:
-    ends = now + timedelta(days=min(days, _LONGEST))
+    ends = now + timedelta(days=min(days, _MAX_DAYS))
     return x509.CertificateBuilder(
         issuer_name=issuer,
         subject_name=subject,
@@ -250,11 +253,14 @@ def _subject(name: str, wanted: Wanted) -> x509.Name:
 
 def _alternative_names(wanted: Wanted) -> list[x509.GeneralName]:
     own = (*_HERE, socket.gethostname()) if wanted.serves else ()
-    found = [_host(host) for host in dict.fromkeys([*wanted.hosts, *own])]
-    for what, names in (("kind", wanted.kinds), ("event", wanted.events), ("topic", wanted.topics)):
-        for one in sorted(set(names)):
-            found.append(x509.UniformResourceIdentifier(f"{_SCHEME}:{what}/{_ascii(one)}"))
-    return found
+    hosts = [_host(host) for host in dict.fromkeys([*wanted.hosts, *own])]
+    limits = (("kind", wanted.kinds), ("event", wanted.events), ("topic", wanted.topics))
+    uris = [
+        x509.UniformResourceIdentifier(f"{_SCHEME}:{what}/{_ascii(name)}")
+        for what, names in limits
+        for name in sorted(set(names))
+    ]
+    return [*hosts, *uris]
 
 
 def _host(host: str) -> x509.GeneralName:
@@ -262,7 +268,7 @@ def _host(host: str) -> x509.GeneralName:
         return x509.IPAddress(ipaddress.ip_address(host))
     except ValueError:
         pass
-    if not host or any(one in "/:" for one in host):
+    if not host or not {"/", ":"}.isdisjoint(host):
         raise KeysError(f"--host: {host!r} is no host's name or address (without a port)")
     return x509.DNSName(_ascii(host))
 
@@ -274,25 +280,26 @@ def _ascii(text: str) -> str:
 
 
 def _texts(name: x509.Name, oid: x509.ObjectIdentifier) -> list[str]:
-    return [str(one.value) for one in name.get_attributes_for_oid(oid)]
+    return [str(attribute.value) for attribute in name.get_attributes_for_oid(oid)]
 
 
 def _read_alternative_names(made: x509.Certificate) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Hosts, and URIs."""
+    """The hosts and the URIs of a certificate."""
     try:
-        found = made.extensions.get_extension_for_class(x509.SubjectAlternativeName).value
+        alternative = made.extensions.get_extension_for_class(x509.SubjectAlternativeName).value
     except x509.ExtensionNotFound:
         return (), ()
-    names = found.get_values_for_type(x509.DNSName)
-    addresses = [str(one) for one in found.get_values_for_type(x509.IPAddress)]
-    return (*names, *addresses), tuple(found.get_values_for_type(x509.UniformResourceIdentifier))
+    names = alternative.get_values_for_type(x509.DNSName)
+    addresses = map(str, alternative.get_values_for_type(x509.IPAddress))
+    uris = alternative.get_values_for_type(x509.UniformResourceIdentifier)
+    return (*names, *addresses), tuple(uris)
 
 
-def _confined(uris: Iterable[str], what: str) -> frozenset[str]:
+def _restricted(uris: Iterable[str], what: str) -> frozenset[str]:
     start = f"{_SCHEME}:{what}/"
-    return frozenset(one.removeprefix(start) for one in uris if one.startswith(start))
+    return frozenset(uri.removeprefix(start) for uri in uris if uri.startswith(start))
 
 
 def now() -> datetime:
-    """What time it is."""
+    """The current time."""
     return datetime.now(UTC)

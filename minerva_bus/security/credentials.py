@@ -1,4 +1,4 @@
-"""Who somebody is on the bus, and what the world lets them do: roles, rights, certificates."""
+"""Identities on the bus and what they may do: roles, rights and credentials."""
 
 from __future__ import annotations
 
@@ -11,29 +11,30 @@ AGENT, GENERATOR, VIEW, OPERATOR = "agent", "generator", "view", "operator"
 HUB, ROUTER = "coordinator", "router"
 ROLES: Final = {
     AGENT: "evolves agents",
-    GENERATOR: "makes events, publishes and hears readings",
-    VIEW: "draws views, and reads what the world says of itself",
-    OPERATOR: "reads, and gives orders: pause, stop, pub ...",
-    HUB: "runs the world; nobody else speaks as the coordinator",
-    ROUTER: "a Zenoh router between networks, trusted with whatever it carries",
+    GENERATOR: "generates events, publishes and receives readings",
+    VIEW: "draws views, reads the state of the world",
+    OPERATOR: "reads the state of the world and sends commands: pause, stop, pub ...",
+    HUB: "runs the world as its coordinator",
+    ROUTER: "Zenoh router between networks; it is trusted with everything it carries",
 }
-"""What a certificate can be for."""
+"""The roles of certificates."""
 
 SERVERS: Final = frozenset({HUB, ROUTER})
-"""Roles of those whom others connect to."""
+"""Roles of processes that accept connections."""
 
 SECURED: Final = ("tls", "quic")
-"""Protocols of endpoints whose links show certificates."""
+"""Protocols of endpoints that authenticate by certificates."""
+
 FAMILY: Final = "-*"
-"""How the common name of a family ends: by hosts-* one may come in as hosts-a, as hosts-b, ..."""
+"""End of a family's common name: hosts-* is valid for the members hosts-a, hosts-b, ..."""
 
 
 @dataclass(frozen=True, slots=True)
 class Rights:
-    """What a certificate is for.
+    """The rights of a certificate.
 
-    `name` is its common name: somebody's, or a family's. `kinds`, `events` and `topics` are those
-    that it is confined to; empty: all that its roles allow. `revoked`: it counts no more.
+    `name` is its common name: that of a member or of a family. `kinds`, `events` and `topics`
+    restrict its roles to these; empty means all.
     """
 
     name: str
@@ -49,28 +50,28 @@ class Rights:
 
 
 def family_start(name: str) -> str:
-    """What the names of a family begin with; empty where a common name is somebody's own."""
+    """Common start of a family's names; empty for the common name of a single member."""
     return name.removesuffix("*") if name.endswith(FAMILY) else ""
 
 
 def covers(name: str, member: str) -> bool:
-    """Whether one may come in as this member by a certificate of this common name."""
+    """Whether a certificate with this common name is valid for a member."""
     start = family_start(name)
     return member.startswith(start) if start else member == name
 
 
-def overlap(one: str, other: str) -> bool:
-    """Whether there is a name under which one may come in by either of two common names."""
-    return covers(one, other.removesuffix("*")) or covers(other, one.removesuffix("*"))
+def overlap(first: str, second: str) -> bool:
+    """Whether two common names are valid for the same member."""
+    return covers(first, second.removesuffix("*")) or covers(second, first.removesuffix("*"))
 
 
 def rights_of(member: str, rights: Mapping[str, Rights]) -> Rights | None:
-    """What somebody may do, its own certificate's or its family's: one that was revoked, if any.
+    """The rights of a member by its own certificate or its family's; None without either.
 
-    `rights` are by common names; None where there are none of this member.
+    `rights` are by common name. A revoked certificate takes precedence over a valid one.
     """
-    found = [rights[name] for name in _common_names(member) if name in rights]
-    return min(found, key=lambda one: not one.revoked, default=None)
+    held = [rights[name] for name in _common_names(member) if name in rights]
+    return min(held, key=lambda holder: not holder.revoked, default=None)
 
 
 def _common_names(member: str) -> Iterator[str]:
@@ -83,7 +84,7 @@ def _common_names(member: str) -> Iterator[str]:
 
 @dataclass(frozen=True, slots=True)
 class Credentials:
-    """Files by which a process shows who it is: PEM, the key unencrypted and its owner's alone."""
+    """Files by which a process authenticates, in PEM; only their owner may read the plain key."""
 
     name: str
     authority: Path
@@ -93,5 +94,5 @@ class Credentials:
 
     @property
     def operates(self) -> bool:
-        """Whether it may give orders."""
+        """Whether it may send commands."""
         return OPERATOR in self.roles

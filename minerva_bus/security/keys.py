@@ -1,10 +1,10 @@
-"""A small certificate authority in a folder: who belongs to a world's bus.
+"""A certificate authority in a folder, for the members of a world.
 
-    ca.pem, ca.key        the authority; its key is needed to issue and to revoke, and nowhere else
-    crl.pem               what it has revoked
-    NAME.pem, NAME.key    somebody's certificate and key, or those of the family NAME-*
+    ca.pem, ca.key        the authority; its key is only needed to issue and to revoke
+    crl.pem               the certificate revocation list
+    NAME.pem, NAME.key    certificate and key of the member NAME, or of the family NAME-*
 
-Folders that are made have the mode 0700, keys 0600.
+New folders have the mode 0700, keys 0600.
 """
 
 from __future__ import annotations
@@ -45,8 +45,8 @@ AUTHORITY_DAYS: Final = 3650
 _AUTHORITY, _REVOKED = "ca", "crl"
 
 
-class Keys:
-    """The keys in a folder. `at` is what time it is, for those who know better than the clock."""
+class KeyFolder:
+    """The keys in a folder. `at` replaces the current time, for tests."""
 
     def __init__(self, folder: Path, at: datetime | None = None) -> None:
         self.folder = folder
@@ -55,13 +55,13 @@ class Keys:
     # --- making ---
 
     def init(self, hosts: Iterable[str] = (), days: int = AUTHORITY_DAYS) -> Issued:
-        """Make the authority, and the coordinator's certificate. Raises KeysError."""
+        """Create the authority and the coordinator's certificate. Raises KeysError."""
         if self._has(_AUTHORITY):
             raise KeysError(f"{self.folder} has an authority already (minerva keys list)")
         if days < 1:
             raise KeysError(f"--days must be a whole number from 1, not {days}")
         made, wanted = Authority.new(self.now, days), Wanted((HUB,), tuple(hosts))
-        made.issue(COORDINATOR, wanted, self.now)  # What it cannot say leaves no half a folder.
+        made.issue(COORDINATOR, wanted, self.now)  # Fails for invalid hosts before any file exists.
         try:
             self.folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         except OSError as error:
@@ -72,26 +72,22 @@ class Keys:
         return self.issue(COORDINATOR, wanted)
 
     def issue(self, name: str, wanted: Wanted, *, renew: bool = False) -> Issued:
-        """Make a certificate and its key; `renew`: in place of one that there is.
-
-        Raises KeysError.
-        """
+        """Issue a certificate with its key; `renew` replaces an existing one. Raises KeysError."""
         self._check(name, wanted)
         common, issued = name + FAMILY * wanted.family, self.issued()
         there = issued.get(name)
         if there is not None and there.rights.revoked:
             raise KeysError(
-                f"{name} was revoked, and nobody is called so again: choose another name"
+                f"{name} was revoked, and its name cannot be used again; choose another name"
             )
         if there is not None and not renew:
             raise KeysError(
-                f"{name} has a certificate until {there.ends:%Y-%m-%d}; --renew makes another in"
-                " its place"
+                f"{name} has a certificate until {there.ends:%Y-%m-%d}; --renew replaces it"
             )
         if there is not None and there.rights.name != common:
             given = "with" if family_start(there.rights.name) else "without"
             raise KeysError(f"{there.rights.name} is renewed {given} --family")
-        others = [one.rights.name for one in issued.values() if one is not there]
+        others = [other.rights.name for other in issued.values() if other is not there]
         _check_alone(common, others, "choose another name")
         certificate, key = self._authority().issue(common, wanted, self.now)
         _put(self._path(name, "key"), key_pem(key), 0o600)
@@ -99,70 +95,68 @@ class Keys:
         return self.issued()[name]
 
     def revoke(self, name: str) -> Issued:
-        """Let a certificate count no more: it is put on the list. Raises KeysError."""
-        found = self._named(name)
-        if found.rights.revoked:
+        """Add a certificate to the revocation list. Raises KeysError."""
+        issued = self._named(name)
+        if issued.rights.revoked:
             raise KeysError(f"{name} has been revoked already")
         authority, path = self._authority(), self._path(_REVOKED, "pem")
-        serials = read_revoked(path, authority.certificate) | {found.serial}
+        serials = read_revoked(path, authority.certificate) | {issued.serial}
         _put(path, authority.revocations(serials, self.now), 0o644)
         return self._named(name)
 
     # --- reading ---
 
     def issued(self) -> Mapping[str, Issued]:
-        """All certificates of the folder but the authority's, by file. Raises KeysError."""
+        """All certificates of the folder except the authority's, by file. Raises KeysError."""
         if not self._has(_AUTHORITY):
             raise KeysError(
-                f"{self.folder} has no authority, ca.pem; minerva keys init makes one, or it has"
-                " not been copied with the keys"
+                f"{self.folder} has no authority (ca.pem); create one with minerva keys init, or"
+                " copy it together with the keys"
             )
         authority, revoked = read_certificate(self._path(_AUTHORITY, "pem")), frozenset[int]()
-        if self._has(_REVOKED):  # Members need not have it: the world does.
+        if self._has(_REVOKED):  # Only the world needs the list; members may lack it.
             revoked = read_revoked(self._path(_REVOKED, "pem"), authority)
-        others = [
-            one for one in self.folder.glob("*.pem") if one.stem not in (_AUTHORITY, _REVOKED)
-        ]
-        return {one.stem: read_issued(one, authority, revoked) for one in sorted(others)}
+        files = sorted(self.folder.glob("*.pem"))
+        members = [file for file in files if file.stem not in (_AUTHORITY, _REVOKED)]
+        return {file.stem: read_issued(file, authority, revoked) for file in members}
 
     def rights(self) -> Mapping[str, Rights]:
-        """What is allowed by each common name; revoked ones among them.
+        """The rights by common name, including revoked ones.
 
-        Raises KeysError, too where it cannot be known who was revoked, or who is meant by a name.
+        Raises KeysError, also without a revocation list and for overlapping names.
         """
         if not self._has(_REVOKED):
-            raise KeysError(
-                f"{self.folder} lacks crl.pem: without it, whoever was revoked would be let in"
-            )
-        found = {one.rights.name: one.rights for one in self.issued().values()}
-        valid = [name for name, one in found.items() if not one.revoked]
+            raise KeysError(f"{self.folder} lacks crl.pem: without it, revoked members could join")
+        rights = {issued.rights.name: issued.rights for issued in self.issued().values()}
+        valid = [name for name, holder in rights.items() if not holder.revoked]
         for place, name in enumerate(valid):
             _check_alone(name, valid[:place], "revoke one of them")
-        return found
+        return rights
 
     def credentials(self, name: str = "", bearer: str = "") -> Credentials:
-        """By which somebody shows to be `name`; without one, whoever the certificate names.
+        """Credentials of the member `name`; without one, of the certificate's name.
 
-        `bearer` is which certificate of the folder; without one, that of `name` or of its family,
-        and without either the only one whose key is here. One of a family who has no name has its
-        process's number for one. Raises KeysError where there is none, or it counts no more.
+        `bearer` names the certificate; by default that of `name` or its family, or the only one
+        whose key is in the folder. A family's member without a name is named after its process id.
+        Raises KeysError if there is no such certificate, or it is not valid.
         """
         bearer = bearer or (self._bearer(name) if name else self._only())
-        found, key = self._named(bearer), self._path(bearer, "key")
-        if not found.key:
+        issued, key = self._named(bearer), self._path(bearer, "key")
+        if not issued.key:
             raise KeysError(f"{key} is missing: the key to {bearer}.pem")
-        self._check_counts(bearer, found)
-        start, pem = family_start(found.rights.name), self._path(bearer, "pem")
+        self._check_valid(bearer, issued)
+        start, pem = family_start(issued.rights.name), self._path(bearer, "pem")
         if start and not (name or start).startswith(start):
-            raise KeysError(f"{pem} is of the family {start}*: {name} is none of it (--name"
-                            f" {start}{name})")  # fmt: skip
+            raise KeysError(
+                f"{pem} is for the family {start}*, not for {name}; use --name {start}{name}"
+            )
         own = (name or f"{start}{os.getpid()}") if start else bearer
-        return Credentials(own, self._path(_AUTHORITY, "pem"), pem, key, found.rights.roles)
+        return Credentials(own, self._path(_AUTHORITY, "pem"), pem, key, issued.rights.roles)
 
     def stamp(self) -> tuple[tuple[str, int], ...]:
-        """What changes when a certificate is issued or revoked. Raises OSError."""
+        """A value that changes when a certificate is issued or revoked. Raises OSError."""
         files = sorted(self.folder.glob("*.pem"))
-        return tuple([(one.name, one.stat().st_mtime_ns) for one in files])
+        return tuple([(file.name, file.stat().st_mtime_ns) for file in files])
 
     # --- parts ---
 
@@ -188,40 +182,40 @@ class Keys:
         authority = Authority(certificate, read_key(self._path(_AUTHORITY, "key")))
         if self.now > authority.ends:
             raise KeysError(
-                f"the authority of {self.folder} has expired on {authority.ends:%Y-%m-%d}, and all"
-                " certificates with it; minerva keys init --dir NEW makes another"
+                f"the authority of {self.folder} expired on {authority.ends:%Y-%m-%d}, and all"
+                " certificates with it; create another with minerva keys init --dir NEW"
             )
         return authority
 
-    def _check_counts(self, bearer: str, found: Issued) -> None:
-        state = found.state(self.now)
+    def _check_valid(self, bearer: str, issued: Issued) -> None:
+        state = issued.state(self.now)
         if state == "expired":
-            family = " --family" if family_start(found.rights.name) else ""
+            family = " --family" if family_start(issued.rights.name) else ""
             raise KeysError(
-                f"the certificate of {bearer} has expired on {found.ends:%Y-%m-%d}; minerva keys"
-                f" issue {bearer} --renew{family} makes another"
+                f"the certificate of {bearer} expired on {issued.ends:%Y-%m-%d}; renew it with"
+                f" minerva keys issue {bearer} --renew{family}"
             )
         if state != "valid":
-            raise KeysError(f"the certificate of {bearer} is {state}; ask whoever has ca.key")
+            raise KeysError(f"the certificate of {bearer} is {state}; ask the owner of ca.key")
 
     def _bearer(self, member: str) -> str:
-        """Whose certificate a member has: its own, or its family's."""
-        issued = self.issued().items()
-        return next((file for file, one in issued if covers(one.rights.name, member)), member)
+        """The file of a member's certificate, its own or its family's."""
+        files = self.issued().items()
+        return next((file for file, made in files if covers(made.rights.name, member)), member)
 
     def _only(self) -> str:
-        own = [name for name, found in self.issued().items() if found.key]
+        own = [name for name, issued in self.issued().items() if issued.key]
         if len(own) != 1:
             raise KeysError(
-                f"whose of the keys in {self.folder} ({', '.join(own) or 'none'})? Name one:"
-                f" --keys {self.folder}/NAME.pem"
+                f"{self.folder} has {len(own)} keys ({', '.join(own) or 'none'}), expected one;"
+                f" choose with --keys {self.folder}/NAME.pem"
             )
         return own[0]
 
     def _named(self, name: str) -> Issued:
         issued, name = self.issued(), name.removesuffix(FAMILY)
         if name not in issued:
-            there = ", ".join(one.rights.name for one in issued.values()) or "none"
+            there = ", ".join(made.rights.name for made in issued.values()) or "none"
             raise KeysError(
                 f"{self.folder} has no certificate of {name!r}{nearest(name, list(issued))};"
                 f" there are {there}"
@@ -244,22 +238,22 @@ class Keys:
         if (name == COORDINATOR) != (HUB in wanted.roles) or name in (_AUTHORITY, _REVOKED):
             raise KeysError(f"{name} cannot be {', '.join(wanted.roles)}: choose another name")
         if wanted.family and not SERVERS.isdisjoint(wanted.roles):
-            raise KeysError(f"{', '.join(wanted.roles)}: there is one of each name, not a family")
+            raise KeysError(f"{', '.join(wanted.roles)}: this role cannot have a family")
         if wanted.family and not is_name(f"{name}-a"):
-            raise KeysError(f"{name} is too long for a family: its members' names begin with it")
+            raise KeysError(f"{name} is too long for a family, whose members' names begin with it")
         if wanted.days < 1:
             raise KeysError(f"--days must be a whole number from 1, not {wanted.days}")
 
 
 def _check_alone(name: str, others: Iterable[str], otherwise: str) -> None:
-    """Raises KeysError where somebody could come in under one name by two certificates."""
+    """Raises KeysError if two certificates are valid for the same member."""
     for other in others:
         if overlap(name, other):
             raise KeysError(f"{name} and {other} have names in common: {otherwise}")
 
 
 def _put(path: Path, data: bytes, mode: int) -> None:
-    """Write a file whole, with its mode from the first byte on."""
+    """Write a file atomically, with its mode from the first byte on."""
     beside = path.with_suffix(f".{os.getpid()}.new")
     try:
         descriptor = os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode)

@@ -13,7 +13,7 @@ import zenoh
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.security.certificates import Wanted
-from minerva_bus.security.keys import Keys
+from minerva_bus.security.keys import KeyFolder
 from minerva_services.bridges.ros2 import Ros2
 from minerva_services.bridges.ros2 import messages as types
 from minerva_services.bridges.ros2.messages import messages
@@ -24,7 +24,7 @@ from tests.runtime.running import eventually
 
 
 def keys_in(folder):
-    keys = Keys(folder)
+    keys = KeyFolder(folder)
     keys.init()
     keys.issue("robot", Wanted(("operator",)))
     return keys

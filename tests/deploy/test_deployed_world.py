@@ -1,5 +1,7 @@
 """The commands of the Kubernetes manifests, run as they stand there: a coordinator and two pods."""
 
+# pyright: reportOptionalMemberAccess=false, reportAttributeAccessIssue=false
+# pyright: reportArgumentType=false
 import json
 import re
 import shutil
@@ -9,7 +11,7 @@ import pytest
 
 from minerva_bus.runtime.client import Client
 from minerva_bus.security.certificates import Wanted
-from minerva_bus.security.keys import Keys
+from minerva_bus.security.keys import KeyFolder
 from tests.deploy.deployed import PODS
 from tests.runtime.running import Run, World, eventually
 
@@ -30,7 +32,7 @@ def words(pod, **places):
 
 
 def test_pods_join_are_given_agents_and_go(tmp_path):
-    keys = Keys(tmp_path / "keys")
+    keys = KeyFolder(tmp_path / "keys")
     keys.init()
     keys.issue("hosts", Wanted(("agent",), family=True))
     secret = tmp_path / "secret"

@@ -8,7 +8,7 @@ import pytest
 import yaml
 
 from minerva_bus.security.credentials import covers
-from minerva_bus.security.keys import Keys
+from minerva_bus.security.keys import KeyFolder
 from minerva_bus.wire.keys import is_name
 from tests.deploy.commands import DEPLOY, in_markdown
 from tests.deploy.deployed import CONTAINERS, MANIFESTS, PODS, README, SETS, manifests
@@ -93,8 +93,10 @@ def test_pods_of_a_deployment_are_of_the_family_that_the_page_issues(tmp_path):
     assert SETS["hosts"]["kind"] == "Deployment"
     for pod in ("hosts-5d8c7b9f4-x2x7k", "hosts-" + "x" * 57):
         assert is_name(pod)
-        assert Keys(secret).credentials(pod).name == pod
-        assert [one for one in Keys(tmp_path / "keys").rights() if covers(one, pod)] == ["hosts-*"]
+        assert KeyFolder(secret).credentials(pod).name == pod
+        assert [one for one in KeyFolder(tmp_path / "keys").rights() if covers(one, pod)] == [
+            "hosts-*"
+        ]
 
 
 def test_only_permitted_agents_communicate():

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 sys.path.append(str(Path(__file__).parent))
-from secured import Keys, secured_endpoint
+from secured import KeyFolder, secured_endpoint
 
 
 @pytest.fixture(scope="module")
@@ -18,4 +18,4 @@ def door(world):
 @pytest.fixture(scope="module")
 def keys(world):
     """The folder of its keys."""
-    return Keys(world.folder / "keys")
+    return KeyFolder(world.folder / "keys")

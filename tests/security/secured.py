@@ -1,5 +1,6 @@
 """A secured world and those who would like to be in it."""
 
+# pyright: reportMissingImports=false, reportOptionalMemberAccess=false
 import re
 import sys
 import threading
@@ -13,14 +14,14 @@ from minerva_bus.runtime.client import Client
 from minerva_bus.runtime.member import MemberProcess
 from minerva_bus.security.certificates import Wanted
 from minerva_bus.security.credentials import Credentials
-from minerva_bus.security.keys import Keys
+from minerva_bus.security.keys import KeyFolder
 
 BUS = 'listen = "tls/127.0.0.1:0"\nkeys = "keys"\n'
 
 
 def keyed_world(folder, issue, bus="", members=MEMBERS, **world):
     """A world file with keys beside it; `issue` has what is wanted, by name."""
-    keys = Keys(folder / "keys")
+    keys = KeyFolder(folder / "keys")
     keys.init()
     for name, wanted in issue.items():
         keys.issue(name, Wanted(**wanted))
@@ -88,6 +89,6 @@ def goes_on(world):
 
 
 __all__ = [
-    "Client", "Joined", "Keys", "Wanted", "World", "eventually", "goes_on", "keyed_world",
+    "Client", "Joined", "KeyFolder", "Wanted", "World", "eventually", "goes_on", "keyed_world",
     "present", "refused", "secured_endpoint", "status", "stolen",
 ]  # fmt: skip

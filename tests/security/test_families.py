@@ -22,7 +22,7 @@ from tests.runtime.running import Run, here, summary
 from tests.security.secured import (
     Client,
     Joined,
-    Keys,
+    KeyFolder,
     Wanted,
     World,
     eventually,
@@ -94,7 +94,7 @@ def test_the_rules_are_for_all_names_of_a_family_and_no_other(role):
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    keys = Keys(tmp_path_factory.mktemp("families") / "keys")
+    keys = KeyFolder(tmp_path_factory.mktemp("families") / "keys")
     keys.init()
     keys.issue("hosts", Wanted(**ISSUED["hosts"]))
     keys.issue("lone-a", Wanted(("view",)))
@@ -107,12 +107,12 @@ def folder(tmp_path_factory):
         (("hosts-a", "--role", "view"), "hosts-a and hosts-* have names in common"),
         (("hosts-a", "--role", "view", "--family"), "hosts-a-* and hosts-* have names in common"),
         (("lone", "--role", "view", "--family"), "lone-* and lone-a have names in common"),
-        (("hosts", "--role", "agent"), "--renew makes another"),
+        (("hosts", "--role", "agent"), "--renew replaces it"),
         (("hosts", "--role", "agent", "--renew"), "hosts-* is renewed with --family"),
         (("lone-a", "--role", "view", "--renew", "--family"), "lone-a is renewed without --family"),
         (("a" * 63, "--role", "agent", "--family"), "too long for a family"),
-        (("mid", "--role", "router", "--family"), "there is one of each name, not a family"),
-        (("coordinator", "--role", "coordinator", "--family", "--renew"), "not a family"),
+        (("mid", "--role", "router", "--family"), "this role cannot have a family"),
+        (("coordinator", "--role", "coordinator", "--family", "--renew"), "cannot have a family"),
     ],
 )
 def test_a_family_is_issued_only_for_free_names(folder, words, said):
@@ -142,14 +142,14 @@ def test_one_of_a_family_shows_the_family_s_certificate_under_its_own_name(folde
             "hosts-b", "hosts.pem", "hosts.key",
         )  # fmt: skip
     assert folder.credentials(bearer="hosts").name.startswith("hosts-")
-    with pytest.raises(KeysError, match=r"of the family hosts-\*: other is none of it"):
+    with pytest.raises(KeysError, match=r"for the family hosts-\*, not for other"):
         folder.credentials("other", "hosts")
     with pytest.raises(KeysError, match="no certificate of 'other'"):
         folder.credentials("other")
 
 
 def test_a_folder_with_an_ambiguous_name_admits_no_member(folder, tmp_path):
-    keys = Keys(tmp_path / "keys")
+    keys = KeyFolder(tmp_path / "keys")
     keys.init()
     keys.issue("a-b", Wanted(("view",)))
     aside = (keys.folder / "a-b.pem").rename(tmp_path / "a-b.pem")
@@ -159,7 +159,7 @@ def test_a_folder_with_an_ambiguous_name_admits_no_member(folder, tmp_path):
         keys.rights()
     keys.revoke("a-*")
     assert keys.rights()["a-*"].revoked
-    with pytest.raises(KeysError, match="revoked, and nobody is called so again"):
+    with pytest.raises(KeysError, match="revoked, and its name cannot be used again"):
         keys.issue("a", Wanted(("agent",), family=True), renew=True)
 
 
@@ -218,7 +218,7 @@ def test_two_of_a_family_attach_and_evolve_agents_and_one_leaves(world, door, ke
 def test_a_family_certificate_admits_members_of_the_family_only(world, door, keys):
     with attach(world, door, "other") as run:
         assert run.ends() == 2
-        assert "is of the family hosts-*: other is none of it (--name hosts-other)" in run.text
+        assert "is for the family hosts-*, not for other; use --name hosts-other" in run.text
     base, names = f"minerva/{world.name}", ("hosts", "hostsx", "other", "steps", "coordinator")
     heard = []
     with (

@@ -23,7 +23,7 @@ from running import below, here, minerva, put, summary
 from secured import (
     Client,
     Joined,
-    Keys,
+    KeyFolder,
     Wanted,
     World,
     eventually,
@@ -63,10 +63,10 @@ def world(tmp_path_factory):
     folder = tmp_path_factory.mktemp("sec")
     path, keys = keyed_world(folder, ISSUED, LIMITS, string=STRING, frames=0, rate=50)
     keys.revoke("revoked")
-    past = Keys(folder / "keys", now() - timedelta(days=10))
+    past = KeyFolder(folder / "keys", now() - timedelta(days=10))
     past.issue("expired", Wanted(("generator",), days=1))
-    Keys(folder / "foreign").init()
-    Keys(folder / "foreign").issue("sensor", Wanted(("generator",)))
+    KeyFolder(folder / "foreign").init()
+    KeyFolder(folder / "foreign").issue("sensor", Wanted(("generator",)))
     with World(path) as world:
         world.runs("steps", "walkers")
         yield world

@@ -18,12 +18,12 @@ from running import here
 from minerva_bus.errors import KeysError
 from minerva_bus.security.certificates import Wanted, now
 from minerva_bus.security.credentials import ROLES
-from minerva_bus.security.keys import Keys
+from minerva_bus.security.keys import KeyFolder
 
 
 @pytest.fixture
 def keys(tmp_path):
-    keys = Keys(tmp_path / "keys")
+    keys = KeyFolder(tmp_path / "keys")
     keys.init(["lab.example", "10.1.2.3"])
     keys.issue("sensor", Wanted(("generator",), events=("eNear",), topics=("scan",)))
     return keys
@@ -122,28 +122,28 @@ def test_a_revoked_name_cannot_return_with_another_certificate(keys):
 
 
 def test_an_expired_certificate_is_reported_before_any_connection(keys):
-    Keys(keys.folder, now() - timedelta(days=9)).issue("old", Wanted(("view",), days=2))
-    with pytest.raises(KeysError, match=r"has expired on .*minerva keys issue old --renew"):
+    KeyFolder(keys.folder, now() - timedelta(days=9)).issue("old", Wanted(("view",), days=2))
+    with pytest.raises(KeysError, match=r"expired on .*minerva keys issue old --renew"):
         keys.credentials("old")
     keys.issue("old", Wanted(("view",)), renew=True)
     assert keys.credentials("old").name == "old"
 
 
 def test_nothing_is_valid_for_longer_than_its_authority(tmp_path):
-    keys = Keys(tmp_path / "keys", now() - timedelta(days=9))
+    keys = KeyFolder(tmp_path / "keys", now() - timedelta(days=9))
     keys.init(days=3)
     ends = keys.issue("sensor", Wanted(("generator",), days=30)).ends
     assert ends == keys.issued()["coordinator"].ends
     assert keys.now + timedelta(days=2) < ends < keys.now + timedelta(days=4)
-    late = Keys(tmp_path / "keys")
+    late = KeyFolder(tmp_path / "keys")
     assert late.issued()["sensor"].state(late.now) == "expired"
     for attempt in (lambda: late.issue("x", Wanted(("view",))), lambda: late.revoke("sensor")):
-        with pytest.raises(KeysError, match=r"the authority of .* has expired on .*"):
+        with pytest.raises(KeysError, match=r"the authority of .* expired on .*"):
             attempt()
 
 
 def test_what_is_not_of_the_authority_is_not_taken(keys, tmp_path):
-    foreign = Keys(tmp_path / "foreign")
+    foreign = KeyFolder(tmp_path / "foreign")
     foreign.init()
     foreign.issue("spy", Wanted(("operator",)))
     (keys.folder / "spy.pem").write_bytes((foreign.folder / "spy.pem").read_bytes())
@@ -170,10 +170,10 @@ def test_a_member_s_folder_has_only_its_own(keys, tmp_path):
     mine.mkdir()
     for name in ("ca.pem", "sensor.pem", "sensor.key"):
         (mine / name).write_bytes((keys.folder / name).read_bytes())
-    assert Keys(mine).credentials().name == "sensor"
+    assert KeyFolder(mine).credentials().name == "sensor"
     with pytest.raises(KeysError, match="issue and revoke where the authority was made"):
-        Keys(mine).issue("other", Wanted(("view",)))
-    with pytest.raises(KeysError, match="whose of the keys"):
+        KeyFolder(mine).issue("other", Wanted(("view",)))
+    with pytest.raises(KeysError, match="expected one; choose with"):
         keys.credentials()
 
 
@@ -211,11 +211,11 @@ def test_an_authority_is_made_whole_or_not_at_all(tmp_path):
         (("issue", "x", "--role", "agent", "--days", "0"), "--days must be"),
         (("issue", "x", "--role", "agent", "--kinds", "Füchse"), "plain letters"),
         (("issue", "x", "--role", "router", "--host", "tls/a:1"), "no host's name"),
-        (("issue", "sensor", "--role", "view"), "--renew makes another"),
+        (("issue", "sensor", "--role", "view"), "--renew replaces it"),
         (("issue", "x"), "--role is missing"),
         (("revoke", "sensr"), "did you mean 'sensor'?"),
         (("init",), "has an authority already"),
-        (("list", "--dir", "nowhere"), "minerva keys init makes one"),
+        (("list", "--dir", "nowhere"), "create one with minerva keys init"),
         (("router", "sensor", "world"), "is not for a router"),
     ],
 )
@@ -263,7 +263,7 @@ def test_a_folder_that_cannot_be_read_is_reported(tmp_path):
     """By a name that no file can have, since root may read every folder."""
     folder = tmp_path / ("x" * 300)
     with pytest.raises(KeysError, match="cannot be read: File name too long; the process needs"):
-        Keys(folder).rights()
+        KeyFolder(folder).rights()
     done = here(tmp_path, "run", "robot", "--listen", "tls/127.0.0.1:0", "--keys", folder)
     assert done.returncode == 1
     assert f"{folder} cannot be read" in done.stderr

@@ -15,7 +15,7 @@ from minerva_bus.errors import BusError, KeysError, WorldFileError
 from minerva_bus.launch.access import local_endpoint, security
 from minerva_bus.launch.reading import read_world_file
 from minerva_bus.runtime.endpoints import check_endpoint
-from minerva_bus.security.keys import Keys
+from minerva_bus.security.keys import KeyFolder
 from minerva_bus.settings.overrides import Overrides
 from minerva_bus.wire.limits import DEFAULT
 
@@ -67,7 +67,7 @@ def test_the_world_file_can_set_it_too(tmp_path):
     assert (found.keys, found.routers) == (tmp_path / "keys", ("tls/a.example:1",))
     assert (found.limits.messages, found.limits.bytes) == (7, 9000)
     assert found.limits.message_bytes == DEFAULT.message_bytes
-    with pytest.raises(KeysError, match="minerva keys init makes one"):
+    with pytest.raises(KeysError, match="create one with minerva keys init"):
         security(found, "w")
 
 
@@ -89,14 +89,14 @@ def test_limits_that_cannot_be(tmp_path, wrong):
 
 def test_the_coordinator_needs_the_list_of_revoked_names(tmp_path, monkeypatch):
     own = 'listen = "tls/0.0.0.0:0"\nkeys = "keys"\n'
-    path, keys = write_world(tmp_path, bus=own), Keys(tmp_path / "keys")
+    path, keys = write_world(tmp_path, bus=own), KeyFolder(tmp_path / "keys")
     keys.init()
     runtime = tmp_path / "runtime"
     runtime.mkdir(mode=0o700)
     monkeypatch.setenv("MINERVA_RUNTIME_DIR", str(runtime))
     assert security(border(path), "w").rights()["coordinator"].roles == {"coordinator"}
     (keys.folder / "crl.pem").unlink()
-    with pytest.raises(KeysError, match="without it, whoever was revoked would be let in"):
+    with pytest.raises(KeysError, match="without it, revoked members could join"):
         security(border(path), "w").rights()
 
 

@@ -19,7 +19,7 @@ from minerva_bus.runtime.rejected_connections import NOTHING, reason_in
 from minerva_bus.runtime.session import Secured, listening_at, open_client, open_hub
 from minerva_bus.security.access import access_control
 from minerva_bus.security.certificates import Wanted, now
-from minerva_bus.security.keys import Keys
+from minerva_bus.security.keys import KeyFolder
 from minerva_bus.wire.keys import Keys as WorldKeys
 
 GENERATOR = Wanted(("generator",))
@@ -28,11 +28,11 @@ ANYWHERE = "tls/127.0.0.1:0"
 
 @pytest.fixture(scope="module")
 def keys(tmp_path_factory):
-    keys = Keys(tmp_path_factory.mktemp("u") / "keys")
+    keys = KeyFolder(tmp_path_factory.mktemp("u") / "keys")
     keys.init()
     keys.issue("sensor", GENERATOR)
-    Keys(keys.folder, now() - timedelta(days=9)).issue("old", Wanted(("generator",), days=1))
-    foreign = Keys(keys.folder.parent / "foreign")
+    KeyFolder(keys.folder, now() - timedelta(days=9)).issue("old", Wanted(("generator",), days=1))
+    foreign = KeyFolder(keys.folder.parent / "foreign")
     foreign.init()
     foreign.issue("sensor", GENERATOR)
     return keys
@@ -98,7 +98,7 @@ def test_a_certificate_that_the_world_does_not_take(hub, keys):
 
 
 def test_a_member_rejects_a_world_with_an_untrusted_certificate(hub, keys):
-    foreign = Keys(keys.folder.parent / "foreign").credentials("sensor")
+    foreign = KeyFolder(keys.folder.parent / "foreign").credentials("sensor")
     assert "its certificate is not of your authority" in told(hub, foreign)
     port = hub.rpartition(":")[2]
     said = told(f"tls/127.0.0.2:{port}", keys.credentials("sensor"))

@@ -13,7 +13,7 @@ from minerva_bus.cli.output import print_result, print_table
 
 if TYPE_CHECKING:
     from minerva_bus.security.certificates import Issued
-    from minerva_bus.security.keys import Keys
+    from minerva_bus.security.keys import KeyFolder
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -125,7 +125,7 @@ def router(
     from minerva_bus.runtime.session import router_config
     from minerva_bus.security.access import access_control
     from minerva_bus.security.credentials import ROUTER
-    from minerva_bus.wire.keys import Keys as WorldKeys
+    from minerva_bus.wire.keys import Keys
 
     check_listening(listen, keys=True, insecure=False)
     keys = _keys(dir)
@@ -134,7 +134,7 @@ def router(
         raise KeysError(
             f"the certificate of {name} is not for a router; issue one with --role router"
         )
-    access = access_control(WorldKeys(world), keys.rights().values(), [], carrier=True)
+    access = access_control(Keys(world), keys.rights().values(), [], carrier=True)
     print_result(json_.dumps(router_config(own, listen, access), indent=2))
 
 
@@ -187,10 +187,10 @@ def _day(now: datetime, days: int) -> str:
     return datetime.fromtimestamp(ends, UTC).date().isoformat()
 
 
-def _keys(folder: Path) -> Keys:
-    from minerva_bus.security.keys import Keys
+def _keys(folder: Path) -> KeyFolder:
+    from minerva_bus.security.keys import KeyFolder
 
-    return Keys(folder)
+    return KeyFolder(folder)
 
 
 def _split(words: list[str] | None) -> tuple[str, ...]:
