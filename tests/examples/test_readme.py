@@ -17,11 +17,12 @@ def blocks(language):
 
 @pytest.fixture
 def garden(tmp_path):
-    module, test = blocks("python")
+    module, test, program = blocks("python")
     (world,) = blocks("toml")
     (tmp_path / "garden.py").write_text(module, encoding="utf-8")
     (tmp_path / "garden.toml").write_text(world, encoding="utf-8")
     (tmp_path / "try.py").write_text(test, encoding="utf-8")
+    (tmp_path / "program.py").write_text(program, encoding="utf-8")
     return tmp_path
 
 
@@ -54,6 +55,14 @@ def test_an_agent_is_born_in_it(garden):
 
 def test_the_test_of_an_agent_passes(garden):
     assert subprocess.run([sys.executable, "try.py"], cwd=garden, timeout=60).returncode == 0
+
+
+def test_the_program_runs(garden):
+    done = subprocess.run(
+        [sys.executable, "program.py"], cwd=garden, timeout=60, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+    assert "snails" in done.stdout
 
 
 def test_the_commands_that_it_names_exist():
