@@ -173,6 +173,6 @@ def _checked(
         agent: tuple([vocabulary.check_event(event, f"#{agent}") for event in events])
         for agent, events in result.emitted.items()
     }
-    if result.many:
-        sent[fragment] = tuple([vocabulary.check_any(event, fragment) for event in result.many])
+    if result.batches:
+        sent[fragment] = tuple([vocabulary.check_any(event, fragment) for event in result.batches])
     return sent

@@ -54,7 +54,7 @@ class Addressed:
                 concerning.append((index, events[index]))
         if self._batches:
             concerning += self._in_batches(agent_id, event_types, after)
-        if len(concerning) > 1:
+        if len(concerning) > 1:  # the three indexes have been read one after another
             concerning.sort(key=_index)
         return concerning
 

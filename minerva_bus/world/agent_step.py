@@ -32,7 +32,7 @@ from minerva_bus.world.kinds import ActivityError, Kinds
 Activity = Callable[..., Any]
 
 
-def live(
+def evolve_agent(
     node: AgentNode, receiver: str, events: Addressed, kinds: Kinds, context: Context
 ) -> Scene | AgentNode:
     """The result of a frame's events, in order; the same node if none concerns the agent.
@@ -87,27 +87,28 @@ class AgentStep:
                 place += len(same)
                 index = events[place - 1][0]
                 for batch in merged([event, *same]) if same else (event,):
-                    self.meet(batch)
-            elif isinstance(event, Event):
-                self._meet_single(event)
+                    self.process_event(batch)
+            elif isinstance(event, Event):  # the usual case, without the checks for batches
+                self._process_single(event)
             else:
-                self.meet(event)
+                self.process_event(event)
         return index
 
-    def meet(self, event: AnyEvent) -> None:
+    def process_event(self, event: AnyEvent) -> None:
         """Process an event, or the events of a batch in order. Raises ActivityError."""
         if isinstance(event, Event) and event.type not in self._batches():
-            self._meet_single(event)
+            self._process_single(event)
             return
         start, count = 0, len(event)
         while start < count and self._responds(event.type):
             rest = event.take(slice(start, None)) if start and isinstance(event, Events) else event
             if event.type in self._batches():
-                self._meet_batch(rest)
+                self._process_batch(rest)
                 return
+            # An activity may change the kind, whose methods then process the rest of the batch.
             symbol = self.symbol
             for each in rest:
-                self._meet_single(each)
+                self._process_single(each)
                 start += 1
                 if self.symbol != symbol:
                     break
@@ -120,7 +121,7 @@ class AgentStep:
         cls = self._kinds.get(self.symbol)
         return cls.batches if cls is not None else frozenset()
 
-    def _meet_batch(self, event: AnyEvent) -> None:
+    def _process_batch(self, event: AnyEvent) -> None:
         events = as_batch(event)
         chosen = self._answered(events)
         if chosen.count:
@@ -141,7 +142,7 @@ class AgentStep:
         rows = [row for row in range(events.count) if self._answers(agent, first, probability)]
         return events.take(np.array(rows, np.intp))
 
-    def _meet_single(self, event: Event) -> None:
+    def _process_single(self, event: Event) -> None:
         agent = self._agent
         if agent is None:
             agent = self._thawed_once(event)
@@ -249,6 +250,7 @@ def at_fault(
     if none has run.
     """
     attribute = error.attribute if isinstance(error, StateError) else ""
+    # A heuristic on source text: states are checked when needed, not after each activity.
     setters = [entry for entry in ran if attribute and assignments(entry[0], attribute)]
     return (*setters[-1:], *ran[-1:], (None, event))[0]
 

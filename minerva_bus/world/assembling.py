@@ -80,6 +80,7 @@ def _in_columns(part: Columns, state: PopulationState) -> Scene:
         births = sorted(state.born, key=_later_first)
         parents = np.concatenate([birth.rows for birth in births])
         order = np.argsort(parents, kind="stable")
+        # A newborn's row: the remaining agents up to its parent, and the newborns before it.
         ahead = np.cumsum(stays)[parents[order]]
         turnover = RowDelta(part.count, gone, ahead + np.arange(len(order)))
         newborn = Columns.concatenated([birth.newborn for birth in births]).take(order)

@@ -23,7 +23,7 @@ from minerva_bus.grammar.scene import (
 )
 from minerva_bus.world.addressing import Addressed, addressed
 from minerva_bus.world.agent import Agent
-from minerva_bus.world.agent_step import live
+from minerva_bus.world.agent_step import evolve_agent
 from minerva_bus.world.context import Context, Frame
 from minerva_bus.world.kinds import Kinds, kinds_of
 from minerva_bus.world.lineage import copy_id, newest_copy
@@ -55,13 +55,13 @@ class Policy(Enum):
 class Evolved:
     """The result of η, and the events that λ emitted, which belong to the next frame.
 
-    `emitted` has the events of single agents by id, `many` those of populations. The key of events
-    from copies is the id of the copied agent; their sender is the copy.
+    `emitted` has the events of single agents by id, `batches` those of populations. The key of
+    events from copies is the id of the copied agent; their sender is the copy.
     """
 
     scene: Scene
     emitted: dict[str, tuple[Event, ...]]
-    many: tuple[AnyEvent, ...] = ()
+    batches: tuple[AnyEvent, ...] = ()
 
 
 _FIRST = Frame()
@@ -87,7 +87,7 @@ def evolve(
         _check_few(scene, len(eta.copies), frame)
         last = newest_copy(agent.id for agent in agents(scene))
         eta.copying = max(frame.number, last + 1)
-    return Evolved(rewritten(scene, eta.node, eta.columns), eta.emitted, tuple(eta.many))
+    return Evolved(rewritten(scene, eta.node, eta.columns), eta.emitted, tuple(eta.batches))
 
 
 @dataclass(slots=True)
@@ -98,7 +98,7 @@ class _Eta:
     kinds: Kinds
     frame: Frame
     emitted: dict[str, tuple[Event, ...]] = field(default_factory=dict[str, tuple[Event, ...]])
-    many: list[AnyEvent] = field(default_factory=list[AnyEvent])
+    batches: list[AnyEvent] = field(default_factory=list[AnyEvent])
     copying: int = 0
 
     def columns(self, part: Columns) -> Scene | None:
@@ -108,7 +108,7 @@ class _Eta:
         if len(self.copies) != 1:
             return None  # copies are neighbours of their row, so these are no rows of one array
         scene, sent = evolve_population(part, self.copies[0], self.kinds, self.frame)
-        self.many += sent
+        self.batches += sent
         return scene
 
     def node(self, node: Node, scope: Scene) -> Scene | Node:
@@ -120,11 +120,11 @@ class _Eta:
         if not isinstance(node, AgentNode) or node.symbol not in self.kinds:
             return node
         if len(self.copies) == 1:
-            return self.live(node, self.copies[0], node.id)
+            return self._lambda(node, self.copies[0], node.id)
         made: list[Node] = []
         for number, events in enumerate(self.copies, 1):
             copy = node if number == 1 else self.copy(node, number, height)
-            result = self.live(copy, events, node.id)
+            result = self._lambda(copy, events, node.id)
             made += result.nodes if isinstance(result, Scene) else (result,)
         return Scene(tuple(made)) if made else EMPTY
 
@@ -140,10 +140,10 @@ class _Eta:
         scope = rebuild(node.scope, renamed)
         return replace(node, id=copy_id(node.id, self.copying, number), scope=scope)
 
-    def live(self, node: AgentNode, events: Addressed, original: str) -> Scene | AgentNode:
+    def _lambda(self, node: AgentNode, events: Addressed, original: str) -> Scene | AgentNode:
         """Apply λ to an agent, or to a copy of the agent with the id `original`."""
         context = Context(self.frame, f"#{node.id}")
-        result = live(node, original, events, self.kinds, context)
+        result = evolve_agent(node, original, events, self.kinds, context)
         if context.emitted:
             self.emitted[original] = (*self.emitted.get(original, ()), *context.emitted)
         return result

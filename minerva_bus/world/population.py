@@ -74,7 +74,7 @@ class PopulationState:
 
     def write(self, name: str, rows: Rows | None, values: Sequence[Any] | NDArray[Any]) -> None:
         """Set an attribute in these rows, or in all."""
-        if rows is None and len(values) == self.part.count:
+        if rows is None and len(values) == self.part.count:  # without copying the old values
             old = self.part.column(name)
             array = np.empty(self.part.count, old.dtype)
             array[:] = values

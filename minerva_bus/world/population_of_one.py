@@ -54,6 +54,7 @@ def view_as_one(view: Callable[[Any, Any], Any]) -> Callable[[Any, Event], Scene
 
 def _population_of(agent: Agent) -> tuple[PopulationState, Population]:
     node = agent.freeze()
+    # Columns hold agents without scopes, and methods for populations do not access the scope.
     bare = AgentNode(node.symbol, node.id, node.names, node.values)
     state = PopulationState(Columns.of([bare]), agent.kind.fields)
     return state, Population(state, type(agent), None)

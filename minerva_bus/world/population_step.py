@@ -54,7 +54,7 @@ class PopulationStep:
         self._sent: list[tuple[int, Sequence[Event]]] = []
         self._ran: list[tuple[Activity, AnyEvent]] = []
 
-    def meet(self, addressed: Addressed) -> None:
+    def process(self, addressed: Addressed) -> None:
         """Process a frame's events. Raises ActivityError."""
         for event_type, group in groupby(addressed.events, lambda event: event.type):
             if event_type not in self._cls.activities and not self._steps:
@@ -128,7 +128,7 @@ class PopulationStep:
                 continue
             if places is None or row in places:
                 place = places[row] if places is not None else 0
-                step.meet(event if isinstance(event, Event) else event.event(place))
+                step.process_event(event if isinstance(event, Event) else event.event(place))
 
     # --- methods for populations ---
 
@@ -300,5 +300,5 @@ def evolve_population(
     if not addressed.types & cls.activities.keys():
         return Scene((part,)), ()
     step = PopulationStep(part, kinds, frame)
-    step.meet(addressed)
+    step.process(addressed)
     return step.end(addressed.events[-1])

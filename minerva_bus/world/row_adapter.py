@@ -181,7 +181,7 @@ def _taken(part: Columns, cls: type[Agent]) -> tuple[list[Agent] | None, list[st
     kept = part.columns[0].kept if part.columns else None
     if kept is None:
         return None, None
-    part.columns[0].kept = None
+    part.columns[0].kept = None  # agents are mutable, so two evolutions must not share them
     kind, ids, others, agents, names = kept
     if kind is cls and ids is part.ids and all(map(is_, others, part.columns[1:])):
         return agents, names

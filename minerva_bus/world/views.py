@@ -59,6 +59,7 @@ def visualize(
         return EMPTY if cls is None else view_of_population(part, concerning, cls, frame)
 
     shown = rewritten(scene, leave, whole)
+    # Packed only beside columns, so that views of few single agents skip the search for runs.
     return packed(shown) if has_columns(scene) else shown
 
 

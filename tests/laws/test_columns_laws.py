@@ -184,7 +184,7 @@ def frames(draw):
 
 def sent(result: Evolved):
     """What was sent, by type: between types the order decides anyway."""
-    events = [e for one in result.emitted.values() for e in one] + list(single(result.many))
+    events = [e for one in result.emitted.values() for e in one] + list(single(result.batches))
     return {name: [e for e in events if e.type == name] for name in TYPES}
 
 
