@@ -136,7 +136,8 @@ class CollectionStep:
         declared = member.hello.generates if member.hello is not None else ()
         undeclared = [event.type for event in events if event.type not in declared]
         if undeclared:
-            reason = f"it sent {undeclared[0]} but said it makes {declared}"
+            events_declared = ", ".join(declared) or "no events"
+            reason = f"it sent {undeclared[0]}, but its hello declares {events_declared}"
         else:
             reason = self._speaking.objection(member.name, events)
         if reason:

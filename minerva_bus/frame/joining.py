@@ -171,7 +171,9 @@ class MemberLifecycle:
         unassigned = bool(requests.unassigned) and member.awaited
         if not (algorithm.awaits_tick(member.name) or outstanding or unassigned):
             return
-        algorithm.out.log(member.name, f"is left out of frame {algorithm.frame}")
+        algorithm.out.log(
+            member.name, f"timed out in frame {algorithm.frame}; skipped for this frame"
+        )
         if algorithm.phase is Phase.TICK:
             in_flight.pending.discard(member.name)
             return

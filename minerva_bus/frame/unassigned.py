@@ -29,7 +29,7 @@ class UnassignedLog:
         reason = limit if self._limit else "[placement] says where"
         out.log(
             "placement",
-            f"{agents} agents have no host and stand still: {reason}; attach another one",
+            f"{agents} agents have no host and do not evolve: {reason}; attach another host",
         )
 
     def kinds(
@@ -48,6 +48,6 @@ class UnassignedLog:
         }
         for kinds in sorted(map(sorted, missing - self._reported)):
             names = f"all of {', '.join(kinds)}" if len(kinds) > 1 else kinds[0]
-            still = "such agents stand still; attach one that does"
-            out.log("placement", f"no host evolves {names}: {still}")
+            still = "these agents do not evolve; attach a host that does"
+            out.log("placement", f"no host offers {names}: {still}")
         self._reported |= missing

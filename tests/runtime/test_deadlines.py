@@ -30,7 +30,7 @@ def test_a_frame_goes_on_without_a_host_whose_agents_stand_still(tmp_path):
     with World(path) as world:
         pid = world.runs("steps", "walkers")["walkers"]
         os.kill(pid, signal.SIGSTOP)
-        world.says("walkers │ is left out of frame")
+        world.says("walkers │ timed out in frame")
         with world.client() as asked:
             still = asked.ask("fragment", agent="a")["fragment"]
             frame = asked.operator.status().frame
@@ -53,7 +53,7 @@ def test_a_frame_goes_on_without_a_generator(tmp_path):
     with World(path) as world:
         pid = world.runs("steps", "walkers")["steps"]
         os.kill(pid, signal.SIGSTOP)
-        world.says("steps │ is left out of frame")
+        world.says("steps │ timed out in frame")
         with world.client() as asked:
             frame = asked.operator.status().frame
             eventually(lambda: asked.operator.status().frame > frame + 1, "frames go on")

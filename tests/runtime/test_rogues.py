@@ -81,7 +81,7 @@ GARBAGE = {
     ),
     "what it does not make": (
         msgpack.packb(["emitted", [["eWish", [0.0, ""]]]]),
-        "but said it makes",
+        "but its hello declares",
     ),
 }
 

@@ -76,7 +76,7 @@ def test_agents_beyond_the_capacity_of_hosts_stand_still():
     bus = pond({"east": "1"}, PlacementRules(agents_per_host=3))
     bus.run(2)
     assert sorted(counts(bus).values()) == [0, 2, 2, 2]
-    assert [one for one in bus.said if "1 agents have no host and stand still" in one]
+    assert [one for one in bus.said if "1 agents have no host and do not evolve" in one]
     bus.makers["west"] = host("west", Counter)
     bus.appear("west")
     bus.run(1)
@@ -88,14 +88,14 @@ def test_agents_beyond_the_capacity_of_hosts_stand_still():
 def test_it_is_reported_once_until_something_changes():
     bus = pond({"east": "1"}, PlacementRules(agents_per_host=3))
     bus.run(40)
-    assert len([one for one in bus.said if "stand still" in one]) == 1
+    assert len([one for one in bus.said if "do not evolve" in one]) == 1
 
 
 def test_kinds_that_no_host_offers_are_named_once():
     bus = pond({}, PlacementRules(), "ACounter#a · AMinnow#m")
     bus.run(5)
     assert bus.said == [
-        f"placement: no host evolves {kind}: such agents stand still; attach one that does"
+        f"placement: no host offers {kind}: these agents do not evolve; attach a host that does"
         for kind in ("ACounter", "AMinnow")
     ]
     bus.makers["west"] = host("west", Counter)
@@ -105,7 +105,7 @@ def test_kinds_that_no_host_offers_are_named_once():
     bus.vanish("west")
     bus.settle()
     bus.run(2)
-    assert len([one for one in bus.said if "no host evolves" in one]) == 2
+    assert len([one for one in bus.said if "no host offers" in one]) == 2
 
 
 def shoal(hosts, placement, text, **rest):

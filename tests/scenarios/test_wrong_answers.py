@@ -249,8 +249,8 @@ def test_undeclared_events_of_a_generator_are_rejected():
         > begin
             ~tick ← tick 1
         > add: ticked 1: eCroak<x=1>
-            says add: broke the protocol: it sent eCroak but said it makes ('eAdd',)
-            add ← refused: it sent eCroak but said it makes ('eAdd',)
+            says add: broke the protocol: it sent eCroak, but its hello declares eAdd
+            add ← refused: it sent eCroak, but its hello declares eAdd
         > add: ticked 1: eAdd<n=1>
         > add vanished
     """,
