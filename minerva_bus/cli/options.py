@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable
 from dataclasses import dataclass, fields
-from functools import wraps
+from functools import cache, wraps
 from typing import Annotated, Any, Final, TypeVar, get_origin, get_type_hints
 
 import typer
@@ -185,11 +185,17 @@ class _Fields:
         self._cls = cls
 
     def parameters(self) -> list[Parameter]:
-        hints = get_type_hints(self._cls, include_extras=True)
+        hints = _hints(self._cls)
         return [_keyword(each.name, each.default, hints[each.name]) for each in fields(self._cls)]
 
     def collect(self, values: dict[str, Any]) -> Any:
         return self._cls(**{each.name: values.pop(each.name) for each in fields(self._cls)})
+
+
+@cache
+def _hints(cls: type[Any]) -> dict[str, Any]:
+    """The annotations of a dataclass; cached, because many commands share one."""
+    return get_type_hints(cls, include_extras=True)
 
 
 def _group(annotation: Any) -> Takes | _Fields | None:
