@@ -126,8 +126,8 @@ def defaults(options: Mapping[str, Any]) -> Mapping[str, Any]:
     Raises MinervaError for invalid options and maps.
     """
     chosen = RobotOptions.read(options)
-    defaults = {name: getattr(chosen, name) for name in _NAMES if name not in options}
-    return {**defaults, **options, "objective": chosen.goal}
+    values = {name: getattr(chosen, name) for name in _NAMES if name not in options}
+    return {**values, **options, "objective": chosen.goal}
 
 
 def notes(options: Mapping[str, Any]) -> Sequence[str]:

@@ -42,8 +42,8 @@ from minerva_bus.semantics.plane import PlaneGeometry, Pose
 from minerva_bus.study.outcome import Outcome
 
 WIDTH, HEIGHT, BROOD = 24.0, 15.0, 6
-FASTEST = 0.4  # metres per frame
-SHARPEST = 30.0  # degrees per frame
+MAX_SPEED = 0.4  # metres per frame
+MAX_TURN = 30.0  # degrees per frame
 REACH = 0.7  # metres within which a creature can eat
 SIGHT = portable.cos(math.radians(35))  # an eye sees 35° to either side of its direction
 
@@ -102,8 +102,8 @@ class Creature(Agent, symbol="ACreature"):
             left += eye["left"] * light
             right += eye["right"] * light
         turn = math.degrees(right - left)
-        self.heading = (self.heading + max(-SHARPEST, min(SHARPEST, turn))) % 360
-        way = max(0.0, min(FASTEST, (left + right) / 2))
+        self.heading = (self.heading + max(-MAX_TURN, min(MAX_TURN, turn))) % 360
+        way = max(0.0, min(MAX_SPEED, (left + right) / 2))
         self.x = (self.x + way * portable.cos(math.radians(self.heading))) % WIDTH
         self.y = (self.y + way * portable.sin(math.radians(self.heading))) % HEIGHT
 

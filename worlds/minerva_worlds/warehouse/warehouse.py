@@ -37,7 +37,8 @@ from minerva_bus.grammar.scene import FigureNode
 
 WIDTH, HEIGHT, HOME, AISLE = 24.0, 9.0, 1.0, 0.8  # metres
 SPEED, FULL, CHARGED = 0.45, 100.0, 1.5  # metres: per frame; per full charge; charged per frame
-PATIENCE, PAUSE, MISHAPS = 6, 20, 0.05  # frames for bids; between calls; probability of no box
+BID_FRAMES, CALL_FRAMES = 6, 20  # frames within which bids count, and between calls
+MISHAP_PROBABILITY = 0.05  # that a carrier does not find its box
 ROWS = {"A": 3.2, "B": 6.8}
 SHELVES = {f"{row}{n}": (3.0 * n + 1.0, y) for row, y in ROWS.items() for n in range(1, 6)}
 DOCKS = {"north": (22.0, 6.8), "south": (22.0, 3.2)}
@@ -102,15 +103,15 @@ class Manager(Talker, symbol="AManager"):
             best = min(bids, key=lambda bid: (float(bid.content), bid.peer))
             self.award(moment, bids, best, self.waiting[0], language="minerva")
             self.waiting = self.waiting[1:]
-        elif self.waiting and moment.number % PAUSE == 0:
-            by = moment.number + PATIENCE
+        elif self.waiting and moment.number % CALL_FRAMES == 0:
+            by = moment.number + BID_FRAMES
             job = self.waiting[0]
             self.open(moment, CONTRACT_NET, self.carriers, job, language="minerva", reply_by=by)
 
-    def heard(self, message: Event, talk: Conversation | None, moment: Context) -> None:
-        match talk.state if talk else "":
+    def heard(self, message: Event, conversation: Conversation | None, moment: Context) -> None:
+        match conversation.state if conversation else "":
             case "proposed" if not message.content.replace(".", "", 1).isdecimal():
-                self.say(moment, talk, "not-understood", "expected a number")
+                self.say(moment, conversation, "not-understood", "expected a number")
             case "done":
                 self.done += 1
             case "failed":  # announce it again
@@ -132,12 +133,12 @@ class Carrier(Talker, symbol="ACarrier"):
     battery: Metres = FULL
     loaded: bool = False
 
-    def heard(self, message: Event, talk: Conversation | None, moment: Context) -> None:
-        match talk.state if talk else "":
+    def heard(self, message: Event, conversation: Conversation | None, moment: Context) -> None:
+        match conversation.state if conversation else "":
             case "called":
-                self.bid(talk, moment)
-            case "accepted" if read_job(talk.content) is None:
-                self.say(moment, talk, "failure", "expected PJob<source, target>")
+                self.bid(conversation, moment)
+            case "accepted" if read_job(conversation.content) is None:
+                self.say(moment, conversation, "failure", "expected PJob<source, target>")
 
     def bid(self, call: Conversation, moment: Context) -> None:
         job = read_job(call.content)
@@ -191,7 +192,7 @@ class Carrier(Talker, symbol="ACarrier"):
         if self.loaded:
             self.say(moment, contract, "inform", contract.content)
             self.loaded = False
-        elif moment.random.random() < MISHAPS:
+        elif moment.random.random() < MISHAP_PROBABILITY:
             self.say(moment, contract, "failure", contract.content)
         else:
             self.loaded = True

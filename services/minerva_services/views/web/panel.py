@@ -188,7 +188,7 @@ class Panel:
                 "selected", (EVERYBODY,), hint="receiver of orders; a click on an agent selects it"
             )
             self._state = gui.add_html("")
-            self._full = gui.add_button("Whole text", visible=False)
+            self._full = gui.add_button("Full text", visible=False)
 
         @self._agent.on_update
         def _(event: GuiEvent[Any]) -> None:
