@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 import pytest
-from pond import Frog, eCroak, pond
+from frogs import Frog, eCroak, pond
 
 from minerva_bus import MinervaError, World, count, data, each, on, run
 from minerva_bus.collect.collector import read_entries

@@ -12,7 +12,7 @@ import time
 from pathlib import Path
 
 import pytest
-from pond import Frog, eCroak, eFeed, pond
+from frogs import Frog, eCroak, eFeed, pond
 
 from minerva_bus import connect, count, data, run
 from minerva_bus.errors import BusError, MinervaError, MisuseError
@@ -84,7 +84,7 @@ def test_a_wrong_world_is_explained_and_leaves_no_process(tmp_path):
 
 def test_processes_end_with_the_program_that_started_them(tmp_path):
     program = (
-        "import sys, time; from pond import pond\n"
+        "import sys, time; from frogs import pond\n"
         "live = pond().start(bus=True); live.step(); print('ready', flush=True); time.sleep(60)\n"
     )
     environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parent)}

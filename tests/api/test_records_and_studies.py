@@ -7,7 +7,7 @@ import signal
 
 import numpy as np
 import pytest
-from pond import Frog, eTick, pond
+from frogs import Frog, eTick, pond
 
 from minerva_bus import (
     Agent,

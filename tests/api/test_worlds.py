@@ -7,9 +7,9 @@ import asyncio
 import subprocess
 import sys
 
-import pond as module
+import frogs as module
 import pytest
-from pond import Frog, PFrog, TAt, eFeed, ePicture, eTick, pond
+from frogs import Frog, PFrog, TAt, eFeed, ePicture, eTick, pond
 
 from minerva_bus import (
     Agent,

@@ -101,7 +101,7 @@ def test_a_world_stops_where_a_member_is_too_late(tmp_path):
     ("keys", "said"),
     [
         ('late = "never"', "late must be one of restart, skip, wait, stop"),
-        ("soft = 2.0\nhard = 1.0", "soft must not be over hard, 1"),
+        ("soft = 2.0\nhard = 1.0", "soft must be at most hard, 1"),
         ("hard = -1", "hard must be a number of seconds from 0.1"),
     ],
 )
