@@ -7,7 +7,7 @@ import signal
 import numpy as np
 
 from minerva_bus import parse
-from minerva_bus.launch.memory import FOLDER, column_bytes, has_room, sweep
+from minerva_bus.launch.memory import FOLDER, column_bytes, has_room, remove_orphans
 from tests.runtime.running import MEMBERS, World, eventually, minerva, summary, write_world
 from tests.runtime.yard import Walker
 
@@ -62,7 +62,7 @@ def test_a_sweep_takes_unlocked_files(tmp_path):
         (tmp_path / name).write_bytes(b"x")
     with (tmp_path / "mine.zenoh").open("r+") as mine:
         fcntl.flock(mine, fcntl.LOCK_EX)
-        assert sweep(tmp_path) == 1
+        assert remove_orphans(tmp_path) == 1
     assert {path.name for path in tmp_path.iterdir()} == {"mine.zenoh", "other"}
 
 
