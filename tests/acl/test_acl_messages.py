@@ -111,7 +111,7 @@ def test_words_are_a_type_of_the_language():
 
 
 @pytest.mark.parametrize("bad", ["text a b|c", "text a||b", "text a|a", "text a|b c"])
-def test_what_are_no_words(bad):
+def test_invalid_arguments(bad):
     with pytest.raises(MinervaError):
         parse_type(bad)
 

@@ -164,12 +164,12 @@ def test_other_pictures_are_refused(record, tmp_path, name):
         show_conversation(record(TALK), "", tmp_path / name, False)
 
 
-def test_where_nothing_can_be_written(record, tmp_path):
+def test_an_unwritable_folder(record, tmp_path):
     with pytest.raises(MinervaError, match=r"cannot write .*x\.svg: No such file"):
         show_conversation(record(TALK), "", tmp_path / "nowhere" / "x.svg", False)
 
 
-def test_no_record_at_all(tmp_path):
+def test_a_missing_record(tmp_path):
     with pytest.raises(MinervaError, match=r"no\.mcap"):
         show_conversation(tmp_path / "no.mcap", "", None, False)
 

@@ -51,7 +51,7 @@ def only(said, topic):
         (721, -90.0, 90.0, 0.25),
     ],
 )
-def test_where_the_beams_of_a_sick_laser_point(beams, first, last, step):
+def test_beam_directions_of_a_faulty_laser(beams, first, last, step):
     assert angles_of(beams) == (first, step)
     assert first + (beams - 1) * step == pytest.approx(last)
 
@@ -243,7 +243,7 @@ def test_the_intel_log_is_read_as_it_is_written(intel):
 
 
 @needs_intel
-def test_what_hits_nothing_is_no_event(intel):
+def test_a_beam_without_hit_is_no_event(intel):
     said, _, scans, _ = intel
     read = [one.reading for one in said if one.topic == "scan"]
     hit = sum(np.count_nonzero((scan.ranges > 0) & (scan.ranges < scan.range_max)) for scan in read)

@@ -91,7 +91,7 @@ def test_matching_puts_it_right(tmp_path):
     assert chained_angle(found[-1]) - published_angle(found[-1]) == pytest.approx(9 * 1.5)
 
 
-def test_without_odometry_it_goes_by_its_scans(tmp_path):
+def test_without_odometry_it_uses_its_scans(tmp_path):
     lines = [line for line in drive(tmp_path / "a.log").read_text().splitlines() if "F" in line]
     found = located(write(tmp_path / "b.log", *lines), matched=True)
     assert all(one.chained is None for one in found)

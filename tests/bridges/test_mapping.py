@@ -75,7 +75,7 @@ def test_a_beam_ends_at_a_wall_and_is_free_before_it(tmp_path):
     assert np.count_nonzero(made.map.cells == OCCUPIED) == 3
 
 
-def test_what_hits_nothing_is_nothing(tmp_path):
+def test_a_ray_without_hit_returns_nothing(tmp_path):
     made = drawn(write(tmp_path / "a.log", flaser([81.91, 2.0, 80.0])))
     assert np.count_nonzero(made.map.cells == OCCUPIED) == 1
     assert max(made.grid.shape) * made.cell < 3.0
@@ -145,7 +145,7 @@ def test_at_an_end_the_nearest_odometry_will_do():
     ]
 
 
-def test_where_nothing_is_near_the_place_is_not_known():
+def test_a_place_without_features_is_unknown():
     assert places(scanned(1.0)) == [None]
     assert places(wheels(1.0), scanned(5.0), wheels(9.0)) == [None]
     assert isinstance(next(posed_scans([scanned(1.0)])), Unposed)
@@ -211,7 +211,7 @@ def some(tmp_path):
     return write(tmp_path / "some.log", *lines)
 
 
-def test_what_is_saved_is_read_again(tmp_path, some):
+def test_saved_data_are_read_again(tmp_path, some):
     made = drawn(some).map
     again = load_map(save_map(made, tmp_path / "map.pgm"))
     assert np.array_equal(again.cells, made.cells)
@@ -291,7 +291,7 @@ def test_without_a_name_the_map_has_that_of_the_recording(tmp_path, some, monkey
         ("some.txt", "none for 'txt' is installed"),
     ],
 )
-def test_what_is_no_recording(tmp_path, name, why):
+def test_invalid_recordings(tmp_path, name, why):
     write(tmp_path / "some.txt", odom())
     with pytest.raises(MinervaError, match=why):
         command(tmp_path / name, tmp_path / "map.pgm")

@@ -79,7 +79,7 @@ def test_rmc_counts_until_gga_arrives(cable):
         ({"up": "-45.0"}, 0.0, pytest.approx(4.0)),
     ],
 )
-def test_what_a_sentence_does_not_have_is_unknown(cable, fields, altitude, accuracy):
+def test_missing_fields_of_a_sentence_are_unknown(cable, fields, altitude, accuracy):
     _, (position,) = positions(cable, gga(**fields))
     assert (position.altitude, position.accuracy) == (altitude, accuracy)
 

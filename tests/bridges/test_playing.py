@@ -96,7 +96,7 @@ def test_when_readings_are_due(stamps, speed, due):
 
 
 @given(STAMPS, st.floats(0.01, 100))
-def test_whatever_the_clock_does_nothing_is_early_and_nothing_stalls(stamps, speed):
+def test_playback_is_never_early_and_never_stalls(stamps, speed):
     due = list(due_times(stamps, speed))
     assert len(due) == len(stamps)
     steps = [after - before for before, after in pairwise([0.0, *due])]

@@ -159,7 +159,7 @@ def test_a_recording_is_attached_to_a_running_world_and_ends(tmp_path):
         (["rosbag", "some.log", "--topics", "scan"], "topics is 'scan'"),
     ],
 )
-def test_what_cannot_be_played_is_one_line(tmp_path, words, why):
+def test_an_unplayable_file_is_reported_in_one_line(tmp_path, words, why):
     log_in(tmp_path)
     worlds = bus()
     done = worlds.here(tmp_path, "bridge", *words, "--connect", "tcp/127.0.0.1:1", "--world", "w")

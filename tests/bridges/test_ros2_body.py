@@ -176,7 +176,7 @@ def test_one_body_is_not_for_two_robots():
 
 
 @pytest.mark.parametrize("saved", [{}, {"goal": ["x"], "carried_out": 1}, {"goal": [1.0]}])
-def test_what_was_not_saved_is_not_restored(saved):
+def test_unsaved_state_is_not_restored(saved):
     with pytest.raises(MisuseError, match="saved state"):
         Ros2Robot("tcp/127.0.0.1:1").restore(saved)
 

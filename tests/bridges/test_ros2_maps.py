@@ -71,7 +71,7 @@ def test_a_map_survives_a_round_trip():
         ({"turned": float("nan")}, "pose not finite"),
     ],
 )
-def test_what_is_no_map(options, why):
+def test_invalid_maps(options, why):
     with pytest.raises(GarbageError, match=why):
         grid_of(grid(**options))
 

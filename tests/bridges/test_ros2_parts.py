@@ -40,7 +40,7 @@ def test_the_time_that_the_world_needs_is_time_of_the_next_command():
     assert rhythm.due == pytest.approx(101.1)
 
 
-def test_a_world_that_is_too_slow_has_no_wait_at_all():
+def test_a_world_that_is_too_slow_never_waits():
     rhythm = FramePacer()
     rhythm.begin(0.1, 100.0)
     assert rhythm.begin(0.1, 100.25) == 0.0
@@ -110,7 +110,7 @@ def test_other_bytes_are_no_attachment(data):
         ({"namespace": "bot#1"}, "is not a valid name"),
     ],
 )
-def test_what_a_network_cannot_be(options, problem):
+def test_invalid_networks(options, problem):
     with pytest.raises(MisuseError, match=problem):
         Ros2Network(**{"router": "tcp/h:7447", **options})
 

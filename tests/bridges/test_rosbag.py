@@ -67,7 +67,7 @@ def test_scans_and_odometry_of_all_kinds_of_bags(tmp_path, suffix):
 
 
 @KINDS
-def test_where_the_laser_sits(tmp_path, suffix):
+def test_position_of_the_laser(tmp_path, suffix):
     def make(ros):
         frames = [
             ("base_footprint", "base_link", 9.0, 9.0, 9.0, 0.0),
@@ -103,7 +103,7 @@ def test_frames_in_a_circle_do_not_hang(tmp_path):
     assert len(bag_of(tmp_path, make)[0]) == 1
 
 
-def test_what_is_nearer_than_a_laser_can_see_was_no_hit(tmp_path):
+def test_ranges_below_the_minimum_are_no_hits(tmp_path):
     scan = one(tmp_path, lambda ros: ros.scan([0.05, 0.1, math.inf, math.nan, 7.0]))
     assert scan.ranges[[0, 1, 4]].tolist() == [0.0, np.float32(0.1), 7.0]
     assert scan.ranges[[2, 3]].tolist() == [scan.range_max, 0.0]
@@ -240,7 +240,7 @@ def test_a_bag_without_sensors_lists_its_topics(tmp_path):
         ("a.txt", b"x"),
     ],
 )
-def test_no_bag_at_all(tmp_path, name, content):
+def test_a_missing_bag(tmp_path, name, content):
     path = tmp_path / name
     path.write_bytes(content)
     with pytest.raises(RecordingError, match=rf"{name}: not a readable bag: \S") as caught:
@@ -282,7 +282,7 @@ def test_missing_libraries_name_the_extra(tmp_path, monkeypatch):
         readings(path)
 
 
-def test_what_a_service_publishes(tmp_path):
+def test_topics_that_a_service_publishes(tmp_path):
     path = str(tmp_path)
     assert Rosbag(path).publishes == ("battery", "image", "odometry", "position", "scan")
     assert Rosbag(path, topics={"/a": "front", "/b": "front"}).publishes == ("front",)

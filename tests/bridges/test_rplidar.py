@@ -79,7 +79,7 @@ def test_by_itself_it_does_what_the_firmware_can(cable, firmware, command):
         assert scans == [command]
 
 
-def test_where_it_is_mounted_goes_with_the_scans(cable):
+def test_scans_carry_their_mount(cable):
     at = bridge(cable, mount_x=0.1, mount_y=-0.2, mount_angle=90.0, robot="r7", range_max=6.0)
     with Emulator(cable), RunningBridge(at) as runs:
         (scan,) = runs.readings(1)
@@ -151,7 +151,7 @@ def test_a_persistent_lidar_error_is_reported(cable, capsys):
     assert "is in protection mode (error 0x8001); disconnect its power" in capsys.readouterr().out
 
 
-def test_nothing_there_and_nothing_that_answers(tmp_path, capsys, monkeypatch):
+def test_a_missing_and_an_unresponsive_endpoint(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr("minerva_services.sensors.rplidar.lidar.ANSWER_SECONDS", 0.1)
     cable = Cable(tmp_path / "lidar")
     with RunningBridge(bridge(cable)) as runs:

@@ -69,7 +69,7 @@ def test_addresses_of_a_list_a_table_and_a_pattern():
         ([1], "x.org", "must be a list of ids"),
     ],
 )
-def test_what_are_no_addresses(given, domain, why):
+def test_invalid_addresses(given, domain, why):
     with pytest.raises(MisuseError, match=why):
         Addresses.of("outside", given, domain)
 
@@ -116,7 +116,7 @@ def test_a_message_there_and_back():
     assert event_of("what?", "", metadata, "clerk", "alice", KNOWN, CLOCK) == message
 
 
-def test_what_others_leave_out_and_write_otherwise():
+def test_variants_written_by_other_tools():
     event = event_of("", "t1", {"performative": "ask-if"}, "alice", "clerk", KNOWN, CLOCK)
     assert (event.performative, event.conversation_id, event.reply_by) == ("query-if", "t1", NEVER)
 
@@ -126,7 +126,7 @@ def test_what_others_leave_out_and_write_otherwise():
     [{}, {"performative": "shout"}, {"performative": "eos"}]
     + [{"performative": "inform", "reply-by": one} for one in ("soon", "0001-01-01")],
 )
-def test_what_is_no_message_of_fipa(metadata):
+def test_messages_that_are_not_fipa(metadata):
     with pytest.raises(InvalidMessage):
         event_of("", "", metadata, "alice", "clerk", KNOWN, CLOCK)
 

@@ -288,7 +288,7 @@ def test_calibrations_of_ros_and_by_hand(tmp_path, text):
         (ROS.replace("0.1, -0.2", "0.1").encode()[:-5] + b"1, 1, 1]", "distortion coefficients"),
     ],
 )
-def test_what_is_no_calibration(tmp_path, data, problem):
+def test_invalid_calibrations(tmp_path, data, problem):
     (tmp_path / "lens").write_bytes(data)
     with pytest.raises(MinervaError, match=problem):
         read_lens(str(tmp_path / "lens"))

@@ -34,7 +34,7 @@ IN_STEP = (
 
 
 @pytest.mark.parametrize("camera", [BRIDGE, IN_STEP], ids=["vision", "markers"])
-def test_what_a_camera_sees_is_the_robot_s_event(tmp_path, monkeypatch, camera):
+def test_a_camera_sighting_is_the_robots_event(tmp_path, monkeypatch, camera):
     image = rendered(cv2, (7, 1.5, 10.0, 0, 0))
     cv2.imwrite(str(tmp_path / "one.png"), image)
     np.save(tmp_path / "one.npy", image)

@@ -395,7 +395,7 @@ def test_a_wrong_option_of_run(minerva, home, words, message):
     ("rnu",), ("--foo",), ("run",), ("check",), ("check", "a", "b"), ("pub",), ("echo", "--count", "x"),
     ("list", "--foo"), ("attach",), ("stop", "a", "b"), ("version", "x"),
 ])  # fmt: skip
-def test_what_is_no_command_gets_usage(minerva, words):
+def test_an_unknown_command_prints_usage(minerva, words):
     code, out, err = minerva(*words)
     assert code == 2
     assert out == ""
@@ -435,7 +435,7 @@ def test_a_runtime_folder_that_cannot_be(minerva, home, monkeypatch, place, word
 
 
 @pytest.mark.parametrize("text", ["", "{", "[]", '{"world": 3}', "\0", "x" * 10_000])
-def test_what_is_left_in_the_runtime_folder_is_swept_up(minerva, home, text):
+def test_leftovers_in_the_runtime_folder_are_removed(minerva, home, text):
     folder = home / "runtime"
     folder.mkdir(exist_ok=True)
     (folder / "old.json").write_text(text)

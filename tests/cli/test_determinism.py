@@ -132,7 +132,7 @@ EACH = """
 """
 
 
-def test_what_differs_is_named(tmp_path):
+def test_differences_are_named(tmp_path):
     code, out, error = check(tmp_path, "--json", when=EACH.strip())
     assert (code, error) == (1, "")
     found = json.loads(out)

@@ -127,7 +127,7 @@ def test_a_record_is_shown_without_its_code(folder):
     assert ran(folder)
 
 
-def test_what_needs_code_is_refused(folder):
+def test_a_check_that_needs_code_is_rejected(folder):
     for words in (("--recompute",), ("--swap", "a=b:C"), ("--view", "svg")):
         done = minerva(folder, "replay", "r.mcap", "--no-code", *words)
         assert done.returncode == 2

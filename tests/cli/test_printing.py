@@ -27,7 +27,7 @@ def test_the_summary_has_standard_output_to_itself(path, words):
         assert json.loads(done.stdout)["frames"] == 5
 
 
-def test_where_lines_are_json_these_are_too(path):
+def test_these_lines_are_json_if_others_are(path):
     done = here(path.parent, "run", path, "--in-process", "--log-format", "json")
     assert json.loads(done.stdout)["frames"] == 5
     lines = [json.loads(line) for line in done.stderr.splitlines()]

@@ -59,7 +59,7 @@ def test_a_members_profile_is_written_to_the_output_path(tmp_path):
     assert f"steps │ profile written to {page}" in done.stderr
 
 
-def test_what_cannot_be_profiled(tmp_path):
+def test_invalid_targets_of_a_profile(tmp_path):
     command = '\n[process.other]\ncommand = ["sleep", "1"]\n'
     path = write_world(tmp_path, MEMBERS + command)
     (tmp_path / "pyinstrument.py").write_text(SAMPLER)

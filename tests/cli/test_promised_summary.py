@@ -31,7 +31,7 @@ def only_summary(text):
     return found
 
 
-def test_where_the_frames_are_over(tmp_path):
+def test_a_world_whose_frames_are_over(tmp_path):
     done = here(tmp_path, "run", write_world(tmp_path, frames=2), "--in-process", "--json")
     assert (done.returncode, only_summary(done.stdout)["frames"]) == (0, 2)
 
@@ -45,7 +45,7 @@ def test_where_the_frames_are_over(tmp_path):
     (["--in-process", "--profile"], "omit --in-process"),
     (["--log-format", "xml"], "must be one of text, json"),
 ])  # fmt: skip
-def test_where_the_options_are_wrong(tmp_path, words, said):
+def test_invalid_options(tmp_path, words, said):
     done = here(tmp_path, "run", write_world(tmp_path, frames=2), "--json", *words)
     assert done.returncode == 2
     found = only_summary(done.stdout)
@@ -53,13 +53,13 @@ def test_where_the_options_are_wrong(tmp_path, words, said):
     assert (found["frames"], found["digest"]) == (0, None)
 
 
-def test_where_there_is_no_such_world(tmp_path):
+def test_an_unknown_world(tmp_path):
     done = here(tmp_path, "run", tmp_path / "none.toml", "--json")
     assert done.returncode == 2
     assert "none.toml" in only_summary(done.stdout)["ended"]
 
 
-def test_where_the_world_file_is_none(tmp_path):
+def test_a_missing_world_file(tmp_path):
     (tmp_path / "bad.toml").write_text("[world\n")
     done = here(tmp_path, "run", tmp_path / "bad.toml", "--log-format", "json")
     assert done.returncode == 2
@@ -100,26 +100,26 @@ def failing_world(folder, service, more=""):
 
 
 @pytest.mark.parametrize("words", [(), ("--in-process",)])
-def test_where_a_member_fails(tmp_path, words):
+def test_failing_members(tmp_path, words):
     done = minerva(tmp_path, "run", failing_world(tmp_path, "FailsAtFrame"), "--json", *words)
     assert done.returncode == 1
     assert "ValueError: by design" in only_summary(done.stdout)["ended"]
 
 
-def test_where_a_member_may_not_take_part(tmp_path):
+def test_a_member_without_permission_to_join(tmp_path):
     done = minerva(tmp_path, "run", failing_world(tmp_path, "Impostor"), "--json")
     assert done.returncode == 2
     assert "eNone" in only_summary(done.stdout)["ended"]
 
 
-def test_where_a_command_cannot_be_run(tmp_path):
+def test_a_command_that_cannot_run(tmp_path):
     path = write_world(tmp_path, '[process.one]\ncommand = ["false"]\nrestarts = 0\n')
     done = minerva(tmp_path, "run", path, "--json")
     assert done.returncode == 1
     assert "ended with exit code 1" in only_summary(done.stdout)["ended"]
 
 
-def test_where_the_port_is_taken(tmp_path):
+def test_a_port_that_is_taken(tmp_path):
     with socket.create_server(("127.0.0.1", 0)) as taken:
         at = f"tcp/127.0.0.1:{taken.getsockname()[1]}"
         done = minerva(tmp_path, "run", write_world(tmp_path), "--json", "--listen", at)
@@ -139,7 +139,7 @@ main()
 """
 
 
-def test_where_the_coordinator_fails(tmp_path):
+def test_a_failing_coordinator(tmp_path):
     done = subprocess.run(
         [sys.executable, "-c", BROKEN_COORDINATOR, "run", write_world(tmp_path), "--json"],
         cwd=tmp_path, env=environment(tmp_path), capture_output=True, text=True, timeout=60,
@@ -151,7 +151,7 @@ def test_where_the_coordinator_fails(tmp_path):
     assert found["digest"] is None
 
 
-def test_where_the_coordinator_is_frozen_when_it_is_interrupted(tmp_path):
+def test_a_frozen_coordinator_at_an_interrupt(tmp_path):
     path = write_world(tmp_path, frames=0, rate=50)
     with World(path, "--json") as world:
         world.runs("steps", "walkers")

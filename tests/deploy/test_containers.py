@@ -22,7 +22,7 @@ def test_compose_is_of_the_compose_specification():
     assert done.returncode == 0, done.stdout
 
 
-def test_what_containers_refer_to_is_there():
+def test_references_of_containers_exist():
     for name, one in COMPOSE["services"].items():
         for network in one["networks"]:
             assert network in COMPOSE["networks"], name
@@ -88,7 +88,7 @@ def test_the_image_keeps_nothing_of_its_making():
             assert isinstance(json.loads(rest), list), "not through a shell, which hides signals"
 
 
-def test_what_the_image_copies_is_there_and_not_ignored():
+def test_files_copied_by_the_image_exist():
     ignore = (DEPLOY / "docker" / "Dockerfile.dockerignore").read_text().splitlines()
     copied = [rest.split() for word, rest in steps() if word == "COPY" and "--from" not in rest]
     for words in copied:

@@ -91,7 +91,7 @@ def test_panels_have_what_grafana_wants():
         assert set(used) <= variables | {"__rate_interval"}
 
 
-def test_what_prometheus_scrapes_is_where_the_coordinator_serves():
+def test_prometheus_scrapes_the_coordinators_endpoint():
     config = yaml.safe_load((DEPLOY / "prometheus" / "prometheus.yaml").read_text())
     (target,) = config["scrape_configs"][0]["static_configs"][0]["targets"]
     name, _, port = target.partition(":")

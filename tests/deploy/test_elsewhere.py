@@ -149,7 +149,7 @@ def test_placement_is_read(tmp_path):
     assert placement.neighbours == {"steps"}
 
 
-def test_what_goes_wrong_at_the_start_is_a_line_of_json_too(tmp_path):
+def test_errors_at_the_start_are_json_lines_too(tmp_path):
     path = write_world(tmp_path, MEMBERS.replace("elsewhere = true", ""), frames=3)
     found = here(tmp_path, "run", path, "--in-process", "--log-format", "json", "--metrics", "x:x")
     assert found.returncode == 2

@@ -32,7 +32,7 @@ def test_pods_may_do_little(container):
 
 
 @pytest.mark.parametrize("name", PODS)
-def test_what_pods_refer_to_is_there(name):
+def test_references_of_pods_exist(name):
     pod, whole = PODS[name], SETS[name]
     assert pod["securityContext"]["runAsNonRoot"] is True
     assert pod["automountServiceAccountToken"] is False
@@ -66,7 +66,7 @@ def test_secrets_are_those_that_the_page_makes():
     assert named == set(re.findall(r"create secret generic (\S+)", README))
 
 
-def test_what_the_page_scales_and_waits_for_is_there():
+def test_names_that_the_page_scales_exist():
     found = re.findall(r"kubectl .*(?:scale|rollout status) (\w+) (\w+)", README)
     assert ("deployment", "hosts") in found
     assert {(kind, SETS[name]["kind"].lower()) for kind, name in found} == {

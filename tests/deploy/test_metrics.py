@@ -103,7 +103,7 @@ def test_durations_are_counted_in_seconds_and_cumulate(url):
     assert not any(("phase", "wait for host") in key for key in found)
 
 
-def test_what_members_and_events_do_is_counted(url):
+def test_members_and_events_are_counted(url):
     found = samples(url)
     host, water = (("member", one) for one in ("host", "water"))
     of = ("world", "pond")
@@ -149,7 +149,7 @@ def test_a_waiting_world_is_not_ready_and_names_the_members():
 
 
 @pytest.mark.parametrize("listen", ["9464", "localhost", ":9464", "localhost:x", "localhost:70000"])
-def test_what_is_no_address_is_refused(listen):
+def test_an_invalid_address_is_rejected(listen):
     with pytest.raises(MisuseError, match="expected HOST:PORT"):
         address(listen)
 
@@ -191,7 +191,7 @@ def test_wrong_totals_are_refused(change):
         read_totals({**totals().plain(), **change})
 
 
-def test_what_took_exactly_a_bound_counts_within_it():
+def test_a_duration_equal_to_a_bound_counts_within_it():
     durations = Durations()
     durations.add(BOUNDS[2])
     assert durations.counts[2] == 1

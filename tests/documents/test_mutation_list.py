@@ -34,7 +34,7 @@ def test_a_survivor_is_known_by_what_it_changes_and_needs_a_reason():
     assert compared(result(waiting=1), [BEFORE]) == ([], [])
 
 
-def test_what_is_recorded_keeps_reasons_and_other_modules(tmp_path):
+def test_recording_keeps_reasons_and_other_modules(tmp_path):
     path = tmp_path / "survivors.toml"
     new = Survivor("a.py", "f", "- x < 1\n+ x > 1")
     recorded(Result("b.py", {"s": "survived"}, (OTHER,)), path)

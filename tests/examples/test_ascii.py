@@ -104,7 +104,7 @@ def test_the_page_shows_what_the_code_makes(capsys: pytest.CaptureFixture[str]):
     assert len(changed) <= 4, changed
 
 
-def test_any_world_goes_by_forms(capsys: pytest.CaptureFixture[str]):
+def test_every_world_is_drawn_by_forms(capsys: pytest.CaptureFixture[str]):
     wall = Primitive("PWall", Raster("cells", 1.0, height=1.0), cells=Cells)
     carpet = Primitive("PCarpet", Raster("cells", 1.0), cells=Cells)
     cart, ball = Primitive("PCart", Disc(0.1, heading=True)), Primitive("PBall", Disc(0.1))

@@ -44,7 +44,7 @@ def test_one_slow_frame_changes_nothing():
     assert not load.imbalanced({"a": 500_000, "b": 500_000})
 
 
-def test_what_was_long_ago_is_forgotten():
+def test_old_violations_expire():
     load = measured(a=1e6, b=1e6)
     for _ in range(WINDOW):
         load.note("b", 1000, 1000 / 4e6)

@@ -117,7 +117,7 @@ def test_patterns_take_no_longer_than_they_are_long():
     assert not fnmatchcase("a" * 64 + "b", "*a" * 40 + "c")  # a rule of [placement]
 
 
-def test_where_a_wrong_key_stands_is_found_at_once_in_a_long_file(tmp_path):
+def test_an_invalid_key_is_located_fast_in_a_long_file(tmp_path):
     path = write_world(tmp_path, "[process.x]\nagents = 'yard:Walker'\n")
     path.write_text("\n" * 200_000 + path.read_text().replace("seed =", "sead ="))
     with pytest.raises(WorldFileError, match=r":20000\d:1: .*sead is unknown"):
@@ -128,7 +128,7 @@ def test_where_a_wrong_key_stands_is_found_at_once_in_a_long_file(tmp_path):
 
 
 @NO_NUMBERS
-def test_what_is_no_finite_number_gets_into_no_string(number):
+def test_infinite_numbers_never_enter_a_string(number):
     with pytest.raises(VocabularyError, match="finite"):
         heard("ticked", 1, [["eCall", [number]]], None)
     with pytest.raises((VocabularyError, ProtocolError), match="finite"):
@@ -138,7 +138,7 @@ def test_what_is_no_finite_number_gets_into_no_string(number):
 
 
 @NO_NUMBERS
-def test_what_is_no_finite_number_is_no_reading(number):
+def test_infinite_numbers_are_no_readings(number):
     for one in (
         Odometry("r", number, 0.0, 0.0, 0.0, 0.0, 0.0),
         Battery("r", number, 12.0, 0.0),

@@ -1,5 +1,8 @@
 """Equation 6 over events in columns: what is collected is what the same events one by one give."""
 
+# The values of these tests have narrower types than their declarations.
+# pyright: reportArgumentType=false, reportOptionalIterable=false
+
 from __future__ import annotations
 
 from itertools import groupby
@@ -73,7 +76,7 @@ def test_columns_beside_single_events_change_nothing(sources, data):
     assert list(single(collect(ORDER, held))) == list(collect(ORDER, sources))
 
 
-def test_what_can_be_columns_goes_on_in_columns():
+def test_packable_agents_return_to_columns():
     """Columns and single events of one type are put together; other types stay as they are."""
     columns = Events.of([eFirst(1), eFirst(2), eFirst(1)])
     held = {"x": [columns, eAlone()], "y": [eFirst(3), eFirst(2)], "z": [Events.of([eFirst(4)])]}
@@ -83,7 +86,7 @@ def test_what_can_be_columns_goes_on_in_columns():
     assert alone == eAlone()
 
 
-def test_what_cannot_be_columns_together_goes_on_one_by_one():
+def test_agents_of_different_shapes_stay_single():
     columns = Events.of([eFirst(1), eFirst(2)])
     mixed = collect(ORDER, {"x": [columns], "y": [eFirst(2), eFirst(3, receivers=["a", "b"])]})
     assert mixed == (eFirst(1), eFirst(2), eFirst(3, receivers=["a", "b"]))
@@ -91,5 +94,5 @@ def test_what_cannot_be_columns_together_goes_on_one_by_one():
     assert collect(ORDER, {"x": [columns], "y": [other]}) == (*columns, *other)
 
 
-def test_nothing_is_lost_of_columns_of_one_row():
+def test_columns_of_one_row_lose_nothing():
     assert list(single(collect(ORDER, {"x": [Events.of([eLast("a")])]}))) == [eLast("a")]

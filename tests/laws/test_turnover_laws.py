@@ -156,7 +156,7 @@ def test_a_view_is_patched_as_what_it_is_of(generation, travelled):
 
 
 @given(generations())
-def test_what_stays_does_not_travel(generation):
+def test_unchanged_parts_are_not_sent(generation):
     old, turnover, now = generation
     patch = difference(old, now)
     assert patch.born is None or patch.born.texts() == now.ids.take(turnover.born).texts()

@@ -92,7 +92,7 @@ def test_no_mcap_file(content, tmp_path):
         record_of(content, tmp_path)
 
 
-def test_nothing_but_a_header(tmp_path):
+def test_only_a_header(tmp_path):
     with pytest.raises(RecordError, match="cut off before anything was in it"):
         record_of(bytes_of("meadow")[:60], tmp_path)
 

@@ -124,7 +124,7 @@ def test_strings_are_known_again_behind_the_damage(tmp_path):
 
 
 @pytest.mark.parametrize("opcode", [MESSAGE_INDEX, METADATA])
-def test_what_no_frame_needs_may_be_damaged(opcode, tmp_path):
+def test_damage_outside_frames_is_harmless(opcode, tmp_path):
     data = bytes_of("meadow")
     for at, size in parts(data, opcode)[::7]:
         if at > parts(data, DATA_END)[0][0]:
@@ -371,7 +371,7 @@ def stopped(path):
 
 
 @pytest.mark.parametrize("chunk", [2, 5, 10, 16])
-def test_what_is_recovered_is_a_record_like_any_other(chunk, tmp_path):
+def test_a_recovered_record_is_usable_like_any_other(chunk, tmp_path):
     path, new = tmp_path / "run.mcap", tmp_path / "new.mcap"
     data = stopped(path)
     at, _ = parts(data, CHUNK)[chunk]

@@ -1,5 +1,8 @@
 """Records of runs that were killed, whose disk was full, or that were cut: what counts is there."""
 
+# The values of these tests have narrower types than their declarations.
+# pyright: reportOptionalMemberAccess=false
+
 import os
 import random
 import resource
@@ -107,12 +110,12 @@ def test_each_durable_frame_outlives_a_kill(moment, tmp_path, whole):
 
 
 @pytest.mark.parametrize("moment", range(3, 5))
-def test_what_was_flushed_outlives_a_kill(moment, tmp_path, whole):
+def test_flushed_frames_survive_a_kill(moment, tmp_path, whole):
     path, confirmed = killed(tmp_path, moment, 0.0, "no")
     works(path, confirmed, whole)
 
 
-def test_what_is_flushed_seldom_may_be_lost(tmp_path):
+def test_rarely_flushed_frames_may_be_lost(tmp_path):
     path, confirmed = killed(tmp_path, 7, 1000.0, "no")
     assert confirmed == 0
     assert works(path, 0) == 0

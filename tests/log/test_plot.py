@@ -78,7 +78,7 @@ def test_places_by_the_names_of_attributes():
     }
 
 
-def test_what_stands_around_an_agent_moves_it():
+def test_transformations_around_an_agent_move_it():
     text = "TAt<x=5, y=0, turn=90>(AWalker#a<x=1, y=2>(AWalker#b<x=0, y=0>)) · AWalker#c<x=0, y=0>"
     assert where(text) == {"AWalker": [(3, 1, 90), (5, 0, 90), (0, 0, 0)]}
     text = "TAt<x=5, y=0>(TAt<x=0, y=7>(AWalker#a<x=0, y=0>) · AWalker#b<x=1, y=0>)"

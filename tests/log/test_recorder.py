@@ -126,7 +126,7 @@ def test_an_interrupt_in_the_midst_of_a_frame_leaves_it_whole(tmp_path, monkeypa
         assert [one for _, one in record.strings(check=True)] == strings_of("meadow")[1:6]
 
 
-def test_what_was_written_is_there_after_a_while(tmp_path):
+def test_written_frames_are_flushed_after_a_while(tmp_path):
     path = tmp_path / "run.mcap"
     file, frames = happened("meadow")
     recorder = Recorder(path, description(file), flush_seconds=0.01)
@@ -190,7 +190,7 @@ def test_a_thread_that_is_to_flush_at_once_waits_to_be_called(monkeypatch):
     assert 0.0 not in Watched.waited
 
 
-def test_what_cannot_be_encoded_ends_the_record_and_not_the_world(monkeypatch):
+def test_an_unencodable_value_ends_the_record_but_not_the_world(monkeypatch):
     recorder, said = recorder_on(monkeypatch, Disk())
     record, _ = happened("meadow")[1][0]
     recorder.frame(record, cast("Scene", "no string"), 0.0)
@@ -249,7 +249,7 @@ def test_the_world_waits_for_a_slow_disk_and_nothing_is_lost(tmp_path, monkeypat
         assert len(list(record.frames())) == 60
 
 
-def test_what_is_written_is_flushed_though_more_always_waits(monkeypatch):
+def test_written_frames_are_flushed_while_others_wait(monkeypatch):
     kept, frame = [], RecordWriter.frame
     left = iter(happened("meadow")[1])
 
@@ -320,7 +320,7 @@ def test_small_frames_are_written_by_an_idle_thread(monkeypatch):
 
 
 @pytest.mark.parametrize("why", ["much to do", "much in memory"])
-def test_what_is_much_is_left_to_the_thread(why, monkeypatch):
+def test_large_frames_are_left_to_the_thread(why, monkeypatch):
     writers = writers_of(monkeypatch)
     if why == "much to do":
         monkeypatch.setattr(module, "LIGHT", -1.0)

@@ -126,7 +126,7 @@ def test_other_code_gives_other_frames(recorded, tmp_path):
         (("run.mcap", "nothing.toml"), "there is no world file nothing.toml"),
     ],
 )
-def test_what_cannot_be_played_is_refused_in_one_line(recorded, words, problem):
+def test_an_unplayable_record_is_rejected_in_one_line(recorded, words, problem):
     done = here(recorded[0].parent, "replay", *words)
     assert done.returncode == 2
     assert problem in done.stderr

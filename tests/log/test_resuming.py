@@ -91,7 +91,7 @@ def test_a_run_that_was_resumed_is_resumed(tmp_path):
         assert record.complete
 
 
-def test_where_a_record_has_no_room_to_go_on_it_is_as_it_was(tmp_path, monkeypatch):
+def test_a_full_disk_leaves_a_resumed_record_unchanged(tmp_path, monkeypatch):
     def full(writer):
         raise OSError(errno.ENOSPC, "No space left on device")
 
@@ -206,7 +206,7 @@ def test_the_checkpoint_of_a_frame_that_was_cut_off_does_not_count(tmp_path):
         assert topics.count(c.CHECKPOINT) == 2
 
 
-def test_what_a_member_changes_later_is_not_in_an_earlier_checkpoint():
+def test_later_changes_are_not_in_an_earlier_checkpoint():
     state = {"n": 1}
     kept = Kept.of(Checkpoint(1, {"a": state}))
     state["n"] = 2
@@ -240,7 +240,7 @@ def test_a_record_without_checkpoints_is_reported(tmp_path):
 @pytest.mark.parametrize(
     "data", [b"\x90", b"\xc1", struct.pack("<d", 1.0)], ids=["empty", "never", "float"]
 )
-def test_what_is_no_checkpoint_is_refused(data):
+def test_an_invalid_checkpoint_is_rejected(data):
     reader = Reader(happened("meadow")[0].world.vocabulary, ON_DISK)
     with pytest.raises(Exception, match=r"checkpoint|msgpack|list"):
         decode_checkpoint(data, reader)

@@ -89,7 +89,7 @@ def test_angles_and_pixels_are_shown_where_they_are():
 
 
 @pytest.mark.parametrize("data", [b"\x90", b"\xc1", b"\x92\xa7dropped\xa1x", b"\x91\xa5topic"])
-def test_what_is_no_message_of_a_topic_is_refused(data):
+def test_an_invalid_message_of_a_topic_is_rejected(data):
     with pytest.raises(MinervaError):
         decode_sensed(data)
 
@@ -229,7 +229,7 @@ def test_no_frame_is_skipped_under_a_flood(tmp_path, monkeypatch):
     assert recorder.frames == 60
 
 
-def test_what_is_sensed_is_written_though_frames_always_wait(tmp_path, monkeypatch):
+def test_readings_are_written_while_frames_wait(tmp_path, monkeypatch):
     file, frames = happened("meadow")
     data = encode(Readings("m", "battery", 0, (ALL[""],)))
     frame, left, written = RecordWriter.frame, iter(frames), []

@@ -97,7 +97,7 @@ def test_other_agents_live_through_the_same_events(recorded):
     assert found["digest"] != whole["digest"]
 
 
-def test_what_agents_sent_then_is_not_sent_again(recorded):
+def test_emitted_events_are_not_sent_again(recorded):
     folder, _ = recorded
     swapped(folder, "walkers=others:Mute", "--record", "mute.mcap")
     counts = [
@@ -165,7 +165,7 @@ def test_an_invalid_swap_is_reported_in_one_line(recorded, words, problem):
     (("--recompute", "--view", "svg"), "--view cannot be combined with --recompute"),
     (("--recompute", "--swap", "a=b"), "--swap and --recompute exclude each other"),
 ])  # fmt: skip
-def test_what_would_be_passed_over_is_refused(recorded, words, problem):
+def test_names_that_would_be_ignored_are_rejected(recorded, words, problem):
     done = here(recorded[0], "replay", "run.mcap", *words)
     assert done.returncode == 2
     assert problem in done.stderr

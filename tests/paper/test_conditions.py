@@ -82,7 +82,7 @@ STATE = {"energy": 3, "name": 'a "b"', "awake": True, "heat": -1.5, "way": (1, 2
         ("not way == 1", False),
     ],
 )
-def test_what_holds(condition, expected):
+def test_rules_that_hold(condition, expected):
     assert holds(condition, STATE) is expected
 
 
@@ -109,7 +109,7 @@ def test_what_holds(condition, expected):
         ("energy > 1 or " * 400 + "energy > 1", 4001),
     ],
 )
-def test_what_is_no_condition(condition, column):
+def test_invalid_conditions(condition, column):
     with pytest.raises(VocabularyError) as caught:
         parse_condition(condition)
     assert caught.value.column == column
@@ -196,7 +196,7 @@ def test_it_is_refused_in_messages():
             reader.event(plain_event(event))
 
 
-def test_what_an_agent_sends_is_refused_with_its_name():
+def test_a_rejected_event_names_its_sender():
     class Caller(Agent, symbol="AFox"):
         energy: int = 0
 

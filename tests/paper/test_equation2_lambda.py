@@ -1,5 +1,8 @@
 """Equation 2: λ(a, e^f) is a new string where f = d, and the agent itself where f ≠ d."""
 
+# The values of these tests have narrower types than their declarations.
+# pyright: reportAttributeAccessIssue=false
+
 import pytest
 
 from minerva_bus import (
@@ -131,7 +134,7 @@ def test_a_lambda_that_fails_names_the_agent_the_event_the_frame_and_the_cause(h
     assert isinstance(caught.value.__cause__, cause)
 
 
-def test_what_begins_with_an_underscore_does_not_last_but_may_be_set():
+def test_attributes_with_an_underscore_are_not_part_of_the_state():
     class Shy(Agent, symbol="AShy"):
         n: int = 0
 

@@ -218,7 +218,7 @@ def test_a_vocabulary_has_them():
 
 
 @pytest.mark.parametrize("wrong", [1.5, -0.1, "name", "x", True, None, [0.5], float("nan")])
-def test_what_is_no_probability_is_refused(wrong):
+def test_an_invalid_probability_is_rejected(wrong):
     with pytest.raises(MisuseError, match="probability"):
 
         class Wrong(Agent, symbol="AWrong"):

@@ -454,7 +454,7 @@ def test_restore_brings_back_bodies_and_takes_newcomers_away() -> None:
     assert arena.save() == value
 
 
-def test_what_is_not_a_saved_state_is_refused_and_changes_nothing() -> None:
+def test_an_invalid_saved_state_is_rejected_and_changes_nothing() -> None:
     arena = crowded()
     value = arena.save()
     broken: list[object] = [

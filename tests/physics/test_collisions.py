@@ -336,7 +336,7 @@ def depths_by_pymunk(found: Volumes) -> dict[tuple[int, int], float]:
 
 @given(st.integers(0, 10**6), st.integers(2, 16))
 @settings(max_examples=60)
-def test_what_touches_is_what_pymunk_finds_to_touch(seed: int, count: int) -> None:
+def test_contacts_agree_with_pymunk(seed: int, count: int) -> None:
     found = volumes(scene_of(anywhere(seed, count), count), VOCABULARY)
     every = np.array(list(itertools.combinations(range(len(found)), 2)))
     touch = touches(found, every[:, 0], every[:, 1])

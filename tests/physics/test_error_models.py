@@ -120,6 +120,6 @@ def test_the_number_of_draws_does_not_depend_on_the_data() -> None:
         (lambda: SightingModel(mistake=math.inf), "mistake"),
     ],
 )
-def test_what_cannot_be_is_refused(model: object, why: str) -> None:
+def test_invalid_values_are_rejected(model: object, why: str) -> None:
     with pytest.raises(PhysicsError, match=why):
         model()  # type: ignore[operator]

@@ -75,7 +75,7 @@ def test_the_same_generator_gives_the_same_noise() -> None:
     assert one.tobytes() == other.tobytes()
 
 
-def test_what_is_drawn_does_not_depend_on_the_data() -> None:
+def test_drawings_do_not_depend_on_other_data() -> None:
     noise = Noise(laser_m=0.1, drive=0.1, turn_deg=1.0)
     one, other = generator(), generator()
     noise.scan(np.full(10, 5.0), 5.0, one)

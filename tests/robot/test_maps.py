@@ -347,7 +347,7 @@ def test_any_bytes_are_a_map_or_a_map_error(tmp_path, data):
     max_examples=200, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 @given(st.integers(1, 9), st.integers(1, 9), st.integers(1, 65535), st.randoms(), st.booleans())
-def test_what_a_pgm_holds_is_what_is_read(tmp_path, width, height, most, random, plain):
+def test_a_pgm_survives_a_round_trip(tmp_path, width, height, most, random, plain):
     levels = [[random.randint(0, most) for _ in range(width)] for _ in range(height)]
     flat = [level for row in levels for level in row]
     kind = np.uint8 if most < 256 else ">u2"

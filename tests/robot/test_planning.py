@@ -4,6 +4,9 @@ The benchmarks (https://movingai.com/benchmarks, Sturtevant 2012) list the optim
 problem under the same moves. `pytest -m slow` solves all of them, the quick suite a sample.
 """
 
+# The values of these tests have narrower types than their declarations.
+# pyright: reportArgumentType=false, reportOptionalMemberAccess=false
+
 import math
 from heapq import heappop, heappush
 from itertools import pairwise
@@ -101,7 +104,7 @@ def test_a_cell_outside_is_an_error_that_names_it(cell):
         nearest(grid("..."), cell, grid("###"))
 
 
-def test_what_is_no_grid_of_bool_is_an_error():
+def test_a_grid_that_is_not_bool_is_an_error():
     for wrong in (np.zeros((3, 3)), np.zeros(3, np.bool_)):
         with pytest.raises(MapError, match="expected a 2-D array of bool"):
             shortest_path(wrong, (0, 0), (0, 0))

@@ -30,7 +30,7 @@ def test_the_angle_is_from_the_heading():
     assert grid[20, 30] == KITCHEN
 
 
-def test_nothing_but_the_grid_changes():
+def test_only_the_grid_changes():
     scene = robot(objective="store", speed=1.0)
     assert changed(scene, after(scene, eCamera("store", 1.0))) == ["grid"]
 
@@ -91,7 +91,7 @@ def test_looking_off_the_grid_does_no_harm():
     assert (grid[1:30, 1:] == FREE).all()
 
 
-def test_what_is_news():
+def test_changes_that_are_news():
     grid = room()
     grid[:10] = UNKNOWN
     assert np.argwhere(frontier(grid))[:, 0].tolist() == [10] * 38 + [10, 10]

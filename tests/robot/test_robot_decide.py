@@ -246,7 +246,7 @@ def test_a_way_that_leads_nowhere_is_none():
     assert not now.way
 
 
-def test_where_there_is_no_way_it_waits_and_tries_again():
+def test_without_a_path_it_waits_and_tries_again():
     grid = with_marker(floor((10, 30, 10, 30)), 35, 35)
     grid[14:27, 14:27] = FREE
     now = after(seeking(grid, row=20.5), eDecide())

@@ -30,7 +30,7 @@ def on(parcel, robot):
 
 
 @pytest.mark.parametrize("planner", ["astar", "random"])
-def test_what_stands_at_the_source_stands_at_the_target_then(planner):
+def test_a_parcel_moves_from_source_to_target(planner):
     story = Story(robot(planner=planner), parcel()).step(BRING)
     assert story.until("eDelivered").marker == "store"
     assert near(story.parcel(), "store")
@@ -93,7 +93,7 @@ def test_without_an_objective_it_is_idle_again_and_makes_way():
     assert (story.robot().objective, story.robot().purpose) == ("", "make way")
 
 
-def test_where_nothing_stands_it_gives_up_and_goes_on():
+def test_it_gives_up_at_an_empty_place_and_continues():
     story = Story(robot(objective="lab"), parcel(marker="store")).step(BRING)
     given_up = story.until("eGivenUp")
     assert given_up.data == {"source": "office", "target": "store", "why": "nothing stands there"}
@@ -212,7 +212,7 @@ def test_an_errand_elsewhere_is_not_disturbed():
     assert near(story.parcel("b"), "store")
 
 
-def test_what_a_robot_carried_that_is_gone_stays_until_a_person_puts_it_elsewhere():
+def test_the_load_of_a_deleted_robot_stays_until_moved():
     story = Story(robot("r1"), robot("r2", row=40.5), parcel()).step(
         eErrand("office", "store", receivers=["r1"])
     )
@@ -259,7 +259,7 @@ def test_a_parcel_goes_to_the_first_agent_that_asks():
         (ePut("lab", 5.0, 5.0, sender="r1"), {}),
     ],
 )
-def test_what_is_not_its_robots_does_not_move_it(event, state):
+def test_other_odometry_does_not_move_a_robot(event, state):
     before, _ = parcel_after(**state)
     now, said = parcel_after(event, **state)
     assert (now.string, said) == (before.string, ())

@@ -129,7 +129,7 @@ def test_any_frame_is_a_place_to_go_on_from():
     assert one.scene == other.scene
 
 
-def test_where_the_robot_believes_to_be_it_is():
+def test_the_believed_pose_is_the_true_one():
     run = simulator({})
     run.go(100)
     (node,) = run.scene.nodes[-1:]

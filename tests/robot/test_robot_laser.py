@@ -40,7 +40,7 @@ def test_the_cell_is_that_of_the_papers_formula(ang, angle, dist):
     assert marked(seen.grid) == [(math.floor(row), math.floor(column))]
 
 
-def test_nothing_but_the_grid_changes():
+def test_only_the_grid_changes():
     scene = robot(angle=30.0, speed=0.5, objective="store")
     assert changed(scene, after(scene, eLaser(1.0, 10.0))) == ["grid"]
 
@@ -102,7 +102,7 @@ def test_a_marker_stays_a_marker(dist):
     assert after(robot(grid), eLaser(dist, 0.0)).grid[25, 20] == MARKER + 1
 
 
-def test_what_has_been_looked_at_stays_so_until_something_stands_there():
+def test_observed_cells_stay_observed_until_an_obstacle_appears():
     grid = np.full((40, 40), SEEN, np.int16)
     assert after(robot(grid), eLaser(1.5, 0.0)).grid[25, 20] == SEEN
     assert after(robot(grid), eLaser(0.5, 0.0)).grid[25, 20] == 4

@@ -120,7 +120,7 @@ def test_there_is_a_parcel_at_every_marker():
     assert (kitchen.y, kitchen.carrier) == (min(kitchen.y, 10.2), "")
 
 
-def test_where_parcels_stand_may_be_given():
+def test_positions_of_parcels_are_options():
     found = parcels(scene({"parcels": "office, store,office"}))
     assert [parcel.marker for parcel in found] == ["office", "store", "office"]
     assert math.dist((found[0].x, found[0].y), (found[2].x, found[2].y)) > 0.05

@@ -35,11 +35,11 @@ def known(grid, row=40.5, column=40.5, angle=0.0, **more):
     )
 
 
-def test_nothing_is_left_to_see():
+def test_an_empty_view():
     assert next_goal(known(room())) is None
 
 
-def test_what_lies_behind_is_seen_by_a_turn():
+def test_a_turn_reveals_the_area_behind():
     grid = room(code=FREE)
     look(grid, GridPose(40.5, 40.5, 0.0), 60.0, 50.0)
     goal = next_goal(known(grid))
@@ -48,7 +48,7 @@ def test_what_lies_behind_is_seen_by_a_turn():
     assert goal.news > 3
 
 
-def test_what_is_out_of_reach_is_gone_to():
+def test_agents_move_towards_targets_out_of_reach():
     grid = room(200, 40)
     grid[150:199, 1:-1] = FREE
     goal = next_goal(known(grid, row=20.5, column=20.5))
@@ -57,7 +57,7 @@ def test_what_is_out_of_reach_is_gone_to():
     assert goal.news > 3
 
 
-def test_what_cannot_be_reached_is_no_goal():
+def test_an_unreachable_cell_is_no_goal():
     grid = room(200, 40)
     grid[100] = 9
     grid[150:199, 1:-1] = FREE

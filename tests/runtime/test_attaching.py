@@ -70,7 +70,7 @@ def test_one_that_is_killed_is_not_waited_for(world, spec):
     assert f"{name} │ is gone" in world.text
 
 
-def test_one_that_is_frozen_is_given_up_at_last(tmp_path):
+def test_a_frozen_member_is_given_up(tmp_path):
     path = write_world(tmp_path, frames=0, rate=50, bus="soft = 0.2\nhard = 0.8")
     with World(path) as world:
         world.runs("steps", "walkers")
@@ -121,7 +121,7 @@ def test_an_endpoint_without_listener_is_named_fast(tmp_path):
     "here", "tcp/127.0.0.1", "tcp/127.0.0.1:x", "tcp/:1", "tcp/127.0.0.1:99999", "tpc/127.0.0.1:1",
     "", "tcp/",
 ])  # fmt: skip
-def test_what_is_no_endpoint_is_named_at_once(tmp_path, endpoint):
+def test_an_invalid_endpoint_is_named_at_once(tmp_path, endpoint):
     write_world(tmp_path)
     done = here(tmp_path, "attach", "yard:Screen", "--connect", endpoint, "--world", "yard")
     assert done.returncode == 2
@@ -158,7 +158,7 @@ def test_without_a_world_there_is_nothing_to_join(tmp_path):
     (["yard:Walker", "--said", "true"], "agents, which have no options"),
     (["yard:Rascal"], "needs the option 'deed'"),
 ])  # fmt: skip
-def test_what_cannot_be_attached_is_named(world, words, problem):
+def test_an_invalid_attachment_is_named(world, words, problem):
     done = here(world.folder, "attach", *words)
     assert done.returncode == 2
     assert problem in done.stderr

@@ -86,7 +86,7 @@ def test_an_agent_that_raises_is_named_with_its_event_and_frame(tmp_path):
     ("stop", 1, "rascal │ ended with exit code 7; the world stops"),
     ("ignore", 0, "rascal │ ended with exit code 7; continuing without it"),
 ])  # fmt: skip
-def test_what_happens_on_a_failure_is_up_to_the_world_file(tmp_path, policy, code, line):
+def test_the_world_file_decides_about_failures(tmp_path, policy, code, line):
     path = write_world(tmp_path, rascal("exits", f'on_failure = "{policy}"'))
     with World(path) as world:
         assert world.ends() == code
@@ -154,7 +154,7 @@ def test_one_that_hangs_for_good_is_killed_again_and_again_until_the_world_stops
         world.gone()
 
 
-def test_what_members_print_is_shown_with_their_names_and_all_of_it(tmp_path):
+def test_output_of_members_is_shown_completely_with_names(tmp_path):
     path = write_world(tmp_path, rascal("chatters"))
     with World(path) as world:
         assert world.ends() == 0

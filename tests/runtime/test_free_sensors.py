@@ -49,7 +49,7 @@ def test_every_nth_counts():
     assert intake.dropped == 7
 
 
-def test_what_waits_is_bounded():
+def test_waiting_items_are_bounded():
     intake = ReadingBuffer("all")
     for _ in range(MAX_READINGS + 5):
         intake.put(free(BATTERIES[0]))

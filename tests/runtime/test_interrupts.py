@@ -151,7 +151,7 @@ def test_a_command_and_what_it_started_end_too(tmp_path, children):
         world.gone()
 
 
-def test_what_a_command_leaves_behind_ends_with_it(tmp_path):
+def test_processes_of_a_command_end_with_it(tmp_path):
     members = MEMBERS + (
         '\n[process.other]\ncommand = ["sh", "-c", "sleep 1000 & echo $! ; kill -TERM $$"]\n'
         'on_failure = "ignore"\n'

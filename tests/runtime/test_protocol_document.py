@@ -97,7 +97,7 @@ def test_every_message_of_the_coordinator_is_in_the_document_and_no_other() -> N
     assert table("From the coordinator") == told
 
 
-def test_whatever_can_be_written_is_in_the_document() -> None:
+def test_every_setting_is_in_the_document() -> None:
     everyone = table("For all subscribers")
     assert everyone == {name: message.size for name, message in codec.FOR_ALL.items()}
 

@@ -23,7 +23,7 @@ def test_a_run_on_the_bus_has_the_record_of_one_in_one_process(tmp_path):
     assert info(tmp_path / "bus.mcap")["frames"] == 40
 
 
-def test_what_was_on_the_disk_is_there_when_all_is_killed(tmp_path):
+def test_written_frames_survive_when_all_processes_are_killed(tmp_path):
     path = write_world(tmp_path, frames=0, rate=100, record="run.mcap", durable=True)
     with World(path) as world:
         world.runs("steps", "walkers")

@@ -84,7 +84,7 @@ def test_the_record_supplies_settings_missing_on_the_command_line(tmp_path):
         ((), "this run is over after 5 frames; --frames N goes on"),
     ],
 )
-def test_what_cannot_go_on_is_refused_in_one_line(words, problem, tmp_path):
+def test_an_unresumable_record_is_rejected_in_one_line(words, problem, tmp_path):
     recorded(tmp_path, 5)
     done = here(tmp_path, "run", "--resume", "cut.mcap", "--in-process", *words)
     assert done.returncode == 2

@@ -170,7 +170,7 @@ def test_an_unrequested_frame_is_dropped(world, rogue):
     goes_on(world)
 
 
-def test_what_has_no_epoch_is_refused_and_what_has_another_one_is_passed_over(world, rogue):
+def test_messages_without_an_epoch_are_rejected_and_with_another_ignored(world, rogue):
     key, data = Keys(world.name).sent_by("walkers"), encode(m.Leaving("walkers"))
     pid = world.runs("walkers")["walkers"]
     for other in (0, 7, 1 << 40):
@@ -202,7 +202,7 @@ def test_a_flapping_token_writes_few_lines(world, rogue):
     assert 1 <= len(about()) < 2 * AT_ONCE
 
 
-def test_nothing_is_left_of_it_all_in_the_string(world, tmp_path):
+def test_the_string_keeps_no_trace_of_it(world, tmp_path):
     """Only steps were restarted, and they go on from what they had saved."""
     done = minerva(world.folder, "stop", world.name)
     assert done.returncode == 0

@@ -35,7 +35,7 @@ def largest(monkeypatch):
     monkeypatch.setattr(sizes, "MAX_BYTES", 1000)
 
 
-def test_what_fits_may_begin():
+def test_a_world_that_fits_may_start():
     sizes.check_sizes(fragments("x" * 800), hosts(1))
     sizes.check_sizes(fragments("x" * 800, "y" * 800), hosts(2))
 

@@ -37,7 +37,7 @@ def test_a_member_is_waited_for_since_its_process_was_started():
     assert waiting.overdue(100.0 + START) == [("a", "restart")]
 
 
-def test_where_all_start_slowly_each_has_longer():
+def test_slow_starts_extend_every_deadline():
     waiting = waits({"a", "b"})
     waiting.started("a", 0.0)
     assert waiting.arrived("a", 20.0)

@@ -47,7 +47,7 @@ def frame(world) -> tuple[list[int], Any]:
     return [event.number for event in single(done[0].record.events)], done[0].inputs
 
 
-def test_what_is_too_much_for_a_frame_waits_for_the_next_in_its_order():
+def test_excess_events_wait_for_the_next_frame_in_order():
     world = rain()
     for number in range(8):
         world.receive(m.Emitted("rain", (eDrop(number),)))

@@ -208,7 +208,7 @@ def test_members_that_die_and_return_change_nothing(setting, seed, data):
 @both
 @schedule
 @given(seed=seeds, data=st.data())
-def test_members_that_die_for_good_are_waited_for_until_they_are_given_up(setting, seed, data):
+def test_members_that_die_for_good_are_awaited_until_given_up(setting, seed, data):
     digests, ended = setting.undisturbed
     bus = MemoryBus(setting.world, setting.members | setting.guests)
     bus.start()

@@ -87,7 +87,7 @@ def test_one_that_gives_up_and_goes_on_can_still_reach_it():
     assert again.algorithm.finished == ""
 
 
-def test_nothing_ends_with_giving_up_where_no_end_is_wanted():
+def test_giving_up_ends_nothing_without_until():
     bus = counters("ACounter#a<n=2>", give_up="eCroak", members={"host": host("host", Quitter)})
     bus.start()
     bus.run(9)

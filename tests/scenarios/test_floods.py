@@ -1,5 +1,8 @@
 """More events than frames take: memory stays bounded, and what is dropped is counted and said."""
 
+# The values of these tests have narrower types than their declarations.
+# pyright: reportAttributeAccessIssue=false
+
 from minerva_bus.frame import inbox as a
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
@@ -29,7 +32,7 @@ def test_a_paused_world_keeps_so_many_events_and_no_more(monkeypatch):
     assert [event.number for event in done[0].record.events] == list(range(10))
 
 
-def test_what_waited_when_the_world_went_on_counts(monkeypatch):
+def test_waiting_events_count_after_succession(monkeypatch):
     monkeypatch.setattr(a, "MAX_WAITING", 10)
     past = Checkpoint(3, inbox={"rain": tuple(eDrop(number) for number in range(8))})
     world = FrameAlgorithm(World("w", PStone(), Vocabulary.of(PStone, eDrop), past=past))

@@ -87,7 +87,7 @@ def test_a_reached_end_counts_after_resuming():
     assert again.digests == bus.digests[4:]
 
 
-def test_what_was_saved_is_what_was_saved_in_the_last_whole_frame():
+def test_saved_state_is_that_of_the_last_complete_frame():
     setting = SETTINGS["shoal"]
     assert isinstance(setting.members["steps"]().service, Forward)
     bus = MemoryBus(setting.world, setting.members)

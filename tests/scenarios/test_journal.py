@@ -51,7 +51,7 @@ class Written:
 
 
 @both
-def test_what_a_journal_has_is_what_there_was(tmp_path, name):
+def test_a_journal_restores_the_state(tmp_path, name):
     written = Written(tmp_path / "w.journal", name)
     for frame in range(6):
         written.bus.frame()

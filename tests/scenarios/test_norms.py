@@ -95,14 +95,14 @@ def test_a_sanctioned_event_happens_and_its_sender_is_fined_in_the_next_frame():
 
 
 @pytest.mark.parametrize(("applies", "boos"), [((), 0), (("steps",), 0), (("ARunner",), 4)])
-def test_what_a_generator_may_send(applies, boos):
+def test_events_that_a_generator_may_send(applies, boos):
     norm = Norm("hush", applies, on=("eBoo",))
     frames, _, figures = live("APasser#p · ARunner#a", (norm,))
     assert sum(happened(frames, "eBoo")) == boos
     assert figures == ({} if boos else {"norm_hush": 4})
 
 
-def test_what_people_may_send():
+def test_events_that_people_may_send():
     order = Order(eShout(1.0))
     for norms, count in (((), 1), ((Norm("n", (SOURCE[:0] + "~order",), on=("eShout",)),), 0)):
         frames, _, _ = live("APasser#p", norms, before=[order])
@@ -136,7 +136,7 @@ def test_a_rejected_agent_stands_still_and_sends_nothing():
     assert figures == {"norm_limit": 5}
 
 
-def test_what_it_was_before_counts_too():
+def test_the_previous_state_counts_too():
     norm = Norm("line", when="was.x < 10 and x >= 10")
     frames, _, _ = live("ARunner#a<x=5, speed=4> · ARunner#b<x=11>", (norm,))
     assert states(frames[-1][1])["a"]["x"] < 10 < states(frames[-1][1])["b"]["x"]
@@ -350,7 +350,7 @@ def test_a_norm_for_people_covers_keys_and_attached_members():
     assert attached == ["eShout<loud=1>"]
 
 
-def test_what_people_may_not_send_is_known_to_a_coordinator_that_goes_on():
+def test_a_successor_knows_what_people_may_not_send():
     """It judges orders and keys again, although no generator that took them is present."""
     members = {"passes": service("passes", Passes), "keys": service("keys", Keys)}
     _, bus = ordered(members, [eShout(4.0), eShout(5.5)], emitted=[("keys", eShout(7.0))])

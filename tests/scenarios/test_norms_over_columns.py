@@ -125,7 +125,7 @@ both_ways = pytest.mark.parametrize("held", [in_columns, one_by_one])
 
 
 @pytest.mark.parametrize("kind", [Walker, Walkers])
-def test_what_a_row_was_before_the_frame_counts(kind):
+def test_the_previous_state_of_a_row_counts(kind):
     """Nobody crosses a line; who has been behind it goes on."""
     line = Norm("line", when="was.x < 10 and x >= 10")
     free, _, _ = in_columns((), kind)

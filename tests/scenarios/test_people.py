@@ -24,7 +24,7 @@ def started(bus):
     return bus
 
 
-def test_what_a_generator_makes_is_not_for_people():
+def test_types_of_generators_are_not_for_people():
     bus = started(counters())
     said = refusal(bus, "eAdd")
     assert "eAdd comes from add, so people may not send it" in said
@@ -63,7 +63,7 @@ def test_before_all_members_are_present_no_result_is_known():
 
 
 @pytest.mark.parametrize("hands", [True, False])
-def test_what_a_keyboard_makes_people_may_send_too(hands):
+def test_people_may_send_types_of_a_keyboard(hands):
     class Hands(Steps):
         people = hands
 

@@ -131,7 +131,7 @@ def test_a_population_is_cut_so_that_its_parts_have_room(most):
         assert all(part.count <= 2 * most for part in parts.values())  # as they grow, till recut
 
 
-def test_what_is_too_much_of_a_population_stands_still():
+def test_excess_rows_of_a_population_stand_still():
     bus = shoal(["one"], PlacementRules(agents_per_host=100), MANY)
     bus.run(1)
     parts = list(bus.algorithm.composition.parts.items())
@@ -196,7 +196,7 @@ def test_agents_that_stood_still_continue_after_deaths():
     assert (sizes(composition), distribution.unassigned_agents) == ([100, 10], 10)
 
 
-def test_where_agents_were_born_beyond_what_a_host_takes_others_help():
+def test_births_beyond_a_hosts_capacity_move_to_others():
     composition, distribution, offers = distributed(140, 80, one=0, two=0)
     assert (sizes(composition), distribution.unassigned_agents) == ([70, 70], 0)
     first, part = next(iter(composition.parts.items()))

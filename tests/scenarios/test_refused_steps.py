@@ -266,7 +266,7 @@ def test_agents_that_are_left_out_of_a_frame_carry_nothing_out():
     assert bus.motor.bodies["a"] == before
 
 
-def test_what_cannot_rest_is_named():
+def test_a_kind_that_cannot_rest_is_named():
     with pytest.raises(MisuseError, match="AMouse has no attribute pusch to rest by; did you mean"):
 
         class Mouse(Agent, symbol="AMouse", rest=("pusch",)):

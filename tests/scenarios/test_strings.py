@@ -86,7 +86,7 @@ def test_the_dead_are_gone_from_everywhere():
     ]
 
 
-def test_what_stands_around_agents_stays():
+def test_transformations_around_agents_stay():
     text = "PDot<x=5> · TAt<x=1>(ACounter#a<n=99> · TAt<x=2>(ACounter#b)) · PDot<x=6>"
     bus = counters(text)
     bus.start()

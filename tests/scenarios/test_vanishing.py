@@ -217,7 +217,7 @@ def test_another_host_takes_over_what_one_that_died_in_evolution_leaves():
     assert bus.digests == undisturbed(3)
 
 
-def test_what_a_host_answered_before_it_died_counts_and_its_heir_is_given_it():
+def test_a_dead_hosts_reply_counts_and_goes_to_its_successor():
     members = {"host": host("host", Counter), "other": host("other", Counter)}
     bus = counters(members=members)
     bus.start()
@@ -356,7 +356,7 @@ def test_agents_of_a_host_that_is_given_up_stand_still():
     assert "#m<births=2>" in str(bus.algorithm.scene)
 
 
-def test_a_generator_that_is_given_up_in_a_tick_is_missed_no_longer():
+def test_a_generator_given_up_in_a_tick_is_no_longer_awaited():
     bus = counters(members={"more": service("more", lambda: Add(10))})
     bus.start()
     bus.run(1)
@@ -385,7 +385,7 @@ def test_a_generator_that_is_given_up_in_a_tick_is_missed_no_longer():
     )
 
 
-def test_one_that_is_given_up_before_the_start_is_not_waited_for():
+def test_a_member_given_up_before_the_start_is_not_awaited():
     bus = counters(members={"more": service("more", Add)})
     bus.appear("add")
     bus.appear("host")

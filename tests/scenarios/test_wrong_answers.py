@@ -97,7 +97,7 @@ def test_an_answer_of_a_host_for_another_frame_or_part_is_dropped_and_counted(fr
     assert str(bus.algorithm.scene) == "ACounter#a<n=2>() · ACounter#b<n=2>()"
 
 
-def test_what_a_dead_host_had_answered_is_dropped_when_another_has_been_asked():
+def test_a_dead_hosts_reply_is_dropped_after_another_was_asked():
     bus = started(members={"other": host("other", Counter)})
     bus.hold(("up", "host"))
     bus.frame()
@@ -264,7 +264,7 @@ class Free(Generator, events=("eAdd",), lockstep=False):
     pass
 
 
-def test_what_a_free_generator_emits_counts_in_the_next_frame():
+def test_events_of_a_free_generator_count_in_the_next_frame():
     bus = started(members={"free": service("free", Free)})
     bus.put(bus.alive["free"].emitted(eAdd(10)))
     bus.put(bus.alive["free"].emitted(eAdd(20)))
@@ -292,7 +292,7 @@ def test_what_a_free_generator_emits_counts_in_the_next_frame():
     )
 
 
-def test_what_a_free_generator_may_not_emit_is_refused_and_it_is_shut_out():
+def test_a_free_generator_with_a_forbidden_event_is_removed():
     bus = started(members={"free": service("free", Free)})
     bus.put(m.Emitted("free", (eCroak(1.0),)))
     bus.settle()

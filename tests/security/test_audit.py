@@ -87,7 +87,7 @@ def only(denied):
 
 
 @pytest.mark.parametrize("deed", sorted(DEEDS))
-def test_what_is_forbidden_and_dropped_is_denied(deed):
+def test_a_forbidden_dropped_message_is_reported_as_denied(deed):
     lines = ruled(deed.decode(), "minerva/w/tick"), entry(DROPPED)
     assert heard(*lines) == (only(Denied("sensor", DEEDS[deed], "minerva/w/tick")), b"")
 
@@ -203,7 +203,7 @@ def test_every_key_is_reported(key):
     [("minerva/w/from/a", "from"), ("minerva/w/all", "all"), ("minerva/w/x", ""), ("**", ""),
      ("minerva/wy/all", ""), ("a/minerva/w/all", ""), ("minerva/w", "")],
 )  # fmt: skip
-def test_what_a_key_is_for(key, told):
+def test_purposes_of_keys(key, told):
     assert kind(key) == told
 
 

@@ -321,7 +321,7 @@ def test_a_family_s_names_are_names(world, door, keys, name):
     goes_on(world)
 
 
-def test_what_is_revoked_is_the_whole_family(world, door, keys):
+def test_revoking_a_family_revokes_all_its_members(world, door, keys):
     one, two = (keys.credentials(name) for name in ("hosts-g", "hosts-h"))
     with (
         Joined(world, door, one, agents=(yard.Walker,)) as first,
@@ -343,7 +343,7 @@ def test_what_is_revoked_is_the_whole_family(world, door, keys):
     goes_on(world)
 
 
-def test_nothing_of_it_all_is_in_the_string(world):
+def test_the_string_contains_none_of_it(world):
     assert here(world.folder, "stop", world.name).returncode == 0
     assert world.ends() == 0
     frames = next(int(x.split()[0].replace(",", "")) for x in world.output if "frames in" in x)

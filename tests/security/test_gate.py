@@ -69,7 +69,7 @@ def test_names_without_number_are_counted_as_one():
         (m.Hello("a", 1), False),
     ],
 )
-def test_what_a_frame_waits_for_is_known_by_how_it_begins(message, awaited):
+def test_replies_that_a_frame_awaits_are_recognized_by_their_prefix(message, awaited):
     data = encode(message)
     assert declaration(data).awaited == awaited
     assert declaration(b"\x07\x08" + data, 2).awaited == awaited

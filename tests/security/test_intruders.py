@@ -332,7 +332,7 @@ def test_a_flood_is_dammed_and_its_source_named_once(world, door, keys):
     assert world.text.count("flooder │ says more") == 1
 
 
-def test_what_is_too_big_is_refused_before_it_is_read(world, door, keys):
+def test_oversized_input_is_rejected_before_it_is_read(world, door, keys):
     with Joined(world, door, keys.credentials("giant"), yard.Noise()) as joined:
         present(world, "giant")
         message = joined.member.link.stamp + bytes(50 << 20)
@@ -383,7 +383,7 @@ def test_a_query_in_another_name_is_rejected(world, door, keys, key):
 # --- and then ---
 
 
-def test_nothing_of_it_all_is_in_the_string(world):
+def test_the_string_contains_none_of_it(world):
     assert here(world.folder, "stop", world.name).returncode == 0
     assert world.ends() == 0
     frames = next(int(x.split()[0].replace(",", "")) for x in world.output if "frames in" in x)

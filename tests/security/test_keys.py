@@ -142,7 +142,7 @@ def test_nothing_is_valid_for_longer_than_its_authority(tmp_path):
             attempt()
 
 
-def test_what_is_not_of_the_authority_is_not_taken(keys, tmp_path):
+def test_certificates_of_another_authority_are_rejected(keys, tmp_path):
     foreign = KeyFolder(tmp_path / "foreign")
     foreign.init()
     foreign.issue("spy", Wanted(("operator",)))
@@ -193,7 +193,7 @@ def test_a_renewed_certificate_keeps_all_that_is_not_overridden(keys):
     assert changed.topics == {"scan"}
 
 
-def test_an_authority_is_made_whole_or_not_at_all(tmp_path):
+def test_an_authority_is_created_completely_or_not(tmp_path):
     for host in ("two words", "tls/a:1"):
         done = here(tmp_path, "keys", "init", "--host", host)
         assert (done.returncode, done.stderr.count("\n")) == (2, 1)
@@ -219,7 +219,7 @@ def test_an_authority_is_made_whole_or_not_at_all(tmp_path):
         (("router", "sensor", "world"), "is not for a router"),
     ],
 )
-def test_what_cannot_be_is_refused_in_one_line(keys, words, said):
+def test_invalid_values_are_rejected_in_one_line(keys, words, said):
     before = keys.stamp()
     done = here(keys.folder.parent, "keys", *words)
     assert done.returncode == 2

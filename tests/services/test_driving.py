@@ -133,7 +133,7 @@ def test_there_is_something_to_lose(undisturbed: Yard) -> None:
 @pytest.mark.parametrize("notices_at_once", [True, False])
 @pytest.mark.parametrize("answers", [0, 1, 2, 3])
 @pytest.mark.parametrize("dies_at", range(FIRST_TICK, FIRST_TICK + 2 * FRAMES - 2))
-def test_wherever_physics_dies_the_strings_are_the_same(
+def test_a_death_of_physics_at_any_point_leaves_the_same_strings(
     undisturbed: Yard, dies_at: int, answers: int, notices_at_once: bool
 ) -> None:
     """Its answers to a tick are two topics' readings and the reply: none to all of them get out."""

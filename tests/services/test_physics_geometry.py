@@ -39,7 +39,7 @@ def test_a_turn_after_a_move_is_refused_for_a_body_turns_first() -> None:
     assert seen(TMove(0.0)(TRotate(5.0)(PRobot("r", 0.2)))).robots["r"].command.turn_deg == 5
 
 
-def test_what_surrounds_a_place_moves_the_place_and_commands_nothing() -> None:
+def test_transformations_around_a_place_move_it_without_commands() -> None:
     inner = TPlace(1.0, 0.0, 5.0)(TMove(0.1)(PRobot("r", 0.2)) + PMarker("m"))
     found = seen(TPlace(2.0, 3.0, 90.0)(TRotate(90.0)(TMove(0.5)(inner))))
     robot = found.robots["r"]

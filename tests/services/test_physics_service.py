@@ -146,7 +146,7 @@ def test_markers_appear_and_disappear() -> None:
     assert image.seen == ()
 
 
-def test_what_is_published() -> None:
+def test_published_messages() -> None:
     service = joined(Physics(beams=8, range_max=3.0, camera_range=1.4))
     show(
         service, 0, robot("b", x=1.0), robot("a", turn=90), marker("m", 2.5, 3.0), marker("n", 3, 3)
@@ -296,7 +296,7 @@ def test_joining_another_world_starts_over() -> None:
     assert pose(service) == [1, 2, 0]
 
 
-def test_what_is_saved_is_small() -> None:
+def test_saved_data_are_small() -> None:
     service = joined(Physics())
     show(service, 0, *[robot(f"robot-{n}", x=0.5 + n, dist=0.1234567) for n in range(4)])
     run(service)
@@ -306,7 +306,7 @@ def test_what_is_saved_is_small() -> None:
 @pytest.mark.parametrize(
     "saved", [{}, {"arena": {}, "retired": [0, 0], "carried_out": 1}, {"retired": 3}]
 )
-def test_what_is_no_saved_state_is_refused(saved: dict[str, Any]) -> None:
+def test_an_invalid_saved_state_is_rejected(saved: dict[str, Any]) -> None:
     with pytest.raises(PhysicsError, match="not the saved state"):
         joined(Physics()).restore(saved)
 

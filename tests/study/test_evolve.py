@@ -55,7 +55,7 @@ def test_the_champion_is_the_same_on_any_number_of_workers_over_the_bus_and_alon
     assert json.loads(best.stdout)["digest"] == one["best"]["digest"]
 
 
-def test_what_fails_is_named_and_counted_and_pictures_are_drawn(tmp_path):
+def test_failures_are_named_and_counted_and_plots_are_drawn(tmp_path):
     """Buds of over 3 burst, those under -3 take a minute."""
     pytest.importorskip("matplotlib")
     world = pond(tmp_path)
@@ -137,7 +137,7 @@ def read(folder):
         ((), "sise", "did you mean 'size'"),
     ],
 )
-def test_what_cannot_evolve_is_refused_in_one_line(tmp_path, words, fitness, problem):
+def test_an_invalid_evolution_is_rejected_in_one_line(tmp_path, words, fitness, problem):
     given = ["evolve", str(pond(tmp_path)), "--fitness", f"pond_of_buds:{fitness}", *words]
     with pytest.raises(MinervaError) as raised:
         app(given, standalone_mode=False)

@@ -86,7 +86,7 @@ def test_values_of_a_key(text, values):
         (["a=0:10000", "b=0:10000"], "too many"),
     ],
 )
-def test_what_is_no_grid_is_refused_in_one_line(settings, problem):
+def test_an_invalid_grid_is_rejected_in_one_line(settings, problem):
     with pytest.raises(MisuseError, match=problem) as raised:
         parse_grid(settings)
     assert "\n" not in str(raised.value)
@@ -241,7 +241,7 @@ def test_over_the_bus_and_alone_the_rows_are_the_same_and_failures_are_named(tmp
         (("--set", "vigour=1", "-o", "old.csv"), "without its journal"),
     ],
 )
-def test_what_cannot_be_swept_is_refused_in_one_line(tmp_path, monkeypatch, words, problem):
+def test_an_invalid_sweep_is_rejected_in_one_line(tmp_path, monkeypatch, words, problem):
     world = pond(tmp_path)
     monkeypatch.chdir(tmp_path)
     (tmp_path / "old.csv").write_text("mine")

@@ -232,7 +232,7 @@ class Painter(Agent, symbol="APainter"):
         self.grid[0, 0] = 9
 
 
-def test_what_user_code_keeps_of_a_matrix_is_not_the_strings():
+def test_user_code_cannot_change_a_matrix_of_the_string():
     w = Vocabulary.of(eHit, eStep, Painter).read("APainter#p")
     after = evolve(w, [eHit(), eHit()], [Painter]).scene
     text = str(after)

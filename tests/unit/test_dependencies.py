@@ -103,7 +103,7 @@ def test_the_image_has_the_versions_that_are_tested(python):
     assert applying("image.txt", python).items() <= applying("dev.txt", python).items()
 
 
-def test_what_a_locked_package_requires_is_locked():
+def test_requirements_of_locked_packages_are_locked():
     """As far as the packages that are installed here say so."""
     python = f"{sys.version_info.major}.{sys.version_info.minor}"
     locked = applying("dev.txt", python)

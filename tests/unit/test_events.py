@@ -48,7 +48,7 @@ def test_events_can_be_copied_and_pickled():
         assert pickle.loads(pickle.dumps(event)) == event
 
 
-def test_what_an_event_does_not_have():
+def test_missing_fields_of_an_event():
     with pytest.raises(AttributeError, match="eNear has no dist; it has distance"):
         _ = eNear(1.0).dist
     with pytest.raises(AttributeError):

@@ -99,7 +99,7 @@ def test_nodes_that_may_go_leave_the_others_alone():
     assert len({extent(w).nodes for w in mutants(kept)}) > 1
 
 
-def test_where_nothing_may_change_nothing_does():
+def test_a_norm_that_forbids_every_change_stops_all():
     assert mutants(Mutator(targets("AStone.name")), 3) == [BUGS] * 3
     assert mutants(Mutator(targets("TAim/TAim")), 3) == [BUGS] * 3
 
@@ -136,7 +136,7 @@ def test_unknown_targets_are_distinguished_from_future_ones():
         ("/PEye", "no "),
     ],
 )
-def test_what_is_no_target_is_refused_in_one_line(text, problem):
+def test_an_invalid_target_is_rejected_in_one_line(text, problem):
     with pytest.raises(MisuseError, match=problem) as raised:
         targets(text)
     assert "\n" not in str(raised.value)

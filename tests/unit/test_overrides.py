@@ -87,5 +87,5 @@ class Eye(Generator):
     ("source", "0", "0"), ("source", '"0"', "0"), ("source", "true", "true"), ("source", "a", "a"),
     ("fps", "2", 2), ("names", "{ 0 = 'a' }", {"0": "a"}), ("other", "3", 3),
 ])  # fmt: skip
-def test_what_is_to_be_a_text_is_one_though_it_looks_like_a_number(key, text, value):
+def test_text_options_stay_texts_even_if_numeric(key, text, value):
     assert typed_options(Eye, {key: text}) == {key: value}

@@ -75,7 +75,7 @@ def test_in_a_population_a_figure_names_its_agent():
     assert [discs.agent(row) for row in (0, 39)] == ["b0", "b39"]
 
 
-def test_what_has_not_changed_is_not_listed_again():
+def test_unchanged_parts_are_not_listed_again():
     lists, cells = Lists(WORDS), np.zeros((2, 2), np.int16)
     skeleton = PFloor(cells) + Scene((AgentNode("ADog", "rex"),))
     still, moving = PWay((0.0,), (0.0,)), PWay((1.0,), (1.0,))

@@ -22,7 +22,7 @@ from minerva_bus.launch.typed import toml_value
         ("a = ", "Invalid value"),
     ],
 )
-def test_what_cannot_be_read_is_refused_with_a_reason(text, problem):
+def test_an_unreadable_file_is_rejected_with_a_reason(text, problem):
     with pytest.raises(TomlError, match=problem):
         read_toml(text)
 

@@ -40,7 +40,7 @@ def fit(annotation, value):
         (Scene, parse("PA"), parse("PA")),
     ],
 )
-def test_what_fits(annotation, value, expected):
+def test_values_that_fit(annotation, value, expected):
     fitted = fit(annotation, value)
     assert fitted == expected
     assert type(fitted) is type(expected)
@@ -81,7 +81,7 @@ def test_what_fits(annotation, value, expected):
         (int, Quantity(1.0, "m"), "a whole number, not 1 m"),
     ],
 )
-def test_what_does_not_fit(annotation, value, said):
+def test_values_that_do_not_fit(annotation, value, said):
     with pytest.raises(Unfit) as caught:
         fit(annotation, value)
     assert said in str(caught.value)
@@ -226,7 +226,7 @@ def test_a_type_reads_back_from_its_text(text):
     "text",
     ["", "float", "list of", "list of x", "real parsec", "real m m", "int m", "list of " * 99],
 )
-def test_what_is_no_type(text):
+def test_invalid_types(text):
     with pytest.raises(MisuseError):
         parse_type(text)
 
@@ -237,7 +237,7 @@ def test_annotations_stand_for_types():
 
 
 @pytest.mark.parametrize("annotation", [dict, list[int], None, int | str, [], tuple[int, int]])
-def test_what_stands_for_no_type(annotation):
+def test_texts_that_name_no_type(annotation):
     with pytest.raises(MisuseError, match="no type of a parameter"):
         type_of(annotation)
 

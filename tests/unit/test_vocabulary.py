@@ -114,7 +114,7 @@ AGENT = AgentNode("AFox", "a", ("x",), (1.0,))
         ((FigureNode("eHit"),), "the vocabulary has no eHit"),
     ],
 )
-def test_what_never_was_a_text_is_refused_too(nodes, said):
+def test_nodes_that_were_never_text_are_checked_too(nodes, said):
     """A fragment that came over the bus has no line and column; the member is named."""
     with pytest.raises(VocabularyError, match=said) as caught:
         VOCABULARY.check(Scene(nodes), "member foxes")
@@ -152,7 +152,7 @@ def test_a_matrix_in_w_is_read_only():
         ((PFox(),), "is no part of a vocabulary"),
     ],
 )
-def test_what_makes_no_vocabulary(entries, said):
+def test_invalid_vocabularies(entries, said):
     with pytest.raises(MisuseError, match=said):
         Vocabulary.of(*entries)
 
@@ -163,7 +163,7 @@ def test_an_unknown_event_of_a_kind_gets_a_suggestion():
         Vocabulary.of(kind, eHit)
 
 
-def test_what_is_in_it():
+def test_its_contents():
     assert all(name in VOCABULARY for name in ("PMap", "TMove", "AFox", "eHit"))
     assert not any(name in VOCABULARY for name in ("PDog", "", "x", "Fox"))
 

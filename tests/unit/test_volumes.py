@@ -79,7 +79,7 @@ def test_cells_that_stand_are_boxes_counter_clockwise() -> None:
     assert corners == pytest.approx(np.array([[0, 1], [0, 2], [-1, 2], [-1, 1]]))
 
 
-def test_what_has_no_height_and_what_is_a_text_or_no_shape_is_not_touched() -> None:
+def test_shapes_without_height_and_texts_have_no_contacts() -> None:
     flat = PFlat(np.ones((3, 3), np.int16))
     assert len(found(flat + PText("exit") + PSound() + PWall((), ()) + EMPTY)) == 0
 
@@ -88,7 +88,7 @@ def slot(name: str, kind: str = "AFox") -> Scene:
     return Scene((AgentNode(kind, name),))
 
 
-def test_what_an_agent_shows_is_its_own_and_all_else_scenery() -> None:
+def test_figures_belong_to_their_agent_or_to_the_scenery() -> None:
     skeleton = PDisc(9.0) + slot("f") + TMove(5.0, 0.0)(slot("g") + PDisc(8.0))
     some = Bodies(VOCABULARY).volumes(skeleton, {"f": PDisc(1.0), "g": PDisc(2.0)})
     rows = zip(some.radius, some.owners, some.kinds, some.points[:, 0], strict=True)

@@ -37,7 +37,7 @@ def cells_of(side):
 
 
 @given(MASKS, MASKS)
-def test_what_is_enclosed_has_no_way_out(hollow, wall):
+def test_an_enclosed_cell_has_no_path(hollow, wall):
     shape = tuple(map(min, hollow.shape, wall.shape))
     wall = wall[: shape[0], : shape[1]]
     hollow = hollow[: shape[0], : shape[1]] & ~wall
@@ -85,7 +85,7 @@ def test_triangles_face_their_normals(mask):
 
 
 @pytest.mark.parametrize(("segments", "rounded"), [(6, False), (40, True)])
-def test_drums_are_closed_but_for_their_foot(segments, rounded):
+def test_drums_are_closed_except_for_their_base(segments, rounded):
     mesh = drum(segments, rounded)
     edges = np.sort(mesh.triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
     _, times = np.unique(edges, axis=0, return_counts=True)

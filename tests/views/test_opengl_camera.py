@@ -20,7 +20,7 @@ PIXELS = st.tuples(st.floats(0, 900), st.floats(0, 600))
 
 
 @given(CAMERAS, PIXELS)
-def test_what_a_pixel_shows_of_the_floor_is_drawn_at_that_pixel(camera, pixel):
+def test_floor_points_are_drawn_at_their_pixel(camera, pixel):
     ground = camera.ground(*pixel, *SIZE)
     assume(ground is not None and np.hypot(*ground) < 1e4)
     assert camera.project(np.array([[*ground, 0.0]]), *SIZE)[0] == pytest.approx(pixel, abs=1e-3)

@@ -83,14 +83,14 @@ def test_walls_stand_up_and_hide_what_is_behind_them():
     assert not len(like(hidden, BALL, 25))
 
 
-def test_what_lies_in_the_shadow_of_a_wall_is_darker():
+def test_areas_in_the_shadow_of_a_wall_are_darker():
     painter, pixels = drawn(floor())
     shade, light = (at(painter, x, 4.0, 0.0).astype(int) for x in (2.5, 6.0))
     assert pixels[light[1], light[0]].min() > 235
     assert pixels[shade[1], shade[0]].max() < 220
 
 
-def test_what_shines_through_tints_floor_and_wall_tops():
+def test_transparent_colours_tint_floor_and_wall_tops():
     cells = np.zeros((24, 16), np.int16)
     cells[:12] = 1
     (painter, bare), (_, tinted) = (drawn(floor() + more) for more in (EMPTY, PHeat(cells)))

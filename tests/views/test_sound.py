@@ -142,7 +142,7 @@ def test_voices_without_names_are_as_many(tmp_path: Path):
     assert all(strength(sound, 880 * 2 ** (-far / 5)) > 0.1 for far in (1.0, 4.0))
 
 
-def test_nothing_drawn_is_silence(tmp_path: Path):
+def test_an_empty_view_is_silent(tmp_path: Path):
     sound = heard(tmp_path / "w.wav", held(EMPTY))
     assert len(sound) == pytest.approx(1.05 * RATE, abs=1)
     assert not sound.any()
@@ -227,7 +227,7 @@ def test_options_name_voices_and_aims(tmp_path: Path):
     assert peak(seconds(sound, 0.2, 0.9)) == pytest.approx(880 * 2 ** (-1 / 5), rel=0.01)
 
 
-def test_where_there_is_a_goal_nothing_else_is_aimed_at(tmp_path: Path):
+def test_a_goal_takes_precedence(tmp_path: Path):
     goal = Primitive("PGoal", Disc(0.1))
     device = Sound(str(tmp_path / "w.wav"))
     device.joined(WorldInfo("field", Vocabulary.of(PCar, PHome, TAt, TTurn, goal), 0, 0.1))

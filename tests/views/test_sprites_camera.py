@@ -35,7 +35,7 @@ def test_the_world_is_not_mirrored(camera, x, y):
 
 
 @given(CAMERAS, PIXELS, PIXELS, st.floats(-5, 5))
-def test_what_is_under_the_wheel_stays_there(camera, right, down, steps):
+def test_the_point_under_the_wheel_stays_there(camera, right, down, steps):
     at = camera.to_world(right, down)
     nearer = camera.zoomed(steps, (right, down), (1e-5, 1e5))
     assert nearer.to_screen(*at) == pytest.approx((right, down), abs=1e-3)

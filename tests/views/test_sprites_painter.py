@@ -114,7 +114,7 @@ def test_a_floor_that_was_moved_by_hand_is_drawn_as_if_it_were_new(nearer):
     assert np.abs(painter.pixels().astype(int) - fresh.pixels()).max() == 0
 
 
-def test_what_was_moved_by_hand_stays_until_all_is_to_be_seen():
+def test_a_manual_view_stays_until_fit_is_requested():
     painter, first = drawn(floor())
     painter.drag(37, -21, 1)
     camera = painter.camera
@@ -272,7 +272,7 @@ def test_help_and_notice_are_drawn():
         PPath((1.0,), (1.0,)),
     ],
 )
-def test_whatever_a_world_shows_is_drawn(scene):
+def test_every_view_of_a_world_is_drawn(scene):
     painter, pixels = drawn(scene, (300, 200))
     painter.zoom(60, (5, 5))
     painter.draw(Sight(picture(scene)))

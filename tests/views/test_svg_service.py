@@ -34,7 +34,7 @@ def test_a_view_becomes_an_svg_and_a_png(tmp_path: Path):
     assert device.report() == {"picture": str(tmp_path / "deep" / "world.png")}
 
 
-def test_nothing_of_the_machine_is_in_the_picture(tmp_path: Path):
+def test_a_picture_does_not_depend_on_the_machine(tmp_path: Path):
     joined(tmp_path / "w.svg").show(view(1, PRobot()))
     for name in names(tmp_path):
         assert str(tmp_path).encode() not in (tmp_path / name).read_bytes()

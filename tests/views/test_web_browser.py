@@ -173,7 +173,7 @@ def test_the_page_shows_a_world_that_moves(page, building):
     eventually(lambda: pixels(page) != before, "nothing moves")
 
 
-def test_nothing_is_asked_for_from_elsewhere(page, building):
+def test_the_page_requests_nothing_from_other_hosts(page, building):
     here = building.url.removeprefix("http://").partition("/")[0]
     allowed = (f"http://{here}", f"ws://{here}", f"blob:http://{here}", "data:")
     assert page.asked

@@ -80,7 +80,7 @@ def test_a_world_is_sent_once_and_then_only_what_has_changed(stage):
     }
 
 
-def test_what_is_gone_is_removed(stage):
+def test_missing_items_are_removed(stage):
     made, sent, scene = stage
     full = PFloor(FLOOR) + named("inn", 1.0, 1.0) + WALK + PWay((0.0, 1.0), (0.0, 1.0))
     made.show(picture(full, c=cart(1.0)))
@@ -94,7 +94,7 @@ def test_what_is_gone_is_removed(stage):
     assert scene.get_handle_by_name("/movers/bodies") is not None
 
 
-def test_what_an_agent_knows_is_sent_when_it_is_another(stage):
+def test_knowledge_is_sent_when_it_changes(stage):
     made, sent, scene = stage
     lists, before, after = Lists(WORDS), FLOOR.copy(), FLOOR.copy()
     after[0, 0] = 1

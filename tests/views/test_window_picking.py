@@ -47,13 +47,13 @@ def test_the_nearest_of_several_batches_is_picked(order):
     assert pick(Picture((near, far)[::order]), flat, [], (100, 100)) == Hit(agent="near")
 
 
-def test_one_of_a_population_goes_by_its_name():
+def test_an_agent_of_a_population_is_found_by_its_name():
     many = Picture((discs((0.0, 0.0), (3.0, 0.0), owners=["~0"] * 2, names=["p", "q"]),))
     assert pick(many, flat, [], (130, 100)) == Hit(agent="q")
     assert spot_of(many, "q").x == 3.0
 
 
-def test_what_is_behind_the_viewer_is_not_picked():
+def test_points_behind_the_viewer_are_not_picked():
     def behind(x, y, height):
         return np.full(len(x), np.nan), np.full(len(x), np.nan), np.full(len(x), np.nan)
 

@@ -15,7 +15,7 @@ def showing(environment=SCREEN, **options):
     return WindowOptions("sprites", ("numpy",), environment=environment, **options)
 
 
-def test_a_window_goes_by_the_clock():
+def test_a_window_draws_by_the_clock():
     made = showing()
     assert (made.medium, made.asks_every, made.rate) == (Medium.WINDOW, 0, 30.0)
     assert (showing(every=5).asks_every, showing(every=5).rate) == (5, 0.0)
@@ -42,14 +42,14 @@ def test_pictures_and_videos_go_by_frames_and_need_no_display():
         ({"environment": {}}, r"no display .* path=FILE\.png, or a video with video=FILE\.mp4"),
     ],
 )
-def test_what_cannot_be_is_refused_in_one_line(options, words):
+def test_invalid_values_are_rejected_in_one_line(options, words):
     with pytest.raises(MisuseError, match=words) as caught:
         showing(**options)
     assert str(caught.value).startswith("sprites: ")
     assert "\n" not in str(caught.value)
 
 
-def test_what_is_not_installed_is_named_with_its_extra(monkeypatch):
+def test_a_missing_package_is_named_with_its_extra(monkeypatch):
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     with pytest.raises(MisuseError, match=r"pip install 'minerva-bus\[sprites\]'"):
         showing()

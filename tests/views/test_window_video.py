@@ -57,7 +57,7 @@ def frames_of(path):
 
 @pytest.mark.parametrize("count", [1, 8])
 @pytest.mark.parametrize("suffix", ["mp4", "gif"])
-def test_what_was_drawn_is_in_the_video(tmp_path, suffix, count):
+def test_drawn_frames_are_in_the_video(tmp_path, suffix, count):
     pytest.importorskip("av")
     film = VideoWriter(str(tmp_path / f"a.{suffix}"), (64, 48), 10)
     for step in range(count):

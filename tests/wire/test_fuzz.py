@@ -191,7 +191,7 @@ def changed(scene):
 
 @law
 @given(st.one_of(shaped, st.builds(lambda s: ["evolved", 0, 0, {"w": s}, {}, {}], junk)))
-def test_whatever_is_let_into_the_string_is_of_the_vocabulary(plain):
+def test_accepted_strings_conform_to_the_vocabulary(plain):
     try:
         message = DECODER.from_member("m", msgpack.packb(plain))
     except (ProtocolError, SceneError):
@@ -317,7 +317,7 @@ def test_strings_in_strings():
         )
 
 
-def test_what_can_be_sent_can_be_written_as_text():
+def test_sendable_values_have_a_text_form():
     """Values as deep as the protocol lets through are as deep as the language does."""
     from minerva_bus import EventType, Primitive, Scene, Vocabulary
 

@@ -103,7 +103,7 @@ TOO_MUCH = {
 
 
 @pytest.mark.parametrize("what", TOO_MUCH)
-def test_what_is_over_a_limit_is_refused(what):
+def test_messages_over_a_limit_are_rejected(what):
     data, problem = TOO_MUCH[what]
     with pytest.raises(ProtocolError, match=problem):
         Decoder(VOCABULARY, SMALL).from_member("x", data)
@@ -131,7 +131,7 @@ STALLING = {
 
 
 @pytest.mark.parametrize("what", STALLING)
-def test_what_would_stall_the_coordinator_is_refused_before_it_is_built(what, monkeypatch):
+def test_expensive_messages_are_rejected_before_decoding(what, monkeypatch):
     """Each took seconds, and some gigabytes: that is known without msgpack and the reader."""
     if what != "rows of nothing":  # Of these the reader has to see the counts.
         monkeypatch.setattr("minerva_bus.wire.codec.unpack", lambda *_: pytest.fail("built"))
@@ -206,7 +206,7 @@ def test_a_generator_of_the_library_stays_within_the_limit():
 
 
 @given(st.lists(PLAIN, max_size=5), st.integers(0, 2000), st.binary(max_size=3))
-def test_what_is_read_in_slices_is_the_same(plain, cut, more):
+def test_reading_in_slices_gives_the_same_message(plain, cut, more):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("minerva_bus.wire.plain.SLICE", 7)
         data = pack(plain)
