@@ -10,6 +10,7 @@ TYPE_CHECKING = False  # As typing has it, which the command line need not wait 
 if TYPE_CHECKING:
     from typing import Any
 
+    from minerva_bus.api.evolving import evolve_strings
     from minerva_bus.api.live import Live, connect
     from minerva_bus.api.records import check, diff, record, replay, resume
     from minerva_bus.api.running import Run, run
@@ -47,6 +48,7 @@ if TYPE_CHECKING:
 __version__ = "0.5.0"
 
 _HOMES = {
+    "api.evolving": "evolve_strings",
     "api.live": "Live connect",
     "api.records": "check diff record replay resume",
     "api.running": "Run run",
@@ -146,6 +148,7 @@ __all__ = [
     "diff",
     "each",
     "evolve",
+    "evolve_strings",
     "interpret",
     "on",
     "parse",

@@ -8,20 +8,17 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Final, cast
 
+from minerva_bus.api.evolving import EvolutionStudy
 from minerva_bus.cli.output import FAILED, INTERRUPTED, print_result
 from minerva_bus.errors import MisuseError
-from minerva_bus.grammar.mutation.mutator import LONGEST, Mutator
-from minerva_bus.grammar.mutation.places import Extent, places
-from minerva_bus.grammar.mutation.targets import Targets, parse_targets
 from minerva_bus.launch.console import Console
 from minerva_bus.launch.specs import load
 from minerva_bus.launch.worldfile import WorldFile
-from minerva_bus.study.evaluation import EvaluationCache, Evaluator, Fitness
-from minerva_bus.study.evolution import Evolution, Generation, Plan
+from minerva_bus.study.evaluation import EvaluationCache, Fitness
+from minerva_bus.study.evolution import Evolution, Plan
 from minerva_bus.study.evolution_plots import draw_fitness, draw_tree
 from minerva_bus.study.saving import WorldOptions, check_place, save
 from minerva_bus.study.style import check_picture
-from minerva_bus.study.worker_pool import WorkerPool
 
 MAX_ERRORS: Final = 5
 
@@ -61,21 +58,11 @@ def evolve_world(file: WorldFile, wanted: EvolveOptions, console: Console, as_js
         check_place(path)
     for picture in filter(None, (wanted.plot, wanted.tree)):
         check_picture(picture)
-    targets = parse_targets(wanted.mutable, file.world.vocabulary)
-    _check_targets(targets, wanted.mutable, file, console)
-    mutator = Mutator(targets, Extent(wanted.nodes, LONGEST.depth))
-    interrupted = False
-    with WorkerPool(wanted.workers, wanted.limit) as pool:
-        evaluator = Evaluator(file, wanted.fitness, pool, wanted.trials, wanted.in_process)
-        cache = EvaluationCache(evaluator, wanted.plan.minimise)
-        evolution = Evolution(file.world.scene, mutator, wanted.plan, cache)
-        cache.on_done = _Progress(console, file.world.name, cache, wanted.plan.evaluations)
-        try:
-            for generation in evolution.run():
-                console.note(_line(generation, evolution.random))
-        except KeyboardInterrupt:
-            interrupted = True
-    console.end()
+    study = EvolutionStudy(
+        wanted.fitness, wanted.plan, wanted.mutable, wanted.nodes, wanted.trials, wanted.in_process
+    )
+    ran = study.run(file, wanted.workers, wanted.limit, console)
+    evolution, cache, interrupted = ran.evolution, ran.cache, ran.interrupted
     _save(file, wanted, console, cache)
     if as_json:
         print_result(json_.dumps(_plain(file, evolution, cache, interrupted)))
@@ -83,37 +70,6 @@ def evolve_world(file: WorldFile, wanted: EvolveOptions, console: Console, as_js
         print_result("\n".join(_lines(evolution, cache, interrupted)))
     _draw(file, wanted, console, evolution)
     return INTERRUPTED if interrupted else 0 if cache.best is not None else FAILED
-
-
-def _check_targets(
-    targets: Targets, texts: tuple[str, ...], file: WorldFile, console: Console
-) -> None:
-    """Report targets that match nothing in the string. Raises MisuseError if none matches."""
-    idle = targets.idle(places(file.world.scene, LONGEST.depth))
-    if idle and len(idle) == len(texts):
-        raise MisuseError(
-            f"--mutable {', '.join(texts)}: the world's string has no match: nothing may change"
-        )
-    for number in idle:
-        console.note(f"--mutable {texts[number]}: the world's string has no match yet")
-
-
-class _Progress:
-    """The status line: the number of evaluated strings, and the best fitness so far."""
-
-    def __init__(self, console: Console, name: str, cache: EvaluationCache, total: int) -> None:
-        self._console = console
-        self._name = name
-        self._cache = cache
-        self._total = total
-        self._done = 0
-
-    def __call__(self) -> None:
-        self._done += 1
-        best = self._cache.best
-        shown = "" if best is None else f"  best {best.score.fitness:.6g}"
-        rest = f"strings{shown}  Ctrl-C stops"
-        self._console.progress(self._name, self._done, self._total, rest)
 
 
 def _save(file: WorldFile, wanted: EvolveOptions, console: Console, cache: EvaluationCache) -> None:
@@ -130,15 +86,6 @@ def _draw(file: WorldFile, wanted: EvolveOptions, console: Console, evolution: E
         if picture is not None and evolution.all:
             draw(evolution, file.world.name, picture)
             console.note(f"plot saved to {picture}")
-
-
-def _line(row: Generation, random: list[float]) -> str:
-    failed = f", {row.failed} failed" if row.failed else ""
-    search = f"; random search {random[-1]:.6g}" if random else ""
-    return (
-        f"generation {row.generation}: best {row.best:.6g}, median {row.median:.6g},"
-        f" worst {row.worst:.6g}{failed}{search}"
-    )
 
 
 def _lines(evolution: Evolution, cache: EvaluationCache, interrupted: bool) -> list[str]:

@@ -17,6 +17,7 @@ from minerva_bus import (
     count,
     diff,
     each,
+    evolve_strings,
     on,
     record,
     replay,
@@ -80,7 +81,7 @@ def test_check_describes_worlds_and_files(tmp_path):
     path = tmp_path / "pond.toml"
     pond().save(path)
     assert check(path).what == check(pond()).what
-    assert "pond:Frog" in check(path, code=False).code
+    assert "frogs:Frog" in check(path, code=False).code
     (tmp_path / "w.mnv").write_text("PWall · AFrog#a")
     assert check(tmp_path / "w.mnv").what == "a string of L(M), 2 symbols"
     assert check("robot").what.startswith("a world of ")
@@ -179,3 +180,24 @@ def test_runs_that_fail_are_shown_and_the_others_count(capsys):
     assert "not this one" in capsys.readouterr().err
     with pytest.raises(MisuseError, match=r"all runs failed.*not this one"):
         sweep(world, seeds=[1], frames=2, quiet=True)
+
+
+def largest(outcome):
+    return max(node.state["size"] for node in outcome.scene.nodes if hasattr(node, "state"))
+
+
+def test_strings_evolve():
+    world = World("AFrog#a<size=1>", agents=[Frog], services=[each(eTick)], name="evolving")
+    best = evolve_strings(world, largest, population=4, generations=3, frames=2, quiet=True,
+                          mutable=["AFrog.size=0:9"])  # fmt: skip
+    assert best.fitness > 1
+    assert best.generations["generation"].tolist() == [0, 1, 2, 3]
+    assert best.generations["best"].max() == best.fitness
+    assert (
+        run(World(best.scene, agents=[Frog], services=[each(eTick)]), frames=2).digest
+        == best.digest
+    )
+    with pytest.raises(MisuseError, match="no match"):
+        evolve_strings(world, largest, frames=2, mutable=["#zed"], quiet=True)
+    with pytest.raises(MisuseError, match="no string could be evaluated"):
+        evolve_strings(world, lambda outcome: "x", frames=2, generations=0, quiet=True)

@@ -1,0 +1,201 @@
+"""Evolution of strings: `evolve` as a function, which shares its study with `minerva evolve`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from minerva_bus.api.running import request_of
+from minerva_bus.api.world import World, world_of
+from minerva_bus.collect.table import ARRAY_TYPES, DataTable
+from minerva_bus.errors import MisuseError
+from minerva_bus.grammar.mutation.mutator import LONGEST, Mutator
+from minerva_bus.grammar.mutation.places import Extent, places
+from minerva_bus.grammar.mutation.targets import Targets, parse_targets
+from minerva_bus.grammar.scene import Scene
+from minerva_bus.launch.console import Console
+from minerva_bus.launch.worldfile import WorldFile
+from minerva_bus.study.evaluation import EvaluationCache, Evaluator, Fitness
+from minerva_bus.study.evolution import Evolution, Generation, Plan
+from minerva_bus.study.trial import prepared
+from minerva_bus.study.worker_pool import WorkerPool
+
+MAX_NODES = 1000
+
+
+@dataclass(frozen=True, slots=True)
+class EvolutionRun:
+    """An evolution that has ended, with the strings that were evaluated."""
+
+    evolution: Evolution
+    cache: EvaluationCache
+    interrupted: bool
+
+
+@dataclass(frozen=True, slots=True)
+class EvolutionStudy:
+    """How strings evolve.
+
+    `mutable` are targets as of `minerva evolve --mutable`, none: everything. `nodes`: maximum size
+    of a string. `trials`: runs per string.
+    """
+
+    fitness: Fitness
+    plan: Plan
+    mutable: Sequence[str] = ()
+    nodes: int = MAX_NODES
+    trials: int = 1
+    in_process: bool = True
+
+    def run(self, file: WorldFile, workers: int, limit: float, console: Console) -> EvolutionRun:
+        """Evolve the string of a prepared world; Ctrl-C ends it early.
+
+        Raises MisuseError for targets that match nothing, and MinervaError if no world can run.
+        """
+        targets = parse_targets(tuple(self.mutable), file.world.vocabulary)
+        _check_targets(targets, tuple(self.mutable), file, console)
+        mutator = Mutator(targets, Extent(self.nodes, LONGEST.depth))
+        interrupted = False
+        with WorkerPool(workers, limit) as pool:
+            evaluator = Evaluator(file, self.fitness, pool, self.trials, self.in_process)
+            cache = EvaluationCache(evaluator, self.plan.minimise)
+            evolution = Evolution(file.world.scene, mutator, self.plan, cache)
+            cache.on_done = EvolutionProgress(
+                console, file.world.name, cache, self.plan.evaluations
+            )
+            try:
+                for generation in evolution.run():
+                    console.note(_line(generation, evolution.random))
+            except KeyboardInterrupt:
+                interrupted = True
+        console.end()
+        return EvolutionRun(evolution, cache, interrupted)
+
+
+@dataclass(frozen=True)
+class Evolved:
+    """The result of an evolution.
+
+    Attributes:
+        scene: the best string, and its `fitness`; `digest` is that of its run's last string.
+        generations: a table with the best, median and worst fitness of each generation.
+
+    """
+
+    scene: Scene
+    fitness: float
+    digest: str
+    generations: DataTable
+
+
+def evolve_strings(
+    world: World | str | Path,
+    fitness: Fitness,
+    *,
+    population: int = 20,
+    generations: int = 10,
+    mutable: Sequence[str] = (),
+    frames: int | None = None,
+    seed: int | None = None,
+    minimise: bool = False,
+    trials: int = 1,
+    nodes: int = MAX_NODES,
+    workers: int = 0,
+    limit: float = 60.0,
+    quiet: bool = False,
+    **options: Any,
+) -> Evolved:
+    """Evolve the string of a world by a genetic algorithm; needs the extra `evolve`.
+
+    Args:
+        world: a `World`, a world file, or the name of an installed world.
+        fitness: a function of the outcome of a run (`scene`, `frames`, `digest`, `events`,
+            `figures`) that returns a number.
+        population: strings per generation.
+        generations: after the first.
+        mutable: what may mutate: SYMBOL, #ID, A/B.NAME=LOW:HIGH; default: everything.
+        frames: per run; default: the world's own.
+        seed: of the worlds and of the evolution; default: the world's own.
+        minimise: whether less is better.
+        trials: runs per string, with seed, seed + 1, ...
+        nodes: maximum number of nodes of a string.
+        workers: parallel runs; 0: one per core.
+        limit: seconds that a run may take; 0: no limit.
+        quiet: show no progress.
+        options: the world's own options.
+
+    Raises:
+        MisuseError: an argument is wrong, or no string could be evaluated.
+        KeyboardInterrupt: after Ctrl-C.
+
+    Example:
+        >>> best = evolve_strings(world, lambda run: run.events["eBerry"], frames=200)
+        >>> best.scene, best.fitness
+
+    """
+    request = request_of(world_of(world, {}), options, frames=frames, seed=seed, rate=0.0)
+    file = prepared(request.file)
+    plan = Plan(population, generations, file.world.seed, minimise)
+    study = EvolutionStudy(fitness, plan, mutable, nodes, trials)
+    ran = study.run(file, workers, limit, Console(quiet=quiet, world=file.world.name))
+    if ran.interrupted:
+        raise KeyboardInterrupt
+    best = ran.cache.best
+    if best is None:
+        why = ran.cache.failures[0].score.error if ran.cache.failures else "there was none"
+        raise MisuseError(f"no string could be evaluated; the first: {why}")
+    return Evolved(best.scene, best.score.fitness, best.score.digest, _table(ran.evolution.log))
+
+
+def _table(log: Sequence[Generation]) -> DataTable:
+    types = {"generation": "int64", "best": "float64", "median": "float64", "worst": "float64",
+             "failed": "int64"}  # fmt: skip
+    columns = {
+        name: np.array([getattr(row, name) for row in log], ARRAY_TYPES[kind])
+        for name, kind in types.items()
+    }
+    return DataTable("generations", types, columns)
+
+
+def _check_targets(
+    targets: Targets, texts: tuple[str, ...], file: WorldFile, console: Console
+) -> None:
+    """Report targets that match nothing in the string. Raises MisuseError if none matches."""
+    idle = targets.idle(places(file.world.scene, LONGEST.depth))
+    if idle and len(idle) == len(texts):
+        raise MisuseError(
+            f"--mutable {', '.join(texts)}: the world's string has no match: nothing may change"
+        )
+    for number in idle:
+        console.note(f"--mutable {texts[number]}: the world's string has no match yet")
+
+
+class EvolutionProgress:
+    """The status line: the number of evaluated strings, and the best fitness so far."""
+
+    def __init__(self, console: Console, name: str, cache: EvaluationCache, total: int) -> None:
+        self._console = console
+        self._name = name
+        self._cache = cache
+        self._total = total
+        self._done = 0
+
+    def __call__(self) -> None:
+        self._done += 1
+        best = self._cache.best
+        shown = "" if best is None else f"  best {best.score.fitness:.6g}"
+        rest = f"strings{shown}  Ctrl-C stops"
+        self._console.progress(self._name, self._done, self._total, rest)
+
+
+def _line(row: Generation, random: list[float]) -> str:
+    failed = f", {row.failed} failed" if row.failed else ""
+    search = f"; random search {random[-1]:.6g}" if random else ""
+    return (
+        f"generation {row.generation}: best {row.best:.6g}, median {row.median:.6g},"
+        f" worst {row.worst:.6g}{failed}{search}"
+    )
