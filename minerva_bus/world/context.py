@@ -106,10 +106,7 @@ class Context(InFrame):
     streams: FrameStreams | None = None
     row: int = 0
     _rng: Rng | None = field(default=None, repr=False)
-
-    def enter(self, row: int, agent_id: str) -> None:
-        """Switch to the agent with this id and the streams of this row."""
-        self.row, self.who, self._rng = row, "#" + agent_id, None
+    _rng_row: int = field(default=0, repr=False)
 
     def shared_streams(self) -> FrameStreams:
         """The streams of the population, or of this agent alone."""
@@ -128,13 +125,14 @@ class Context(InFrame):
     def chance(self) -> Rng:
         """The random numbers of this agent or generator, equal to those in a population."""
         rng = self._rng
-        if rng is None:  # kept, because most methods draw several times
+        # Cached, because most methods draw several times, until the context moves to another row.
+        if rng is None or self._rng_row != self.row:
             if self.streams is not None:
                 rng = self.streams.draws.row(self.row)
             else:
                 key = frame_key(self.frame.seed, self.frame.number)
                 rng = Rng.of(hash_of(self.who.removeprefix("#")), key)
-            self._rng = rng
+            self._rng, self._rng_row = rng, self.row
         return rng
 
     def batch(self, population: Population) -> BatchContext:

@@ -7,7 +7,7 @@ for one agent run for one row after another.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from itertools import groupby, repeat
+from itertools import groupby
 from typing import Any, cast
 
 import numpy as np
@@ -192,11 +192,8 @@ class PopulationStep:
 
     def _run_rows(self, activity: Activity, item: AnyEvent, rows: Rows | None) -> None:
         count = len(self._ids) if rows is None else len(rows)
-        if isinstance(item, Events):
-            calls = ((event, event) for event in item)
-        else:
-            calls = repeat((item, item), count)
-        self._run_each(activity, item, rows, calls)
+        events = list(item) if isinstance(item, Events) else [item] * count
+        self._run_each(activity, item, rows, events, events)
 
     def _run_batches(self, activity: Activity, items: Sequence[AnyEvent]) -> None:
         """Pass each agent all its events of a type, in one call per agent."""
@@ -210,18 +207,19 @@ class PopulationStep:
         parts = [events.take(part) for part in np.split(order, begins[1:])]
         batches = [EventBatch(part, np.zeros(part.count, np.intp)) for part in parts]
         firsts = [part.event(0) for part in parts]
-        self._run_each(activity, events, rows, zip(firsts, batches, strict=True))
+        self._run_each(activity, events, rows, firsts, batches)
 
     def _run_each(
         self,
         activity: Activity,
         item: AnyEvent,
         rows: Rows | None,
-        calls: Iterable[tuple[Event, Event | EventBatch]],
+        events: Sequence[Event],
+        arguments: Sequence[Event | EventBatch],
     ) -> None:
         """Run a method for one agent after another.
 
-        `calls` has for each agent the event that an error would name, and the method's argument.
+        For each agent there is the event that an error would name, and the method's argument.
         """
         agents = self._adapter.agents(rows)
         chosen = range(len(agents)) if rows is None else rows.tolist()
@@ -230,8 +228,9 @@ class PopulationStep:
         row, event = 0, first_of(item)
         self._ran.append((activity, item))
         try:
-            for row, agent, (event, given) in zip(chosen, agents, calls, strict=True):
-                context.enter(row, agent.id)
+            for row, agent, event, given in zip(chosen, agents, events, arguments, strict=True):
+                # One context for all rows: creating one per agent takes longer than most methods.
+                context.row, context.who = row, "#" + agent.id
                 result = activity(agent, given, context)
                 if context.emitted:
                     self._sent.append((row, context.emitted))
