@@ -79,7 +79,7 @@ class Admission:
         self._keys = keys
         self._limits = limits
         self._say = say
-        self._told: set[tuple[str, str]] = set()
+        self._logged: set[tuple[str, str]] = set()
         self._links: Links | None = None
         self._leaving: Sequence[str] = ()
         self.listens_at = ""
@@ -92,10 +92,10 @@ class Admission:
         )
 
     @contextmanager
-    def session(self, tell: Callable[[Any], None]) -> Generator[tuple[zenoh.Session, str]]:
+    def session(self, put: Callable[[Any], None]) -> Generator[tuple[zenoh.Session, str]]:
         """The coordinator's session, and the endpoint for this machine. Raises BusError.
 
-        `tell` hands over, from any thread, what `notice` has to be given in the main one.
+        `put` is called in any thread; the main thread passes the items to `notice`.
         """
         where, security = self._where, self._where.security
         shared, routers = where.shared, where.routers
@@ -108,34 +108,34 @@ class Admission:
                 yield session, endpoint
             return
         secured = Secured(security.own, security.local, self._access(), self._filters())
-        with self._log_heard(security, tell):
+        with self._log_read(security, put):
             session, endpoint = self._open_hub(
                 COORDINATOR, where.listen, shared=shared, secured=secured, routers=routers
             )
-            with session, watched(session, tell) as self._links:
+            with session, watched(session, put) as self._links:
                 self.listens_at = listening_at(session, where.listen)
-                self._tell_who_may_come()
+                self._log_admitted()
                 yield session, endpoint
 
     @contextmanager
-    def _log_heard(self, security: Security, tell: Callable[[Any], None]) -> Generator[None]:
-        """For as long, Zenoh's log tells who is turned away, and, for an audit, what is dropped."""
-        hear = rejections_in(tell)
+    def _log_read(self, security: Security, put: Callable[[Any], None]) -> Generator[None]:
+        """Read rejected connections from Zenoh's log and, for an audit, dropped messages."""
+        rejections = rejections_in(put)
         if not security.audit:
             begin_logging(LEVELS)
-            with log_read(hear):
+            with log_read(rejections):
                 yield
             return
         begin_logging(LEVELS, audit.LEVELS)
-        audited = audit.Audit(tell, self._keys.kind)
-        with log_read(lambda lines: hear(audited.hear(lines)), audit.POLL_SECONDS):
+        audited = audit.Audit(put, self._keys.kind)
+        with log_read(lambda lines: rejections(audited.read(lines)), audit.POLL_SECONDS):
             yield
 
     def _access(self) -> Mapping[str, Any]:
         return access_control(self._keys, self._rights.values(), [LOCAL_KIND])
 
     def _filters(self) -> list[Mapping[str, Any]]:
-        """Readings go from member to member, past the coordinator: Zenoh looks at their size."""
+        # Readings bypass the coordinator, so Zenoh has to enforce their size.
         return [
             {
                 "id": "readings",
@@ -146,9 +146,11 @@ class Admission:
             }
         ]
 
-    def _tell_who_may_come(self) -> None:
+    def _log_admitted(self) -> None:
         names = [
-            one.name for _, one in sorted(self._rights.items()) if not (one.revoked or one.may(HUB))
+            holder.name
+            for _, holder in sorted(self._rights.items())
+            if not (holder.revoked or holder.may(HUB))
         ]
         shown = ", ".join(names) or "nobody (minerva keys issue NAME --role ROLE)"
         self._say(COORDINATOR, f"listens at {self.listens_at}; lets in {shown}")
@@ -156,7 +158,7 @@ class Admission:
     # --- what happens ---
 
     def notice(self, item: Linked | RejectedConnection | audit.Denials) -> None:
-        """Deal with one who has come, or was not let in, and with what was dropped."""
+        """Process a new link, a rejected connection, or messages that Zenoh dropped."""
         if isinstance(item, audit.Denials):
             for denied, times in item.times:
                 self.rules.count(denied.sender, times)
@@ -164,30 +166,30 @@ class Admission:
             return
         if isinstance(item, RejectedConnection):
             self.rules.count(STRANGERS)
-            self._say_once(STRANGERS, f"somebody was not let in, who {item.reason}")
+            self._say_once(STRANGERS, f"a connection was rejected: the other side {item.reason}")
             return
         name = item.name
         if name not in self._known:
             self.rules.count(name)
             self._say_once(
                 name,
-                f"has come from {item.address} with a certificate that was issued after the world"
-                " began; it is let in from the next start on",
+                f"connected from {item.address} with a certificate that was issued after the world"
+                " began; it is valid from the next start on",
             )
         elif self._rights[name].revoked:
             self._cut(item)
 
     def _say_denied(self, denied: audit.Denied) -> None:
-        """Say it once of each deed and kind of key: there may be any number of keys."""
-        if denied.deed == audit.TOO_LARGE:
-            why = f"more than {self._limits.message_bytes} bytes, which is dropped ([limits])"
+        """Log the first message of each operation and kind of key: keys may be any number."""
+        if denied.operation == audit.TOO_LARGE:
+            why = f"more than {self._limits.message_bytes} bytes, which is too large ([limits])"
         else:
             why = "which its certificate does not allow: Zenoh drops it"
-        text = f"{denied.deed} {denied.key}, {why}"
-        self._say_once(denied.sender, text, f"{denied.deed} {self._keys.kind(denied.key)}")
+        text = f"{denied.operation} {denied.key}, {why}"
+        self._say_once(denied.sender, text, f"{denied.operation} {self._keys.kind(denied.key)}")
 
     def keeps_out(self, member: str) -> bool:
-        """Whether nothing at all of somebody is heard, which is counted then."""
+        """Whether all messages of a member are ignored; each is counted."""
         if not is_name(member):
             self._misnamed(member)
             return True
@@ -203,31 +205,30 @@ class Admission:
         self._say_once(STRANGERS, text)
 
     def objection_to_question(self, who: str, orders: bool, question: object) -> str:
-        """Why a question is not answered, which is counted and said, or the empty text."""
+        """Reason for rejecting a question, which is counted and logged, or an empty string."""
         if who and not is_name(who):
             return self._misnamed(who)
         objection = self.rules.objection_to_question(who, orders, question)
         if objection:
             self.rules.count(who)
-            self._say_once(who, f"asked in vain: {objection}")
+            self._say_once(who, f"question rejected: {objection}")
         return objection
 
     def _misnamed(self, who: str) -> str:
-        """Somebody uses a name that nobody can have; of those with certificates, only a family."""
+        """Count and log an invalid name; with certificates, only a family's member can use one."""
         family = rights_of(who, self._rights)
         known = STRANGERS if family is None else family.name
         self.rules.count(known)
-        self._say_once(known, f"somebody is not heard: {NO_NAME}")
+        self._say_once(known, f"messages of a member are ignored: {NO_NAME}")
         return NO_NAME
 
     def look(self, now: float) -> list[str]:
-        """See whether certificates were issued or revoked since; the common names of the latter.
+        """Check for issued and revoked certificates; returns the newly revoked common names.
 
-        Their links are cut the next time: a link that is cut at once takes along what would have
-        told its member why, and Zenoh makes it anew again and again.
-
-        One whose certificate is not in the folder any more counts as revoked.
-        `now` is the monotonic time in seconds; it looks no more often than every LOOK_EVERY.
+        Their links are cut in the next check. If they were cut now, the members would not receive
+        the reason, and Zenoh would reconnect them again and again. A certificate that is no longer
+        in the folder counts as revoked. `now` is the monotonic time in seconds; the interval
+        between two checks is LOOK_EVERY at least.
         """
         security = self._where.security
         if security is None or now < self._looked_at + LOOK_EVERY:
@@ -236,25 +237,32 @@ class Admission:
         for name in self._leaving:
             for linked in self._linked(name):
                 self._cut(linked)
-        before = {name for name, one in self._rights.items() if one.revoked}
+        before = self._revoked()
         self._read_again(security)
-        self._leaving = sorted({name for name, one in self._rights.items() if one.revoked} - before)
+        self._leaving = sorted(self._revoked() - before)
         return list(self._leaving)
+
+    def _revoked(self) -> set[str]:
+        return {name for name, holder in self._rights.items() if holder.revoked}
 
     def _read_again(self, security: Security) -> None:
         try:
             stamp = security.stamp()
             if stamp != self._stamp:
-                gone = {name: replace(one, revoked=True) for name, one in self._rights.items()}
+                gone = {
+                    name: replace(holder, revoked=True) for name, holder in self._rights.items()
+                }
                 self._rights, self._stamp = {**gone, **security.rights()}, stamp
         except (KeysError, OSError) as error:
-            self._say_once(COORDINATOR, f"the keys stay as they were, for now: {error}")
+            self._say_once(
+                COORDINATOR, f"cannot read the keys; the previous ones stay valid: {error}"
+            )
 
     def _cut(self, linked: Linked) -> None:
         self.rules.count(linked.name)
         if linked not in self._linked(linked.name):
-            return  # It has gone by itself meanwhile.
-        done = "is cut" if cut(linked) else "cannot be cut, but what it says is not heard"
+            return  # It has closed meanwhile.
+        done = "is cut" if cut(linked) else "cannot be cut, but its messages are ignored"
         self._say_once(
             linked.name, f"its certificate was revoked; its link from {linked.address} {done}"
         )
@@ -263,13 +271,13 @@ class Admission:
         return self._links.of(name) if self._links is not None else ()
 
     def _say_once(self, who: str, text: str, same: str = "") -> None:
-        """Say it unless the `same` was said of the same one: the text, but for its address.
+        """Log a text once per member or family; `same` identifies it, by default the text itself.
 
-        Of a family it is said once: there may be any number of names in it.
+        Addresses and the names of a family's members do not count as differences.
         """
         rights = rights_of(who, self._rights)
         known = who if rights is None else rights.name
         what = (known, same or re.sub(r"from \S+", "", text).replace(who, known))
-        if what not in self._told:
-            self._told.add(what)
+        if what not in self._logged:
+            self._logged.add(what)
             self._say(who, text)

@@ -36,7 +36,7 @@ class _Allowance:
         self._full = full
         self._left = dict(full)
         self._at = now
-        self.told = False
+        self.logged = False
 
     def fill(self, now: float) -> None:
         """Refill the buckets for the time that has passed."""
@@ -101,20 +101,20 @@ class AdmissionRules:
 
     def has_room(self, who: str, size: int) -> bool:
         """Whether a message of this many bytes is within the limits per second."""
-        mine = self._filled(who)
-        if not mine.take(_MESSAGES, 1):
+        own = self._filled(who)
+        if not own.take(_MESSAGES, 1):
             return False
-        return mine.take(_BYTES, size) and mine.left(_SECONDS) > 0
+        return own.take(_BYTES, size) and own.left(_SECONDS) > 0
 
     def has_values(self, who: str, data: bytes) -> bool:
         """Whether the number of values of a message is within the limits per second.
 
         A message above the limit per message passes, so that the decoder rejects it with a reason.
         """
-        mine, most = self._filled(who), self._limits.values
-        left = int(mine.left(_VALUES))
+        own, most = self._filled(who), self._limits.values
+        left = int(own.left(_VALUES))
         count = values_in(data, left if 2 * left < most else most)
-        return mine.take(_VALUES, count) or count > most
+        return own.take(_VALUES, count) or count > most
 
     def has_hello(self, who: str) -> bool:
         """Whether another hello is within the limits per second, per sender and in total."""
@@ -126,51 +126,51 @@ class AdmissionRules:
 
     def _filled(self, who: str) -> _Allowance:
         """The refilled buckets of a sender."""
-        mine = self._allowances.get(who)
-        if mine is None:
-            mine = self._allowances[who] = _Allowance(self._full, self._clock())
-        mine.fill(self._clock())
-        return mine
+        own = self._allowances.get(who)
+        if own is None:
+            own = self._allowances[who] = _Allowance(self._full, self._clock())
+        own.fill(self._clock())
+        return own
 
     def too_much(self, who: str) -> str:
         """The warning for the first message above the limits; an empty string after that."""
         self.count(who)
-        mine = self._allowances[who]
-        if mine.told:
+        own = self._allowances[who]
+        if own.logged:
             return ""
-        mine.told = True
+        own.logged = True
         limits = self._limits
         return (
-            f"says more than {limits.messages} messages, {limits.hellos} hellos,"
-            f" {limits.bytes >> 20} MiB or {limits.values} values a second, or what takes"
-            f" {limits.seconds:g} s: the rest is not heard (columns are few values; [limits])"
+            f"sends more than {limits.messages} messages, {limits.hellos} hellos,"
+            f" {limits.bytes >> 20} MiB or {limits.values} values per second, or messages that take"
+            f" {limits.seconds:g} s; the rest is dropped (columns are few values; [limits])"
         )
 
     # --- who ---
 
     def shut_out(self, who: str) -> str:
         """Reason for ignoring all messages of a member, or an empty string."""
-        mine = self._of(who)
-        return "its certificate was revoked" if mine is not None and mine.revoked else ""
+        own = self._of(who)
+        return "its certificate was revoked" if own is not None and own.revoked else ""
 
     def objection(self, hello: Hello) -> str:
         """Reason why a certificate does not allow the roles in a hello, or an empty string."""
-        mine = self._of(hello.member)
-        if mine is None:
+        own = self._of(hello.member)
+        if own is None:
             return ""
-        if mine.revoked:
+        if own.revoked:
             return self.shut_out(hello.member)
         makes = hello.generates or hello.publishes or hello.orders or hello.ticks
         kinds = [kind.name for kind in hello.kinds]
         faces = ((AGENT, kinds), (GENERATOR, makes), (VIEW, hello.draws))
         for role, shown in faces:
-            if shown and not mine.may(role):
-                roles = ", ".join(sorted(mine.roles))
+            if shown and not own.may(role):
+                roles = ", ".join(sorted(own.roles))
                 return f"its certificate is for {roles}, not for {role}"
         return (
-            _beyond("agents", kinds, mine.kinds)
-            or _beyond("events", hello.generates, mine.events)
-            or _beyond("topics", hello.publishes, mine.topics)
+            _beyond("agents", kinds, own.kinds)
+            or _beyond("events", hello.generates, own.events)
+            or _beyond("topics", hello.publishes, own.topics)
         )
 
     def objection_to_question(self, who: str, orders: bool, question: object) -> str:
@@ -180,16 +180,16 @@ class AdmissionRules:
         question arrived on the key that also accepts commands.
         """
         if not orders and question not in READING:
-            return f"{who} may give no orders: its certificate is for no {OPERATOR}"
-        mine = self._of(who) if who else None
-        if mine is None:
+            return f"{who} may not send commands: its certificate lacks the role {OPERATOR}"
+        own = self._of(who) if who else None
+        if own is None:
             return ""
-        if mine.revoked:
+        if own.revoked:
             return f"the certificate of {who} was revoked"
-        if question in READING and not (mine.may(VIEW, OPERATOR) or question in FOR_ALL):
-            return f"{who} may not read the world: its certificate is for no {VIEW} or {OPERATOR}"
-        if question not in READING and not mine.may(OPERATOR):
-            return f"{who} may give no orders: its certificate is for no {OPERATOR}"
+        if question in READING and not (own.may(VIEW, OPERATOR) or question in FOR_ALL):
+            return f"{who} may not read the world: its certificate has no role {VIEW} or {OPERATOR}"
+        if question not in READING and not own.may(OPERATOR):
+            return f"{who} may not send commands: its certificate lacks the role {OPERATOR}"
         return ""
 
     def _of(self, who: str) -> Rights | None:

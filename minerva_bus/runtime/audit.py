@@ -1,8 +1,8 @@
-"""What Zenoh drops at a secured world's door, by its own log: who did what, on which key.
+"""Audit of the messages that Zenoh drops in a secured world, read from Zenoh's log.
 
-Zenoh drops without a word, but at the level `trace` its access control says of each message who
-may do what with it, and one more line follows, from the same thread and for the same link, where
-the message is dropped:
+Zenoh reports drops only in its log. At level `trace`, its access control logs a ruling for each
+message: sender, operation and key. If the message is dropped, a second line follows from the same
+thread for the same link:
 
     ... rx-0 ThreadId(06) demux{zid=ab src=south:0:client/cd:4}: zenoh::...::access_control: cd on
         Interface(lo)+CertCommonName(sensor)+Transport(Tls)+cd is unauthorized to Put (ingress) on
@@ -10,12 +10,12 @@ the message is dropped:
     ... rx-0 ThreadId(06) demux{zid=ab src=south:0:client/cd:4}: zenoh::...::interceptor: Msg
         intercepted!
 
-Neither suffices alone: the first is also written of what might come, the second has no key.
-Where the first says that a reading may pass, the low-pass filter has dropped it for its size.
+Neither line suffices alone: the first is also written for messages that are not sent yet, and the
+second has no key. If the first permits a reading, the low-pass filter dropped it for its size.
 
-A key may hold any character, and the end of a line, too, so that whoever chooses one could write
-lines that accuse others. But Zenoh writes the escape character as text: its own colours are what
-nobody can forge, and so they are part of all that is looked for here.
+A key may contain any character, including line ends, so a sender could forge lines that accuse
+others. But Zenoh escapes the escape character. Its colour sequences cannot be forged, so every
+pattern here includes them.
 """
 
 from __future__ import annotations
@@ -31,22 +31,22 @@ from minerva_bus.runtime.admission_rules import STRANGERS
 _Kept = TypeVar("_Kept")
 
 LEVELS: Final = "zenoh::net::routing::interceptor=trace,zenoh::net::primitives::demux=debug"
-"""The latter gives each line the link that a message has come by."""
+"""The second adds to each line the link by which a message arrived."""
 
 POLL_SECONDS: Final = 0.02
-TOO_LARGE: Final = "published too much at once on"
-DEEDS: Final = {
+TOO_LARGE: Final = "published too large a message on"
+OPERATIONS: Final = {
     b"Put": "published on",
     b"Delete": "deleted",
-    b"Declare Subscriber": "listened to",
-    b"Declare Queryable": "offered to answer on",
-    b"Query": "asked on",
-    b"Reply": "answered on",
-    b"Liveliness Token": "declared somebody alive by",
-    b"Liveliness Query": "looked who is alive by",
-    b"Declare Liveliness Subscriber": "looked who is alive by",
+    b"Declare Subscriber": "subscribed to",
+    b"Declare Queryable": "declared a queryable on",
+    b"Query": "queried",
+    b"Reply": "replied on",
+    b"Liveliness Token": "declared a liveliness token on",
+    b"Liveliness Query": "queried liveliness of",
+    b"Declare Liveliness Subscriber": "queried liveliness of",
 }
-"""What somebody does, by Zenoh's name for it, as what is said before the key."""
+"""Operations by Zenoh's name, as log lines state them before the key."""
 
 MAX_KEY_LENGTH: Final = 200
 MAX_LINKS: Final = 1000
@@ -66,100 +66,103 @@ _OF_ZENOH: Final = frozenset({b"Declare Subscriber", b"Declare Queryable"})
 
 @dataclass(frozen=True, slots=True)
 class Denied:
-    """Something of somebody was dropped: what the sender did, in words, and on which key."""
+    """A dropped message: sender, operation in words, and key."""
 
     sender: str
-    deed: str
+    operation: str
     key: str
 
 
 @dataclass(frozen=True, slots=True)
 class Denials:
-    """What was dropped of late, by sender, deed and kind of key: its first, and how often."""
+    """Recent drops by sender, operation and kind of key: first occurrence and count."""
 
     times: Sequence[tuple[Denied, int]]
 
 
 @dataclass(frozen=True, slots=True)
 class Ruling:
-    """What the access control says of a message, but for its key.
+    """A ruling of the access control, without the key.
 
-    `name` is whose certificate the link came by ("": it is of this machine; None: it does not say
-    so); `done` what was done, in words, if the message is dropped then; empty where no member has
-    done it: it is on its way out, or such that something else has dropped it.
+    `name`: common name of the link's certificate, empty for a process of this machine, None if the
+    line has none. `described`: the operation in words, if a drop that follows is the sender's;
+    empty for outgoing messages, and for those that something else drops.
     """
 
     link: bytes
     name: str | None
-    deed: bytes
-    done: str
+    operation: bytes
+    described: str
 
 
 @lru_cache(MAX_LINKS)
 def read_ruling(text: bytes) -> Ruling | None:
-    """A line of the access control, from where its own text begins to where the key does."""
-    found = _RULING.fullmatch(text)
-    if found is None:
+    """The ruling in a line of the access control, which ends before the key; None for others."""
+    match = _RULING.fullmatch(text)
+    if match is None:
         return None
-    subject, deed, name = found["subject"], found["deed"], None
+    subject, operation, name = match["subject"], match["deed"], None
     if subject is not None:
         named = _NAME.search(subject)
         name = named[1].decode(errors="replace") if named else ""
-    done = DEEDS.get(deed, "") if found["un"] else TOO_LARGE if deed == b"Put" else ""
-    return Ruling(found["link"], name, deed, done if found["flow"] == b"in" else "")
+    if match["un"]:
+        described = OPERATIONS.get(operation, "")
+    else:
+        described = TOO_LARGE if operation == b"Put" else ""
+    return Ruling(match["link"], name, operation, described if match["flow"] == b"in" else "")
 
 
 def _shown(key: str) -> str:
-    """A key on one line: its sender has chosen it."""
-    return "".join([one if one.isprintable() else "?" for one in key])
+    """A key on one line, whatever characters its sender chose."""
+    return "".join([letter if letter.isprintable() else "?" for letter in key])
 
 
 class Audit:
-    """Hears the log; `tell` is told what was dropped, of some lines at a time.
+    """Finds dropped messages in the log and passes them to `notify`, batch by batch.
 
-    `kind` is what a key is for: there may be any number of keys, and of each kind one is told.
+    `kind` maps a key to its purpose: there may be any number of keys, so drops are counted by kind.
     """
 
-    def __init__(self, tell: Callable[[Denials], None], kind: Callable[[str], str]) -> None:
-        self._tell = tell
+    def __init__(self, notify: Callable[[Denials], None], kind: Callable[[str], str]) -> None:
+        self._notify = notify
         self._kind = kind
         self._ruled: dict[bytes, tuple[Ruling, bytes]] = {}
         self._names: dict[bytes, str] = {}
         self._times: dict[tuple[str, str, str], tuple[Denied, int]] = {}
-        self._mine = False
+        self._is_audit = False
 
-    def hear(self, lines: bytes) -> bytes:
-        """Take what is about the dropping; the rest of the lines is returned."""
+    def read(self, lines: bytes) -> bytes:
+        """Process the lines about drops; returns all other lines."""
         rest = list[bytes]()
         first, *others = lines.removesuffix(b"\n").split(b"\n" + _ENTRY)
         if first.startswith(_ENTRY):
             others.insert(0, first.removeprefix(_ENTRY))
-        elif not self._mine:  # It goes on with what was heard before.
+        elif not self._is_audit:  # It continues the last entry of the previous batch.
             rest.append(first + b"\n")
         for entry in others:
-            self._mine = self._takes(entry)
-            if not self._mine:
+            self._is_audit = self._takes(entry)
+            if not self._is_audit:
                 rest.append(_ENTRY + entry + b"\n")
         if self._times:
-            self._tell(Denials(list(self._times.values())))
+            self._notify(Denials(list(self._times.values())))
             self._times.clear()
         return b"".join(rest)
 
     def _takes(self, entry: bytes) -> bool:
-        """Count what an entry of the log says was dropped; whether it is of those for us."""
+        """Process an entry of the log; returns whether it belongs to the audit."""
         if entry.endswith(_DROPPED):
             ruled = self._ruled.pop(_place(entry.removesuffix(_DROPPED)), None)
-            if ruled is not None and ruled[0].done:
+            if ruled is not None and ruled[0].described:
                 self._count(*ruled)
             return True
-        before, found, said = entry.partition(_RULED)
-        if found:
-            self._keep_ruling(_place(before), said)
+        before, mark, rest = entry.partition(_RULED)
+        if mark:
+            self._keep_ruling(_place(before), rest)
             return True
-        return any(one in entry for one in _OURS)
+        return any(module in entry for module in _OURS)
 
-    def _keep_ruling(self, place: bytes, said: bytes) -> None:
-        text, _, key = said.partition(_ON)
+    def _keep_ruling(self, place: bytes, rest: bytes) -> None:
+        text, _, key = rest.partition(_ON)
         ruling = read_ruling(text)
         if ruling is None:
             self._ruled.pop(place, None)
@@ -169,23 +172,25 @@ class Audit:
             _keep(self._names, ruling.link, ruling.name)
 
     def _count(self, ruling: Ruling, key: bytes) -> None:
-        """Count it, if it is a member's: not what Zenoh declares of its own session by itself."""
+        """Count a drop of a member; declarations of Zenoh's own session do not count."""
         name = self._names.get(ruling.link, STRANGERS)
-        if not name or (ruling.deed in _OF_ZENOH and key.startswith(b"@/" + ruling.link + b"/")):
+        if not name or (
+            ruling.operation in _OF_ZENOH and key.startswith(b"@/" + ruling.link + b"/")
+        ):
             return
         text = key.decode(errors="replace")
-        alike = name, ruling.done, self._kind(text)
-        first, times = self._times.get(alike, (None, 0))
-        self._times[alike] = first or Denied(name, ruling.done, _shown(text)), times + 1
+        group = name, ruling.described, self._kind(text)
+        first, times = self._times.get(group, (None, 0))
+        self._times[group] = first or Denied(name, ruling.described, _shown(text)), times + 1
 
 
 def _place(before: bytes) -> bytes:
-    """The thread, and the link whose message it reads, of what stands before an entry's text."""
+    """Thread and link of an entry, from the part before its text."""
     return before.partition(b"\x1b[0m ")[2]
 
 
 def _keep(kept: dict[bytes, _Kept], key: bytes, value: _Kept) -> None:
-    """Set it, and forget the eldest where there are very many."""
+    """Set an entry; beyond MAX_LINKS entries the oldest is removed."""
     if key not in kept and len(kept) >= MAX_LINKS:
         del kept[next(iter(kept))]
     kept[key] = value

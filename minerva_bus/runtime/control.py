@@ -1,4 +1,4 @@
-"""What people's commands may ask a running world: one query, one answer, both msgpack maps.
+"""The questions of operators to a running world: one query, one answer, both msgpack maps.
 
     {"ask": "status", "since": 0}         → {"status": {...}}
     {"ask": "totals"}                     → {"totals": {...}}
@@ -14,7 +14,7 @@
     {"ask": "drain", "member": name}      → {"to": [hosts]}
     {"ask": "logs", "since": 0, ...}      → {"lines": [...]}
 
-A wrong question is answered by {"error": text}.
+An invalid question is answered with {"error": text}.
 """
 
 from __future__ import annotations
@@ -88,7 +88,7 @@ def answer(
     try:
         name = as_text(asked.get("ask"), "ask")
         if name not in commands:
-            raise ProtocolError(f"nothing is known about {name[:40]!r}; ask {', '.join(commands)}")
+            raise ProtocolError(f"unknown question {name[:40]!r}; expected {', '.join(commands)}")
         return commands[name](running, as_map(asked, "a question"))
     except MinervaError as error:
         return {"error": str(error)}
@@ -99,7 +99,7 @@ def _status(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def status_of(running: Operated, since: int = 0) -> WorldStatus:
-    """How a world is doing."""
+    """State of a world, with the log entries since a number."""
     algorithm, pace, hz = running.algorithm, running.pace, running.status.hz
     measured = dict(running.meter.measured())
     waits = {
@@ -119,7 +119,7 @@ def status_of(running: Operated, since: int = 0) -> WorldStatus:
         agents=algorithm.composition.count,
         waiting=tuple(algorithm.waiting_for()),
         waited=running.status.waited,
-        members=tuple([_member(one, waits.get(one.name, 0.0)) for one in algorithm.members]),
+        members=tuple([_member(entry, waits.get(entry.name, 0.0)) for entry in algorithm.members]),
         events={name: count * hz for name, count in running.event_log.per_frame().items()},
         bytes_in=measured.pop("bytes in", 0.0),
         bytes_out=measured.pop("bytes out", 0.0),
@@ -232,7 +232,7 @@ def _restart(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
     member = as_text(asked.get("member"), "the member")
     members = running.algorithm.members
     if not members.knows(member):
-        names = ", ".join(one.name for one in members)
+        names = ", ".join(entry.name for entry in members)
         raise ProtocolError(f"there is no member {member[:64]!r}; there are {names}")
     if not members.get(member).expected:
         raise ProtocolError(f"{member} is no process of the world file: restart it where it runs")
@@ -273,11 +273,11 @@ def _pub(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
     algorithm = running.algorithm
     name = as_text(asked.get("type"), "the type")
     values = {
-        one: _value(as_text(value, one), one)
-        for one, value in as_map(asked.get("data", {}), "the data").items()
+        field: _value(as_text(value, field), field)
+        for field, value in as_map(asked.get("data", {}), "the data").items()
     }
     receivers = [
-        as_text(one, "a receiver") for one in as_list(asked.get("receivers", []), "receivers")
+        as_text(name, "a receiver") for name in as_list(asked.get("receivers", []), "receivers")
     ]
     vocabulary = algorithm.world.vocabulary
     declared = vocabulary.events.get(name)
@@ -296,7 +296,7 @@ def _pub(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _value(shown: str, name: str) -> Any:
-    """A value as the language writes it; a text may do without its quotes."""
+    """A value in the notation of strings; quotes around a text are optional."""
     try:
         (node,) = parse(f"P<value={shown}>", name)
         (value,) = node.values
@@ -306,7 +306,7 @@ def _value(shown: str, name: str) -> Any:
 
 
 def _seek(running: Operated, _: Mapping[str, Any]) -> dict[str, Any]:
-    raise ProtocolError("this is no replay: only a replay can go on from another frame")
+    raise ProtocolError("this is not a replay; only a replay can continue from another frame")
 
 
 def _stop(running: Operated, _: Mapping[str, Any]) -> dict[str, Any]:

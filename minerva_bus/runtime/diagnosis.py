@@ -1,6 +1,6 @@
-"""Why nobody answers at an endpoint: name, port, way, certificate.
+"""Diagnoses why an endpoint is unreachable: DNS, port, route or certificate.
 
-Zenoh only says that the time is over. So where it has failed, the same is tried step by step.
+Zenoh reports only a time-out. So after a failure, each step is tried separately.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from minerva_bus.runtime.endpoints import Endpoint
 from minerva_bus.security.credentials import Credentials
 
 ALERT_WITHIN = 0.5
-"""Seconds that a server has to object to a client's certificate: in TLS 1.3 it comes last."""
+"""Seconds in which a server may reject a client's certificate: in TLS 1.3 the last step."""
 
 _PROBED = ("tcp", "tls", "ws")
 _TLS_HELLO = bytes.fromhex("16030100050100000100")
@@ -28,7 +28,7 @@ _ALERTS = {
 
 
 def check_reachable(endpoint: Endpoint, patience: float) -> None:
-    """Complain at once where there is no such host, or nobody listens. Raises BusError."""
+    """Check that a host exists and a process listens. Raises BusError."""
     if endpoint.path or endpoint.kind not in _PROBED:
         return
     with _connected(endpoint, patience):
@@ -58,9 +58,9 @@ def _connected(endpoint: Endpoint, patience: float) -> socket.socket:
 
 
 def why_unreachable(endpoint: Endpoint, own: Credentials | None, patience: float) -> str:
-    """What is the matter with an endpoint at which no session could be opened.
+    """Reason why no session could be opened at an endpoint.
 
-    Raises BusError where there is no host, or nobody listens.
+    Raises BusError if there is no such host, or no process listens.
     """
     text = endpoint.text
     if endpoint.kind == "tls":
@@ -75,9 +75,9 @@ def why_unreachable(endpoint: Endpoint, own: Credentials | None, patience: float
 
 
 def obstacle(endpoint: Endpoint, own: Credentials | None, patience: float) -> str:
-    """What is in the way to a world that was at an endpoint, as far as can be seen from here.
+    """What prevents a connection to a world that was at an endpoint, seen from this machine.
 
-    It may take `patience` seconds, and half a second more.
+    Blocks for up to `patience` seconds and ALERT_WITHIN.
     """
     if endpoint.path or endpoint.kind not in _PROBED:
         return f"nothing comes from {endpoint.text}"
@@ -96,35 +96,35 @@ def _trouble_with_tls(endpoint: Endpoint, own: Credentials | None, patience: flo
     if own is not None:
         context.load_verify_locations(own.authority)
         context.load_cert_chain(own.certificate, own.key)
-    met = False
+    accepted = False
     with _connected(endpoint, patience) as raw:
         try:
             with context.wrap_socket(raw, server_hostname=endpoint.host) as link:
-                met = True
+                accepted = True
                 link.settimeout(ALERT_WITHIN)
                 link.recv(1)
         except ssl.SSLCertVerificationError as error:
             return _unverified(endpoint.host, error)
         except ssl.SSLError as error:
             reason = error.reason or ""
-            known = [told for alert, told in _ALERTS.items() if reason.endswith(alert)]
+            known = [text for alert, text in _ALERTS.items() if reason.endswith(alert)]
             return f"it refuses TLS: {known[0] if known else reason or error}"
         except TimeoutError:
-            return _NO_ZENOH if met else "it does not speak TLS; is it a tcp/ endpoint?"
+            return _NO_ZENOH if accepted else "it does not speak TLS; is it a tcp/ endpoint?"
         except OSError as error:
             return f"it breaks the TLS link off: {error.strerror or error}; does it speak TLS?"
     return _NO_ZENOH
 
 
-_NO_ZENOH = "something answers that is no world; is another version, or another program, there?"
+_NO_ZENOH = "a process answers that is not a world; is it another version, or another program?"
 
 
 def _unverified(host: str, error: ssl.SSLCertVerificationError) -> str:
     what = error.verify_message
     if "ostname mismatch" in what or "IP address mismatch" in what:
         return (
-            f"its certificate is not for {host!r}; connect to a name that it is for, or issue it"
-            f" anew, for all of its names: minerva keys issue coordinator --host {host},... --renew"
+            f"its certificate is not for {host!r}; connect to a name that it is for, or renew it"
+            f" with all of its names: minerva keys issue coordinator --host {host},... --renew"
         )
     if "expired" in what:
         return "the coordinator's certificate has expired: minerva keys issue coordinator --renew"
@@ -132,7 +132,7 @@ def _unverified(host: str, error: ssl.SSLCertVerificationError) -> str:
 
 
 def _speaks_tls(endpoint: Endpoint, patience: float) -> bool:
-    """Whether a server answers in TLS, be it by an alert."""
+    """Whether a server answers in TLS, if only with an alert."""
     with _connected(endpoint, patience) as link:
         link.settimeout(ALERT_WITHIN)
         try:

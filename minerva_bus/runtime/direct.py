@@ -88,7 +88,7 @@ class DirectTransport:
         """Deliver a publisher's readings to the members that subscribe to their topic."""
         if self._on_readings is not None:
             self._on_readings(readings)
-        subscribed = [one for one in self.members.values() if readings.topic in one.topics]
+        subscribed = [member for member in self.members.values() if readings.topic in member.topics]
         return self._deliver_to(subscribed, readings)
 
     def _deliver_to(

@@ -1,7 +1,7 @@
-"""Zenoh sessions: the coordinator is the hub, every other member a client of it.
+"""Zenoh sessions: the coordinator's is the hub, and each member's is a client of it.
 
-Loopback only and no discovery unless an endpoint says otherwise; no router and no daemon, but
-where several networks are to be joined.
+There is no discovery, and without another endpoint only the loopback interface is used. Routers are
+needed only between networks.
 """
 
 # Zenoh's own stubs leave some types open.
@@ -30,17 +30,17 @@ LOOPBACK = "tcp/127.0.0.1:0"
 
 LEASE = 3.0
 LEASE_PER_LINK = 0.03
-"""Seconds without a sign after which a link is given up: so many, or so many for each link.
+"""Seconds without a keep-alive after which a link is closed: a minimum, and a value per link.
 
-A hub with a thousand links and little to compute with is late with its signs, and so are they.
+A hub with a thousand links on a slow machine sends its keep-alives late, and so do its clients.
 """
 _links = 1
 CONNECT_SECONDS = 5.0
 
-# A link's events come to the threads that have opened it (app) or accepted it (acc), which wake
-# those that read (rx): two hand-overs for a message. Where they are the same it is one, and a
-# client, which has one link, needs one of them only. Those that write (tx) stay by themselves, so
-# that a link is kept alive whatever its readers do.
+# The events of a link arrive in the threads that opened it (app) or accepted it (acc), which wake
+# the reading threads (rx): two context switches per message. With one pool for both there is one
+# switch, and a client, which has one link, needs a single thread. Writing threads (tx) stay
+# separate, so that a link is kept alive whatever its readers do.
 _HUB_THREADS = "(acc:(handover:rx))"
 _CLIENT_THREADS = "(rx:(worker_threads:1),app:(handover:rx))"
 
@@ -68,31 +68,31 @@ _UNSHARED: dict[str, Any] = {"transport/shared_memory/enabled": False}
 
 
 def expect_links(number: int) -> None:
-    """Let sessions of this process and of its children wait for as many links as a hub will have.
+    """Adapt the lease of the sessions to the number of links that the hub will have.
 
-    A setting of the process: it goes to a fork of it, and all of its sessions share it.
+    A setting of the process and its forks, because all of its sessions share it.
     """
     global _links
     _links = number
 
 
 def lease() -> float:
-    """Seconds for which a link of this process is kept without a sign from here."""
+    """Seconds after which a link of this process is closed without a keep-alive."""
     return max(LEASE, LEASE_PER_LINK * _links)
 
 
 _CLOSED_WITHIN = 1.0
 _still_closing: list[threading.Thread] = []
 _REFUSED_WITHIN = 1.5
-"""Seconds that a secured link may take: it is refused without a word."""
+"""Time-out of a secured link in seconds: rejections are not reported."""
 
 
 @dataclass(frozen=True, slots=True)
 class Secured:
-    """What secures a coordinator's session.
+    """Security of a coordinator's session.
 
     `access` is Zenoh's access control (`access.access_control`), `filters` its low-pass filters;
-    `local` an endpoint for processes of this machine, who show no certificate.
+    `local` is an endpoint for processes of this machine, which need no certificate.
     """
 
     own: Credentials
@@ -109,11 +109,10 @@ def open_hub(
     secured: Secured | None = None,
     routers: Sequence[str] = (),
 ) -> tuple[zenoh.Session, str]:
-    """The coordinator's session and the endpoint at which members of this machine find it.
+    """The coordinator's session and its endpoint for members of this machine.
 
-    `shared`: messages from a megabyte on go through shared memory to those who can do so too.
-    `routers` are Zenoh routers that it joins. Raises BusError where the endpoint cannot be
-    listened to, or a router not be reached.
+    `shared`: messages of a megabyte and more use shared memory, where the receiver does, too.
+    `routers` are Zenoh routers to join. Raises BusError if it cannot listen or reach a router.
     """
     check_port_free(check_endpoint(listen))
     os.environ.setdefault("ZENOH_RUNTIME", _HUB_THREADS)
@@ -145,17 +144,17 @@ def open_hub(
 
 
 def listening_at(session: zenoh.Session, listen: str) -> str:
-    """Where a session listens that was told to at this endpoint, its port perhaps 0."""
+    """The endpoint of a session, with the actual port instead of 0."""
     if not listen.endswith(":0"):
         return listen
     for reply in session.get(f"@/{session.zid()}/router", timeout=5.0):
         if reply.ok is not None:
             locators: list[str] = json.loads(reply.ok.payload.to_string())["locators"]
             kind = listen.split("/", 1)[0]
-            found = [one for one in locators if one.startswith(kind)]
-            if found:
-                return found[0]
-    raise BusError(f"the session at {listen} does not say where it listens")
+            own = [locator for locator in locators if locator.startswith(kind)]
+            if own:
+                return own[0]
+    raise BusError(f"the session at {listen} does not report its endpoint")
 
 
 def open_client(
@@ -166,14 +165,14 @@ def open_client(
     shared: bool = False,
     own: Credentials | None = None,
 ) -> zenoh.Session:
-    """A member's session; `shared` as for the hub; by `own` it shows who it is.
+    """A member's session; `shared` as for the hub, `own` are its credentials.
 
-    Raises BusError with what to check where nobody answers.
+    Raises BusError with a diagnosis if the endpoint is unreachable.
     """
     asked = check_endpoint(connect)
     if asked.secured and own is None:
-        raise BusError(f"{connect} wants to know who you are: --keys FOLDER names your keys")
-    if not asked.local:  # On this machine, one that was killed may be about to come back.
+        raise BusError(f"{connect} requires a certificate; name your keys with --keys FOLDER")
+    if not asked.local:  # On this machine, a killed coordinator may be restarting.
         check_reachable(asked, patience)
     within = min(patience, _REFUSED_WITHIN) if asked.secured else patience
     os.environ.setdefault("ZENOH_RUNTIME", _CLIENT_THREADS)
@@ -187,10 +186,10 @@ def open_client(
 
 @contextmanager
 def closed_in_time(session: zenoh.Session) -> Generator[None]:
-    """Close a session in the end, but do not wait for long.
+    """Close a session at the end, with a time-out.
 
-    Zenoh waits until it has given up a link that it is making, which takes up to ten seconds.
-    Whoever wants to end the process before that has to `end_at_once`.
+    Zenoh waits until a pending connection attempt has failed, which takes up to ten seconds. To end
+    the process earlier, call `end_at_once`.
     """
 
     def close() -> None:
@@ -207,20 +206,20 @@ def closed_in_time(session: zenoh.Session) -> Generator[None]:
 
 
 def end_at_once(code: int) -> None:
-    """End the process with this code if a session of it would hold that up."""
-    if any(one.is_alive() for one in _still_closing):
+    """End the process with this code if one of its sessions would delay that."""
+    if any(thread.is_alive() for thread in _still_closing):
         sys.stdout.flush()
         sys.stderr.flush()
         os._exit(code)
 
 
 def not_let_in(own: Credentials | None) -> str:
-    """What else to think of where a secured world keeps silent: it does not say why."""
+    """A further reason why a secured world may not answer, for the end of an error message."""
     if own is None:
         return ""
     return (
-        f"; or it does not let {own.name} in, whose certificate may have been revoked, or issued"
-        " after it began"
+        f"; or it rejects {own.name}, whose certificate may have been revoked, or issued after the"
+        " world began"
     )
 
 
@@ -238,7 +237,7 @@ def _connecting(endpoints: list[str], within: float) -> dict[str, Any]:
 
 
 def _tls(own: Credentials) -> dict[str, Any]:
-    """One certificate for both directions: who it is for says which of them counts."""
+    """TLS settings with one certificate for both directions; its purposes limit their use."""
     sides = {
         f"{side}_{what}": str(path.absolute())
         for side in ("listen", "connect")

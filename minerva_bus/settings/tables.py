@@ -332,7 +332,7 @@ class ProcessSettings:
         (),
         "The agents in whose name a generator may send events.",
         more="Events of other generators have no sender; an event with one violates the protocol."
-        " See [security.md](security.md#in-whose-name).",
+        " See [security.md](security.md#senders-of-events).",
         form='kind, `"#ID"`, or a list of them',
         shown=" ",
     )

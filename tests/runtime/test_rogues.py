@@ -129,7 +129,7 @@ def test_a_stranger_with_an_invalid_name(world, rogue, name):
     keys = Keys(world.name)
     token = rogue.liveliness().declare_token(keys.alive(name))
     put(rogue, keys.sent_by(name), epoch(rogue, world) + encode(m.Leaving(name)))
-    world.says("strangers │ somebody is not heard: a member's name has up to 64")
+    world.says("strangers │ messages of a member are ignored: a member's name has up to 64")
     token.undeclare()
     goes_on(world)
     assert name not in world.members()

@@ -276,4 +276,4 @@ def test_floods_of_hellos_and_questions_leave_the_frames_going(world):
         goes_on(world)
         eventually(lambda: replies, "questions are answered")
         assert kept
-    world.says("flood │ says more than 5000 messages, 20 hellos", "the rest is not heard")
+    world.says("flood │ sends more than 5000 messages, 20 hellos", "the rest is dropped")

@@ -31,7 +31,7 @@ from secured import (
 from minerva_bus.errors import BusError
 from minerva_bus.launch.reading import read_world_file
 from minerva_bus.runtime.admission_rules import STRANGERS
-from minerva_bus.runtime.audit import DEEDS, TOO_LARGE, Audit, Denied, read_ruling
+from minerva_bus.runtime.audit import OPERATIONS, TOO_LARGE, Audit, Denied, read_ruling
 from minerva_bus.runtime.session import open_client
 from minerva_bus.settings.overrides import Overrides
 from minerva_bus.wire.keys import Keys as WorldKeys
@@ -77,7 +77,7 @@ def heard(*lines):
     for pieces in ([b"".join(lines)], lines):
         times = Counter()
         audit = Audit(lambda item, times=times: times.update(dict(item.times)), kind)
-        found.append((times, b"".join([audit.hear(piece) for piece in pieces])))
+        found.append((times, b"".join([audit.read(piece) for piece in pieces])))
     assert found[0] == found[1]
     return found[0]
 
@@ -86,10 +86,10 @@ def only(denied):
     return Counter({denied: 1})
 
 
-@pytest.mark.parametrize("deed", sorted(DEEDS))
+@pytest.mark.parametrize("deed", sorted(OPERATIONS))
 def test_a_forbidden_dropped_message_is_reported_as_denied(deed):
     lines = ruled(deed.decode(), "minerva/w/tick"), entry(DROPPED)
-    assert heard(*lines) == (only(Denied("sensor", DEEDS[deed], "minerva/w/tick")), b"")
+    assert heard(*lines) == (only(Denied("sensor", OPERATIONS[deed], "minerva/w/tick")), b"")
 
 
 def test_a_reading_that_may_pass_and_is_dropped_is_too_large():
@@ -139,7 +139,7 @@ def test_it_is_counted_once_and_threads_do_not_mix():
         ruled("Query", "d", thread=7),
         entry(DROPPED, thread=7),
     ]
-    expected = [Denied("sensor", "published on", "a"), Denied("sensor", "asked on", "d")]
+    expected = [Denied("sensor", "published on", "a"), Denied("sensor", "queried", "d")]
     assert heard(*lines)[0] == Counter(expected)
 
 
@@ -178,7 +178,7 @@ PIECES = [
 def test_all_lines_are_read_and_only_those_of_zenoh_are_used(lines):
     told = []
     data = b"".join([line.replace(b"\n", b"") + b"\n" for line in lines])
-    rest = Audit(told.append, kind).hear(data)
+    rest = Audit(told.append, kind).read(data)
     assert len(rest) <= len(data)
     if TARGET.encode() not in data:
         assert (rest, told) == (data, [])
@@ -194,7 +194,7 @@ def test_any_ruling_is_read(text):
 @given(st.text())
 def test_every_key_is_reported(key):
     (denied,) = heard(ruled("Put", key), entry(DROPPED))[0]
-    assert (denied.sender, denied.deed) == ("sensor", "published on")
+    assert (denied.sender, denied.operation) == ("sensor", "published on")
     assert denied.key.isprintable()
 
 
@@ -328,8 +328,8 @@ def test_a_subscription_to_everything_is_attributed_and_counted(world, attack):
         session.declare_subscriber(key, print) for key in ("**", f"minerva/{world.name}/from/*")
     ]
     counted(world, "sensor", before, 2)
-    world.says("sensor │ listened to **, which its certificate does not allow")
-    world.says(f"sensor │ listened to minerva/{world.name}/from/*, which")
+    world.says("sensor │ subscribed to **, which its certificate does not allow")
+    world.says(f"sensor │ subscribed to minerva/{world.name}/from/*, which")
     del kept
 
 
@@ -340,8 +340,8 @@ def test_a_reply_in_another_name_is_attributed_and_counted(world, attack):
     token = session.liveliness().declare_token(f"{base}/alive/somebody")
     counted(world, "sensor", before, 3)
     world.says(f"sensor │ published on {base}/from/steps, which")
-    world.says(f"sensor │ offered to answer on {base}/control/ann, which")
-    world.says(f"sensor │ declared somebody alive by {base}/alive/somebody, which")
+    world.says(f"sensor │ declared a queryable on {base}/control/ann, which")
+    world.says(f"sensor │ declared a liveliness token on {base}/alive/somebody, which")
     assert "somebody" not in world.members()
     del kept, token
 
@@ -351,11 +351,10 @@ def test_a_query_in_another_name_is_attributed_and_counted(world, attack):
     for key in ("control", "control/ann", "ask/ann"):
         assert answers(session, f"{base}/{key}") == []
     counted(world, "watcher", before, 3)
-    world.says(f"watcher │ asked on {base}/control, which its certificate does not allow")
-    world.says(f"watcher │ asked on {base}/ask/ann, which its certificate does not allow")
-    assert (
-        f"asked on {base}/control/ann" not in world.text
-    )  # The same kind of key: it is said once.
+    world.says(f"watcher │ queried {base}/control, which its certificate does not allow")
+    world.says(f"watcher │ queried {base}/ask/ann, which its certificate does not allow")
+    # The same kind of key: it is logged once.
+    assert f"queried {base}/control/ann" not in world.text
 
 
 def test_a_reading_that_is_too_large_is_named_and_counted(world, attack):
@@ -366,7 +365,7 @@ def test_a_reading_that_is_too_large_is_named_and_counted(world, attack):
     for _ in range(2):
         put(session, key, bytes(65537))
     counted(world, "giant", before, 2)
-    world.says(f"giant │ published too much at once on {key}, more than 65536 bytes")
+    world.says(f"giant │ published too large a message on {key}, more than 65536 bytes")
 
 
 def test_a_member_confined_to_topics_is_counted_beyond_them(world, attack):

@@ -289,16 +289,16 @@ def test_a_family_gives_no_orders_that_its_role_does_not_include(world, door, ke
     with Client(door, world.name, keys.credentials("hosts-e")) as asked:
         assert asked.operator.status().world == world.name
         for question in ("stop", "pause"):
-            with pytest.raises(BusError, match="hosts-e may give no orders"):
+            with pytest.raises(BusError, match="hosts-e may not send commands"):
                 asked.ask(question)
-    world.says("hosts-e │ asked in vain")
+    world.says("hosts-e │ question rejected")
     with (
         Client(door, world.name, keys.credentials("hosts-f")) as asked,
-        pytest.raises(BusError, match="hosts-f may give no orders"),
+        pytest.raises(BusError, match="hosts-f may not send commands"),
     ):
         asked.ask("stop")
     assert refused(world, "hosts-f") == 1
-    assert "hosts-f │ asked in vain" not in world.text  # Reported once per family.
+    assert "hosts-f │ question rejected" not in world.text  # Reported once per family.
 
 
 @pytest.mark.parametrize(
@@ -316,7 +316,7 @@ def test_a_family_s_names_are_names(world, door, keys, name):
         for one in session.get(f"{base}/ask/{name}", payload=b"\x81\xa3ask\xa6status", timeout=5):
             assert b"a member's name has up to" in one.ok.payload.to_bytes()
         token.undeclare()
-    world.says("hosts-* │ somebody is not heard: a member's name has up to")
+    world.says("hosts-* │ messages of a member are ignored: a member's name has up to")
     assert name not in world.members()
     goes_on(world)
 

@@ -89,7 +89,7 @@ def test_a_client_without_name_is_a_stranger(name):
     assert guard.keeps_out(name)
     assert guard.keeps_out(name)
     assert guard.rules.refused == {STRANGERS: 2}
-    assert said == [(STRANGERS, f"somebody is not heard: {NO_NAME}")]
+    assert said == [(STRANGERS, f"messages of a member are ignored: {NO_NAME}")]
     assert not guard.keeps_out("a.b-1")
 
 
@@ -141,7 +141,9 @@ def test_temporarily_unreadable_keys_admit_no_rejected_member():
     folder.change()
     assert guard.look(LOOK_EVERY) == []
     assert guard.look(2 * LOOK_EVERY) == []
-    assert said == [("coordinator", "the keys stay as they were, for now: half written")]
+    assert said == [
+        ("coordinator", "cannot read the keys; the previous ones stay valid: half written")
+    ]
     assert guard.rules.shut_out("owl")
     assert not guard.rules.shut_out("fox")
     folder.readable = True

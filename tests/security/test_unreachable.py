@@ -88,7 +88,7 @@ def test_an_endpoint_that_never_answers(keys, silent):
 
 
 def test_the_wrong_way_in(hub, keys):
-    assert "wants to know who you are: --keys FOLDER" in told(hub)
+    assert "requires a certificate; name your keys with --keys FOLDER" in told(hub)
     assert f"speaks TLS: connect to {hub}" in told(hub.replace("tls/", "tcp/"))
 
 
