@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from minerva_bus.errors import WorldFileError
 from minerva_bus.frame import stimuli as s
@@ -21,6 +21,9 @@ if TYPE_CHECKING:
     from minerva_bus.collect.collector import TablePlan
     from minerva_bus.collect.table import DataTable
     from minerva_bus.collect.writers import Writer
+
+
+ENDINGS: Final = (".parquet", ".csv")
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,6 +47,8 @@ def read_collecting(top: Table, vocabulary: Vocabulary) -> Collecting:
         raise WorldFileError(
             'nothing is collected: name expressions under [collect], such as birds = "count(ABird)"'
         )
+    if into and Path(into).suffix not in ENDINGS:
+        top.wrong_setting(CollectSettings, "into", f"must end with {' or '.join(ENDINGS)}: {into}")
     return Collecting(entries, into)
 
 

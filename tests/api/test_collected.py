@@ -259,6 +259,13 @@ def test_world_files_collect(tmp_path):
     assert into.read_text().splitlines()[1] == "0,0.0,3,0"
 
 
+def test_a_file_of_an_unknown_format_is_said_before_the_run(tmp_path):
+    path = tmp_path / "pond.toml"
+    path.write_text(pond().toml() + '\n[collect]\ninto = "x.xls"\nn = "count(AFrog)"\n')
+    with pytest.raises(MinervaError, match=r"pond.toml:\d+:\d+: collect.into must end with"):
+        World.load(path)
+
+
 def test_a_wrong_table_of_a_world_file_names_its_line(tmp_path):
     path = tmp_path / "pond.toml"
     path.write_text(pond().toml() + '\n[collect]\nfrogs = "count(AFog)"\n')
