@@ -29,11 +29,7 @@ from minerva_bus.wire.plain import as_bool, as_list, as_map, as_number, as_text,
 
 _MAX_ERROR_CHARS = 300
 _FORMS: dict[str, type[Form]] = {
-    "disc": Disc,
-    "line": Line,
-    "label": Label,
-    "raster": Raster,
-    "motion": Motion,
+    form.__name__.lower(): form for form in (Disc, Line, Label, Raster, Motion)
 }
 
 

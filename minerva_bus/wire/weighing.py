@@ -82,10 +82,5 @@ def check_weight(data: bytes, wire: Wire, limits: Limits) -> None:
 
 def lightest(limits: Limits) -> int:
     """Bytes up to which a message is within all limits, since a value has at least one byte."""
-    return min(
-        limits.message_bytes,
-        limits.emitted_bytes,
-        limits.small_bytes,
-        limits.values,
-        limits.answer_values,
-    )
+    values = min(limits.values, limits.answer_values)
+    return min(limits.message_bytes, limits.emitted_bytes, limits.small_bytes, values)
