@@ -58,7 +58,7 @@ def test_the_world_file_may_allow_it():
 
 def test_before_all_members_are_present_no_result_is_known():
     bus = counters()
-    assert "still gathers add" in refusal(bus, "eAdd")
+    assert "have not joined yet: add" in refusal(bus, "eAdd")
     assert refusal(counters(people=("eAdd",)), "eAdd") == ""
 
 
