@@ -1,7 +1,7 @@
-"""Where an agent stands with another: one figure of a string that is part of the agent's state.
+"""The state of a conversation with another agent: one figure of a string in the agent's state.
 
-Conversations are in the string, as everything is that an agent knows. So they are recorded,
-compared and resumed as the agent is, and go with it from one process to another.
+Conversations are part of the string, like everything that an agent knows. So they are recorded,
+compared and resumed with the agent, and move with it from one process to another.
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ PConversation = Primitive(
 
 @dataclass(frozen=True, slots=True)
 class Conversation:
-    """A conversation with one other agent, as its figure in the string says.
+    """A conversation with one other agent.
 
-    `content` and `reply_with` are those of what `peer` said last, `to` whom answers go to.
-    `deadline` is the last frame in which the next act counts, -1 where there is none.
+    `content` and `reply_with` are those of the last message of `peer`; `to` receives answers.
+    `deadline` is the last frame in which the next act counts, or -1.
     """
 
     id: str
@@ -51,7 +51,7 @@ class Conversation:
 
     @staticmethod
     def of(figure: FigureNode) -> Conversation:
-        """The one that a figure describes."""
+        """The conversation that a figure describes."""
         return Conversation(**figure.parameters)
 
     @property
@@ -66,7 +66,7 @@ class Conversation:
 
     @property
     def over(self) -> bool:
-        """Whether it has come to one of its ends."""
+        """Whether it is in a final state."""
         return self.rules.ends(self.state)
 
     @property
@@ -79,12 +79,12 @@ class Conversation:
         return NEVER < self.deadline < frame
 
     def said(self, act: str, deadline: int = NEVER) -> Conversation | None:
-        """After this side has said something; None where it may not."""
+        """The conversation after an act of this side; None if the protocol forbids it."""
         state = self.rules.after(self.state, Role(self.role), act)
         return replace(self, state=state, deadline=deadline) if state else None
 
     def heard(self, message: Event) -> Conversation | None:
-        """After the other side has said something; None where it may not."""
+        """The conversation after a message of the other side; None if the protocol forbids it."""
         state = self.rules.after(self.state, Role(self.role).other, message.performative)
         if not state or message.protocol not in ("", self.protocol):
             return None
@@ -99,7 +99,7 @@ class Conversation:
 
 
 class Conversations:
-    """Those of one agent, in the order in which they began. Immutable; `scene` is their string."""
+    """The conversations of one agent, oldest first. Immutable; `scene` is their string."""
 
     __slots__ = ("scene",)
 
@@ -118,9 +118,9 @@ class Conversations:
         return None if figure is None else Conversation.of(figure)
 
     def keep(self, *conversations: Conversation) -> Conversations:
-        """With these as they are now: in the places of what they were, else at the end.
+        """With the given states: in place of the former ones, new ones at the end.
 
-        Those that are over are left out.
+        Conversations that are over are removed.
         """
         kept = self
         for conversation in conversations:
@@ -128,7 +128,7 @@ class Conversations:
         return kept
 
     def drop(self, conversation: Conversation) -> Conversations:
-        """Without this one."""
+        """Without a conversation."""
         old = self._figure(conversation.id, conversation.peer)
         return Conversations(Scene(tuple([node for node in self.scene if node is not old])))
 

@@ -1,6 +1,6 @@
-"""Who said what to whom in a run: the messages of a record, and as a sequence diagram in Mermaid.
+"""The messages between agents in a record, as data and as a sequence diagram in Mermaid.
 
-How Mermaid is written: https://mermaid.js.org/syntax/sequenceDiagram.html
+Syntax: https://mermaid.js.org/syntax/sequenceDiagram.html
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from minerva_bus.log.reader import Record
 EVERYBODY: Final = "everybody"
 NOBODY: Final = "somebody outside"
 MOST: Final = 400
-"""Messages that fit into a picture in which one still finds something."""
+"""Messages in a diagram that is still readable."""
 
 NAMED: Final = 8
 LONGEST: Final = 60
@@ -27,7 +27,7 @@ LONGEST: Final = 60
 
 @dataclass(frozen=True, slots=True)
 class Said:
-    """A message that was heard in a frame."""
+    """A message among the events of a frame."""
 
     frame: int
     sender: str
@@ -40,7 +40,7 @@ class Said:
 
     @staticmethod
     def of(frame: int, event: Event) -> Said:
-        """What an event of the type `eMessage` says."""
+        """The message of an event of the type `eMessage`."""
         return Said(
             frame,
             event.sender or NOBODY,
@@ -54,7 +54,7 @@ class Said:
 
     @property
     def label(self) -> str:
-        """The act, its content cut to what fits, and its deadline."""
+        """The act, its content, cut to LONGEST letters, and its deadline."""
         content = " ".join(self.content.split())
         if len(content) > LONGEST:
             content = content[: LONGEST - 1] + "…"
@@ -77,14 +77,14 @@ class Said:
 
 @dataclass(frozen=True, slots=True)
 class Exchange:
-    """Messages in their order; `title` says of which world and conversation."""
+    """Messages in order; `title` names the world and the conversation."""
 
     title: str
     said: tuple[Said, ...]
 
     @property
     def agents(self) -> tuple[str, ...]:
-        """Who takes part, in the order in which they first speak or are spoken to."""
+        """The agents, in the order in which they first send or receive a message."""
         names = [name for message in self.said for name in (message.sender, *message.receivers)]
         return tuple(dict.fromkeys(names))
 
@@ -117,10 +117,7 @@ class Exchange:
 
 
 def exchange_of(record: Record, conversation: str = "") -> Exchange:
-    """The messages of a record, or those of one conversation.
-
-    Raises RecordError where there are none.
-    """
+    """The messages of a record, or of one conversation. Raises RecordError if there are none."""
     said = [
         Said.of(frame.number, event)
         for frame in record.frames()
@@ -128,7 +125,9 @@ def exchange_of(record: Record, conversation: str = "") -> Exchange:
         if event.type == eMessage.name
     ]
     if not said:
-        raise RecordError(f"{record.path}: no agent says anything: there is no {eMessage.name}")
+        raise RecordError(
+            f"{record.path}: agents exchanged no messages: there is no {eMessage.name}"
+        )
     world = record.description.world.name
     if not conversation:
         return Exchange(world, tuple(said))
@@ -144,7 +143,7 @@ def exchange_of(record: Record, conversation: str = "") -> Exchange:
 
 
 def check_drawable(record: Record, exchange: Exchange) -> None:
-    """Raises RecordError where one picture cannot show it all."""
+    """Raises RecordError if there are too many messages for one diagram."""
     count = len(exchange.said)
     if count > MOST:
         known = _conversations(list(exchange.said))
@@ -171,7 +170,7 @@ def _named(known: list[str]) -> str:
 
 
 def _escaped(text: str) -> str:
-    """A text in which nothing means anything to Mermaid; its entities are of the form #NN;."""
+    """A text without characters that have a meaning in Mermaid, by entities of the form #NN;."""
     return "".join(
         [f"#{ord(letter)};" if letter in "#;<>&%\"'`{}\\" else letter for letter in text]
     )

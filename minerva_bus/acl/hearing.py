@@ -1,8 +1,8 @@
-"""What a message does to the conversations of whoever hears it; pure.
+"""Effect of a message on the conversations of its receiver; pure.
 
-An act that a conversation's protocol does not allow where it stands is answered by
-`not-understood`, and so is one that belongs to no conversation but says a protocol's name. That
-ends the conversation on both sides. `not-understood` itself is never answered.
+An act that the protocol does not allow in the conversation's state is answered with
+`not-understood`, which ends the conversation on both sides. So is an act that names a protocol but
+belongs to no conversation. `not-understood` itself is never answered.
 """
 
 from __future__ import annotations
@@ -12,13 +12,7 @@ from dataclasses import dataclass, replace
 from minerva_bus.acl.acts import Act
 from minerva_bus.acl.conversation import Conversation, Conversations
 from minerva_bus.acl.message import reply
-from minerva_bus.acl.protocols import (
-    CONTRACT_NET,
-    EXPIRED,
-    NOT_UNDERSTOOD,
-    PROTOCOLS,
-    Role,
-)
+from minerva_bus.acl.protocols import CONTRACT_NET, EXPIRED, NOT_UNDERSTOOD, PROTOCOLS, Role
 from minerva_bus.grammar.events import Event
 
 TOO_LATE = "too late"
@@ -26,10 +20,9 @@ TOO_LATE = "too late"
 
 @dataclass(frozen=True, slots=True)
 class Heard:
-    """What comes of a message: the conversations after it, and the one that it belongs to.
+    """The effect of a message: all conversations after it, and the one that it belongs to, if any.
 
-    `conversation` is None where it belongs to none. `answer` goes out at once. `told`: whether
-    the agent is to be told of the message at all.
+    `answer` is to be sent at once. `told` is whether the agent's own method is called.
     """
 
     conversations: Conversations
@@ -39,26 +32,26 @@ class Heard:
 
 
 def hear(conversations: Conversations, me: str, message: Event, frame: int) -> Heard:
-    """What the message does to the conversations of the agent `me` in a frame."""
+    """The effect of a message on the conversations of the agent `me` in a frame."""
     if message.sender == me:
         return Heard(conversations, told=False)
     if not message.sender:
-        return Heard(conversations)  # Somebody outside of the string, who cannot be answered.
-    found = conversations.find(message.conversation_id, message.sender)
-    if found is None:
+        return Heard(conversations)  # From outside of the string, so there is no one to answer.
+    known = conversations.find(message.conversation_id, message.sender)
+    if known is None:
         return _first(conversations, me, message)
-    if found.expired(frame):
-        return _late(conversations.drop(found), found, message)
-    after = found.heard(message)
+    if known.expired(frame):
+        return _late(conversations.drop(known), known, message)
+    after = known.heard(message)
     if after is not None:
         return Heard(conversations.keep(after), after)
-    broken = replace(found, state=NOT_UNDERSTOOD, content=message.content)
-    why = f"{message.performative} where {found.protocol} is {found.state}"
+    broken = replace(known, state=NOT_UNDERSTOOD, content=message.content)
+    why = f"{message.performative} where {known.protocol} is {known.state}"
     return Heard(conversations.keep(broken), broken, _not_understood(message, why))
 
 
 def _first(conversations: Conversations, me: str, message: Event) -> Heard:
-    """A message that belongs to no conversation: one may begin with it."""
+    """A message that belongs to no conversation: it may begin one."""
     name: str = message.protocol
     if not name or message.performative == Act.NOT_UNDERSTOOD:
         return Heard(conversations)
@@ -85,7 +78,7 @@ def _late(conversations: Conversations, expired: Conversation, message: Event) -
 
 
 def _late_bid(message: Event) -> bool:
-    """Whether it is a bid of a contract net, which SC00029 has rejected where it comes late."""
+    """Whether a message is a bid of a contract net: SC00029 demands that late bids are rejected."""
     return message.protocol == CONTRACT_NET.name and message.performative == Act.PROPOSE
 
 
@@ -109,5 +102,5 @@ def numbered(me: str, number: int) -> str:
 
 
 def opener(conversation_id: str) -> str:
-    """Who has opened the conversation of an id that an agent of the string has made."""
+    """The agent that opened a conversation, from the id that `numbered` made."""
     return conversation_id.rpartition("/")[0]

@@ -1,8 +1,8 @@
 """A message of FIPA ACL as an event (SC00061; 3.2 of the paper).
 
-Sender and receivers are the event's own. What FIPA writes with a hyphen is written with a line
-below it. `reply_by` is the last frame in which the answer may be heard, -1 where there is none:
-what happens in a world may not depend on the time of day.
+Sender and receivers are those of the event. Names have underscores in place of FIPA's hyphens.
+`reply_by` is the last frame in which an answer counts, or -1: a frame and not a time as in FIPA,
+because a world must not depend on the time of day.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from minerva_bus.grammar.symbols import EventType
 from minerva_bus.grammar.types import Type
 
 NEVER = -1
-"""No frame: there is no deadline."""
+"""Value of `reply_by` without a deadline."""
 
 eMessage = EventType(  # noqa: N816 - event types begin with e
     "eMessage",
@@ -36,7 +36,7 @@ eMessage = EventType(  # noqa: N816 - event types begin with e
 
 
 def answered_to(message: Event) -> tuple[str, ...]:
-    """Whom an answer goes to: `reply_to`, or else the sender; nobody where there is neither."""
+    """The receivers of an answer: `reply_to`, or else the sender, if there is one."""
     reply_to: tuple[str, ...] = message.reply_to
     return reply_to or ((message.sender,) if message.sender else ())
 
@@ -44,8 +44,8 @@ def answered_to(message: Event) -> tuple[str, ...]:
 def reply(message: Event, act: Act | str, content: str = "", **parameters: Any) -> Event:
     """An answer to a message: of its protocol, conversation, language and ontology.
 
-    `parameters` are those of `eMessage` that shall be otherwise. Raises MisuseError where the
-    message does not say who sent it, as then the answer would go to everybody.
+    `parameters` replace those of `eMessage`. Raises MisuseError if the message has no sender: an
+    event without receivers goes to all agents.
     """
     to = answered_to(message)
     if not to:

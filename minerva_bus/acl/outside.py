@@ -1,9 +1,9 @@
-"""Agents that stand in the string for those that live elsewhere, such as on another platform.
+"""Agents that represent others outside of the world, such as on another agent platform.
 
-Whoever wants to say something to one of them sends a message to the agent that stands for it. That
-keeps what it was told last as figures, and shows them: a bridge is a device whose geometric system
-is one of messages, as an MQTT broker is (α of `PMail` is to send it). What those outside say comes
-as events of the bridge, in the name of the agent that stands for them.
+Messages for an outside agent are sent to its representative, which keeps the latest ones as figures
+and shows them. A bridge is a device whose geometric system is one of messages, like an MQTT broker:
+α of `PMail` sends it. Messages from outside are events of the bridge, with the representative as
+their sender.
 """
 
 from __future__ import annotations

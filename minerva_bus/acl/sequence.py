@@ -1,7 +1,7 @@
-"""A sequence diagram as SVG: lifelines of agents, and an arrow from each who speaks.
+"""A sequence diagram as SVG: lifelines of agents, and an arrow for each message.
 
-What goes to several agents is one arrow with a head at each of them, so that a call to twenty takes
-as much room as a call to one.
+Unlike Mermaid text, SVG needs no renderer beyond a browser. A message to several agents is one
+arrow with a head at each receiver, so a call to twenty takes as much room as a call to one.
 """
 
 from __future__ import annotations

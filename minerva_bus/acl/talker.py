@@ -9,8 +9,8 @@
             if conversation and conversation.state == "refused":
                 ...
 
-Whoever says what when is the protocols' business (world/acl/protocols.py); what an agent answers,
-and what it does, is its own.
+The protocols define which side may send what in each state (acl/protocols.py); the agent decides
+what it answers and does.
 """
 
 from __future__ import annotations
@@ -40,22 +40,22 @@ class Talker(Agent):
     def heard(
         self, message: Event, conversation: Conversation | None, moment: Context
     ) -> Scene | None:
-        """λ for a message that has come; what it returns is as for any activity.
+        """λ for a received message; returns what any activity does.
 
-        `conversation` is as it stands after the message, None where there is none: a message
-        without a protocol, or from outside of the string. Where its state is `not-understood`, one
-        side has not understood the other, and it is over; where `expired`, this came too late.
+        `conversation` is its state after the message; None for a message without a protocol, or
+        from outside of the string. In the state `not-understood`, one side did not understand the
+        other, and the conversation is over; in `expired`, the message arrived after the deadline.
         """
         return None
 
     @on("eMessage")
     def listen(self, message: Event, moment: Context) -> Scene | None:
-        """Take a message into its conversation, answer what is not understood, and be told."""
-        found = hear(Conversations(self.talks), self.id, message, moment.number)
-        self.talks = found.conversations.scene
-        if found.answer is not None:
-            moment.emit(found.answer)
-        return self.heard(message, found.conversation, moment) if found.told else None
+        """Update the conversation of a message, answer errors, and call `heard`."""
+        effect = hear(Conversations(self.talks), self.id, message, moment.number)
+        self.talks = effect.conversations.scene
+        if effect.answer is not None:
+            moment.emit(effect.answer)
+        return self.heard(message, effect.conversation, moment) if effect.told else None
 
     # --- speaking ---
 
@@ -70,9 +70,9 @@ class Talker(Agent):
         reply_by: int = NEVER,
         **parameters: Any,
     ) -> str:
-        """Begin a conversation with each of these agents, and return the id that they share.
+        """Begin a conversation with each of several agents; returns their common id.
 
-        `act` is the first, where the protocol has several (QUERY: `query-if` or `query-ref`).
+        `act` is the first act, where a protocol has several (QUERY: `query-if` or `query-ref`).
         `parameters` are those of `eMessage`. Raises MisuseError.
         """
         receivers = sorted(set(to))
@@ -103,9 +103,9 @@ class Talker(Agent):
         reply_by: int = NEVER,
         **parameters: Any,
     ) -> Conversation:
-        """Say something in a conversation, which is returned as it stands after that.
+        """Send an act in a conversation; returns its state after that.
 
-        Raises MisuseError where its protocol does not allow it, or it is over.
+        Raises MisuseError if the protocol does not allow the act, or the conversation is over.
         """
         known = self.conversation(conversation.id, conversation.peer)
         after = _said(known or replace(conversation, state=EXPIRED), str(act), reply_by)
@@ -144,13 +144,13 @@ class Talker(Agent):
     # --- what there is ---
 
     def conversation(self, id: str, peer: str) -> Conversation | None:
-        """The conversation of an id with an agent; None where it is over or never was."""
+        """The open conversation of an id with an agent, or None."""
         return Conversations(self.talks).find(id, peer)
 
     def conversations(
         self, protocol: Protocol | None = None, *, id: str = "", state: str = "", role: str = ""
     ) -> list[Conversation]:
-        """Those that are under way, in the order in which they began."""
+        """The open conversations, oldest first."""
         return [
             conversation
             for conversation in Conversations(self.talks)
@@ -161,9 +161,9 @@ class Talker(Agent):
         ]
 
     def expire(self, moment: Context) -> list[Conversation]:
-        """End those whose deadline has passed, and return them, their state `expired`.
+        """End the conversations whose deadline has passed; returns them in the state `expired`.
 
-        To be called in whatever the agent does in each frame: no message comes of silence.
+        Call it in an activity of each frame: a missing answer causes no event.
         """
         kept = Conversations(self.talks)
         gone = [conversation for conversation in kept if conversation.expired(moment.number)]
@@ -177,7 +177,7 @@ class Talker(Agent):
 
 
 def _said(conversation: Conversation, act: str, deadline: int) -> Conversation:
-    """The conversation after its own side has spoken. Raises MisuseError."""
+    """The conversation after an act of its own side. Raises MisuseError."""
     if act not in ACTS:
         raise MisuseError(f"there is no communicative act {act!r}{nearest(act, list(ACTS))}")
     after = conversation.said(act, deadline)

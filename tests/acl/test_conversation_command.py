@@ -136,7 +136,7 @@ def test_mermaid_into_a_file(record, tmp_path):
 
 
 def test_a_record_without_messages(record):
-    with pytest.raises(RecordError, match="no agent says anything"):
+    with pytest.raises(RecordError, match="agents exchanged no messages"):
         show_conversation(record([(0, eStep())]), "", None, False)
 
 
