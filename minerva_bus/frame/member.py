@@ -25,7 +25,7 @@ from minerva_bus.world.agent import Agent
 from minerva_bus.world.context import Frame
 from minerva_bus.world.evolution import Policy
 from minerva_bus.world.kinds import kinds_of
-from minerva_bus.world.operator import Nobody, Operator
+from minerva_bus.world.operator import NoOperator, Operator
 from minerva_bus.world.readings import Reading
 from minerva_bus.world.services import Device, Generator, Service, WorldInfo, checked_service
 
@@ -51,7 +51,7 @@ class Member:
         self, name: str, service: Service | None = None, agents: Iterable[type[Agent]] = ()
     ) -> None:
         self.name = name
-        self.operator = cast("Operator", Nobody())
+        self.operator = cast("Operator", NoOperator())
         self.service = checked_service(service)
         self.host = Host(name, kinds_of(agents))
         self.world: m.Welcome | None = None

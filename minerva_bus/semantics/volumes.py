@@ -1,4 +1,4 @@
-"""A geometric system of bounding volumes: position, extent and owner of each figure (section 5).
+"""A geometric system of bounding volumes, with the owner of each figure (section 5).
 
 "It would use the implementation of the functions α, β and δ to calculate the bounding box of the
 elements." Here β and δ move a pose, and α places convex volumes for a primitive's shape:

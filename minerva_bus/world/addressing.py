@@ -1,4 +1,4 @@
-"""Delivery of a frame's events to their receivers: by id to an agent, by row to a population."""
+"""Delivery of events to receivers: by id to an agent, by row to a population."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def addressed(events: Sequence[AnyEvent] | Addressed) -> Addressed:
 
 
 Round: TypeAlias = tuple[AnyEvent, Rows | None]
-"""A batch in which each receiver occurs once, with the receivers' rows; None: an event for all."""
+"""A batch in which each receiver occurs once, and their rows; None for an event to all."""
 
 
 def rounds(event: AnyEvent, ids: Ids, *, at_once: bool) -> Iterator[Round]:

@@ -1,4 +1,4 @@
-"""The results of a population's frame: the string of its agents, and the events they emitted."""
+"""Results of a population's frame: the string of its agents, and the emitted events."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from minerva_bus.grammar.scene import EMPTY, Piece, Scene
 from minerva_bus.world.population import Birth, PopulationState
 
 _FEW = 0.25
-"""Up to this part of a column, changed values are put into the old one, which keeps its digests."""
+"""Up to this part, changed values are put into the old column, which keeps its digests."""
 
 
 class Unsound(StateError):

@@ -30,7 +30,7 @@ def hits(scan: Scan, every: int = 1) -> tuple[Reals, Reals]:
 
 
 def no_returns(scan: Scan, most: float, every: int = 1) -> tuple[Reals, Reals]:
-    """As `hits`, for beams without an obstacle in range; they are free for at most `most` metres.
+    """As `hits`, for beams without an obstacle in range, free for at most `most` metres.
 
     Without a positive `range_max` there are none, because such a sensor cannot report them.
     """

@@ -1,4 +1,4 @@
-"""Events of one type as an argument of a method that takes all events of a frame in one call."""
+"""Events of one type for a method that takes all events of a frame in one call."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Ids of newborns and copies, derived from another id: equal wherever and whenever a world runs.
+"""Ids of newborns and copies, derived from other ids: equal wherever a world runs.
 
     a:3        the third child of #a, by the count in its state
     a:7-2      the second copy of #a that frame 7 makes under the literal policy (equation 3)

@@ -165,8 +165,8 @@ class Operator(Protocol):
         ...
 
 
-class Nobody:
+class NoOperator:
     """The operator of a world that cannot be operated: every use raises MisuseError."""
 
     def __getattr__(self, name: str) -> object:
-        raise MisuseError("nobody can operate this world from here")
+        raise MisuseError("this world cannot be operated from here")

@@ -1,4 +1,4 @@
-"""The order of a frame's events: the order relation of section 4.2.2, extended to a total order."""
+"""The total order of a frame's events, an extension of the order relation of 4.2.2."""
 
 from __future__ import annotations
 

@@ -37,7 +37,7 @@ _UNIT: Final = 2.0**-53
 _MASK: Final = (1 << 64) - 1
 
 _BEGIN_ALL: Final = 16
-"""Once one in this many agents has drawn singly, seeding the streams of all agents is cheaper."""
+"""Once one in this many agents has drawn singly, seeding all streams is cheaper."""
 
 
 def stream(seed: int, who: str, frame: int) -> np.random.Generator:

@@ -27,7 +27,7 @@ from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.slots import fill
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.world.context import Context, Frame
-from minerva_bus.world.operator import Nobody, Operator
+from minerva_bus.world.operator import NoOperator, Operator
 from minerva_bus.world.readings import Reading
 from minerva_bus.world.signatures import check_overridden
 
@@ -43,7 +43,9 @@ class WorldInfo:
     vocabulary: Vocabulary
     seed: int
     dt: float
-    operator: Operator = field(default_factory=lambda: cast("Operator", Nobody()), compare=False)
+    operator: Operator = field(
+        default_factory=lambda: cast("Operator", NoOperator()), compare=False
+    )
 
 
 @dataclass(slots=True)
