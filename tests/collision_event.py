@@ -1,4 +1,4 @@
-"""eCollision with all data that a service can tell, for the worlds of tests."""
+"""eCollision with all data that a service can provide, for the worlds of tests."""
 
 from minerva_bus import EventType, Metres
 

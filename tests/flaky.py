@@ -100,7 +100,7 @@ class Retry:
             stats["flaky"] = [self.failed[nodeid][0] for nodeid in self.flaky]
 
     def pytest_terminal_summary(self, terminalreporter):
-        """What flaky tests said when they failed."""
+        """Print the output of flaky tests."""
         if not self.flaky:
             return
         terminalreporter.section("FLAKY: failed, then passed alone")

@@ -1,4 +1,4 @@
-"""A screen that nobody sees, with hands on its keys and mouse; for tests of real windows."""
+"""A virtual screen with keyboard and mouse, for tests of real windows."""
 
 import ctypes
 import os

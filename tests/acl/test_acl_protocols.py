@@ -1,4 +1,4 @@
-"""The interaction protocols: what agents say, what they hear, and what they don't understand."""
+"""The interaction protocols: messages sent, received and not understood."""
 
 # The values of these tests have narrower types than their declarations.
 # pyright: reportArgumentType=false, reportPossiblyUnboundVariable=false
@@ -30,7 +30,7 @@ eStep = EventType("eStep")
 
 
 class Person(Talker, symbol="APerson"):
-    """Notes what it hears, and in which state that has left the conversation."""
+    """Records messages and the state of the conversation after each."""
 
     notes: tuple[str, ...] = ()
 
@@ -48,7 +48,7 @@ VOCABULARY = Vocabulary.of(*MESSAGES, eStep, Person)
 
 
 class Two:
-    """Agents a (who begins) and b; what one emits the other hears in the next frame."""
+    """Agents a (the initiator) and b; events of one reach the other in the next frame."""
 
     def __init__(self):
         self.people = {name: Person(name) for name in "ab"}

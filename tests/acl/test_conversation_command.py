@@ -1,4 +1,4 @@
-"""`minerva conversation`: what a record's agents have said to one another, as a diagram."""
+"""`minerva conversation`: the messages between a record's agents as a diagram."""
 
 # The values of these tests have narrower types than their declarations.
 # pyright: reportArgumentType=false

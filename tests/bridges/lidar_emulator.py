@@ -1,4 +1,4 @@
-"""What an RPLIDAR says on its line, written from the protocol's document and from nothing else."""
+"""An emulated RPLIDAR, written from the protocol's document only."""
 
 import struct
 import threading

@@ -53,7 +53,7 @@ def events_of(scan):
 
 
 def by_the_robot(made, path, mounting=None):
-    """The grid of a robot that is put where the log says, and hears what gLaser makes of it."""
+    """The grid of a robot at the poses of the log, which receives the events of gLaser."""
     grid, options = np.zeros_like(made.grid), {"mounting": mounting} if mounting else {}
     posed = posed_scans(CarmenLog(path, Passed(), **options).readings())
     for number, one in enumerate(posed):

@@ -65,7 +65,7 @@ def show(service, text):
 
 
 def ready(service, client, heard):
-    """Wait until the broker passes on to the bridge what is published."""
+    """Wait until the broker forwards messages to the bridge."""
 
     def there():
         client.publish("home/ready/temperature", "0")

@@ -1,4 +1,4 @@
-"""Which messages become which events, and what is refused before anything starts."""
+"""Which messages become which events, and what is rejected before the start."""
 
 # The values of these tests have narrower types than their declarations.
 # pyright: reportArgumentType=false

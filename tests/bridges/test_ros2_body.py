@@ -1,4 +1,4 @@
-"""The device without a world: what it tells motors and /tf, and what it does not take."""
+"""The device without a world: commands for motors, /tf, and rejected input."""
 
 import sys
 import threading
@@ -31,7 +31,7 @@ PERIOD = 0.01
 
 
 class Base:
-    """A robot's base: it drives as it is told and says where it is and what lies 1 m ahead."""
+    """A robot's base: it executes commands and publishes its pose and the obstacle 1 m ahead."""
 
     def __init__(self, net, stamped=False):
         self.session = Ros2Session(net, "base")

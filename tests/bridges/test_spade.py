@@ -206,7 +206,7 @@ def test_a_world_without_such_messages_is_refused(monkeypatch):
 
 
 class Rig:
-    """The process with the server and the agent; `lines` are what it says."""
+    """The process with the server and the agent; `lines` is its output."""
 
     def __init__(self, folder):
         self.process = subprocess.Popen(

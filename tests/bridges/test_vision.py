@@ -51,7 +51,7 @@ def photos():
 
 
 class Told(list):
-    """Takes what a bridge says."""
+    """Collects the messages of a bridge."""
 
     def publish(self, topic, reading):
         self.append((topic, reading))

@@ -1,4 +1,4 @@
-"""The dashboard: driven as a person would, over a world that is told what to say."""
+"""The dashboard, operated as by a person, over a scripted world."""
 
 # The values of these tests have narrower types than their declarations.
 # pyright: reportArgumentType=false

@@ -1,4 +1,4 @@
-"""Figures for Prometheus, and health for whoever restarts what is not well."""
+"""Metrics for Prometheus, and health checks for orchestrators."""
 
 import socket
 import urllib.request

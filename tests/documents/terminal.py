@@ -1,4 +1,4 @@
-"""Somebody who types the commands of a page in a terminal, and one who runs a world in another."""
+"""A terminal that types the commands of a page, and one that runs a world."""
 
 from __future__ import annotations
 

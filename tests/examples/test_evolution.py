@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""The world of evolution: creatures hatch, eat, and what evolves is what the README says."""
+"""The world of evolution: creatures hatch and eat, and evolution gives the README's result."""
 
 import json
 import re

@@ -1,4 +1,4 @@
-"""Four robots in one house: whose devices are whose, errands under way, nobody bumps into anybody."""
+"""Four robots in one house: owners of devices, errands, and no collisions."""
 
 import json
 import os

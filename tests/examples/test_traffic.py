@@ -1,4 +1,4 @@
-"""The crossing: with norms nobody crashes; the string is the same wherever it runs."""
+"""The crossing: norms prevent crashes; the string is the same in every layout."""
 
 # The values of these tests have narrower types than their declarations, or come from a path.
 # pyright: reportAttributeAccessIssue=false, reportMissingImports=false, reportOperatorIssue=false

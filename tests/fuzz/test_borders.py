@@ -1,4 +1,4 @@
-"""What is small to send and large to read, numbers that are none, names that lead elsewhere."""
+"""Input that is small to send and expensive to read, non-finite numbers, escaping paths."""
 
 # The values of these tests have narrower types than their declarations, or come from a path.
 # pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportMissingImports=false
@@ -68,7 +68,7 @@ def test_a_map_that_would_grow_as_it_is_read_is_refused(tmp_path, bomb):
 
 
 def png(width, height):
-    """A PNG that says so of its size, and has next to nothing in it."""
+    """A PNG with a declared size and almost no data."""
 
     def chunk(kind, data):
         return (

@@ -1,4 +1,4 @@
-"""Whatever bytes come in from outside, a reader refuses them in words or reads them.
+"""Readers accept external bytes or reject them with an error.
 
 The corpus has well-formed inputs, and such as once broke something; python -m benchmarks.fuzz goes
 on from it. Here it is read as it is, cut off, and with single bytes changed.

@@ -1,4 +1,4 @@
-"""Damaged records: all that is intact is used, and what is lost is said."""
+"""Damaged records: intact parts are used, and losses are reported."""
 
 # The values of these tests have narrower types than their declarations.
 # pyright: reportOptionalIterable=false

@@ -1,4 +1,4 @@
-"""docs/records.md: its example runs, and what it says of the format is so."""
+"""docs/records.md: its example runs, and its description of the format holds."""
 
 import re
 from pathlib import Path

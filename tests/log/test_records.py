@@ -1,4 +1,4 @@
-"""What was recorded is what is read, from the beginning, from anywhere, and by others."""
+"""Records survive a round trip, from any position, also for other readers."""
 
 import io
 import json
@@ -110,7 +110,7 @@ def test_the_log_survives_a_round_trip(tmp_path):
 
 
 def others(data):
-    """What somebody reads who knows MCAP and nothing of us."""
+    """The content for a generic MCAP reader."""
     from mcap.reader import make_reader
 
     found = {}

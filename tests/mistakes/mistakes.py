@@ -89,7 +89,7 @@ AGENTS = 'agents = "garden:Plant"'
 
 @dataclass(frozen=True)
 class Mistake:
-    """What is written instead of what, in the code or in the world file.
+    """A replacement of text in the code or in the world file.
 
     `says` are words of the message; `at` is False where the line at fault is in no module.
     `goes_on`: the world runs nevertheless.

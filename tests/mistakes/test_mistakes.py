@@ -1,4 +1,4 @@
-"""What beginners do wrong is said in a few lines, with the file and the line of their own code."""
+"""Beginners' mistakes are reported in a few lines, with file and line of their code."""
 
 # The values of these tests have narrower types than their declarations.
 # pyright: reportArgumentType=false

@@ -87,7 +87,7 @@ class Spread:
         self.attach(name)
 
     def goes_on(self):
-        """Wait until everybody takes part, all by themselves, and frames go by."""
+        """Wait until all members have joined and frames advance."""
 
         def all_here():
             for name, run in self.runs.items():
@@ -111,7 +111,7 @@ class Spread:
         eventually(lambda: said() > before, f"{name} is missed\n{self.world.text}")
 
     def ends(self):
-        """Stop it; its summary, if everybody has ended well."""
+        """Stop it; return its summary if all have ended without an error."""
         with self.world.client() as asked:
             asked.ask("stop")
         found = self.world.summary()
@@ -119,7 +119,7 @@ class Spread:
         return found
 
     def undisturbed(self, frames):
-        """The summary of a run in one process, which nobody disturbs; it is recorded, too."""
+        """The summary of an undisturbed, recorded run in one process."""
         text = self.path.read_text().replace("elsewhere = true\n", "")
         alone = self.path.with_name("alone.toml")
         alone.write_text(text.replace(SECURED, ""))

@@ -1,4 +1,4 @@
-"""A world on five hosts whose links and addresses fail; the string is as if nothing had happened.
+"""A world on five hosts whose links and addresses fail; the string does not change.
 
 The world's own host has the coordinator and two generators; agents live on two hosts, a coupled
 sensor and a view on one each, and all of them come in by certificate. What is done is done to one

@@ -1,4 +1,4 @@
-"""Where a link has come back, a member can be seen before it hears: it is greeted until it does."""
+"""After a reconnection a member may be visible before it subscribes: it is greeted repeatedly."""
 
 # pyright: reportMissingImports=false
 import sys

@@ -1,4 +1,4 @@
-"""Bodies go exactly where they are told, or stop where they touch; rays see what is there."""
+"""Bodies move exactly as commanded or stop at contacts; rays hit bodies."""
 
 import json
 import math

@@ -1,4 +1,4 @@
-"""Noise has the size it says, comes from the caller's generator, and is nothing at zero."""
+"""Noise has the given size, uses the caller's generator, and is zero at zero."""
 
 import math
 

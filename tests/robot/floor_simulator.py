@@ -1,4 +1,4 @@
-"""A floor for tests: robots that go exactly where they are told, a laser, a camera, no bus.
+"""A floor for tests: robots that execute commands exactly, a laser, a camera, no bus.
 
 It steps the evolution of the world's string frame by frame, as Table 2 does: the events of a frame
 are measured where the actions of the frames before have led.

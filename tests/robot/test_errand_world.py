@@ -1,4 +1,4 @@
-"""The robot's world as its file says, in one process: an errand from order to delivery."""
+"""The robot's world file in one process: an errand from order to delivery."""
 
 # The values of these tests have narrower types than their declarations.
 # pyright: reportOptionalMemberAccess=false

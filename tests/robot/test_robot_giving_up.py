@@ -1,4 +1,4 @@
-"""A robot that cannot reach its objective says so and stops, whatever the reason is."""
+"""A robot that cannot reach its objective reports it and stops, for any reason."""
 
 import numpy as np
 import pytest

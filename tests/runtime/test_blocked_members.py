@@ -1,4 +1,4 @@
-"""Members that are killed because they do not answer say first in which line of code they are."""
+"""Blocked members report their line of code before they are killed."""
 
 import os
 import re

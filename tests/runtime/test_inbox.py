@@ -1,4 +1,4 @@
-"""What a member hears comes in one order, whichever way it came."""
+"""A member receives its messages in one order, from all sources."""
 
 import subprocess
 import sys

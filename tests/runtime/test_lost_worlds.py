@@ -1,4 +1,4 @@
-"""Members whose link to the world is lost: what they say, how they come back, and when not."""
+"""Members that lose their world: log lines, reconnection, and giving up."""
 
 import socket
 import struct

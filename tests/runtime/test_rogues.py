@@ -1,4 +1,4 @@
-"""Clients that say what they should not, on keys that are not theirs: named, and the world goes on."""
+"""Clients that send forbidden messages are named, and the world continues."""
 
 import json
 import os

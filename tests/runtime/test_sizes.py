@@ -1,4 +1,4 @@
-"""A first string that its hosts could not be given is refused once, before anybody is started."""
+"""An initial string too large for its hosts is rejected before the start."""
 
 import subprocess
 import sys

@@ -1,4 +1,4 @@
-"""Whatever the order of messages, and whoever dies when: the same strings, or a stop with a reason.
+"""Any schedule and any deaths give the same strings, or a stop with a reason.
 
 Never a hang: when nothing is under way, either the world is over or it waits for a dead member.
 """

@@ -1,4 +1,4 @@
-"""More events than frames take: memory stays bounded, and what is dropped is counted and said."""
+"""More events than frames take: memory is bounded; dropped events are counted and reported."""
 
 # The values of these tests have narrower types than their declarations.
 # pyright: reportAttributeAccessIssue=false

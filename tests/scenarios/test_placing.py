@@ -1,4 +1,4 @@
-"""Rules about where agents live: they are kept, said, and reach no string where all find a place."""
+"""Placement rules are applied and reported, and do not affect the string."""
 
 # The values of these tests have narrower types than their declarations.
 # pyright: reportArgumentType=false

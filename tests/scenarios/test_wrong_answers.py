@@ -1,4 +1,4 @@
-"""Answers that come late, or from the wrong one, or about what is not the sender's."""
+"""Replies that are late, from the wrong member, or about fragments of others."""
 
 import pytest
 from pond import (

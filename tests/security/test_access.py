@@ -1,4 +1,4 @@
-"""The rules for Zenoh: what nobody may say, whoever else there is."""
+"""The access rules for Zenoh: what no member may send."""
 
 import zenoh
 from hypothesis import given, settings

@@ -1,4 +1,4 @@
-"""What Zenoh drops at the door, with --audit: it is said who did what, and counted."""
+"""Messages that Zenoh drops, with --audit: attributed and counted."""
 
 # The values of these tests have narrower types than their declarations, or come from a path.
 # pyright: reportAttributeAccessIssue=false, reportMissingImports=false

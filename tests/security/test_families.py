@@ -1,4 +1,4 @@
-"""One certificate for any number of members: hosts-a, hosts-b ... come in by that of hosts-*."""
+"""One certificate for any number of members: hosts-a, hosts-b ... join with that of hosts-*."""
 
 # The values of these tests have narrower types than their declarations.
 # pyright: reportAttributeAccessIssue=false, reportOptionalMemberAccess=false

@@ -1,4 +1,4 @@
-"""How much a member may say, who may be what, and how refusals are counted."""
+"""Limits and roles of members, and counting of rejections."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""A world lets nobody in from elsewhere unless it knows whom, or its owner insists."""
+"""A world accepts remote members only with certificates, or with --insecure."""
 
 # The values of these tests have narrower types than their declarations, or come from a path.
 # pyright: reportMissingImports=false, reportOptionalMemberAccess=false

@@ -1,4 +1,4 @@
-"""What cannot be reached is said at once, with what to check."""
+"""Unreachable endpoints are reported at once, with a remedy."""
 
 # The values of these tests have narrower types than their declarations, or come from a path.
 # pyright: reportMissingImports=false

@@ -1,4 +1,4 @@
-"""What a command line says instead of a world file."""
+"""Settings of the command line override those of a world file."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""Generators and devices: what their classes say of them."""
+"""Generators and devices: what their classes declare."""
 
 # The values of these tests have narrower types than their declarations.
 # pyright: reportArgumentType=false, reportAttributeAccessIssue=false

@@ -1,4 +1,4 @@
-"""From clicks and keys to what a world is told, whatever its words."""
+"""From clicks and keys to orders for any world."""
 
 # The values of these tests have narrower types than their declarations.
 # pyright: reportArgumentType=false, reportOptionalMemberAccess=false

@@ -1,4 +1,4 @@
-"""Every message from bytes and to bytes: what goes in comes out."""
+"""Every message survives encoding and decoding."""
 
 # The values of these tests have narrower types than their declarations.
 # pyright: reportArgumentType=false, reportAttributeAccessIssue=false

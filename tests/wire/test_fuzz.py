@@ -1,4 +1,4 @@
-"""Whatever comes in: a message, or ProtocolError or VocabularyError, in bounded memory and time."""
+"""Arbitrary bytes give a message, ProtocolError or VocabularyError, in bounded memory and time."""
 
 # The values of these tests have narrower types than their declarations.
 # pyright: reportArgumentType=false, reportAttributeAccessIssue=false
@@ -38,7 +38,7 @@ def ways(decoder):
 
 
 def refused_or_read(data, decoder=DECODER):
-    """Feed bytes to every way in; nothing but the two errors may come out."""
+    """Feed bytes to every decoder; only the two errors may be raised."""
     for way in ways(decoder):
         try:
             way(data)

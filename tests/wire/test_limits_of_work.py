@@ -1,4 +1,4 @@
-"""What is too much work is refused before it is done, with the limit and what to do."""
+"""Excessive work is rejected before it is done, with the limit and a remedy."""
 
 # The values of these tests have narrower types than their declarations.
 # pyright: reportAttributeAccessIssue=false
