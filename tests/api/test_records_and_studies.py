@@ -153,7 +153,7 @@ def test_a_sweep_goes_on_where_it_was(tmp_path):
 @pytest.mark.parametrize(("make", "problem"), [
     (lambda: sweep(many(), {"m": [1]}, frames=2, quiet=True), "no option"),
     (lambda: sweep(many(), {"n": 3}, frames=2), "expected a list of values"),
-    (lambda: sweep(many(), {"n": [3, 3]}, frames=2), "stands there twice"),
+    (lambda: sweep(many(), {"n": [3, 3]}, frames=2), "is given twice"),
     (lambda: sweep(many(), frames=2), "nothing to sweep"),
     (lambda: sweep(many(), {"n": []}, frames=2), "nothing to sweep"),
     (lambda: sweep(many(), seeds=2), "has no end"),

@@ -98,8 +98,8 @@ def test_the_world_itself_is_right(folder):
         ('event = "eStep"', 'evnt = "eStep"', "did you mean 'event'?"),
         ('event = "eStep"', 'event = "eStop"', "eStop"),
         ('agents = "words:Walker"', "", "needs exactly one of service, agents and command"),
-        ('agents = "words:Walker"', 'command = ["no-such-program"]', "which is not a program"),
-        ("[process.walkers]", "[process.coordinator]", "the name coordinator is taken"),
+        ('agents = "words:Walker"', 'command = ["no-such-program"]', "which is not an executable file"),
+        ("[process.walkers]", "[process.coordinator]", "the process name coordinator is reserved"),
         ("[process.walkers]", '[bus]\nlisten = "here"\n[process.walkers]', "is no endpoint"),
     ],
 )
@@ -139,7 +139,7 @@ def test_symbols_are_checked_with_a_vocabulary(folder):
     [
         (("run", "nowhere.toml"), "there is no world file nowhere.toml"),
         (("run", "robt"), "did you mean 'robot'?"),
-        (("run", "robot", "--objectiv", "x"), "did you mean 'objective'?"),
+        (("run", "robot", "--objectiv", "x"), "did you mean '--objective'?"),
         (("run", "robot", "--objective", "kichen"), "did you mean 'kitchen'?"),
         (("run", "robot", "--robots", "many"), "--robots must be a whole number"),
         (("run", "robot", "--planner", "dijkstra"), "astar"),

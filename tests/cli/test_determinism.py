@@ -112,7 +112,7 @@ def test_a_valid_world_reads_the_same_and_skipped_checks_are_named(tmp_path):
     assert (code, error) == (0, "")
     assert out == (
         "garden.toml: the same in both runs: 4 frames\n"
-        "not compared: wind (it emits events whenever they come)\n"
+        "not compared: wind (it runs freely)\n"
         "not compared: watch (it only shows views)\n"
     )
     assert {path.name for path in tmp_path.iterdir()} <= {

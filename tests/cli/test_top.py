@@ -163,8 +163,8 @@ def test_events_are_in_the_log_when_they_are_wanted():
 
 def test_the_members_that_a_world_waits_for():
     waiting = replace(STATUS, waiting=("walkers",), waited=2.34)
-    assert doing(waiting).plain == "● waits for walkers for 2.3 s"
-    assert doing(STATUS).plain == "● runs"
+    assert doing(waiting).plain == "● waiting for walkers for 2.3 s"
+    assert doing(STATUS).plain == "● running"
     assert doing(replace(STATUS, paused=True)).plain == "● paused"
 
 

@@ -1,10 +1,10 @@
-"""The live dashboard of a world, on textual."""
+"""The live dashboard of a world, a textual application."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from typing import Any, ClassVar, cast
+from typing import Any, ClassVar, Final, cast
 
 from rich.text import Text
 from textual import work
@@ -17,14 +17,16 @@ from minerva_bus.cli.top import texts
 from minerva_bus.errors import MinervaError
 from minerva_bus.world.operator import LogEntry, LogLine, Operator, WorldStatus
 
-EVERY = 0.25
-HISTORY = 120
+REFRESH_SECONDS: Final = 0.25
+HISTORY: Final = 120
+"""Number of measured frame rates to show."""
+
 COLUMNS = (
     "member",
     "state",
-    "what",
+    "service",
     "types",
-    "waited for, µs a frame",
+    "wait, µs per frame",
     "late",
     "last",
     "process",
@@ -49,12 +51,12 @@ class Dashboard(App[None]):
     #log { height: 1fr; min-height: 5; }
     """
     BINDINGS: ClassVar[list[BindingType]] = [
-        ("space", "pause", "Pause or go on"),
+        ("space", "pause", "Pause or resume"),
         ("s", "step", "Step"),
         ("plus,equals_sign", "faster", "Faster"),
         ("minus", "slower", "Slower"),
-        ("r", "restart", "Restart the member"),
-        ("e", "turn", "Log or events"),
+        ("r", "restart", "Restart member"),
+        ("e", "events", "Show events"),
         ("q", "quit", "Quit"),
     ]
     ENABLE_COMMAND_PALETTE = False
@@ -63,14 +65,14 @@ class Dashboard(App[None]):
         super().__init__()
         self._operator = operator
         self._status: WorldStatus | None = None
-        self._happened: int = 0
-        self._logged: int = 0
+        self._event_number: int = 0
+        self._line_number: int = 0
         self._events_too = False
         self._speeds: list[float] = []
         self._answered = time.monotonic()
 
     def compose(self) -> ComposeResult:
-        """Lay the screen out."""
+        """Create the widgets."""
         yield Static(id="heading")
         yield Static(id="trouble")
         yield DataTable[Text](id="members", classes="panel", cursor_type="row", zebra_stripes=True)
@@ -84,41 +86,41 @@ class Dashboard(App[None]):
         yield Footer()
 
     def on_mount(self) -> None:
-        """Begin to look."""
+        """Set titles, and refresh periodically."""
         members = self._members()
         for title in COLUMNS:
             members.add_column(title, key=title)
         titles = {
             "members": "members",
-            "phases": "where a frame's time goes",
-            "events": "events",
+            "phases": "time per frame",
+            "events": "events per second",
             "speed": "frames per second",
             "log": "log",
         }
         for name, title in titles.items():
             self.query_one(f"#{name}").border_title = title
-        self.set_interval(EVERY, self._look)
-        self._look()
+        self.set_interval(REFRESH_SECONDS, self._poll_world)
+        self._poll_world()
 
-    # --- looking ---
+    # --- refreshing ---
 
-    @work(thread=True, exclusive=True, group="look")
-    def _look(self) -> None:
-        """Ask the world, outside the screen's own thread."""
+    @work(thread=True, exclusive=True, group="refresh")
+    def _poll_world(self) -> None:
+        """Query the world in a thread, because an answer may take long."""
         try:
-            status = self._operator.status(self._happened)
-            lines = self._operator.logs(self._logged)
+            status = self._operator.status(self._event_number)
+            lines = self._operator.logs(self._line_number)
         except MinervaError as error:
             self.call_from_thread(self._show_trouble, str(error))
             return
         self.call_from_thread(self._show, status, lines)
 
-    def _is_left(self) -> bool:
-        """Whether the screen has been cleared: an answer may come while the dashboard ends."""
+    def _is_gone(self) -> bool:
+        """Whether the widgets are gone: an answer may arrive while the dashboard ends."""
         return not self.query("#trouble")
 
     def _show(self, status: WorldStatus, lines: tuple[LogLine, ...]) -> None:
-        if self._is_left():
+        if self._is_gone():
             return
         self._status, self._answered = status, time.monotonic()
         self._static("trouble").update("")
@@ -130,14 +132,14 @@ class Dashboard(App[None]):
         self._show_log(status.happenings, lines)
 
     def _show_trouble(self, problem: str) -> None:
-        if self._is_left():
+        if self._is_gone():
             return
         silent = time.monotonic() - self._answered
         self._static("trouble").update(f"no answer for {silent:.0f} s: {problem}")
 
     def _show_members(self, status: WorldStatus) -> None:
         table = self._members()
-        longest = max((one.wait for one in status.members), default=0.0)
+        longest = max((member.wait for member in status.members), default=0.0)
         there = {row.value for row in table.rows}
         for member in status.members:
             cells = texts.row(member, longest)
@@ -152,20 +154,21 @@ class Dashboard(App[None]):
     def _show_speed(self, status: WorldStatus) -> None:
         self._speeds = [*self._speeds, status.hz][-HISTORY:]
         self.query_one(Sparkline).data = self._speeds
-        wanted = f"{status.rate:g} wanted" if status.rate else "as many as go"
+        wanted = f"{status.rate:g} requested" if status.rate else "no limit"
         shown = Text.assemble((f"{status.hz:,.1f}", "bold"), f"   {wanted}")
         self._static("rate").update(shown)
 
-    def _show_log(self, happenings: tuple[LogEntry, ...], lines: tuple[LogLine, ...]) -> None:
+    def _show_log(self, entries: tuple[LogEntry, ...], lines: tuple[LogLine, ...]) -> None:
         log = self.query_one(RichLog)
         for line in lines:
             clock = time.strftime("%H:%M:%S", time.localtime(line.time))
             log.write(Text.assemble((clock, "dim"), "  ", (line.member, "bold"), f"  {line.text}"))
-            self._logged = line.number
-        for one in happenings:
-            self._happened = one.number
+            self._line_number = line.number
+        for entry in entries:
+            self._event_number = entry.number
             if self._events_too:
-                log.write(Text.assemble((f"{one.frame:>8}", "dim"), "  ", (one.text, "magenta")))
+                frame = (f"{entry.frame:>8}", "dim")
+                log.write(Text.assemble(frame, "  ", (entry.text, "magenta")))
 
     def _static(self, name: str) -> Static:
         return self.query_one(f"#{name}", Static)
@@ -176,46 +179,46 @@ class Dashboard(App[None]):
     # --- keys ---
 
     def action_pause(self) -> None:
-        """Pause the world, or let it go on."""
+        """Pause or resume the world."""
         operator = self._operator
-        resting = self._status is not None and self._status.paused
-        self._tell(operator.resume if resting else operator.pause)
+        paused = self._status is not None and self._status.paused
+        self._operate(operator.resume if paused else operator.pause)
 
     def action_step(self) -> None:
         """Run one frame."""
-        self._tell(self._operator.step)
+        self._operate(self._operator.step)
 
     def action_faster(self) -> None:
-        """Begin more frames a second."""
+        """Increase the frame rate."""
         wanted = self._status.rate if self._status is not None else 0.0
         faster = [rate for rate in RATES if rate > wanted > 0]
-        self._tell(self._operator.set_rate, faster[0] if faster else 0.0)
+        self._operate(self._operator.set_rate, faster[0] if faster else 0.0)
 
     def action_slower(self) -> None:
-        """Begin fewer frames a second."""
+        """Decrease the frame rate."""
         if self._status is None:
             return
         wanted = self._status.rate or self._status.hz
         slower = [rate for rate in RATES if 0 < rate < wanted]
-        self._tell(self._operator.set_rate, slower[-1] if slower else RATES[1])
+        self._operate(self._operator.set_rate, slower[-1] if slower else RATES[1])
 
     def action_restart(self) -> None:
-        """Start the member under the cursor anew."""
+        """Restart the selected member."""
         table = self._members()
         if table.row_count:
             member = str(table.coordinate_to_cell_key(table.cursor_coordinate).row_key.value)
-            self._tell(self._operator.restart, member)
+            self._operate(self._operator.restart, member)
 
-    def action_turn(self) -> None:
-        """Have the world's events in the log, or no more."""
+    def action_events(self) -> None:
+        """Show or hide events in the log."""
         self._events_too = not self._events_too
         self.query_one("#log").border_title = "log and events" if self._events_too else "log"
 
-    @work(thread=True, group="tell")
-    def _tell(self, order: Callable[..., Any], *what: Any) -> None:
+    @work(thread=True, group="send")
+    def _operate(self, command: Callable[..., Any], *arguments: Any) -> None:
         try:
-            order(*what)
+            command(*arguments)
         except MinervaError as error:
             self.call_from_thread(self.notify, str(error), severity="error")
             return
-        self.call_from_thread(self._look)
+        self.call_from_thread(self._poll_world)

@@ -1,4 +1,4 @@
-"""What the dashboard says of a status, as lines of text."""
+"""The texts of the dashboard: heading, table rows, bars and panels of a status."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from minerva_bus.world.operator import MemberStatus, WorldStatus
 
 BAR: Final = 16
 PHASES: Final = ("tick", "collect", "evolve", "commit", "view", "encode", "decode")
-"""The parts of a frame in the order in which they happen; the last three are within others."""
+"""The parts of a frame in their order; the last three are contained in others."""
 
 _STATES: Final = {
     "present": "green",
@@ -25,7 +25,7 @@ _STATES: Final = {
 
 
 def heading(status: WorldStatus) -> Text:
-    """World, frame, time, speed, and what it does now."""
+    """World, frame, time, frame rate and activity."""
     text = Text.assemble(
         (f" {status.world} ", "bold reverse"),
         f"  frame {status.frame:,}   {status.time:,.1f} s simulated   ",
@@ -44,17 +44,17 @@ def _late(status: WorldStatus) -> str:
 
 
 def doing(status: WorldStatus) -> Text:
-    """Whether it runs, rests, or waits: for whom and since when."""
+    """Whether the world runs, is paused, or waits for members."""
     if status.waiting and status.waited >= 0.3:
         names = ", ".join(status.waiting[:4]) + (" …" if len(status.waiting) > 4 else "")
-        return Text(f"● waits for {names} for {status.waited:.1f} s", "bold red")
+        return Text(f"● waiting for {names} for {status.waited:.1f} s", "bold red")
     if status.paused and not status.left:
         return Text("● paused", "bold yellow")
-    return Text("● runs", "bold green")
+    return Text("● running", "bold green")
 
 
 def row(member: MemberStatus, longest: float) -> list[Text]:
-    """One member; `longest` is the longest wait for any, µs."""
+    """The table row of a member; `longest` is the longest wait for any member, µs."""
     types = " ".join([*member.kinds, *member.generates, *member.draws])
     return [
         Text(member.name, "bold"),
@@ -70,7 +70,7 @@ def row(member: MemberStatus, longest: float) -> list[Text]:
 
 
 def bar(amount: float, greatest: float, width: int = BAR, style: str = "cyan") -> Text:
-    """A bar of so many characters for the greatest amount."""
+    """A bar; the greatest amount fills `width` characters."""
     eighths = round(8 * width * amount / greatest) if greatest > 0 else 0
     whole, rest = divmod(min(eighths, 8 * width), 8)
     shown = "█" * whole + (" ▏▎▍▌▋▊▉"[rest] if rest else "")
@@ -78,10 +78,10 @@ def bar(amount: float, greatest: float, width: int = BAR, style: str = "cyan") -
 
 
 def phases(status: WorldStatus) -> Table:
-    """Where the time of a frame goes."""
+    """The time of a frame by part."""
     table = _table()
     frame = status.phases.get("frame", 0.0)
-    for name in (one for one in PHASES if one in status.phases):
+    for name in (phase for phase in PHASES if phase in status.phases):
         amount = status.phases[name]
         table.add_row(name, f"{amount:,.0f} µs", bar(amount, frame))
     busy = sum(status.phases.get(name, 0.0) for name in ("tick", "collect", "evolve", "commit"))
@@ -95,7 +95,7 @@ def phases(status: WorldStatus) -> Table:
 
 
 def events(rates: Mapping[str, float], most: int = 12) -> Table:
-    """Events a second by type, the most frequent first."""
+    """Events per second by type, the most frequent first."""
     table = _table()
     shown = sorted(rates.items(), key=lambda pair: (-pair[1], pair[0]))
     greatest = shown[0][1] if shown else 0.0
