@@ -98,7 +98,11 @@ def test_the_world_itself_is_right(folder):
         ('event = "eStep"', 'evnt = "eStep"', "did you mean 'event'?"),
         ('event = "eStep"', 'event = "eStop"', "eStop"),
         ('agents = "words:Walker"', "", "needs exactly one of service, agents and command"),
-        ('agents = "words:Walker"', 'command = ["no-such-program"]', "which is not an executable file"),
+        (
+            'agents = "words:Walker"',
+            'command = ["no-such-program"]',
+            "which is not an executable file",
+        ),
         ("[process.walkers]", "[process.coordinator]", "the process name coordinator is reserved"),
         ("[process.walkers]", '[bus]\nlisten = "here"\n[process.walkers]', "is no endpoint"),
     ],
