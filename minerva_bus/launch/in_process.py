@@ -275,7 +275,7 @@ def _no_rejections() -> Mapping[str, int]:
 
 
 def _no_restart(_: str) -> str:
-    return "all members are in one process: none can be started anew alone"
+    return "all members run in one process: a single one cannot be restarted"
 
 
 class _Progress(Sink):

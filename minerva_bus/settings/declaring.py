@@ -87,7 +87,7 @@ def settings_of(cls: type[Any]) -> Mapping[str, Setting]:
 
 def by_option(*classes: type[Any]) -> Mapping[str, Setting]:
     """The settings of these classes that have an option, by its name."""
-    declared = [one for cls in classes for one in settings_of(cls).values()]
+    declared = [entry for cls in classes for entry in settings_of(cls).values()]
     return {each.option: each for each in declared if each.option}
 
 
