@@ -105,7 +105,7 @@ def test_on_the_bus_it_is_reported_once_and_the_world_stops(name, tmp_path):
     assert text.count(f"garden.py:{mistake.line}") == 1
     assert "restart 1 of 5" in text
     assert "restart 2 of 5" not in text
-    assert "the same error in the same frame again" in text
+    assert "with the same error in the same frame" in text
 
 
 def test_the_same_failure_of_several_processes_is_reported_once(tmp_path):
