@@ -7,7 +7,7 @@ from pathlib import Path
 
 import resvg_py
 
-from minerva_bus.cli.options import Target
+from minerva_bus.cli.options import WorldTarget
 from minerva_bus.cli.places import client
 from minerva_bus.cli.top.dashboard import Dashboard
 
@@ -26,7 +26,7 @@ async def drawn(dashboard: Dashboard) -> str:
 
 def main() -> None:
     """Write the picture."""
-    with client(Target()) as asked:
+    with client(WorldTarget()) as asked:
         svg = asyncio.run(drawn(Dashboard(asked.operator)))
     svg = re.sub(r"@font-face \{.*?\}", "", svg, flags=re.S).replace(
         "Fira Code", "DejaVu Sans Mono"

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import asdict
 from typing import Any
 
-from minerva_bus.cli.options import Target
+from minerva_bus.cli.options import WorldTarget
 from minerva_bus.cli.output import print_message, print_result, print_table
 from minerva_bus.cli.places import client, identity, place
 from minerva_bus.errors import MinervaError, nearest
@@ -22,7 +22,7 @@ from minerva_bus.wording import counted
 from minerva_bus.world.operator import MemberStatus, WorldStatus
 
 
-def list_members(target: Target, as_json: bool) -> None:
+def list_members(target: WorldTarget, as_json: bool) -> None:
     """Print the members of a world, or the worlds if several run."""
     worlds = running()
     if not target.connect and not target.world and len(worlds) != 1:
@@ -76,7 +76,7 @@ def _row(member: MemberStatus) -> list[str]:
     ]
 
 
-def echo_type(type_: str, target: Target, count: int, as_json: bool) -> None:
+def echo_type(type_: str, target: WorldTarget, count: int, as_json: bool) -> None:
     """Print events, fragments or views of a type as they arrive."""
     own = identity() if target.connect else None
     endpoint, world = place(target, own)
@@ -169,7 +169,7 @@ def publish(
     data: list[str],
     to: list[str],
     condition: str,
-    target: Target,
+    target: WorldTarget,
     as_json: bool,
 ) -> None:
     """Send an event."""

@@ -11,7 +11,7 @@ from types import FrameType
 from typing import Final
 
 from minerva_bus.cli.asking import listing
-from minerva_bus.cli.options import Target
+from minerva_bus.cli.options import WorldTarget
 from minerva_bus.cli.output import print_message, print_result
 from minerva_bus.cli.places import client
 from minerva_bus.errors import MinervaError, nearest
@@ -27,35 +27,35 @@ MEASURE_SECONDS: Final = 0.5
 """Time for `top --json` to measure, which begins with the first query."""
 
 
-def stop_world(target: Target) -> None:
+def stop_world(target: WorldTarget) -> None:
     """Stop a world."""
     with client(target) as world:
         world.ask("stop")
         print_result(f"{world.world}: asked to stop")
 
 
-def pause_world(target: Target) -> None:
+def pause_world(target: WorldTarget) -> None:
     """Pause a world before its next frame."""
     with client(target) as world:
         world.operator.pause()
         print_result(f"{world.world}: paused before frame {_paused_before(world)}")
 
 
-def resume_world(target: Target) -> None:
+def resume_world(target: WorldTarget) -> None:
     """Resume a world."""
     with client(target) as world:
         world.operator.resume()
         print_result(f"{world.world}: resumed")
 
 
-def step_world(frames: int, target: Target) -> None:
+def step_world(frames: int, target: WorldTarget) -> None:
     """Run a number of frames, wait for them, and pause."""
     with client(target) as world:
         world.operator.step(frames)
         print_result(f"{world.world}: paused before frame {_paused_before(world)}")
 
 
-def set_rate(hz: float, target: Target) -> None:
+def set_rate(hz: float, target: WorldTarget) -> None:
     """Change the frame rate of a world."""
     with client(target) as world:
         world.operator.set_rate(hz)
@@ -64,21 +64,21 @@ def set_rate(hz: float, target: Target) -> None:
         )
 
 
-def restart_member(member: str, target: Target) -> None:
+def restart_member(member: str, target: WorldTarget) -> None:
     """Restart a process of a world."""
     with client(target) as world:
         world.operator.restart(member)
         print_result(f"{world.world}: restarting {member}")
 
 
-def drain_member(member: str, target: Target) -> None:
+def drain_member(member: str, target: WorldTarget) -> None:
     """Move the agents of a host to other hosts."""
     with client(target) as world:
         others = world.operator.drain(member)
         print_result(f"{world.world}: the agents of {member} move to {', '.join(others)}")
 
 
-def seek_frame(frame: int, target: Target) -> None:
+def seek_frame(frame: int, target: WorldTarget) -> None:
     """Continue a replay at another frame."""
     with client(target) as world:
         world.ask("seek", frame=frame)
@@ -99,7 +99,7 @@ def _paused_before(world: Client) -> int:
         time.sleep(POLL_SECONDS)
 
 
-def show_logs(member: str, follow: bool, target: Target, as_json: bool) -> None:
+def show_logs(member: str, follow: bool, target: WorldTarget, as_json: bool) -> None:
     """Print the logs of members, with the messages of the world about them."""
     with client(target) as world:
         _check_member(world, member)
@@ -136,7 +136,7 @@ def _shown(line: LogLine) -> str:
     return f"{clock}  {line.member} │ {line.text}"
 
 
-def watch_world(target: Target, as_json: bool) -> None:
+def watch_world(target: WorldTarget, as_json: bool) -> None:
     """Monitor a world until q or Ctrl-C; as JSON, print its status once."""
     if not as_json and not sys.stdout.isatty():
         raise MinervaError("top needs a terminal; --json prints one status anywhere")
@@ -153,7 +153,7 @@ def watch_world(target: Target, as_json: bool) -> None:
         Dashboard(world.operator).run()
 
 
-def serve_metrics(listen: str, target: Target) -> None:
+def serve_metrics(listen: str, target: WorldTarget) -> None:
     """Serve the metrics of a world until Ctrl-C; a world that ends is reported as down."""
     from minerva_bus.launch.exporting import Exporter
     from minerva_bus.launch.interrupts import end_signals

@@ -81,7 +81,7 @@ class RunOptions:
 
 
 @dataclass(frozen=True, slots=True)
-class Target:
+class WorldTarget:
     """The running world that a command addresses; `keys` takes effect by its callback."""
 
     connect: Connect = ""
@@ -90,7 +90,7 @@ class Target:
 
 
 @dataclass(frozen=True, slots=True)
-class NamedTarget(Target):
+class NamedTarget(WorldTarget):
     """A running world that may be named without --world. Raises MisuseError for two names."""
 
     name: Annotated[str, typer.Argument(metavar="[WORLD]", help="As --world.")] = ""
@@ -102,7 +102,7 @@ class NamedTarget(Target):
 
 
 @dataclass(frozen=True, slots=True)
-class JoinOptions(Target):
+class JoinOptions(WorldTarget):
     """How a new member joins a world."""
 
     name: Annotated[

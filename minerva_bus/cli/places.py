@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from minerva_bus.cli.options import Target
+from minerva_bus.cli.options import WorldTarget
 from minerva_bus.launch.registry import find
 from minerva_bus.runtime.client import Client
 from minerva_bus.security.credentials import Credentials
@@ -40,7 +40,7 @@ def identity(name: str = "") -> Credentials | None:
     return KeyFolder(path.parent if named else path).credentials(name, path.stem if named else "")
 
 
-def client(target: Target) -> Client:
+def client(target: WorldTarget) -> Client:
     """A connection to the world that a command addresses. Raises BusError."""
     if target.connect:
         return Client(target.connect, target.world, identity())
@@ -48,7 +48,7 @@ def client(target: Target) -> Client:
     return Client(entry.endpoint, entry.world)
 
 
-def place(target: Target, own: Credentials | None = None) -> tuple[str, str]:
+def place(target: WorldTarget, own: Credentials | None = None) -> tuple[str, str]:
     """Endpoint and name of the world that a command addresses. Raises BusError."""
     if not target.connect:
         entry = find(target.world)

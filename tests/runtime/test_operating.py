@@ -8,7 +8,7 @@ import pytest
 from running import World, eventually, here, write_world
 
 from minerva_bus.cli import operating
-from minerva_bus.cli.options import Target
+from minerva_bus.cli.options import WorldTarget
 from minerva_bus.errors import BusError
 
 MEMBERS = """
@@ -110,7 +110,7 @@ def test_following_a_silent_world_ends_with_it(answers, monkeypatch):
     asked.operator.status.return_value.members = []
     monkeypatch.setattr(operating, "client", lambda *_: nullcontext(asked))
     with nullcontext() if answers else pytest.raises(BusError):
-        operating.show_logs("", True, Target(), False)
+        operating.show_logs("", True, WorldTarget(), False)
 
 
 def test_a_world_continues_while_a_view_restarts(world, operator):

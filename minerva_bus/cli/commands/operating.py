@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from minerva_bus.cli.options import Json, NamedTarget, Target, examples, grouped
+from minerva_bus.cli.options import Json, NamedTarget, WorldTarget, examples, grouped
 
 
 @examples(
@@ -34,7 +34,7 @@ def echo(
     count: Annotated[int, typer.Option(help="Stop after this many; 0: no limit.")] = 0,
     json: Json = False,
     *,
-    target: Target,
+    target: WorldTarget,
 ) -> None:
     """Print events, agents or views of a running world, by type."""
     from minerva_bus.cli.asking import echo_type
@@ -60,7 +60,7 @@ def pub(
     ] = "",
     json: Json = False,
     *,
-    target: Target,
+    target: WorldTarget,
 ) -> None:
     """Send an event into a running world."""
     from minerva_bus.cli.asking import publish
@@ -110,7 +110,9 @@ def resume(target: NamedTarget) -> None:
 )
 @grouped
 def step(
-    frames: Annotated[int, typer.Argument(help="Number of frames.", min=1)] = 1, *, target: Target
+    frames: Annotated[int, typer.Argument(help="Number of frames.", min=1)] = 1,
+    *,
+    target: WorldTarget,
 ) -> None:
     """Run a number of frames, then pause."""
     from minerva_bus.cli.operating import step_world
@@ -126,7 +128,7 @@ def step(
 def rate(
     hz: Annotated[float, typer.Argument(help="Frames per second; 0: as fast as possible.")],
     *,
-    target: Target,
+    target: WorldTarget,
 ) -> None:
     """Change the frame rate of a running world."""
     from minerva_bus.cli.operating import set_rate
@@ -140,7 +142,9 @@ def rate(
 )
 @grouped
 def restart(
-    member: Annotated[str, typer.Argument(help="A process of the world file.")], *, target: Target
+    member: Annotated[str, typer.Argument(help="A process of the world file.")],
+    *,
+    target: WorldTarget,
 ) -> None:
     """Restart one process of a running world."""
     from minerva_bus.cli.operating import restart_member
@@ -154,7 +158,7 @@ def restart(
 )
 @grouped
 def drain(
-    member: Annotated[str, typer.Argument(help="A host of agents.")], *, target: Target
+    member: Annotated[str, typer.Argument(help="A host of agents.")], *, target: WorldTarget
 ) -> None:
     """Move all agents of a host to other hosts.
 
@@ -173,7 +177,7 @@ def drain(
 def seek(
     frame: Annotated[int, typer.Argument(help="The frame to continue with.", min=0)],
     *,
-    target: Target,
+    target: WorldTarget,
 ) -> None:
     """Continue a replay at another frame."""
     from minerva_bus.cli.operating import seek_frame
@@ -191,7 +195,7 @@ def logs(
     follow: Annotated[bool, typer.Option("--follow", "-f", help="Wait for new lines.")] = False,
     json: Json = False,
     *,
-    target: Target,
+    target: WorldTarget,
 ) -> None:
     """Show the logs of a running world's members."""
     from minerva_bus.cli.operating import show_logs
