@@ -90,7 +90,7 @@ def test_seeking_is_for_replays(tmp_path):
         world.runs("steps", "walkers")
         done = here(tmp_path, "seek", 3)
         assert done.returncode == 2
-        assert "this is no replay" in done.stderr
+        assert "this is not a replay" in done.stderr
 
 
 def test_its_frames_are_reckoned_again(recorded):
