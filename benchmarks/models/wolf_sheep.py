@@ -12,9 +12,6 @@ agents too, one a cell, that know when they are grown again. Young ones cannot b
 step of their birth, which they can in Mesa.
 """
 
-# A `self` of these methods is a population.
-# pyright: reportAttributeAccessIssue=false
-
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator

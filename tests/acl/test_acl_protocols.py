@@ -1,8 +1,5 @@
 """The interaction protocols: messages sent, received and not understood."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportArgumentType=false, reportPossiblyUnboundVariable=false
-
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st

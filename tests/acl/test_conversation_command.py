@@ -1,8 +1,5 @@
 """`minerva conversation`: the messages between a record's agents as a diagram."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportArgumentType=false
-
 import io
 import json
 import os

@@ -1,8 +1,5 @@
 """What is collected of runs: expressions, tables, files, and other libraries."""
 
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false
-# pyright: reportOptionalMemberAccess=false
-
 import csv
 import math
 

@@ -1,8 +1,5 @@
 """Worlds in processes of their own, started from Python."""
 
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false
-# pyright: reportOptionalMemberAccess=false
-
 import os
 import signal
 import subprocess

@@ -1,7 +1,5 @@
 """Checks, records, replays and sweeps as functions."""
 
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false
-
 import os
 import signal
 

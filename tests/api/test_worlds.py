@@ -1,8 +1,5 @@
 """Worlds, runs and stepping in this process."""
 
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false
-# pyright: reportOptionalMemberAccess=false
-
 import asyncio
 import subprocess
 import sys

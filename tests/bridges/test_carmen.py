@@ -1,8 +1,5 @@
 """Logs of CARMEN: what their lines say, what skipped, and a real one."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportAttributeAccessIssue=false
-
 import gzip
 import math
 from collections import Counter

@@ -1,8 +1,5 @@
 """The bridge to a terminal's keys, over a pseudo terminal."""
 
-# The values of these tests have narrower types than their declarations, or come from a path.
-# pyright: reportAttributeAccessIssue=false, reportMissingImports=false
-
 import os
 import pty
 import sys

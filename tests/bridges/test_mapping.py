@@ -1,8 +1,5 @@
 """`minerva map`: maps drawn from recordings, the same as the robot itself would draw."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportAttributeAccessIssue=false
-
 import math
 import re
 import sys

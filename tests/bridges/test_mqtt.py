@@ -1,8 +1,5 @@
 """The MQTT bridge at a real broker: in, out, TLS, loss and return, garbage, floods."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportArgumentType=false, reportOperatorIssue=false
-
 import shutil
 import socket
 import subprocess

@@ -1,8 +1,5 @@
 """Which messages become which events, and what is rejected before the start."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportArgumentType=false
-
 import json
 
 import pytest

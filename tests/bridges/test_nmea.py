@@ -1,8 +1,5 @@
 """The bridge to receivers that speak NMEA 0183, over a cable that can be pulled."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportOperatorIssue=false
-
 from functools import reduce
 from operator import xor
 

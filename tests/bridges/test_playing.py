@@ -1,8 +1,5 @@
 """Playing recordings: when what is due, where it begins, and that nothing stalls."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportArgumentType=false, reportGeneralTypeIssues=false
-
 import math
 import threading
 from itertools import pairwise

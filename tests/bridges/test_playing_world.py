@@ -1,9 +1,5 @@
 """Recorded sensors in worlds: beside simulated ones, in one process and on the bus, and killed."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false
-# pyright: reportOptionalMemberAccess=false
-
 import importlib.util
 import os
 import signal

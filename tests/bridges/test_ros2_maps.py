@@ -1,8 +1,5 @@
 """Maps that a ROS 2 robot has made, as events of a world."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportAttributeAccessIssue=false
-
 import numpy as np
 import pytest
 

@@ -1,8 +1,5 @@
 """Topics over a real Zenoh router: scans in, garbage counted, a network that goes and comes."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportArgumentType=false, reportOperatorIssue=false, reportOptionalMemberAccess=false
-
 import threading
 
 import numpy as np

@@ -3,9 +3,6 @@
 It runs in a process of its own, with a home of its own, for it likes to set git up.
 """
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportOptionalMemberAccess=false
-
 import json
 import os
 import select

@@ -1,8 +1,5 @@
 """The link to a robot's router over TLS: with certificates, without, and with wrong ones."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportArgumentType=false, reportOptionalMemberAccess=false
-
 import json
 
 import pytest

@@ -1,8 +1,5 @@
 """Bags of ROS 1 and ROS 2: what their messages become, and what skipped."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false
-
 import io
 import math
 import sys

@@ -1,8 +1,5 @@
 """The bridge to an RPLIDAR, over a cable that can be pulled, against an emulator of its protocol."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportAttributeAccessIssue=false
-
 import errno
 from itertools import islice
 

@@ -1,8 +1,5 @@
 """The SPADE bridge: its parts, and a conversation with a real SPADE agent in another process."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportOptionalIterable=false, reportOptionalMemberAccess=false
-
 import json
 import os
 import queue

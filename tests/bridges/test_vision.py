@@ -1,9 +1,5 @@
 """Markers in photos, in rendered images, in files, and on topics."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false
-# pyright: reportGeneralTypeIssues=false, reportIndexIssue=false, reportOptionalSubscript=false
-
 import json
 import math
 import re

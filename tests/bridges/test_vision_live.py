@@ -1,8 +1,5 @@
 """Streams and cameras that come, stop, come back, or never were there."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportAttributeAccessIssue=false, reportIncompatibleMethodOverride=false
-
 import threading
 from contextlib import contextmanager
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer

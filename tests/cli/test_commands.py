@@ -1,8 +1,5 @@
 """The command line on good, wrong and strange input: an answer, an exit code, never a traceback."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
-
 import json
 import signal
 import sys

@@ -1,8 +1,5 @@
 """`minerva run --json` prints one summary on standard output, however it ends."""
 
-# The values of these tests have narrower types than their declarations, or come from a path.
-# pyright: reportMissingImports=false
-
 import json
 import os
 import signal

@@ -1,8 +1,5 @@
 """The dashboard, operated as by a person, over a scripted world."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportArgumentType=false
-
 import asyncio
 from dataclasses import replace
 

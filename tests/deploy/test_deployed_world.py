@@ -1,7 +1,5 @@
 """The commands of the Kubernetes manifests, run as they stand there: a coordinator and two pods."""
 
-# pyright: reportOptionalMemberAccess=false, reportAttributeAccessIssue=false
-# pyright: reportArgumentType=false
 import json
 import re
 import shutil

@@ -1,8 +1,5 @@
 """A world whose members are started by others, watched over HTTP and by its log lines."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportOptionalSubscript=false
-
 import json
 import re
 import signal

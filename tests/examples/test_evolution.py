@@ -1,4 +1,3 @@
-# pyright: reportAttributeAccessIssue=false
 """The world of evolution: creatures hatch and eat, and evolution gives the README's result."""
 
 import json

@@ -1,8 +1,5 @@
 """The meadow: its agents without a bus, the whole world in one process, and over the bus."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportAssignmentType=false
-
 from __future__ import annotations
 
 import json

@@ -1,8 +1,5 @@
 """Plants: rules that rewrite, brackets that are scopes, and room that is found by events."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportAttributeAccessIssue=false
-
 from __future__ import annotations
 
 import re

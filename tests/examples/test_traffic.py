@@ -1,8 +1,5 @@
 """The crossing: norms prevent crashes; the string is the same in every layout."""
 
-# The values of these tests have narrower types than their declarations, or come from a path.
-# pyright: reportAttributeAccessIssue=false, reportMissingImports=false, reportOperatorIssue=false
-
 import json
 import shutil
 import sys

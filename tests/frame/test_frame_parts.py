@@ -1,7 +1,5 @@
 """The frame algorithm's parts by themselves: the table of states, places, pace and strings in parts."""
 
-# Fragments and texts are narrower here than their declared types.
-# pyright: reportArgumentType=false, reportCallIssue=false
 import re
 from dataclasses import replace
 from itertools import product

@@ -1,8 +1,5 @@
 """Input that is small to send and expensive to read, non-finite numbers, escaping paths."""
 
-# The values of these tests have narrower types than their declarations, or come from a path.
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportMissingImports=false
-
 import math
 import struct
 import sys

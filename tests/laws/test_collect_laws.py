@@ -1,8 +1,5 @@
 """Equation 6 over events in columns: what is collected is what the same events one by one give."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportArgumentType=false, reportOptionalIterable=false
-
 from __future__ import annotations
 
 from itertools import groupby

@@ -1,9 +1,5 @@
 """Columns are another way to hold a string, and a population another way to write agents."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false
-# pyright: reportOptionalMemberAccess=false, reportOptionalSubscript=false
-
 from __future__ import annotations
 
 from contextlib import contextmanager

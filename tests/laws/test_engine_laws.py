@@ -1,8 +1,5 @@
 """Laws of η, π, φ and E, equations 1 and 3 to 6, and the engine against the paper's own words."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportArgumentType=false, reportCallIssue=false
-
 import re
 from dataclasses import dataclass, field
 

@@ -1,8 +1,5 @@
 """Laws of the language L(M), Table 1, for any string at all."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportArgumentType=false
-
 from random import Random
 
 import hypothesis.strategies as st

@@ -1,9 +1,5 @@
 """Births and deaths in columns: what travels instead of all of them makes exactly the new string."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false
-# pyright: reportOptionalMemberAccess=false, reportReturnType=false
-
 from __future__ import annotations
 
 from collections import Counter

@@ -1,9 +1,5 @@
 """The cursor has the state before any frame, and its inputs lead to the frames that follow."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false
-# pyright: reportOptionalMemberAccess=false
-
 import json
 from dataclasses import replace
 

@@ -1,8 +1,5 @@
 """Damaged records: intact parts are used, and losses are reported."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportOptionalIterable=false
-
 import io
 import json
 import struct

@@ -1,8 +1,5 @@
 """A delta turns one string exactly into the other, and invalid deltas are refused."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
-
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st

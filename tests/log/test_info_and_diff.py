@@ -1,8 +1,5 @@
 """`minerva info` and `minerva diff`."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportCallIssue=false
-
 import io
 import json
 from dataclasses import replace

@@ -1,8 +1,5 @@
 """Records of runs that were killed, whose disk was full, or that were cut: what counts is there."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportOptionalMemberAccess=false
-
 import os
 import random
 import resource

@@ -1,8 +1,5 @@
 """A record is played again: the views are those of the run, wherever it is begun or moved to."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportAttributeAccessIssue=false, reportOptionalMemberAccess=false
-
 from functools import cache, partial
 
 import pytest

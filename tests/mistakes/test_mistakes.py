@@ -1,8 +1,5 @@
 """Beginners' mistakes are reported in a few lines, with file and line of their code."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportArgumentType=false
-
 import os
 import sys
 from pathlib import Path

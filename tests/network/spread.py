@@ -1,8 +1,5 @@
 """A world spread over hosts, for tests: one runs it, each of the others one member."""
 
-# The values of these tests have narrower types than their declarations, or come from a path.
-# pyright: reportMissingImports=false
-
 import json
 import shutil
 import sys

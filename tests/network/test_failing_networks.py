@@ -6,9 +6,6 @@ world, one thing after another. Members come back by themselves; only those that
 have given up, are started again, as systemd does.
 """
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportAttributeAccessIssue=false
-
 import signal
 import threading
 

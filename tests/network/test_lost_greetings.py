@@ -1,6 +1,5 @@
 """After a reconnection a member may be visible before it subscribes: it is greeted repeatedly."""
 
-# pyright: reportMissingImports=false
 import sys
 from pathlib import Path
 

@@ -1,8 +1,5 @@
 """Two networks with a router between them, as docs/security.md says; and a long, lossy line."""
 
-# The values of these tests have narrower types than their declarations, or come from a path.
-# pyright: reportAttributeAccessIssue=false, reportMissingImports=false
-
 import sys
 from pathlib import Path
 from random import Random

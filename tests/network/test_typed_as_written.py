@@ -1,6 +1,5 @@
 """Two machines as deploy/README.md has it: every command of its first chapter, typed as written."""
 
-# pyright: reportOptionalMemberAccess=false
 import re
 import shutil
 from pathlib import Path

@@ -1,8 +1,5 @@
 """e^d_c of 3.2: an event is carried out only by agents that fulfil its condition."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportAttributeAccessIssue=false
-
 import numpy as np
 import pytest
 from hypothesis import given

@@ -1,8 +1,5 @@
 """Equation 2: λ(a, e^f) is a new string where f = d, and the agent itself where f ≠ d."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportAttributeAccessIssue=false
-
 import pytest
 
 from minerva_bus import (

@@ -1,8 +1,5 @@
 """a^{d,h} of section 5: an agent that answers events of a type with a probability only."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportAttributeAccessIssue=false
-
 import numpy as np
 import pytest
 from hypothesis import given

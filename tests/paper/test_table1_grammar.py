@@ -1,8 +1,5 @@
 """Table 1: the production rules of grammar M, and what is not in L(M)."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportAttributeAccessIssue=false
-
 import pytest
 
 from minerva_bus.errors import GrammarError

@@ -1,8 +1,5 @@
 """Who touches whom: the events, against brute force, and against another library's geometry."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportArgumentType=false, reportCallIssue=false, reportReturnType=false
-
 from __future__ import annotations
 
 import itertools

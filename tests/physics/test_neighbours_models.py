@@ -1,8 +1,5 @@
 """Whole worlds of agents that see one another: the same string however they are written and run."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false
-
 from __future__ import annotations
 
 from pathlib import Path

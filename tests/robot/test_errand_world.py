@@ -1,8 +1,5 @@
 """The robot's world file in one process: an errand from order to delivery."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportOptionalMemberAccess=false
-
 import json
 
 import numpy as np

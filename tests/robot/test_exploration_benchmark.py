@@ -1,8 +1,5 @@
 """What the benchmark of exploration says of a run is what the robot itself says."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportOperatorIssue=false, reportOptionalSubscript=false
-
 import dataclasses
 import json
 

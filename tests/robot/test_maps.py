@@ -1,9 +1,5 @@
 """Maps: what map_server files mean, what is refused and how, places on them, the office plan."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportArgumentType=false, reportOptionalMemberAccess=false
-# pyright: reportOptionalSubscript=false
-
 import importlib.util
 import json
 import math

@@ -4,9 +4,6 @@ The benchmarks (https://movingai.com/benchmarks, Sturtevant 2012) list the optim
 problem under the same moves. `pytest -m slow` solves all of them, the quick suite a sample.
 """
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportArgumentType=false, reportOptionalMemberAccess=false
-
 import math
 from heapq import heappop, heappush
 from itertools import pairwise

@@ -1,8 +1,5 @@
 """λ for eDecide, 4.2.3 and 4.2.5: pose, action, and the two ways to decide."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportArgumentType=false, reportPossiblyUnboundVariable=false
-
 import math
 
 import numpy as np

@@ -1,8 +1,5 @@
 """Errands, 4.1: robots and parcels agree by events, and every parcel has one place."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportArgumentType=false
-
 import math
 
 import pytest

@@ -3,9 +3,6 @@
 Seeds and floors are fixed, so the same run comes out every time.
 """
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportAttributeAccessIssue=false
-
 from pathlib import Path
 
 import numpy as np

@@ -1,8 +1,5 @@
 """λ for eLaser, 4.2.3: the grid gets an obstacle where the laser has met one."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportAttributeAccessIssue=false
-
 import math
 
 import numpy as np

@@ -1,8 +1,5 @@
 """Where a search looks next: a pure function of what is known."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportOptionalMemberAccess=false
-
 import math
 
 import numpy as np

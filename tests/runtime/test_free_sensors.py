@@ -1,8 +1,5 @@
 """Sensors that run freely: what comes counts once, as their listeners want, and is counted."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportAttributeAccessIssue=false, reportOperatorIssue=false
-
 import threading
 
 import numpy as np

@@ -1,4 +1,3 @@
-# pyright: reportOptionalMemberAccess=false, reportOperatorIssue=false
 """Coordinators that are killed: another one goes on, members stay, and the string is the same."""
 
 import json

@@ -3,9 +3,6 @@
 Never a hang: when nothing is under way, either the world is over or it waits for a dead member.
 """
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportArgumentType=false, reportOptionalMemberAccess=false
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property

@@ -1,8 +1,5 @@
 """The coordinator is killed at every step of a run: another one goes on, and the strings are the same."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportAttributeAccessIssue=false, reportOptionalMemberAccess=false
-
 from functools import partial
 
 import pytest

@@ -1,8 +1,5 @@
 """How a world ends: by its rules, by a person, in any phase; and what its members report."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportAttributeAccessIssue=false, reportOptionalMemberAccess=false
-
 import pytest
 from pond import Add, Counter, Mother, Screen, counters, eCroak, eDone, expect, host, service
 

@@ -1,8 +1,5 @@
 """More events than frames take: memory is bounded; dropped events are counted and reported."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportAttributeAccessIssue=false
-
 from minerva_bus.frame import inbox as a
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s

@@ -1,8 +1,5 @@
 """A world that goes on from a checkpoint has the future of the one that never stopped."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportAttributeAccessIssue=false, reportOptionalMemberAccess=false
-
 from dataclasses import replace
 
 import pytest

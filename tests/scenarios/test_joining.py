@@ -1,8 +1,5 @@
 """Members that come: before the start, late, while the world runs, twice, or wrongly."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportAttributeAccessIssue=false, reportOptionalMemberAccess=false
-
 from dataclasses import replace
 
 import pytest

@@ -1,8 +1,5 @@
 """Journals: what they have is what there was, whatever was cut off; and one coordinator writes one."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportArgumentType=false, reportOptionalMemberAccess=false
-
 from dataclasses import replace
 
 import pytest

@@ -1,9 +1,5 @@
 """Worlds under `policy = "literal"`: the letter of equation 3, wherever fragments are evolved."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false
-# pyright: reportOptionalMemberAccess=false
-
 from dataclasses import replace
 from functools import partial
 from random import Random

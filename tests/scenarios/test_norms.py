@@ -1,8 +1,5 @@
 """Norms, enforced while the world runs (section 1): who may do what, where, and how often."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportAttributeAccessIssue=false, reportOptionalMemberAccess=false
-
 from dataclasses import replace
 from itertools import pairwise
 

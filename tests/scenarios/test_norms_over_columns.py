@@ -4,9 +4,6 @@ Nobody is born and nobody dies here, so that rows stay rows: each frame's column
 columns. The runs with births in test_norms.py judge them as strings of their own.
 """
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportOperatorIssue=false
-
 from itertools import pairwise
 
 import numpy as np

@@ -1,8 +1,5 @@
 """Who is judged, and who is sanctioned, where an agent is within another or has just been born."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportOperatorIssue=false, reportOptionalMemberAccess=false
-
 from street import FINE, eFine
 from test_norms import happened, live, states
 

@@ -1,8 +1,5 @@
 """What people send: through a generator that takes it, or straight into the next frame."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false
-
 from pond import Add, Steps, counters, eAdd, eStep, expect, service
 
 from minerva_bus.frame import stimuli as s

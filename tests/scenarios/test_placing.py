@@ -1,8 +1,5 @@
 """Placement rules are applied and reported, and do not affect the string."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportArgumentType=false
-
 from dataclasses import replace
 
 import pytest

@@ -1,9 +1,5 @@
 """A step that a norm refuses: it is not carried out either, and what led to it alone is lost."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false
-# pyright: reportGeneralTypeIssues=false
-
 from dataclasses import replace
 
 import numpy as np

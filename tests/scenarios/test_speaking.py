@@ -1,8 +1,5 @@
 """Generators speak for themselves, or for the agents that the world file names."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportGeneralTypeIssues=false
-
 import pytest
 from pond import VOCABULARY, eAdd, eCroak
 

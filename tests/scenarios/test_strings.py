@@ -1,8 +1,5 @@
 """What becomes of the string: births, deaths, shapes that change, and fragments on their way."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportAttributeAccessIssue=false, reportOptionalMemberAccess=false
-
 import pytest
 from pond import (
     VOCABULARY,

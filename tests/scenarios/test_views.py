@@ -1,8 +1,5 @@
 """Views: visual events, devices that are their own source, coupled ones, and observers that miss."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportAttributeAccessIssue=false, reportOptionalMemberAccess=false
-
 from dataclasses import replace
 
 import numpy as np

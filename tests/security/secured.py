@@ -1,6 +1,5 @@
 """A secured world and those who would like to be in it."""
 
-# pyright: reportMissingImports=false, reportOptionalMemberAccess=false
 import re
 import sys
 import threading

@@ -1,8 +1,5 @@
 """Messages that Zenoh drops, with --audit: attributed and counted."""
 
-# The values of these tests have narrower types than their declarations, or come from a path.
-# pyright: reportAttributeAccessIssue=false, reportMissingImports=false
-
 import json
 import signal
 import sys

@@ -1,8 +1,5 @@
 """One certificate for any number of members: hosts-a, hosts-b ... join with that of hosts-*."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportAttributeAccessIssue=false, reportOptionalMemberAccess=false
-
 import json
 import signal
 

@@ -4,9 +4,6 @@ What is tried is refused, said with a name and a reason, and counted; and no fra
 for it.
 """
 
-# The values of these tests have narrower types than their declarations, or come from a path.
-# pyright: reportAttributeAccessIssue=false, reportMissingImports=false
-
 import socket
 import ssl
 import sys

@@ -1,8 +1,5 @@
 """The certificate authority: files, what certificates say, and what counts no more."""
 
-# The values of these tests have narrower types than their declarations, or come from a path.
-# pyright: reportMissingImports=false
-
 import json
 import ssl
 import stat

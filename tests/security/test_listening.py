@@ -1,8 +1,5 @@
 """A world accepts remote members only with certificates, or with --insecure."""
 
-# The values of these tests have narrower types than their declarations, or come from a path.
-# pyright: reportMissingImports=false, reportOptionalMemberAccess=false
-
 import sys
 from pathlib import Path
 

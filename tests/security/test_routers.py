@@ -1,9 +1,5 @@
 """Where there are several networks: a client, a router between, the world behind it."""
 
-# The values of these tests have narrower types than their declarations, or come from a path.
-# pyright: reportAttributeAccessIssue=false, reportMissingImports=false
-# pyright: reportOptionalMemberAccess=false
-
 import json
 import sys
 from pathlib import Path

@@ -1,8 +1,5 @@
 """A coordinator that is killed is followed by one that others still find where it was."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportAttributeAccessIssue=false
-
 from tests.runtime.yard import Screen
 from tests.security.secured import (
     Joined,

@@ -1,8 +1,5 @@
 """Unreachable endpoints are reported at once, with a remedy."""
 
-# The values of these tests have narrower types than their declarations, or come from a path.
-# pyright: reportMissingImports=false
-
 import socket
 import sys
 from datetime import timedelta

@@ -1,8 +1,5 @@
 """The physics world by itself: views in, readings and collisions out."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportAttributeAccessIssue=false, reportPossiblyUnboundVariable=false
-
 import json
 from typing import Any
 

@@ -1,9 +1,5 @@
 """`minerva sweep`: all combinations, once each, whatever happens in between."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportOperatorIssue=false
-# pyright: reportOptionalMemberAccess=false
-
 import csv
 import json
 import os

@@ -1,8 +1,5 @@
 """Classes of agents: what they declare, and what they must not."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportArgumentType=false, reportAssignmentType=false, reportAttributeAccessIssue=false
-
 from typing import ClassVar
 
 import numpy as np

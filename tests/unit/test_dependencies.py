@@ -1,8 +1,5 @@
 """The locks of requirements/ agree with pyproject.toml, and tools/dependencies.py says what is known."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportOptionalMemberAccess=false
-
 import importlib.metadata
 import json
 import os

@@ -1,8 +1,5 @@
 """The tree at the top of errors.py has every error class of the package, under its base."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportOptionalMemberAccess=false
-
 import ast
 import builtins
 import re

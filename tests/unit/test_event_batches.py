@@ -1,8 +1,5 @@
 """Methods of one agent that take all events of a type in one call."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportAttributeAccessIssue=false
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

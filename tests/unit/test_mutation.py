@@ -1,9 +1,5 @@
 """Mutations: what may change, within which bounds, and what each operator does."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportAttributeAccessIssue=false, reportOperatorIssue=false
-# pyright: reportOptionalMemberAccess=false, reportUnhashable=false
-
 from typing import Literal
 
 import numpy as np

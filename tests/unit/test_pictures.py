@@ -1,8 +1,5 @@
 """The list of things to draw that all form-driven geometric systems share."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportAttributeAccessIssue=false
-
 import math
 
 import numpy as np

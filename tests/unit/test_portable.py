@@ -1,8 +1,5 @@
 """Elementary functions whose bits do not depend on the processor."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false
-
 import ast
 import math
 from pathlib import Path

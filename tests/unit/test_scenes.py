@@ -1,9 +1,5 @@
 """Strings and nodes as values."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
-# pyright: reportGeneralTypeIssues=false
-
 import copy
 import pickle
 

@@ -1,9 +1,5 @@
 """Generators and devices: what their classes declare."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false
-# pyright: reportGeneralTypeIssues=false, reportOperatorIssue=false
-
 from typing import Any
 
 import pytest

@@ -1,8 +1,5 @@
 """Symbols: calling them gives strings and events; using them wrongly says how."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportArgumentType=false
-
 import pytest
 
 from minerva_bus import (

@@ -1,8 +1,5 @@
 """Types of values: what fits, what is converted, and what is refused."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportArgumentType=false, reportCallIssue=false, reportIndexIssue=false
-
 import math
 
 import numpy as np

@@ -1,8 +1,5 @@
 """What is drawn, and where."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
-
 import numpy as np
 import pytest
 from opengl_world import (

@@ -1,8 +1,5 @@
 """Where places are on the screen, and back."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportOptionalMemberAccess=false
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st

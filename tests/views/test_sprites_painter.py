@@ -1,9 +1,5 @@
 """What lists of forms look like: the right colours at the right places."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false
-# pyright: reportOptionalSubscript=false
-
 import math
 
 import numpy as np

@@ -1,8 +1,5 @@
 """The device without a window: which files it writes, and what it says when it cannot."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportOptionalSubscript=false
-
 import io
 
 import numpy as np

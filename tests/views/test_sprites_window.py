@@ -1,8 +1,5 @@
 """A real window on a running world: what people see, and what their clicks and keys do."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportArgumentType=false
-
 import json
 import math
 import os

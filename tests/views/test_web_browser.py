@@ -1,9 +1,5 @@
 """A real browser at the page of a real run: it sees the world, and its orders arrive there."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportArgumentType=false, reportOptionalIterable=false
-# pyright: reportOptionalMemberAccess=false
-
 import json
 import math
 import os

@@ -1,8 +1,5 @@
 """What people do at a page becomes events and orders; what the world refuses is one line."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportAttributeAccessIssue=false
-
 import time
 
 import numpy as np

@@ -1,8 +1,5 @@
 """The page as a device: its options, its port, its views, its end."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportArgumentType=false
-
 import importlib.util
 import urllib.request
 from unittest.mock import patch

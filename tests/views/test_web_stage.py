@@ -1,8 +1,5 @@
 """What the page's three dimensions send: what has changed, once, and what is gone."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportArgumentType=false
-
 from collections import Counter
 
 import numpy as np

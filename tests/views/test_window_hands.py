@@ -1,8 +1,5 @@
 """From clicks and keys to orders for any world."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportArgumentType=false, reportOptionalMemberAccess=false
-
 import pytest
 from window_world import BUGS, WORDS, Ledger, shown_by, status
 

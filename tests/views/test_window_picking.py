@@ -1,8 +1,5 @@
 """What is under the mouse."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportOptionalMemberAccess=false
-
 import numpy as np
 import pytest
 from hypothesis import given

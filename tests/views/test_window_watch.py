@@ -1,9 +1,5 @@
 """The thread that asks a world how it is doing and does deeds."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false
-# pyright: reportOptionalMemberAccess=false
-
 import threading
 import time
 

@@ -1,8 +1,5 @@
 """Every message survives encoding and decoding."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false
-
 import hypothesis.strategies as st
 import msgpack
 import numpy as np

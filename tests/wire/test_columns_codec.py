@@ -1,9 +1,5 @@
 """Columns on the wire: a round trip changes nothing, and invalid data are rejected."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false
-# pyright: reportOptionalMemberAccess=false
-
 from __future__ import annotations
 
 import msgpack

@@ -1,8 +1,5 @@
 """The epoch before a message: short, whole, and nothing else is taken for one."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportArgumentType=false
-
 import hypothesis.strategies as st
 import msgpack
 import pytest

@@ -1,8 +1,5 @@
 """Arbitrary bytes give a message, ProtocolError or VocabularyError, in bounded memory and time."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false
-
 import struct
 import tracemalloc
 

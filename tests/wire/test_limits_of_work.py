@@ -1,8 +1,5 @@
 """Excessive work is rejected before it is done, with the limit and a remedy."""
 
-# The values of these tests have narrower types than their declarations.
-# pyright: reportAttributeAccessIssue=false
-
 import sys
 
 import msgpack
