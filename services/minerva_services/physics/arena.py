@@ -75,6 +75,8 @@ class Arena:
         walls: list[tuple[float, float, float, float]] = [
             (ax, ay, bx, by) for ax, ay, bx, by in segments.tolist()
         ]
+        # All walls are checked before the first one is added, so an error leaves the arena
+        # unchanged.
         for wall in walls:
             finite("walls", *wall)
             if wall[:2] == wall[2:]:
@@ -179,6 +181,8 @@ class Arena:
         """
         positive("step, duration in seconds", dt)
         commands, self._commands = self._commands, {}
+        # Turns come first: a move follows the new heading, and a disc that turns on the spot
+        # touches nothing new.
         for name, command in commands.items():
             self._bodies[name] = self._bodies[name].turned(command.turn_deg)
         ends, touched = self._ends(commands)
@@ -243,6 +247,7 @@ class Arena:
             PhysicsError: the value was not produced by `save`; the arena is unchanged.
 
         """
+        # Decode everything first: an invalid value must leave the arena unchanged.
         seconds, bodies, commands = restored(value)
         for name in self._bodies:
             self._obstacles.remove_disc(name)
@@ -257,6 +262,8 @@ class Arena:
 
     def _refuse_solid(self, name: str, body: Body) -> None:
         depth = self._obstacles.depth_in_solid(body.centre)
+        # With its centre behind an outline, the disc has to travel the whole depth and its radius
+        # to be free; otherwise only the part that crosses a wall counts.
         overlap = depth + body.radius if depth else self._overlap_with_walls(body)
         if overlap > TOLERANCE:
             raise PhysicsError(
@@ -282,6 +289,7 @@ class Arena:
         self, commands: Mapping[str, DriveCommand]
     ) -> tuple[dict[str, float], dict[str, Contact]]:
         """Fraction of its move, 0 to 1, that each body completes, and what stops it before 1."""
+        # Bodies without a command are obstacles, so they have a course as well, of length 0.
         forward = {name: command.forward_m for name, command in commands.items()}
         courses = {name: body.course(forward.get(name, 0)) for name, body in self._bodies.items()}
         walls = dict.fromkeys(courses, 1.0)
@@ -303,8 +311,11 @@ class Arena:
         pairs: set[tuple[str, str]] = set()
         for name in driven:
             here = courses[name]
+            # The other body may approach by as much as the longest move of all; its radius is
+            # already part of its box in the index.
             margin = here.radius + longest
             for other in self._obstacles.discs_near(name, here.start, here.at(1), margin):
+                # Two driving bodies find each other, so the order within the pair makes it one.
                 pairs.add((name, other) if name < other else (other, name))
         return pairs
 
@@ -312,6 +323,8 @@ class Arena:
         self, name: str, command: DriveCommand, end: float, touched: Contact | None
     ) -> DriveOutcome:
         moved, collided = command.forward_m * end, end < 1
+        # The distance driven decides, not the point of contact: dead reckoning from `moved_m` then
+        # gives the same bits.
         body = self._bodies[name].driven(moved, collided=collided)
         self._bodies[name] = body
         self._obstacles.move_disc(name, body.centre)

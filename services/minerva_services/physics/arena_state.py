@@ -36,6 +36,7 @@ class ArenaState:
             PhysicsError: something cannot stand where the view shows it.
 
         """
+        # Walls first, because new bodies are checked against the walls of this view.
         self._set_floors(seen.floors)
         self._set_markers(seen.markers)
         self._set_bodies(seen.robots)
@@ -48,6 +49,8 @@ class ArenaState:
         return Odometer(driven, self.retired.collisions + collisions)
 
     def _set_floors(self, floors: Sequence[FloorPlan]) -> None:
+        # Building the outlines and their index again for each view would cost far more than this
+        # comparison.
         if len(floors) == len(self._floors) and all(map(FloorPlan.same_as, floors, self._floors)):
             return
         self.arena.remove_walls()
@@ -66,6 +69,7 @@ class ArenaState:
         self._markers = dict(markers)
 
     def _set_bodies(self, robots: Mapping[str, Robot]) -> None:
+        # Departed bodies go first, so that a new body may take their place.
         for name in self.arena.bodies:
             if name not in robots:
                 self._retire(name)

@@ -98,6 +98,8 @@ class Body:
     def driven(self, moved_m: float, *, collided: bool) -> Body:
         """The body after driving, at exactly the position given by dead reckoning."""
         heading = math.radians(self.pose.angle)
+        # Not `course(...).at(...)`, which multiplies in another order and therefore rounds
+        # differently from the dead reckoning that `Arena.step` promises.
         x = self.pose.x + moved_m * portable.cos(heading)
         y = self.pose.y + moved_m * portable.sin(heading)
         odometer = Odometer(
@@ -142,6 +144,7 @@ def restored(value: SavedArena) -> tuple[float, dict[str, Body], dict[str, Drive
         bodies = {name: _body(row) for name, row in sorted(value["bodies"].items())}
         commands = {name: _command(row) for name, row in sorted(value["commands"].items())}
         seconds = float(value["seconds"])
+    # A PhysicsError is a ValueError, too, but its message is already the better one.
     except PhysicsError:
         raise
     except (AttributeError, KeyError, TypeError, ValueError) as error:

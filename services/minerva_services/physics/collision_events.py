@@ -69,6 +69,8 @@ class CollisionEvents:
         """
         self._type = event_type(service, world, name)
         declared = self._type.fields.names
+        # Needed data count even where the type lacks them: the factory then reports what is
+        # missing.
         self._wanted = [key for key in _DATA if key in declared or key in needed]
         data = {key: _DATA[key] for key in self._wanted}
         self._factory = EventFactory(service, world, name, **data)

@@ -56,6 +56,7 @@ def settle(
     ends, stopped_by = dict(walls), dict[str, str]()
     near: dict[str, list[str]] = {}
     queue: list[tuple[float, str, str]] = []
+    # `pairs` may be a set, whose order depends on the hash seed.
     for first, second in sorted(pairs):
         near.setdefault(first, []).append(second)
         near.setdefault(second, []).append(first)
@@ -126,6 +127,8 @@ def _stopped(
         first: _dot(courses[first].move, toward) if time < ends[first] else 0.0,
         second: -_dot(courses[second].move, toward) if time < ends[second] else 0.0,
     }
+    # In a grazing contact rounding may leave both pushes within the tolerance. The stronger one
+    # then stops, or the bodies would overlap.
     strongest = max(pushes.values())
     return [
         name
@@ -203,11 +206,13 @@ def _with_body(
 def _with_wall(here: MovingDisc, end: float, near: Iterable[Segment]) -> Contact:
     """The contact of a body with the wall in reach that lies most directly ahead."""
     at, (dx, dy) = here.at(end), here.move
+    # The index returns walls in an arbitrary order; sorting makes ties in `min` reproducible.
     ways = [offset(at, wall) for wall in sorted(near)]
     touched = [way for way in ways if 0 < portable.hypot(*way) <= here.radius + _MAX_GAP]
     ahead = min(
         touched,
         key=lambda way: (way[0] * dx + way[1] * dy) / portable.hypot(*way),
+        # Rounding may leave no wall within reach; the normal then opposes the move.
         default=(-dx, -dy),
     )
     return _contact("", at, here, ahead)

@@ -61,6 +61,8 @@ class SightingModel:
             rng: consumes three values per sighting.
 
         """
+        # Three values per sighting, used or not, so that no outcome shifts the values of the next
+        # one.
         draws = rng.random((len(sightings), 3)).tolist()
         return tuple(
             self._taken(seen, names, mistake, other)
@@ -140,6 +142,8 @@ class MotionModel:
         """
         turn = math.radians(turn_deg)
         first, way, second = normals(rng, 3).tolist()
+        # IEEE 754 defines the square root exactly, so `math.sqrt` gives the same bits on every
+        # machine.
         turning = math.sqrt(self.alpha1 * turn * turn + self.alpha2 * forward_m * forward_m)
         driving = math.sqrt(self.alpha3 * forward_m * forward_m + self.alpha4 * turn * turn)
         swerving = math.sqrt(self.alpha2) * abs(forward_m)
@@ -187,6 +191,7 @@ class BeamModel:
             if not 0 <= value <= 1:
                 raise PhysicsError(f"beam model, {name}: expected 0 to 1, found {value!r}")
         positive("beam model, decay in 1/m", self.decay)
+        # Probabilities that add up to 1 may exceed it by rounding.
         if self.short + self.random + self.lost > 1 + 1e-9:
             raise PhysicsError(
                 f"beam model: {self.short:g} short, {self.random:g} random and {self.lost:g} lost"
@@ -216,6 +221,9 @@ class BeamModel:
 
         """
         which, where = rng.random((2, *true.shape))
+        # A reading survives the later dropout with probability `back`. Scaling the draw by it keeps
+        # `short` and `random` probabilities of all beams, without a division by 0 where all are
+        # lost.
         back = 1 - self.lost  # `Noise` removes lost beams afterwards
         short = which * back < self.short
         random = ~short & (which * back < self.short + self.random)

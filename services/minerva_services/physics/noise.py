@@ -86,6 +86,8 @@ class Noise:
     ) -> tuple[float, float]:
         """A command as the wheels execute it: turn in degrees, distance in metres."""
         if self.turn_deg:
+            # Drawn for a command of 0, too, so that the number of values does not depend on the
+            # command.
             error = normal(rng, self.turn_deg)
             turn_degrees += error if turn_degrees else 0.0
         if self.drive:

@@ -50,6 +50,8 @@ class Obstacles:
 
     def put_disc(self, name: str, centre: Point, radius: float) -> None:
         """Add a disc under a new name."""
+        # Shapes of one group ignore each other, so a query in the group of a disc excludes that
+        # disc.
         self._groups += 1
         body = pymunk.Body(body_type=pymunk.Body.KINEMATIC)
         body.position = centre
@@ -63,6 +65,7 @@ class Obstacles:
         """Move a disc, without any checks."""
         body = _body(self._discs[name])
         body.position = centre
+        # Only `Space.step` updates the index by itself, and the space is never stepped.
         self._space.reindex_shapes_for_body(body)
 
     def remove_disc(self, name: str) -> None:

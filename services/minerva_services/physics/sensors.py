@@ -59,6 +59,7 @@ def camera(
     return tuple(
         seen
         for seen in sightings
+        # Rays are the most expensive test, so they come last.
         if seen.distance <= range_max
         and abs(seen.angle) <= fov_deg / 2 + _EDGE
         and _in_sight(pose, markers[seen.marker], seen.distance, ray)

@@ -183,11 +183,14 @@ class Physics(Device, Generator, draws=("eRepresent",), coupled=True, events=("e
 
     def _drive(self, tick: Tick) -> tuple[DriveOutcome, ...]:
         arena, after = self._stage.arena, dict[str, float]()
+        # `Noise` draws from one stream for all robots, so their order must not depend on the
+        # string.
         for name, command in sorted(self._commands.items()):
             step = self._errors.drive(name, command.turn_deg, command.forward_m, tick)
             arena.drive(name, step.turn_deg, step.forward_m)
             after[name] = step.after_deg
         outcomes = arena.step(tick.dt)
+        # The second turn of the motion model follows the move, so it cannot be part of the command.
         for name, turn in after.items():
             arena.turn(name, turn)
         return outcomes
@@ -243,6 +246,7 @@ def _directions(beams: int, fov: float) -> tuple[float, float]:
         raise PhysicsError(f"physics, fov: expected degrees above 0 and up to 360, found {fov}")
     if fov == 360:
         step = fov / beams
+        # With one beam, the product is 0 and its negation would be -0.0.
         return 0.0 - step * (beams // 2), step
     return (-fov / 2, fov / (beams - 1)) if beams > 1 else (0.0, 0.0)
 

@@ -31,10 +31,13 @@ def contact(start: Point, move: Point, wall: Segment, reach: float) -> float:
         reach: distance at which the two touch, in metres.
 
     Returns:
-        0 to 1, or `NEVER` if the move never penetrates deeper than `TOLERANCE`. Without it,
-          rounding would make a disc that slides along a wall stick at the joint of two segments.
+        0 to 1, or `NEVER` if the move never penetrates deeper than `TOLERANCE`. Without this
+          tolerance, rounding would stop a disc that slides along a wall at the joint of two
+          segments.
 
     """
+    # A move is stopped only if it would penetrate deeper than the tolerance, but then at the
+    # surface.
     deep = _entry(start, move, wall, reach - TOLERANCE)
     return deep if deep == NEVER else min(deep, _entry(start, move, wall, reach))
 
@@ -89,6 +92,7 @@ def _side_entry(start: Point, move: Point, wall: Segment, reach: float) -> float
         return NEVER
     part = max(0.0, (height - reach) / -climb)  # rounding may put height below reach
     along = (x + part * move[0]) * ux + (y + part * move[1]) * uy
+    # The slab covers the segment itself; beyond its ends, `_disc_entry` decides.
     return _within_move(part) if 0 <= along <= length else NEVER
 
 

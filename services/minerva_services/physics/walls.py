@@ -44,6 +44,8 @@ def wall_segments(
         raise PhysicsError(f"occupancy matrix: expected rows and columns, found {cells.shape}")
     positive("occupancy matrix, resolution in metres", resolution)
     finite("occupancy matrix, place of its lower-left corner", x, y, angle)
+    # The padding is solid, like everything outside the matrix. Signed integers, because the sign of
+    # a difference tells on which side free space lies.
     free = np.pad((cells == FREE).astype(np.int8), 1)
     across_x = _runs(np.diff(free[:, 1:-1], axis=0))
     across_y = _runs(np.diff(free[1:-1, :], axis=1).T)

@@ -67,11 +67,15 @@ def contacts(volumes: Volumes, owners: Owners, ignored: Iterable[Pair] = ()) -> 
 def _near(volumes: Volumes, owner: Rows) -> tuple[Rows, Rows]:
     """Candidate pairs: an agent's volume, and that of a later agent or of scenery."""
     lower, upper = volumes.boxes()
+    # Volumes count as touching across a gap of up to TOLERANCE, so their boxes must overlap there.
     boxes = Boxes(lower - TOLERANCE, upper + TOLERANCE)
+    # Pairs within scenery are never built: scenery receives no events, and a map has many parts.
     moving, still = np.flatnonzero(owner >= 0), np.flatnonzero(owner < 0)
     first, other = pairs_among(boxes.take(moving))
     agent, thing = pairs_between(boxes.take(moving), boxes.take(still))
     first, other = moving[first], moving[other]
+    # The volumes of one agent do not collide with each other. Of two agents, the earlier one in the
+    # string comes first, so that all touches of a pair form one group in `_deepest`.
     apart = owner[first] != owner[other]
     first, other = first[apart], other[apart]
     in_order = owner[first] < owner[other]
@@ -118,6 +122,8 @@ def _outermost(hits: Touches, owner: Rows) -> Touches:
     for row in range(len(order)):
         if row and agent[row] != agent[row - 1]:
             deeper_rows = []
+        # Rows are in descending depth within an agent, so every deeper touch has been decided
+        # before.
         if not any(_behind(hits, row, deeper) for deeper in deeper_rows):
             deeper_rows.append(row)
             kept.append(row)
@@ -126,6 +132,8 @@ def _outermost(hits: Touches, owner: Rows) -> Touches:
 
 def _behind(hits: Touches, row: int, deeper: int) -> bool:
     """True if a surface, at its touch, does not lie above that of a deeper touch."""
+    # A touch is recorded at the middle of its overlap, so the surface lies half the depth along the
+    # normal.
     way = hits.normal[deeper]
     here = hits.point[row] + hits.normal[row] * (hits.depth[row] / 2)
     there = hits.point[deeper] + way * (hits.depth[deeper] / 2)

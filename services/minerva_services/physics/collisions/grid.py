@@ -102,6 +102,8 @@ def _cell(boxes: Boxes, others: Boxes) -> float:
     sizes = (boxes.upper - boxes.lower).max(axis=1)
     # Points only: the median size is 0, so any cell will do.
     cell = 2.0 * float(np.median(sizes)) or 1.0
+    # The median ignores outliers, so one huge box among small ones could fill millions of cells.
+    # Larger cells bound the memory.
     enough = _MAX_CELLS_PER_BOX * (len(boxes) + len(others))
     while _entries(boxes, cell) + _entries(others, cell) > enough:
         cell *= 2.0
@@ -111,11 +113,13 @@ def _cell(boxes: Boxes, others: Boxes) -> float:
 def _entries(boxes: Boxes, cell: float) -> float:
     low, high = _cells(boxes, cell)
     wide = (high - low + 1).astype(np.float64)
+    # As floats: a box may span 2^62 cells, and the sum of several would overflow an integer.
     return float((wide[:, 0] * wide[:, 1]).sum())
 
 
 def _in_one_cell(boxes: _Entries, others: _Entries) -> tuple[Rows, Rows]:
     """Pairs of entries in the same cell."""
+    # A join by cell: sort one side, then find the range of equal keys for each entry of the other.
     keys = others.keys
     order = np.argsort(keys, kind="stable")
     keys = keys[order]

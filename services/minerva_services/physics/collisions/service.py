@@ -46,6 +46,8 @@ class ContactMemory:
 
     def knows(self, contact: ContactPair) -> bool:
         """True if the contact existed in the previous view."""
+        # Two agents have one contact, whose normal turns while they move around each other. Scenery
+        # may be touched on several sides, so there the direction tells old contacts from new ones.
         known = self._known.get((contact.agent, contact.other), [])
         if contact.other:
             return bool(known)
@@ -127,6 +129,7 @@ class Collisions(Device, Generator, coupled=True):
         self._shown = view.frame
 
     def generate(self, tick: Tick) -> Iterable[AnyEvent]:
+        # With `every` > 1 most frames follow no view; contacts of an older view have been reported.
         if self._shown is None or self._shown != tick.number - 1:
             return ()
         touches, begins = self._since()
@@ -165,8 +168,12 @@ class Collisions(Device, Generator, coupled=True):
             )
         ]
         begins = np.array([not self._memory.knows(contact) for contact in now], np.bool_)
+        # Only `generate` updates the memory. A successor receives the last view again, and `show`
+        # must not take the contacts of that view for known ones.
         self._memory = ContactMemory(now)
         new = [contact for contact, begin in zip(now, begins.tolist(), strict=True) if begin]
+        # Each agent of a pair has a contact of its own; the one with the smaller id counts for
+        # both.
         self._count += sum(not contact.other or contact.agent < contact.other for contact in new)
         if self._persist:
             return touches, begins
@@ -204,6 +211,7 @@ def _data(volumes: Volumes, touches: Touches, begins: Any) -> Mapping[str, Any]:
 def _pairs(ignore: Iterable[Any]) -> tuple[Pair, ...]:
     """The pairs of the option `ignore`. Raises MisuseError."""
     pairs: list[Pair] = []
+    # A text is iterable, too: a single name must be rejected as a whole, not letter by letter.
     for entry in [ignore] if isinstance(ignore, str) else ignore:
         names = list(entry) if isinstance(entry, list | tuple) else [entry]
         if len(names) != 2 or not all(isinstance(name, str) for name in names):

@@ -56,6 +56,7 @@ class Touches:
         """The pairs with both sides swapped where the mask is set."""
         first = np.where(where, self.second, self.first)
         second = np.where(where, self.first, self.second)
+        # 0.0 - x instead of -x avoids negative zeros.
         normal = np.where(where[:, None], 0.0 - self.normal, self.normal)
         return Touches(first, second, self.point, normal, self.depth)
 
@@ -82,6 +83,8 @@ def touches(volumes: Volumes, first: Rows, second: Rows) -> Touches:
 
 def _alike(sizes: Rows, others: Rows) -> Iterator[Rows]:
     """The rows of each combination of sizes."""
+    # Volumes with equal numbers of corners form rectangular arrays, which one vectorised call
+    # takes.
     both = np.stack((sizes, others), axis=1)
     for size in np.unique(both, axis=0):
         yield np.flatnonzero((both == size).all(axis=1))
@@ -124,6 +127,7 @@ def _corner_to_edge(corners: Floats, core: Floats) -> tuple[Floats, Floats, Floa
     """
     edge = (np.roll(core, -1, axis=1) - core)[:, None]
     way = corners[:, :, None] - core[:, None]
+    # The only edge of a point has length 0. Dividing by 1 instead makes the point its own foot.
     square = _dot(edge, edge)
     part = np.clip(_dot(way, edge) / np.where(square > 0, square, 1.0), 0.0, 1.0)
     away = way - part[..., None] * edge
@@ -142,6 +146,8 @@ def _overlap(ours: Floats, theirs: Floats) -> tuple[Floats, Floats, Floats]:
     """
     by_mine, out_of_mine, their_corner = _separation(ours, theirs)
     by_theirs, out_of_theirs, my_corner = _separation(theirs, ours)
+    # Of all axes the one with the largest signed distance counts: it separates the cores, or, where
+    # they overlap, is the shortest way out.
     chosen = by_theirs >= by_mine
     inside = np.where(chosen, by_theirs, by_mine)
     way = np.where(chosen[:, None], out_of_theirs, 0.0 - out_of_mine)

@@ -33,6 +33,7 @@ class Lattice:
     ) -> None:
         self._size = _cells_of("width", width), _cells_of("height", height)
         self._reach = reach = _cells_of("radius", reach)
+        # On a smaller torus a neighbourhood would overlap itself and count agents twice.
         if periodic and min(self._size) <= 2 * reach:
             raise MisuseError(
                 f"neighbours: width and height of a periodic lattice are {width} and {height};"
@@ -69,6 +70,7 @@ class Lattice:
         Their number without `values`.
         """
         if values is None:
+            # Agents in the same cell are neighbours, too; only the agent itself is subtracted.
             return self._counted(cells)[cells] - 1
         inside = np.bincount(cells, values, self._size[0] * self._size[1])
         total = self._summed(inside.reshape(self._size))

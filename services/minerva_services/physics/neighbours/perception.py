@@ -54,6 +54,7 @@ def near(x: Numbers, y: Numbers, radius: float, size: tuple[float, float] | None
     first, second = indices[:, 0], indices[:, 1]
     way = points[second] - points[first]
     if size is not None:
+        # The shortest displacement may lead across an edge (minimum image convention).
         way -= np.round(way / size) * size
     dx, dy = np.ascontiguousarray(way[:, 0]), np.ascontiguousarray(way[:, 1])
     return Pairs(first, second, dx, dy, dx * dx + dy * dy)
@@ -78,8 +79,10 @@ def individual(
     dx = np.concatenate((pairs.dx, 0.0 - pairs.dx))
     dy = np.concatenate((pairs.dy, 0.0 - pairs.dy))
     distance = np.sqrt(np.concatenate((pairs.squared, pairs.squared)))
+    # Rows break ties between equal distances, because the order of the tree's pairs means nothing.
     order = np.lexsort((about, distance, to) if nearest else (about, to))
     if nearest:
+        # Rank of each neighbour among those of its agent, without a loop over agents.
         ordered = to[order]
         order = order[np.arange(len(order)) - np.searchsorted(ordered, ordered) < nearest]
     about = about[order]

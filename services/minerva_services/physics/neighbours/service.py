@@ -92,6 +92,8 @@ class Neighbours(Device, Generator, coupled=True):
             tree()  # a missing library must fail here, not in the first frame
         self._same = same
         self._reader = SpotReader("neighbours", Names(x, y, who))
+        # The events depend on the last view alone, which a successor receives again, so there is
+        # nothing to save.
         self._ready: tuple[AnyEvent, ...] = ()
         self._shown = -1
 
@@ -110,6 +112,7 @@ class Neighbours(Device, Generator, coupled=True):
         self._shown = view.frame
 
     def generate(self, tick: Tick) -> Iterable[AnyEvent]:
+        # With `every` > 1 most frames follow no view; the events of an older view have been sent.
         return self._ready if self._shown == tick.number - 1 else ()
 
     def _events(self, spots: Spots) -> tuple[AnyEvent, ...]:
@@ -137,6 +140,7 @@ class Neighbours(Device, Generator, coupled=True):
             produced = _KINDS.get(
                 field.name, "real" if means or field.name in _REAL else field.type.kind
             )
+            # A type may declare a count as a real number.
             if field.type.kind not in (produced, "real" if produced == "int" else produced):
                 raise MisuseError(
                     f"neighbours: {declared.name} declares {field.name} as {field.type};"

@@ -58,6 +58,7 @@ class SpotReader:
         parts = [self._values(columns) for columns in self._in_columns(view)]
         if not parts:
             return None
+        # Only columns of this view are kept, so the cache does not grow.
         known, self._ids = self._ids, {}
         ids = Ids.concatenated([self._who(part[self._names.who], known) for part in parts])
         common = set(parts[0]).intersection(*parts[1:]) - {self._names.who}
@@ -73,6 +74,7 @@ class SpotReader:
                 yield from self._packed(list(pieces))
 
     def _packed(self, pieces: Sequence[Piece]) -> Iterator[Columns]:
+        # Nodes of one shape become columns, so that the result is the same in both representations.
         for shape, group in runs(pieces):
             if shape is None:
                 self._must_be_scenery(Scene(tuple(group)))
@@ -108,6 +110,7 @@ class SpotReader:
         """The ids in a column of texts; a column is decoded once while it is shown."""
         if texts.ids is not None:
             return texts.ids
+        # An entry holds its column, so that Python cannot reuse the `id` while the entry exists.
         cached = known.get(id(texts))
         entry = cached if cached is not None else (texts, Ids.of(texts.list()))
         self._ids[id(texts)] = entry
