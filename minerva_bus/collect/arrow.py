@@ -89,6 +89,7 @@ def _released(pointer: Any) -> None:
         if child and child.contents.release:
             child.contents.release(child)
     _exported.pop(structure.private_data, None)
+    # A null `release` marks a structure as released; consumers check for it.
     structure.release = type(structure.release)()
 
 
@@ -133,6 +134,7 @@ def _array_of(array: Any, types: Mapping[str, str], columns: Mapping[str, NDArra
     children = [_Array() for _ in types]
     length = len(next(iter(columns.values()))) if columns else 0
     for child, (name, kind) in zip(children, types.items(), strict=True):
+        # The validity buffer is null: no value is missing.
         _fill_array(child, length, [None, *buffers_of(kind, columns[name])], [])
     _fill_array(array, length, [None], children)
 
@@ -171,6 +173,7 @@ def _destroyed(name: bytes) -> Any:
     return _Destructor(destroy)
 
 
+# Module variables, because a callback must exist for as long as any capsule that refers to it.
 _destroy_schema, _destroy_stream = _destroyed(_SCHEMA_NAME), _destroyed(_STREAM_NAME)
 
 
@@ -199,6 +202,7 @@ def stream_capsule(types: Mapping[str, str], columns: Mapping[str, NDArray[Any]]
         if left:
             _array_of(out.contents, types, left.pop())
         else:
+            # A released array marks the end of the stream.
             out.contents.release = _RELEASE_ARRAY()
         return 0
 
@@ -206,5 +210,6 @@ def stream_capsule(types: Mapping[str, str], columns: Mapping[str, NDArray[Any]]
         """No text: no call fails."""
 
     calls = _GET_SCHEMA(get_schema), _GET_NEXT(get_next), _GET_ERROR(get_error)
+    # The callbacks must live for as long as the consumer may call them.
     stream = _Stream(*calls, _release_stream, _keep(calls))
     return _capsule(stream, _STREAM_NAME, _destroy_stream)

@@ -87,6 +87,8 @@ def plans_of(entries: Entries, vocabulary: Vocabulary) -> list[TablePlan]:
     for name, entry in entries.items():
         entry.checked(vocabulary, f"collect: {name}")
         about = FRAMES if entry.function else entry.symbol
+        # Aggregates select rows column by column, so they share a table whatever their conditions
+        # are.
         key = (about, entry.condition if not entry.function else "", entry.interval)
         plan = plans.get(key)
         if plan is None:
@@ -177,12 +179,14 @@ class Collector:
         }
         self.plans = plans_of(entries, vocabulary)
         self._tables = [(plan, open_writer(plan)) for plan in self.plans]
+        # Rows of frame tables, which are complete only when the frame's events are known.
         self._pending: dict[str, dict[str, Any]] = {}
         self._frame = 0
 
     def begin(self, frame: int, scene: Scene) -> None:
         """Collect of the string with which a frame begins."""
         self._frame = frame
+        # Expressions about the same agents share their columns within a frame.
         known: dict[str, Rows] = {}
         for plan, writer in self._tables:
             if frame % plan.interval:
@@ -204,6 +208,7 @@ class Collector:
 
     def close(self) -> None:
         """Finish all tables."""
+        # The last string has no frame after it; its row counts no events.
         self._end(self._frame, ())
         for _, writer in self._tables:
             writer.close()

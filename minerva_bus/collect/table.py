@@ -110,6 +110,7 @@ class DataTable:
         self._write(Path(path))
 
     def _write(self, path: Path) -> None:
+        # The writers import this module.
         from minerva_bus.collect.writers import open_writer
 
         writer = open_writer(path, self.name, self.types)

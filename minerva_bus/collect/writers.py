@@ -73,6 +73,7 @@ class _FileWriter:
         if self._single:
             self._chunks.append(columns_of(self._single, self.types))
         if len(self._chunks) > 1:
+            # One large chunk instead of many small ones, which would be as many row groups.
             gathered = Gathered("", self.types)
             for chunk in self._chunks:
                 gathered.rows(chunk)
@@ -183,6 +184,7 @@ def _chunks(file: IO[bytes], types: Mapping[str, str]) -> Iterator[dict[str, NDA
         for name, kind in types.items():
             array = np.load(file, allow_pickle=False)
             if kind == "text":
+                # The None keeps numpy from making a fixed-width text array.
                 array = np.array([*map(bytes.decode, array.tolist()), None], object)[:-1]
             chunk[name] = array
         yield chunk

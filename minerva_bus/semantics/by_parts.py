@@ -47,6 +47,7 @@ class ByParts(Generic[_T]):
         """The items of a view in order: static ones, and those of the parts in its slots."""
         if skeleton is not self._skeleton:
             self._skeleton, self._static = skeleton, {}
+            # Parts of agents that no longer exist would otherwise stay in memory.
             self._parts = {name: known for name, known in self._parts.items() if name in parts}
         pieces = enumerate(skeleton.pieces)
         return list(chain.from_iterable([self._piece(at, piece, parts) for at, piece in pieces]))
@@ -64,6 +65,8 @@ class ByParts(Generic[_T]):
         if part is None:
             return []
         known = self._parts.get(slot.id)
+        # Identity suffices: a host that has not visualized a fragment again sends nothing for it,
+        # so its view is the object of the previous frame.
         if known is None or known[0] is not part:
             known = self._parts[slot.id] = part, self._interpreted(slot.id, slot.symbol, part)
         return known[1]

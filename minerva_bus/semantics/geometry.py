@@ -60,6 +60,7 @@ class Geometry:
             )
         opened = cast("AbstractContextManager[Any]", scope)
         opened.__enter__()
+        # After β has run: a transformation whose β fails needs no δ.
         self._open.append(opened)
 
     def leave(self, transformation: TransformationNode) -> None:
@@ -110,5 +111,6 @@ def interpret(scene: Scene, geometry: Geometry) -> None:
             else:
                 geometry.leave(opened.pop())
     finally:
+        # Otherwise a geometry that is used again would begin in a moved pose.
         while opened:
             geometry.leave(opened.pop())

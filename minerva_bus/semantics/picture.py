@@ -169,6 +169,8 @@ class _PictureGeometry(ItemGeometry[Row | Item]):
         inner = levels[-1]
         primitive = self.vocabulary.primitives.get(inner.symbol)
         if primitive is None:
+            # Transformations around nothing draw nothing; other unknown symbols are passed one by
+            # one.
             return inner.symbol in self.vocabulary.transformations
         shape = primitive.shape
         if shape is None:

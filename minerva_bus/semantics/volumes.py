@@ -195,6 +195,7 @@ def _cores(
         return [], 0.0
     points, radius = outline(shape, parameters, at)
     pairs = zip(points, points[1:] or points, strict=False)
+    # A segment of length 0 has no direction; as a point it is a valid core.
     return [pair if pair[0] != pair[1] else pair[:1] for pair in pairs], radius
 
 

@@ -29,6 +29,8 @@ class Addressed:
     _batches: dict[str, list[int]] = field(init=False)
 
     def __post_init__(self) -> None:
+        # Events are indexed once by receiver, because each agent looks up its own: scanning all
+        # events for each agent would cost agents times events.
         self.types = frozenset([event.type for event in self.events])
         self._everyone, self._single, self._batches = {}, {}, {}
         for index, event in enumerate(self.events):
@@ -37,6 +39,7 @@ class Addressed:
             elif isinstance(event, Events):
                 self._batches.setdefault(event.type, []).append(index)
             else:
+                # An event that names a receiver twice is still one event for it.
                 for receiver in dict.fromkeys(event.receivers):
                     self._single.setdefault(receiver, []).append(index)
 
@@ -98,6 +101,8 @@ def rounds(event: AnyEvent, ids: Ids, *, at_once: bool) -> Iterator[Round]:
         yield event, None
     else:
         rows = ids.rows_of(Ids.of(event.receivers))
+        # Receivers that are not in this population have the row -1. Ascending rows are the order of
+        # the string, which the order of emitted events follows.
         rows = np.sort(rows[rows >= 0])
         if len(rows):
             yield event, rows
@@ -109,6 +114,8 @@ def _unique(events: Events, rows: Rows, *, at_once: bool) -> Iterator[Round]:
         events, rows = events.take(chosen), rows[chosen]
     if not len(rows):
         return
+    # Ascending rows contain no receiver twice. This is the usual case, and the check saves the
+    # sort.
     if at_once or (rows[1:] > rows[:-1]).all():
         yield events, rows
         return

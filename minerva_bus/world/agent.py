@@ -152,6 +152,8 @@ class Agent:
             )
         if name:
             state = state_of(cls, Agent)
+            # Tuples are sorted, because kinds of a host and of the world are compared with each
+            # other.
             cls.kind = AgentKind(
                 name,
                 state,
@@ -177,6 +179,8 @@ class Agent:
     def thaw(cls, node: AgentNode) -> Self:
         """A mutable agent with the state of a node. Raises MisuseError if that does not fit."""
         fields, values = cls.kind.fields, node.values
+        # Nodes that a vocabulary has checked have this very tuple of names, so most need no
+        # comparison.
         if node.names is not fields.names:
             try:
                 _, values = fields.refit(f"{node.symbol}#{node.id}", node.names, values)
@@ -201,6 +205,8 @@ class Agent:
         if len(state) != len(values) + len(_OWN) or len(values) != len(fields.names):
             self._check_names()
         stayed = old is not None and self.scope is old.scope and old.names is fields.names
+        # The same node again is how the rest of the frame knows that the agent has not changed: it
+        # is neither sent, nor hashed, nor visualized.
         if old is not None and stayed and all(map(is_, values, old.values)):
             self._check_own(old)
             return old
@@ -209,6 +215,7 @@ class Agent:
             fitted = tuple(fields.fitted(f"{self.kind.name}#{self.id}", values))
         except Unfit as unfit:
             raise StateError(str(unfit), unfit.attribute) from None
+        # Equal values in new objects, such as a float computed again.
         if old is not None and stayed and same_values(fitted, old.values):
             return old
         return AgentNode(self.kind.name, self.id, fields.names, fitted, self.scope)
@@ -262,6 +269,7 @@ class Agent:
     def writable(self, name: str) -> Any:
         """A matrix attribute as a writable array; copied at most once in a frame."""
         array: np.ndarray[Any, Any] = getattr(self, name)
+        # Matrices in nodes are read-only, because nodes of several frames share them.
         if not array.flags.writeable:
             array = array.copy()
             setattr(self, name, array)

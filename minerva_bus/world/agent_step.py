@@ -48,6 +48,7 @@ def evolve_agent(
         index = step.process(concerning)
         if step.symbol not in kinds:
             break
+        # The new kind may respond to other types. Events before this one are over.
         concerning = events.to(receiver, kinds[step.symbol].activities, after=index)
     return step.string
 
@@ -83,6 +84,7 @@ class AgentStep:
             index, event = events[place]
             place += 1
             if event.type in batches:
+                # Events are ordered by type first, so those of one type are neighbours.
                 same = [item for _, item in takewhile(_of_type(event.type), events[place:])]
                 place += len(same)
                 index = events[place - 1][0]
@@ -134,11 +136,14 @@ class AgentStep:
         """The events whose condition holds now, except those that it ignores by chance."""
         first = events.event(0)
         agent = self._thawed_once(first)
+        # One check suffices: the method gets all events in one call, so the state is the same for
+        # each.
         if events.condition and not holds(events.condition, self._now(agent, first).state):
             return events.take(slice(0, 0))
         probability = agent.kind.chance(events.type)
         if probability == 1.0:
             return events
+        # Each event takes a draw of its own, as it does for a population.
         rows = [row for row in range(events.count) if self._answers(agent, first, probability)]
         return events.take(np.array(rows, np.intp))
 
@@ -191,6 +196,8 @@ class AgentStep:
         if own.symbol in self._kinds:
             self._agent = self._thawed(counted, event)
         else:
+            # This host has no class for the new kind, so the agent processes no further event in
+            # this frame.
             self._agent = None
             self._around = _put(self._around, who, scene_of(counted), self._inside)
 
@@ -208,6 +215,7 @@ class AgentStep:
         self._ran.append((activity, event))
         try:
             return checked(activity(agent, given, self._context))
+        # `sys.exit()` in a method is a failure of that method; it must not end the host's process.
         except (Exception, SystemExit) as error:
             raise self._failed(activity, event) from error
 
@@ -228,6 +236,7 @@ class AgentStep:
     def _own(self, result: Scene, event: Event) -> AgentNode | None:
         """The agent itself within a result of λ."""
         own = [agent for agent in agents(result, self._inside) if agent.id == self._node.id]
+        # Two agents with one id could not be told apart by later events, nor by the next frame.
         if len(own) > 1:
             twice = MisuseError(f"it returned {len(own)} agents with the id #{self._node.id}")
             raise self._failed(self._ran[-1][0], event) from twice
@@ -266,6 +275,7 @@ def checked(result: object) -> Scene | None:
 
 def _put(scene: Scene, agent_id: str, result: Scene, inside: Container[int]) -> Scene:
     """The string with one agent replaced."""
+    # The usual case: the agent is the whole string, which need not be searched.
     if len(scene.nodes) == 1 and getattr(scene.nodes[0], "id", None) == agent_id:
         return result
 

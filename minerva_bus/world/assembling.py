@@ -47,6 +47,7 @@ def _changed(state: PopulationState) -> Columns:
     columns = [
         _column(part, state, name, old) for name, old in zip(part.names, part.columns, strict=True)
     ]
+    # The same object again: whatever compares by identity finds that nothing has changed.
     if all(new is old for new, old in zip(columns, part.columns, strict=True)):
         return part
     return part.with_columns(columns)
@@ -56,10 +57,12 @@ def _column(part: Columns, state: PopulationState, name: str, old: Column) -> Co
     array = state.arrays.get(name)
     if array is None:
         return old
+    # Bits, because 0.0 and -0.0 are equal but have different digests.
     differs = bits(array) != bits(old.array)
     count = int(np.count_nonzero(differs))
     if not count:
         return old
+    # Only changed columns are checked, and rows of dead agents may have any value.
     if array.dtype == np.float64 and not np.isfinite(array).all():
         wrong = ~np.isfinite(array) if state.away is None else ~np.isfinite(array) & ~state.away
         if wrong.any():
@@ -77,6 +80,8 @@ def _in_columns(part: Columns, state: PopulationState) -> Scene:
     if not state.born:
         turnover, newborn = RowDelta(part.count, gone, np.empty(0, np.intp)), None
     else:
+        # A single agent returns `self.string + child`, so a later newborn stands before an earlier
+        # one. The sort by parents is stable and keeps that order.
         births = sorted(state.born, key=_later_first)
         parents = np.concatenate([birth.rows for birth in births])
         order = np.argsort(parents, kind="stable")
@@ -101,6 +106,7 @@ def _in_pieces(part: Columns, state: PopulationState, lives: Mapping[int, Scene]
     away = set(np.flatnonzero(state.away).tolist()) if state.away is not None else set[int]()
     begin = 0
     for row in sorted(away | young.keys()):
+        # A parent that stays belongs to the piece before its newborns; one that has left does not.
         end = row if row in away else row + 1
         if end > begin:
             made.append(part.take(slice(begin, end)))
@@ -142,6 +148,7 @@ def _ordered(
         batch = Events.of(events) if singles else None
         return events if batch is None else [batch]
     rows: NDArray[Any] = np.concatenate([chunk for chunk, _ in chunks])
+    # Several methods have sent events of this type; a stable sort keeps the order of each sender.
     if (rows[1:] < rows[:-1]).any():
         return [batch.take(np.argsort(rows, kind="stable"))]
     return [batch]

@@ -66,15 +66,19 @@ class Compensator:
 
     def _moved(self, topic: str, odometry: Odometry) -> None:
         self._topic = self._topic or topic
+        # Two sources of odometry have different origins; a path must not switch between them.
         if topic != self._topic:
             return
+        # The sensor's clock was set back: older readings are of another time scale.
         if self._odometry and odometry.time < self._odometry[-1].time:
             self._odometry.clear()
+        # Interpolation divides by the difference of neighbouring times.
         if not self._odometry or odometry.time > self._odometry[-1].time:
             self._odometry.append(odometry)
 
     def _ready(self, now: float) -> list[Recorded]:
         ready: list[Recorded] = []
+        # Readings behind a delayed scan wait, too, because the order of the stream is kept.
         while self._held and not self._waits(self._held[0], now):
             ready.append(self._corrected(self._held.popleft()))
         return ready
@@ -83,10 +87,12 @@ class Compensator:
         scan = recorded.reading
         if not isinstance(scan, Scan) or not needs_path(scan):
             return False
+        # Bounds memory and delay where odometry is late or missing.
         if not self._odometry or len(self._held) > _HELD:
             return False
         begin, end = span(scan)
         latest = self._odometry[-1].time
+        # The recorder's clock may jump; a negative difference must not hold the scan forever.
         in_time = 0 <= now - recorded.stamp <= GAP_SECONDS
         return begin - GAP_SECONDS <= latest < end and in_time
 
@@ -121,6 +127,7 @@ def path_of(
     at these times. Before the first and after the last pose, the motion is extrapolated.
     """
     begin, end = span(scan)
+    # At least two poses, of which the nearest are also those to extrapolate from.
     first = max(0, min(bisect_left(times, begin) - 1, len(times) - 2))
     last = max(bisect_left(times, end) + 1, first + 2)
     times, places = times[first:last], places[first:last]

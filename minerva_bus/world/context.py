@@ -113,6 +113,7 @@ class Context(InFrame):
         if self.streams is None:
             self.streams = FrameStreams((self.who.removeprefix("#"),), self.frame)
             if self._rng is not None:
+                # The agent has drawn already; its stream continues instead of beginning again.
                 self.streams.draws.adopt(self.row, self._rng)
         return self.streams
 
@@ -159,6 +160,8 @@ class Context(InFrame):
             raise MisuseError(f"emit an event, such as eNear(distance=1.0), not {event!r}")
         if self.who.startswith("#"):
             sender, receivers = self.who[1:], event.receivers
+            # The sender is set here, whatever the event has: an agent cannot send in another's
+            # name.
             event = Event(event.type, event.names, event.values, event.condition, sender, receivers)
         self.emitted.append(event)
 

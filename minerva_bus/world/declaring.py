@@ -31,11 +31,14 @@ def handlers(cls: type, mark: str) -> dict[str, Callable[..., Any]]:
     if a class has two methods for an event type, and SignatureError for wrong arguments.
     """
     methods: dict[str, str] = {}
+    # From the root down, so that a subclass overrides the handlers of its bases.
     for base in reversed(cls.__mro__):
         own: dict[str, str] = {}
         for name, function in vars(base).items():
             event_types: tuple[str, ...] = getattr(function, mark, ())
             if event_types or not callable(function):
+                # A marked method replaces all event types that its bases have marked it for, and a
+                # name that is no longer a method has none. An unmarked override keeps them.
                 methods = {event: method for event, method in methods.items() if method != name}
             for event_type in event_types:
                 if own.setdefault(event_type, name) != name:
@@ -44,6 +47,7 @@ def handlers(cls: type, mark: str) -> dict[str, Callable[..., Any]]:
                         f" {own[event_type]} and {name}"
                     )
         methods |= own
+    # Methods of base classes were checked when those were defined.
     for name in set(methods.values()) & vars(cls).keys():
         check_signature(vars(cls)[name], *ARGUMENTS[mark])
     return {event_type: getattr(cls, name) for event_type, name in methods.items()}
@@ -82,6 +86,7 @@ def state_of(cls: type, root: type) -> Fields:
     taken = {name for name in (*dir(root), *get_annotations(root)) if not name.startswith("_")}
     annotations: dict[str, Any] = {}
     for base in reversed(cls.__mro__):
+        # Mixins that are not agents declare no state.
         if base is root or not issubclass(base, root):
             continue
         for name in get_annotations(base):
@@ -97,6 +102,7 @@ def state_of(cls: type, root: type) -> Fields:
 
 def _hints(cls: type) -> dict[str, Any]:
     try:
+        # The extras are the `Annotated` types of units, ranges and words.
         return get_type_hints(cls, include_extras=True)
     except NameError as error:
         raise MisuseError(

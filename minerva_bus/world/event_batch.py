@@ -66,6 +66,7 @@ def joined(parts: Sequence[Events]) -> Events | None:
     """
     batch = Events.concatenated(parts)
     if batch is None:
+        # The receivers are known here, and single events and batches may name them differently.
         batch = Events.concatenated([replace(part, receivers=None) for part in parts])
     return batch
 

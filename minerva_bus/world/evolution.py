@@ -103,6 +103,7 @@ class _Eta:
 
     def columns(self, part: Columns) -> Scene | None:
         """Evolve agents in columns at once; None if they must be evolved as nodes."""
+        # Columns without ids are figures or transformations, which do not evolve.
         if part.ids is None or part.symbol not in self.kinds:
             return Scene((part,))
         if len(self.copies) != 1:
@@ -115,6 +116,8 @@ class _Eta:
         """Evolve an agent, in as many copies as the policy requires."""
         height = 0
         if len(self.copies) > 1 and isinstance(node, AgentNode):
+            # The nesting before this frame. λ may empty a scope, and two agents around it with
+            # equal heights would then give copies of an agent within both the same id.
             height = 1 + _nesting(node.scope)
         node = rescoped(node, scope)
         if not isinstance(node, AgentNode) or node.symbol not in self.kinds:
@@ -155,6 +158,7 @@ def _check_few(scene: Scene, events: int, frame: Frame) -> None:
     for opens, node in walk(scene):
         if isinstance(node, AgentNode):
             level += 1 if opens else -1
+            # An agent at level k is copied for each event once more by each agent around it.
             copies += events**level if opens else 0
             if copies > MOST_COPIES:
                 raise MisuseError(

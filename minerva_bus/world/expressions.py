@@ -233,6 +233,7 @@ class ClassAttribute:
 def expose_attributes(cls: type[Any], names: Iterable[str]) -> None:
     """Let a class give an expression for each of these attributes of its agents."""
     for name in names:
+        # Looked up without `getattr`, which would call the descriptor instead of returning it.
         homes = [base for base in cls.__mro__ if name in vars(base)]
         value = vars(homes[0])[name] if homes else NO_DEFAULT
         if not isinstance(value, ClassAttribute):
@@ -252,16 +253,19 @@ _CALL: Final = re.compile(r"\s*(?P<function>[A-Za-z]+)\s*\((?P<inner>.*)\)\s*\Z"
 _TERM: Final = re.compile(
     r"\s*(?P<symbol>[Ae]\w*)(?:\.(?P<name>[A-Za-z_]\w*))?(?P<rest>.*)\Z", re.DOTALL | re.ASCII
 )
+# The look-ahead takes whole arguments only: in `count(AFox, 3 < x)` the 3 begins a condition.
 _NUMBER: Final = re.compile(
     r"\s*,\s*([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:e[-+]?[0-9]+)?)\s*(?=,|\Z)"
 )
 _WHERE: Final = re.compile(r"\s+where\s+(.*)\Z", re.DOTALL)
+# Double quotes match first, so single quotes within a text in double quotes stay.
 _QUOTED: Final = re.compile(r"""("(?:[^"\\]|\\.)*")|'((?:[^'\\"]|\\.)*)'""")
 _EXPECTED: Final = "KIND.ATTRIBUTE, EVENT.DATUM, or a function of one, such as count(AFox, x > 3)"
 
 
 def read_expression(text: str, source: str = "collect") -> Expression:
     """The expression that a text stands for. Raises VocabularyError with a caret."""
+    # From the end of the text, because conditions and names may contain "every" as well.
     every = _EVERY.search(text)
     body = text[: every.start()] if every else text
     interval = int(every.group(1)) if every else 1

@@ -53,6 +53,7 @@ def newest_copy(ids: Iterable[str]) -> int:
     return max((int(frame) for agent_id in ids for frame in _COPY.findall(agent_id)), default=-1)
 
 
+# Hashed ids of copies keep the frame in front of the hash, so that `newest_copy` finds it there.
 _COPY: Final = re.compile(r":([0-9]{1,18})-(?:[0-9]+(?:-[0-9]+)?|[0-9a-f]{24})(?=:|$)")
 
 
@@ -60,12 +61,14 @@ def _derived(source: str, mark: str, before_hash: str) -> str:
     name = f"{source}:{mark}"
     if len(name) <= LONGEST:
         return name
+    # 96 bits: a collision would give two agents the same id.
     lineage = blake2b(name.encode(), digest_size=12).hexdigest()
     return f"{source[:16].split(':')[0]}:{before_hash}-{lineage}"
 
 
 def child_ids(parents: Ids, births: NDArray[np.int64]) -> Ids:
     """The ids of one birth of each parent, equal to `child_id` of each."""
+    # 20 bytes hold every 64-bit integer.
     names = np.strings.add(np.strings.add(parents.spelled, b":"), births.astype("S20"))
     longest = int(np.strings.str_len(names).max())
     if longest <= LONGEST:

@@ -166,8 +166,10 @@ class ViolationCounts:
             lately = self._lately.setdefault(norm.name, {})
             frames = [past for past in lately.get(who, ()) if past > frame - norm.per]
             broken = len(frames) >= norm.most
+            # A rejected act has not happened, so it does not count towards the limit.
             if not (broken and norm.refuses):
                 frames.append(frame)
+            # Older acts cannot decide any later frame, and the checkpoint stays small.
             lately[who] = frames[-norm.most :]
             if not broken:
                 return False
@@ -177,6 +179,8 @@ class ViolationCounts:
     def exceeds(self, norm: Norm, who: str, frame: int) -> bool:
         """Whether an act in this frame would be a violation; does not count it."""
         lately = self._lately.get(norm.name, {}).get(who, ())
+        # Acts of this frame are excluded: the agent is judged again for this frame, after it has
+        # evolved by fewer events.
         count = sum(frame - norm.per < past < frame for past in lately)
         return count >= norm.most
 
@@ -185,6 +189,7 @@ class ViolationCounts:
         lately: dict[str, dict[str, list[int]]] = {}
         for norm in norms:
             of = self._lately.get(norm.name, {})
+            # Sorted, so that equal states have equal checkpoints.
             kept = {who: of[who] for who in sorted(of) if of[who][-1:] > [frame - norm.per]}
             if kept:
                 lately[norm.name] = kept

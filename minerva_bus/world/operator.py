@@ -40,6 +40,7 @@ class MemberStatus:
 
     def figures_shown(self) -> str:
         """The figures as text, with the number of dropped items first."""
+        # Dropped items are a problem that its reader should see first.
         first = sorted(self.figures.items(), key=lambda pair: (pair[0] != "dropped", pair[0]))
         return ", ".join(
             f"{name} {value:.4g}" if isinstance(value, float) else f"{name} {value}"

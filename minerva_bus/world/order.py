@@ -35,9 +35,13 @@ def collect(order: Order, sources: Mapping[str, Sequence[AnyEvent]]) -> tuple[An
         for source, events in sources.items()
         for sequence, event in enumerate(events)
     ]
+    # The key is a total order: no two events of a frame have the same source and sequence number.
+    # So the order in which replies arrive cannot reach the string.
     keyed.sort(key=_first)
     events = [event for _, event in keyed]
     if not any(isinstance(event, Events) for event in events):
+        # The condition e^i ∉ z of equation 6. The source is not part of an event, so two generators
+        # that report the same event give it once, at its first place in the order.
         return tuple(dict.fromkeys(events))
     collected: list[AnyEvent] = []
     for _, group in groupby(events, lambda event: event.type):
@@ -50,6 +54,8 @@ def _each_once(events: list[AnyEvent]) -> Iterable[AnyEvent]:
     if not any(isinstance(event, Events) for event in events):
         return dict.fromkeys(events)
     parts: list[Events | None] = []
+    # Runs of single events become batches, so that the order between batches and single events
+    # stays.
     for is_batch, group in groupby(events, lambda event: isinstance(event, Events)):
         if is_batch:
             parts += cast("Iterator[Events]", group)

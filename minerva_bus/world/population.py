@@ -107,6 +107,7 @@ class Population:
     _rows: Rows | None
 
     def __init__(self, state: PopulationState, kind: type[Agent], rows: Rows | None) -> None:
+        # `__setattr__` of this class writes attributes of agents.
         object.__setattr__(self, "_state", state)
         object.__setattr__(self, "_kind", kind)
         object.__setattr__(self, "_rows", rows)
@@ -124,6 +125,7 @@ class Population:
         names = self._state.fields.names
         if name not in names:
             if not name.startswith("_") and hasattr(self._kind, name):
+                # A helper method of the class, bound to the population in place of an agent.
                 return getattr(self._kind, name).__get__(self)
             kind = self._kind.kind.name
             raise AttributeError(f"{kind} has no {name}{nearest(name, list(names))}")
@@ -147,6 +149,7 @@ class Population:
             array[:] = fitted
 
     def _fitted(self, name: str, value: Any) -> NDArray[Any]:
+        # `self.energy -= x` changes the array in place and assigns that same array again.
         if value is self._state.arrays.get(name):
             return value
         count, fields = len(self), self._state.fields
@@ -156,6 +159,8 @@ class Population:
                 return repeated(declared, value, count).array
             if len(value) != count:
                 raise Unfit(f"an array of shape ({count},), not ({len(value)},)")
+            # Not checked for finite numbers here: agents that die in this frame may have any. What
+            # remains is checked once, when the columns of the frame are assembled.
             return fit_array(declared, value, finite=False).array
         except Unfit as unfit:
             raise MisuseError(f"{self._kind.kind.name}: {name} must be {unfit}") from None
@@ -176,6 +181,7 @@ class Population:
         if not len(rows):
             return
         births = self._state.array("births")
+        # A row occurs once in `rows`; numpy would count repeated ones only once here.
         births[rows] += 1
         young = (kind or self._kind).kind
         given = {name: self._picked(value, where, len(rows)) for name, value in state.items()}
@@ -195,6 +201,7 @@ class Population:
             batch = Events.repeated(event, len(rows))
         else:
             batch = event
+            # The batch has a row for each agent, the mask selects some of them.
             if batch.count == len(self) != len(rows):
                 batch = batch.take(np.flatnonzero(where))
             if batch.count != len(rows):

@@ -57,6 +57,8 @@ class PopulationStep:
     def process(self, addressed: Addressed) -> None:
         """Process a frame's events. Raises ActivityError."""
         for event_type, group in groupby(addressed.events, lambda event: event.type):
+            # Agents that have left the arrays may have become another kind, which responds to other
+            # types.
             if event_type not in self._cls.activities and not self._steps:
                 continue
             population = self._cls.population.get(event_type)
@@ -91,6 +93,7 @@ class PopulationStep:
             for event, rows in rounds(item, self._ids, at_once=not once):
                 if self._steps:
                     self._continue_steps(event, rows)
+                # Computed for each round: an earlier round may have removed agents.
                 keep = None if self._state.away is None else ~self._state.away
                 if item.condition:
                     keep = self._willing(event, keep)
@@ -104,11 +107,13 @@ class PopulationStep:
         """The part of a round whose receivers respond, for a type with a probability."""
         probability: Any = self._probabilities[event.type]
         if isinstance(probability, str):
+            # The attribute with the probability may have been changed by a method for one agent.
             self._settle(event)
             values = self._state.value(probability)
             probability = values if rows is None else values[rows]
         answers = self._streams.answers(event.type).batch(rows).chance(probability)
         keep = np.ones(len(self._ids), np.bool_)
+        # Rows outside the round stay true; `narrowed` looks at the round's own rows only.
         keep[slice(None) if rows is None else rows] = answers
         return narrowed(event, rows, keep)
 
@@ -141,15 +146,19 @@ class PopulationStep:
         there[row] = True
         concerned = None if there.all() else np.flatnonzero(there)
         if concerned is not None:
+            # A method sees its own agents only, so `event.row` counts among these, not among all.
             place = np.empty(len(self._ids), np.intp)
             place[concerned] = np.arange(len(concerned))
             row = place[row]
+        # An error names one event; taking all of them for it would copy every column.
         shown = events if chosen is None else events.take(chosen[:1])
         self._run_population(activity, EventBatch(events, row, chosen), shown, concerned)
 
     def _batch(self, items: Sequence[AnyEvent]) -> tuple[Events, Rows, Rows | None]:
         """Events of one type, the row of each receiver, and which of the events to take."""
         first = items[0]
+        # A single batch without condition or probability is passed on as it is; its columns are
+        # selected only when the method reads them.
         simple = len(items) == 1 and not self._steps and self._state.away is None
         simple &= first.type not in self._probabilities
         if simple and isinstance(first, Events) and first.receivers and not first.condition:
@@ -177,6 +186,7 @@ class PopulationStep:
         if rows is not None and len(rows) == len(self._ids):
             rows = None  # each row occurs once, so these are all rows in order
         self._settle(event)
+        # The method writes to the arrays, so agent objects made of them would be out of date.
         self._adapter.forget()
         self._state.turn += 1
         population = Population(self._state, self._cls, rows)
@@ -202,6 +212,7 @@ class PopulationStep:
             return
         if chosen is not None:
             events = events.take(chosen)
+        # Stable, because each agent gets its events in their order.
         order = np.argsort(row, kind="stable")
         rows, begins = np.unique(row[order], return_index=True)
         parts = [events.take(part) for part in np.split(order, begins[1:])]
@@ -239,6 +250,7 @@ class PopulationStep:
                     returned.append((row, agent, result, event))
         except (Exception, SystemExit) as error:
             raise self._failed(activity, row, event) from error
+        # Outside the `try`, because `_let_go` raises ActivityError itself.
         for row, agent, result, event in returned:
             self._let_go(row, agent, activity, result, event)
 
@@ -267,6 +279,7 @@ class PopulationStep:
     def end(self, event: AnyEvent) -> tuple[Scene, tuple[AnyEvent, ...]]:
         """The string of the agents after the frame, and the emitted events by type."""
         self._settle(event)
+        # By row: emitted events are ordered by the sender's position in the string.
         steps = sorted(self._steps.items())
         sent = [*self._sent, *((row, step.context.emitted) for row, step in steps)]
         try:
@@ -296,6 +309,7 @@ def evolve_population(
 ) -> tuple[Scene, tuple[AnyEvent, ...]]:
     """η of agents in columns, and the events that they emitted. Raises ActivityError."""
     cls = kinds[part.symbol]
+    # The same columns are returned, so the digest and the views of these agents remain valid.
     if not addressed.types & cls.activities.keys():
         return Scene((part,)), ()
     step = PopulationStep(part, kinds, frame)

@@ -31,6 +31,7 @@ def view_of_population(
         return EMPTY
     event = concerning[0]
     view = cls.population_views.get(event.type)
+    # Otherwise agents may have different numbers of views, or the method shows one agent only.
     if len(concerning) > 1 or isinstance(event, Events) or event.receivers or view is None:
         return None
     rows = _willing(part, event)
@@ -80,5 +81,7 @@ def _one_each(result: object, count: int) -> Scene:
         )
     if len(pieces) == 1:
         return shown
+    # Equation 5 keeps the nodes of one agent together: first all nodes of the first agent, then
+    # those of the next one, not one column after another.
     each = [piece.nodes() for piece in pieces]
     return Scene(tuple([node for row in zip(*each, strict=True) for node in row]))

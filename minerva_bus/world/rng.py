@@ -30,6 +30,7 @@ Words = NDArray[np.uint64]
 Numbers = NDArray[np.float64]
 Rows = NDArray[np.intp]
 
+# The constants of SplitMix64. `_GAMMA` is odd, so a stream has a period of 2^64.
 _GAMMA: Final = 0x9E3779B97F4A7C15
 _FIRST: Final = 0xBF58476D1CE4E5B9
 _SECOND: Final = 0x94D049BB133111EB
@@ -57,6 +58,7 @@ def hash_of(agent: str) -> int:
     return value
 
 
+# Every single agent of a frame asks for the same key.
 @lru_cache(maxsize=4)
 def frame_key(seed: int, frame: int) -> int:
     """Key of a frame's streams; an agent's stream begins at its hash xor this key."""
@@ -103,6 +105,8 @@ class _Distributions(Generic[_B, _I, _R]):
         Raises MisuseError if the range is empty.
         """
         least, below = (0, low) if high is None else (low, high)
+        # A plain bool for a single agent, for which `np.any` would take longer than the draw
+        # itself.
         none = below <= least
         if none is True or (none is not False and np.any(none)):
             raise MisuseError(f"no integer is in [{least}, {below}); expected low < high")
@@ -114,6 +118,7 @@ class _Distributions(Generic[_B, _I, _R]):
 
     def exponential(self, mean: Any = 1.0) -> _R:
         """Exponentially distributed, with this mean."""
+        # 1 - u is in (0, 1], so the logarithm is finite.
         return self._typed(-mean * log(1.0 - self.random()))
 
     def normal(self, mean: Any = 0.0, deviation: Any = 1.0) -> _R:
@@ -132,10 +137,13 @@ class Rng(_Distributions[bool, int, float]):
     @staticmethod
     def of(agent: int, key: int) -> Rng:
         """The stream of an agent with this hash under a frame's key."""
+        # Mixed: hashes of similar ids may differ by `_GAMMA`, the step of a stream, and one stream
+        # would then be a shifted copy of the other.
         return Rng(_mixed_int(agent ^ key))
 
     def random(self) -> float:
         self.word = (self.word + _GAMMA) & _MASK
+        # The upper 53 bits of the word are what a float64 in [0, 1) holds exactly.
         return (_mixed_int(self.word) >> 11) * _UNIT
 
     def _floored(self, least: int, number: float) -> int:
@@ -198,6 +206,7 @@ class Streams:
     def batch(self, rows: Rows | None = None) -> RngBatch:
         """The streams of the given rows, or of all."""
         batch = self._begun()
+        # Single draws have advanced some streams; the batch continues from there.
         if self._single:
             for row, rng in self._single.items():
                 batch.words[row] = rng.word
@@ -232,6 +241,7 @@ class Streams:
 
 
 def _mixed(words: Words) -> Words:
+    # One new array; all other steps are in place, because a frame may have a million words.
     mixed = words >> np.uint64(30)
     mixed ^= words
     mixed *= np.uint64(_FIRST)

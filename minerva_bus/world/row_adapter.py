@@ -71,6 +71,8 @@ class RowAdapter:
         names = (*state.fields.names, "id", "scope", "_node")
         columns = [_listed(state.value(name), rows) for name in state.fields.names]
         columns.append(self._ids(rows))
+        # Without `__init__`, whose checks the columns have passed, and with all attributes in one
+        # update.
         made: list[Agent] = []
         new = cls.__new__
         for values in zip(*columns, strict=True):
@@ -89,6 +91,7 @@ class RowAdapter:
     def drop(self, row: int) -> None:
         """Drop an agent that has left the arrays."""
         if self._all is not None:
+            # The list stands for all rows; without one of them the agents are looked up by row.
             self._made = dict(enumerate(self._all))
             self._all = None
         self._kept = None
@@ -101,6 +104,7 @@ class RowAdapter:
     def keep(self, part: Columns) -> None:
         """Cache all agents with the columns that they are at the end of the frame."""
         every = self._all or self._kept
+        # With births or deaths the rows are other agents than those of the list.
         if every is not None and part.columns and part.ids is self._state.ids:
             ids = self._ids(None)
             part.columns[0].kept = self._cls, self._state.ids, part.columns[1:], every, ids
@@ -115,8 +119,12 @@ class RowAdapter:
             return []
         rows = None if self._all is not None else list(self._made)
         at = None if rows is None else np.array(rows, np.intp)
+        # The checks below are loops in C over all agents. Any irregularity leads to `freeze`, which
+        # checks one agent after another and names the fault.
         states = [agent.__dict__ for agent in agents]
         self._check_ids(at, states)
+        # With the declared number of entries, and each name found by `_usual`, no attribute was
+        # added or deleted.
         usual = set(map(len, states)) == {len(self._state.fields.names) + _OWN}
         arrays = self._usual(states) if usual else None
         grown = self._grown(rows, agents, states)
@@ -141,6 +149,7 @@ class RowAdapter:
     def _grown(
         self, rows: list[int] | None, agents: list[Agent], states: list[dict[str, Any]]
     ) -> list[tuple[int, Agent]]:
+        # Columns hold agents without scopes.
         if all(map(is_, map(_scope, states), repeat(EMPTY))):
             return []
         every = enumerate(agents) if rows is None else zip(rows, agents, strict=True)
@@ -153,9 +162,12 @@ class RowAdapter:
             kind, dtype = _TYPES[field.type.kind]
             try:
                 values = list(map(itemgetter(field.name), states))
+                # Exact types: a bool is an int, and an int in a real attribute must become a float
+                # first.
                 if set(map(type, values)) != {kind}:
                     return None
                 array = np.array(values, dtype)
+            # A deleted attribute, or an int of more than 64 bits.
             except (KeyError, OverflowError):
                 return None
             if kind is float and not np.isfinite(array).all():

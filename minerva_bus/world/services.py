@@ -65,6 +65,7 @@ class Tick(Context):
         self.published.append((topic, reading))
 
 
+# No slots: `cached_property` stores the string in `__dict__`.
 @dataclass(frozen=True)
 class View:
     """The view π of a frame's string for one visual event type: a string of L(E).
@@ -253,6 +254,7 @@ def checked_service(service: Service | None) -> Service | None:
     These are attributes, which a constructor may overwrite by accident, for example with an option.
     """
     names = ["topics", "publishes"] if service is not None else []
+    # A class with its own `generates` does not use the attribute.
     if isinstance(service, Generator) and type(service).generates is Generator.generates:
         names.append("events")
     if isinstance(service, Device):

@@ -20,10 +20,12 @@ def check_signature(function: Any, what: str, expected: Sequence[str]) -> None:
     if not isinstance(function, FunctionType):
         return
     try:
+        # The wrapper of a decorated function is what is called.
         signature = inspect.signature(function, follow_wrapped=False)
     except ValueError:
         return
     try:
+        # Only number and kind of the arguments matter; the names are placeholders.
         signature.bind(*expected)
     except TypeError:
         names = ", ".join(str(value) for value in signature.parameters.values())
