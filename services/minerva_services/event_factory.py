@@ -56,6 +56,8 @@ class EventFactory:
         """An event with these values, already in their final form, for these receivers."""
         if not self._in_order:
             values = self._arranged(values)
+        # Not through the event type, which would check every value again: the constructor has
+        # compared the types, and a scan makes hundreds of events per frame.
         return Event(self._type, self._names, values, "", "", receivers)
 
     def many(self, columns: Sequence[NDArray[Any]], receiver: str) -> Events:

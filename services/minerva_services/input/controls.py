@@ -27,10 +27,12 @@ class Binding:
         """The event in a world, for these receivers. Raises MisuseError, naming the service."""
         declared = event_type(service, world, self.type)
         data = {name or only_datum(service, declared): shown for name, shown in self.words}
+        # Words with the same name have become one entry.
         if len(data) < len(self.words):
             raise MisuseError(f"{service}: {self} does not fit: each datum is given once")
         kinds = {field.name: field.type.kind for field in declared.fields.all}
         values = {
+            # A text may look like a number, so the declared type decides.
             name: shown if kinds.get(name) == "text" else _value(shown)
             for name, shown in data.items()
         }
@@ -120,6 +122,7 @@ class InputRange:
 
     def bounded(self, value: float) -> float:
         """The value, clamped to the range."""
+        # Rounding removes the errors of repeated steps, such as 0.1 + 0.2.
         return round(min(max(value, self.low), self.high), 9)
 
     def nearest(self, value: float) -> float:

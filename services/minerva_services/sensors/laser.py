@@ -114,6 +114,7 @@ class Laser(Generator, events=("eLaser",)):
 
 def _events(factory: EventFactory, scan: Scan, columns: tuple[Reals, ...]) -> Iterator[AnyEvent]:
     """One event per beam, from columns of its data, (n,) each."""
+    # A small batch costs more than the single events that it replaces.
     if len(columns[0]) >= MANY:
         yield factory.many(columns, scan.robot)
         return

@@ -45,6 +45,8 @@ def due_times(stamps: Iterable[float], speed: float) -> Iterator[float]:
         passed = stamp - latest
         if passed > 0 and speed:
             due += min(passed, MAX_GAP_SECONDS) / speed
+        # A slightly older stamp is out of order and does not set the clock back; a large jump does.
+        # The comparison with the initial nan is false, so the first stamp always counts.
         if not -MAX_GAP_SECONDS <= passed <= 0 and math.isfinite(stamp):
             latest = stamp
         yield due
@@ -140,6 +142,7 @@ class Player:
     def _round(self, begun: float, stop: threading.Event) -> Generator[SourceItem, None, float]:
         """Play once; the result is the time in seconds until the next loop starts."""
         readings = Compensator(*self._compensation).all(self._recording.readings())
+        # `zip` advances both in step, so `tee` never buffers more than one reading.
         stamped, played = tee(_from(self._pace.offset, readings))
         stamps = (item.stamp for item in stamped)
         due, number = 0.0, 0

@@ -80,6 +80,7 @@ def open_line(port: str, baud: int) -> SerialLine:
     import serial
 
     try:
+        # Exclusive, because two readers would each receive a part of the bytes.
         device = serial.serial_for_url(
             port, baudrate=baud, timeout=POLL_SECONDS, write_timeout=WRITE_SECONDS, exclusive=True
         )
@@ -120,6 +121,7 @@ class LineSplitter:
 
     def feed(self, data: bytes) -> Iterator[str]:
         """Complete non-empty lines; non-ASCII bytes become replacement characters."""
+        # Devices end lines by CR, LF or both; CR LF leaves an empty line, which is dropped below.
         *whole, self._rest = (self._rest + data).replace(b"\r", b"\n").split(b"\n")
         # Garbage without line ends must not grow without limit.
         if len(self._rest) > self._longest:

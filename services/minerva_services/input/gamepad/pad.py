@@ -51,7 +51,9 @@ def _begun() -> Any:
     A process without a window uses a dummy display.
     """
     os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
+    # SDL must not replace the process's handler of SIGINT.
     os.environ.setdefault("SDL_NO_SIGNAL_HANDLERS", "1")
+    # A process without the focused window receives no joystick events otherwise.
     os.environ.setdefault("SDL_JOYSTICK_ALLOW_BACKGROUND_EVENTS", "1")
     import pygame
 

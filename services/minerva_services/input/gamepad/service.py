@@ -92,6 +92,7 @@ class Gamepad(Bridge):
 
     def _events(self, pad: Pad, stop: threading.Event) -> Iterator[Event | None]:
         """Poll the gamepad: events as buttons are pressed and the stick moves."""
+        # Buttons that are down when the gamepad is opened do not count as pressed.
         before, sent = pad.state(), 0.0
         while not stop.wait(POLL_SECONDS):
             state = pad.state()
@@ -117,5 +118,6 @@ class Gamepad(Bridge):
     def _slid(self, state: PadState) -> float:
         """The number that the stick gives."""
         way = -state.axes[self._axis] if self._slides and self._axis < len(state.axes) else 0.0
+        # Scaled to the travel outside the dead zone, so the value does not jump at its edge.
         far = max(0.0, abs(way) - self._dead) / (1 - self._dead)
         return self._range.nearest(far * (self._range.high if way > 0 else self._range.low))

@@ -75,6 +75,7 @@ class Keyboard(Bridge):
 
     def joined(self, world: WorldInfo) -> None:
         self._controls.joined(world)
+        # Opened before the world runs, where a missing terminal can still be reported as misuse.
         self._terminal = self._opened()
 
     def _opened(self) -> Terminal:
@@ -107,6 +108,7 @@ class Keyboard(Bridge):
         if event is None:
             self.count("other keys")
         else:
+            # The terminal does not echo, so the log is the only feedback.
             self._log(str(event))
         return event
 

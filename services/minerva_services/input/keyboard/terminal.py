@@ -29,6 +29,7 @@ class Terminal:
     def __init__(self, path: str = "") -> None:
         self._path = path
         try:
+            # O_NOCTTY: the terminal must not become the controlling one of this process.
             self._file = os.open(path, os.O_RDWR | os.O_NOCTTY) if path else 0
             self._before = termios.tcgetattr(self._file)
         except (OSError, termios.error) as error:
@@ -39,7 +40,9 @@ class Terminal:
             ) from None
         self._closed = False
         self._lock = threading.Lock()
+        # The shell needs its settings back however the process ends.
         atexit.register(self.close)
+        # TCSANOW keeps the keys that have been typed already; the default discards them.
         tty.setcbreak(self._file, termios.TCSANOW)
 
     def read(self) -> bytes | None:
@@ -56,11 +59,13 @@ class Terminal:
 
     def close(self) -> None:
         """Restore the terminal; discards unread input."""
+        # The bridge's thread and the end of the process both close the terminal.
         with self._lock:
             if self._closed:
                 return
             self._closed = True
             with suppress(termios.error):
+                # Keys that were meant for the world must not reach the shell.
                 termios.tcsetattr(self._file, termios.TCSAFLUSH, self._before)
             if self._path:
                 os.close(self._file)
@@ -82,6 +87,7 @@ class KeyDecoder:
     """
 
     def __init__(self) -> None:
+        # Incremental, because a read may end within a character.
         self._decoder = codecs.getincrementaldecoder("utf-8")("replace")
 
     def named(self, data: bytes) -> Iterator[str]:

@@ -85,6 +85,8 @@ def read_line(line: str) -> LogLine | None:
         return None
     read = _READERS.get(words[0])
     if read is None:
+        # Other messages of CARMEN are skipped silently. A first word that cannot be a keyword means
+        # a damaged line, or a file of another kind.
         if not words[0].isascii() or not words[0].replace("_", "").isalnum():
             raise LineError("not a CARMEN message")
         return None
@@ -179,6 +181,7 @@ def _laser(words: _Words) -> _Laser:
     ranges, _ = words.ranges(), words.ranges()
     if not len(ranges):
         raise LineError("no beams")
+    # A larger maximum would turn readings that mean no hit into hits.
     range_max = min(range_max, NO_HIT_RANGE) if range_max > 0 else NO_HIT_RANGE
     return _Laser(ranges, math.degrees(first), math.degrees(step), range_max)
 
@@ -190,6 +193,7 @@ def _raw_laser(words: _Words) -> LaserLine:
 
 def _robot_laser(words: _Words) -> LaserLine:
     laser, pose, robot = _laser(words), words.pose(), words.pose()
+    # tv, rv, forward_safety, side_safety and turn_axis, which no reading needs.
     for _ in range(5):
         words.number()
     beams = (laser.ranges, laser.first, laser.step, laser.range_max)

@@ -62,6 +62,7 @@ class CarmenLog:
 
     @property
     def part(self) -> float:
+        # The position in the raw file, because the size of an unpacked gzip file is unknown.
         return self._raw.tell() / self._size if self._raw is not None else 0.0
 
     def readings(self) -> Iterator[Recorded]:
@@ -91,9 +92,11 @@ class CarmenLog:
         number = 0
         try:
             with self._opened() as file:
+                # The limit bounds the memory that a file without line ends takes.
                 for line in iter(lambda: file.readline(_MAX_LINE_BYTES), b""):
                     number += 1
                     yield number, line.decode("utf-8", "replace")
+        # A truncated archive fails only at its end, so the lines before remain usable.
         except (OSError, EOFError, zlib.error) as error:
             if not number:
                 raise RecordingError(f"{self.path}: cannot read: {error}") from None
@@ -112,6 +115,7 @@ class CarmenLog:
     ) -> Iterator[Recorded]:
         match line:
             case OdometryLine(time=0.0) if self.topics.correction:
+                # The line has no time of its own, so it belongs to the reading before it.
                 yield Recorded(self._stamp, self.topics.correction, self._odometry(line))
             case OdometryLine(time=0.0):
                 self.pass_over(_TIMELESS, f"{self.path}: line {number} is ODOM without a time")
@@ -166,6 +170,8 @@ def _mount(line: LaserLine, offset: float) -> Mount:
     ahead = portable.cos(turn) * east + portable.sin(turn) * north
     left = portable.cos(turn) * north - portable.sin(turn) * east
     angle = (line.laser.angle - line.robot.angle + 180.0) % 360.0 - 180.0
+    # The difference of two large coordinates is noisy in its last bits; rounded, the mount is the
+    # same for every scan. Adding 0.0 turns -0.0 into 0.0.
     return Mount(*[round(value, 6) + 0.0 for value in (ahead, left, angle)])
 
 

@@ -46,7 +46,10 @@ def _parsed(line: str) -> Any:
     import pynmea2
 
     try:
+        # If a line end was lost, the remains of another sentence precede the last $. Without
+        # `check`, pynmea2 accepts sentences that lack a checksum.
         return pynmea2.parse(line[max(line.rfind("$"), 0) :], check=True)
+    # Both of these are subclasses of ParseError, so they come first.
     except pynmea2.ChecksumError:
         raise SkippedSentence("checksum errors") from None
     except pynmea2.SentenceTypeError:

@@ -82,6 +82,8 @@ class Nmea(Bridge):
 
     def _position(self, fix: Fix) -> tuple[str, Position]:
         """A fix as a reading, with its topic."""
+        # Only a large step back is midnight; a small one is a receiver that corrects its clock or
+        # repeats an older sentence.
         if fix.second < self._second - DAY_SECONDS / 2:
             self._days += DAY_SECONDS
         self._second = fix.second

@@ -28,9 +28,11 @@ class Lidar:
 
     def __init__(self, line: SerialLine) -> None:
         self._line = line
+        # A previous process may have left the lidar scanning; its samples would bury the answers.
         self.quiet()
         self.info = p.read_info(self._ask(p.GET_INFO, p.INFO))
         self.health = self._health()
+        # A reset leaves protection mode unless its cause persists.
         if self.health.status == "error":
             self._reset()
             self.health = self._health()
@@ -71,6 +73,7 @@ class Lidar:
 
     def rest(self) -> None:
         """Stop scan and motor. Raises SourceError if the line is lost."""
+        # As in `scan`, either PWM or DTR stops the motor, depending on the model.
         self._line.write(p.request(p.STOP) + p.motor(0))
         self._line.set_dtr(True)
 

@@ -123,6 +123,7 @@ class ExpressPackets(Packets):
         capsule = self._bytes[: CAPSULES.size]
         if checksum(capsule[2:]) != (capsule[0] & 0xF) | (capsule[1] & 0xF) << 4:
             self._count("damaged packets")
+            # Without its successor, the capsule before has no end angle, so it is lost as well.
             self._bytes, self._before = self._bytes[1:], b""
             return NO_SAMPLES
         self._bytes = self._bytes[CAPSULES.size :]
@@ -134,6 +135,7 @@ class ExpressPackets(Packets):
         data, at = self._bytes, 0
         while at + 1 < len(data) and (data[at] >> 4, data[at + 1] >> 4) != (0xA, 0x5):
             at += 1
+        # Skipped bytes mean a lost capsule, so the last one has no successor.
         if at:
             self._before = b""
         self._bytes = data[at:]

@@ -95,6 +95,7 @@ class Rplidar(Bridge):
                 self._mode == "auto" and lidar.info.firmware >= EXPRESS_SINCE
             )
             packets = lidar.scan(express, self.count)
+        # The line is open exclusively: left open, it would reject the next attempt.
         except SourceError:
             line.close()
             raise

@@ -51,6 +51,8 @@ def detector(dictionary: str) -> Detect:
     """A detector for the markers of one dictionary. Raises MisuseError without OpenCV."""
     aruco: Any = opencv().aruco
     parameters = aruco.DetectorParameters()
+    # This method finds more markers than the exact one for AprilTags; `refined` corrects its
+    # corners.
     parameters.cornerRefinementMethod = aruco.CORNER_REFINE_SUBPIX
     words = aruco.getPredefinedDictionary(getattr(aruco, f"DICT_{dictionary}"))
     aruco_detector = aruco.ArucoDetector(words, parameters)

@@ -39,6 +39,7 @@ def refined(image: NDArray[np.uint8], corners: Reals) -> Reals:
     """
     quad = corners
     for _ in range(_ROUNDS):
+        # Each round samples across the sides that the previous one found.
         side = float(np.linalg.norm(np.roll(quad, -1, 0) - quad, axis=1).min())
         lines = _lines(image, quad, min(_MAX_REACH, max(1.0, 0.8 * side / _CELLS)))
         moved = _meeting(lines)
@@ -59,11 +60,16 @@ def _lines(image: NDArray[np.uint8], quad: Reals, reach: float) -> Reals:
     middles = quad[:, None] + _ALONG[:, None] * (ends - quad)[:, None]
     steps = np.linspace(-reach, reach, 2 * _STEPS + 1)
     samples = _bilinear(image, middles[:, :, None] + steps[:, None] * normals[:, None, None])
+    # Only rises count: across the border of a dark square, outwards, the image becomes brighter,
+    # while falls belong to the marker's pattern or to the surroundings. Squares favour the steepest
+    # rise.
     rises = np.maximum(np.diff(samples, axis=2), 0.0) ** 2
     weights = rises.sum(axis=2)
     between = (steps[1:] + steps[:-1]) / 2
     with np.errstate(invalid="ignore", divide="ignore"):
         offsets = (rises @ between) / weights
+    # A position without any rise has an offset of 0/0. Its weight is 0, but nan would spoil the
+    # sums.
     points = middles + np.nan_to_num(offsets)[..., None] * normals[:, None]
     return np.array([_line(side, weight) for side, weight in zip(points, weights, strict=True)])
 
@@ -75,6 +81,7 @@ def _line(points: Reals, weights: Reals) -> Reals:
     middle = np.average(points, axis=0, weights=weights)
     away = points - middle
     spread = (weights[:, None] * away).T @ away
+    # `eigh` sorts eigenvalues ascending: the direction of the smallest spread is the normal.
     normal: Reals = np.linalg.eigh(spread)[1][:, 0]
     return np.array([*normal, normal @ middle])
 
@@ -92,6 +99,7 @@ def _meeting(lines: Reals) -> Reals:
 def _bilinear(image: NDArray[np.uint8], at: Reals) -> Reals:
     """Bilinear intensities at points (..., 2) of x and y, clamped at the border."""
     high, wide = image.shape
+    # Just below the last index, so that the neighbour at + 1 exists.
     x, y = np.clip(at[..., 0], 0, wide - 1.001), np.clip(at[..., 1], 0, high - 1.001)
     column, row = x.astype(np.intp), y.astype(np.intp)
     x, y = x - column, y - row

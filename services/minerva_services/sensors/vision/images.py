@@ -54,4 +54,5 @@ def grey(pixels: Any) -> Grey:
         return cast("Grey", pixels)
     if pixels.shape[2] == 1:
         return cast("Grey", pixels[:, :, 0])
+    # OpenCV rejects the negative strides of a reversed view.
     return cv2.cvtColor(np.ascontiguousarray(pixels), cv2.COLOR_BGR2GRAY)

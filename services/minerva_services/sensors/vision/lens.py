@@ -75,6 +75,7 @@ class Lens:
 def read_lens(path: str) -> Lens:
     """Read a calibration file of OpenCV (YAML, JSON, XML) or ROS. Raises MisuseError."""
     try:
+        # A large file is not a calibration. An empty text fails below with a message that says so.
         text = Path(path).read_text(encoding="utf-8") if _is_small(path) else ""
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "not text"

@@ -21,6 +21,7 @@ def opencv() -> Any:
 
     Raises MisuseError if it is not installed.
     """
+    # OpenCV reads these variables when it is imported.
     for name, value in _QUIET.items():
         os.environ.setdefault(name, value)
     require("vision", "cv2", "OpenCV", "vision")

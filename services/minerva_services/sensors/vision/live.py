@@ -100,6 +100,7 @@ class LiveCamera:
         except Exception as error:  # backends of OpenCV raise many types
             self._fail(str(error))
         finally:
+            # After a failure, too, so that `opened` returns at once instead of at its time-out.
             self._opened.set()
             if camera is not None:
                 camera.release()
@@ -107,6 +108,7 @@ class LiveCamera:
     def _camera(self) -> Any:
         cv2 = opencv()
         if "://" in self._address:
+            # OpenCV's own limits are longer than the time after which a stream counts as lost.
             limit = round(IMAGE_SECONDS * 1000)
             limits = [cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, limit, cv2.CAP_PROP_READ_TIMEOUT_MSEC, limit]
             return cv2.VideoCapture(self._address, cv2.CAP_FFMPEG, limits)
@@ -121,6 +123,7 @@ class LiveCamera:
         with self._news:
             if self._newest is not None:
                 self._count("skipped")
+            # The time of arrival: detection may begin much later.
             self._newest = pixels, time.monotonic() - self._begun
             self._news.notify()
 

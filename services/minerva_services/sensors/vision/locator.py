@@ -130,6 +130,7 @@ def _place(corners: NDArray[np.float64], size: float, lens: Lens) -> tuple[float
         ]
         fits = [fit for fit in fits if all(map(math.isfinite, fit))]
         if fits:
+            # Each fit begins with its error. OpenCV's x points right, y down and z ahead.
             _, right, _, ahead = min(fits)
             return (ahead, -right) if ahead > 0 else None
     return None

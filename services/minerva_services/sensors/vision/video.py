@@ -89,6 +89,7 @@ class Video:
             raise RecordingError(f"{self._path} is not a readable video")
         self._count = max(1, int(self._video.get(cv2.CAP_PROP_FRAME_COUNT)))
         own = float(self._video.get(cv2.CAP_PROP_FPS))
+        # Some files state no rate, or the time base of their stream instead.
         self._rate = self._fps or (own if 0 < own < 1000 else FOLDER_RATE)
 
     @property
