@@ -31,6 +31,8 @@ def main() -> None:
 
     config: dict[str, Any] = json.loads(Path(sys.argv[1]).read_text(encoding="utf-8"))
     _die_with_parent()
+    # The caller's folders come first: classes must come from the modules that the caller has
+    # imported.
     sys.path[:] = [*dict.fromkeys([*config["folders"], *sys.path])]
     end = Path(config["end"])
     try:
@@ -87,6 +89,8 @@ def _witnesses(last: Path, paused: bool) -> Any:
 
         def stopping(reason: str) -> None:
             scene = str(coordinator.algorithm.scene)
+            # A file, because the coordinator is another process than the launcher that writes the
+            # result.
             write_result(last, {"scene": scene, "events": counts.sorted()})
             watchers.stopping(reason)
 
@@ -108,8 +112,10 @@ def _die_with_parent() -> None:
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
     while os.read(0, 4096):
         pass
+    # If the launcher has ended by itself, its id may belong to another process by now.
     if os.getppid() == launcher:
         os.kill(launcher, signal.SIGTERM)
+    # Without the interpreter's clean-up: that is the launcher's, and this process is a copy of it.
     os._exit(0)
 
 

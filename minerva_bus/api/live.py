@@ -232,6 +232,7 @@ class _OnBus:
         try:
             answer = self._client.ask("scene")
         except BusError:
+            # The world may end between two calls; its last string remains available.
             if self._last is not None and self.ended:
                 return self._last
             raise
@@ -262,6 +263,7 @@ class _OnBus:
     def step(self, frames: int) -> None:
         if self.ended:
             return
+        # Paused first, so that the frame counted from is the one with which the step begins.
         self.operator.pause()
         target = self._between_frames() + frames
         self.operator.step(frames)
@@ -279,6 +281,8 @@ class _OnBus:
         """How the world is doing; None where it has ended."""
         try:
             status = self.operator.status()
+            # A launched world may end with the next frame; no process could then be queried for its
+            # string.
             self._last = self._last if self._launched is None else self._ask_scene()
         except BusError:
             if self.ended:
@@ -302,6 +306,7 @@ class _OnBus:
 def start(world: World, *, bus: bool = False, **settings: Any) -> Live:
     """Start a world, paused; see `World.start`."""
     own = ("seed", "frames", "until", "collect", "into", "processes", "record", "rate")
+    # By default the caller ends the world, not the settings of the world.
     given: dict[str, Any] = {"frames": 0, "until": ""}
     given |= {name: settings.pop(name) for name in own if name in settings}
     request = request_of(world, settings, **given)
@@ -325,6 +330,7 @@ def start(world: World, *, bus: bool = False, **settings: Any) -> Live:
         while backend.operator.status().phase != BETWEEN_FRAMES:
             launched.check_running()
             time.sleep(POLL_SECONDS)
+        # Only now does everything outlive this block; after any earlier error it is closed here.
         backend.own(stack.pop_all())
     return Live(backend, world.agents)
 
@@ -380,6 +386,7 @@ class AsyncLive:
 
     def __init__(self, open_live: Callable[[], Live]) -> None:
         self._open = open_live
+        # One thread, so calls run in the order in which they were awaited.
         self._executor = ThreadPoolExecutor(1, "minerva-live")
         self._live: Live | None = None
 

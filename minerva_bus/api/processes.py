@@ -102,6 +102,7 @@ class Launched:
         # Not in one wait: another thread may take the signal of Ctrl-C, which would not end it.
         while not self.ended:
             time.sleep(POLL_SECONDS)
+        # A launcher that was killed leaves no result.
         if not self._end.exists():
             raise MinervaError(self._why())
         told: dict[str, Any] = json.loads(self._end.read_text(encoding="utf-8"))
@@ -126,6 +127,7 @@ class Launched:
             try:
                 process.wait(END_SECONDS)
             except subprocess.TimeoutExpired:
+                # The launcher has a session of its own, so this ends the world's processes as well.
                 os.killpg(process.pid, signal.SIGKILL)
                 process.wait()
         process.stdin.close()

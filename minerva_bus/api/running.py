@@ -201,6 +201,7 @@ def request_of(
         if into:
             check_ending(Path(into))
         file = replace(file, collect=Collecting(entries, str(into)))
+        # The plans are made for their checks: errors appear here, before any process starts.
         plans_of(entries, file.world.vocabulary)
     return Request(world, overrides, file)
 
@@ -255,6 +256,7 @@ def _run_on_bus(request: Request, console: Console) -> Run:
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="minerva-run-")))
         collecting, entries = request.file.collect, request.file.collect.entries
+        # The coordinator collects, in another process, and passes its tables on in this file.
         spool = str(folder / "collected.columns") if entries and not collecting.into else ""
         launched = stack.enter_context(
             Launched(request, folder, into=collecting.into or spool, quiet=console.quiet)
@@ -296,6 +298,7 @@ def read_spool(
 
 def write_result(path: Path, result: Mapping[str, Any]) -> None:
     """Write a result for the process that waits for it."""
+    # Renamed when it is complete, so that a reader never finds half a result.
     draft = path.with_suffix(".draft")
     draft.write_text(json.dumps(result), encoding="utf-8")
     draft.replace(path)

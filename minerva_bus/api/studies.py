@@ -118,6 +118,7 @@ def sweep(
     """
     own = world_of(world, {})
     combinations = _grid(grid or {}, seeds)
+    # For its checks only: an error appears here, not once in each run.
     request_of(own, {}, frames=frames)
     entries = read_entries(collect) if collect is not None else own.read().collect.entries
     plans = plans_of(entries, own.vocabulary)
@@ -142,6 +143,7 @@ def sweep(
         tables = {plan.name: Gathered(plan.name, plan.columns) for plan in plans}
         keys: dict[str, list[Combination]] = {plan.name: [] for plan in plans}
         several = len(plans) > 1
+        # In the order of the grid: runs finish in any order, and the table must not depend on it.
         for combination, row in [(each, runs.rows[each]) for each in combinations]:
             for plan in plans if not row.error else ():
                 part = path_of(runs.part(combination), plan.name, several)

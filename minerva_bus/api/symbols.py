@@ -51,6 +51,7 @@ class SymbolFinder:
             )
 
     def _add_agent(self, cls: type[Agent]) -> None:
+        # Classes may use each other, so each one is walked once.
         if self._symbols.setdefault(cls.kind.name, cls) is cls and id(cls) not in self._walked:
             self._walked.add(id(cls))
             self._walk_class(cls, Agent)
@@ -67,6 +68,7 @@ class SymbolFinder:
     def add_scene(self, scene: Scene) -> None:
         """Add the symbols of a string."""
         for piece in scene.pieces:
+            # Columns have their symbols once for all rows, so a million agents are not visited.
             if not isinstance(piece, FigureNode) and hasattr(piece, "levels"):
                 self._wanted |= {level.symbol: None for level in cast("Any", piece).levels()}
         if all(not hasattr(piece, "levels") for piece in scene.pieces):
@@ -117,6 +119,7 @@ class SymbolFinder:
             if base is root or base.__module__.partition(".")[0] == _OWN:
                 continue
             for value in vars(base).values():
+                # Static and class methods have `__func__`, properties `fget`.
                 function = getattr(value, "__func__", getattr(value, "fget", value))
                 self.add_function(function)
 
@@ -131,6 +134,8 @@ class SymbolFinder:
         for name in used:
             value = names.get(name)
             if isinstance(value, ModuleType):
+                # The code of `symbols.PFox` has both names but not which belongs to which, so all
+                # are tried.
                 for attribute in used:
                     self._use(vars(value).get(attribute))
             else:
@@ -219,6 +224,7 @@ def _variable_of(symbol: Any) -> str:
     homes = [
         f"{name}:{variable}"
         for name, module in list(sys.modules.items())
+        # Modules of worlds made in Python exist in this process only.
         if name.partition(".")[0] != _OWN and not name.startswith("minerva_world_")
         for variable, value in list(vars(module).items())
         if value is symbol

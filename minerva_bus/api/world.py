@@ -114,6 +114,8 @@ class World:
         placement: Mapping[str, Any] | None = None,
         **settings: Any,
     ) -> None:
+        # The caller's variables: symbols that the code names in strings only are looked up among
+        # them.
         frame = sys._getframe(1)  # pyright: ignore[reportPrivateUsage]
         made = _Made(
             string, name, dict(options or {}), {**frame.f_globals, **frame.f_locals}, settings
@@ -126,6 +128,7 @@ class World:
         self._made: _Made | None = made
         self._path: Path | None = None
         self._given = AS_WRITTEN
+        # The module would otherwise stay for as long as the program runs.
         weakref.finalize(self, sys.modules.pop, made.module.__name__, None)
         self.read()
 
@@ -282,6 +285,7 @@ class _Made:
                 finder.add(cls)
         for process, spec in self._services(services):
             cls = find_service(spec.service) if isinstance(spec.service, str) else spec.service
+            # An instance, because event types may depend on its options.
             finder.add_service(cls, bind(cls, spec.options, f"{self.name}: {process}")())
             own = spec.service if isinstance(spec.service, str) else self._keep(cls)
             processes[process] = {"service": own, **spec.options}
@@ -303,6 +307,7 @@ class _Made:
         world, string = self.tables["world"], self._string
         if isinstance(string, str):
             world["string"] = string
+            # A text with options can be parsed only after they are filled in.
             if "${" not in string:
                 self._finder.add_scene(parse(string, f"{self.name}: the string"))
         elif isinstance(string, Scene):
@@ -311,6 +316,7 @@ class _Made:
         elif callable(string):  # pyright: ignore[reportUnnecessaryComparison]
             world["scene"] = self._keep(string, MAKE)
             self._finder.add_function(string)
+            # Made once with the defaults, to find its symbols.
             made = string(dict(self.tables["options"]))
             self._finder.add_scene(parse(made) if isinstance(made, str) else made)
         else:
@@ -344,6 +350,7 @@ class _Made:
     def _keep(self, thing: Any, name: str = "") -> str:
         """Keep a class, function or vocabulary in the module; its spec."""
         name = name or thing.__name__
+        # Two classes of different modules may have the same name.
         while getattr(self.module, name, thing) is not thing:
             name += "_"
         setattr(self.module, name, thing)

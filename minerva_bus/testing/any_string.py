@@ -62,6 +62,7 @@ def reals() -> SearchStrategy[float]:
 
 def texts() -> SearchStrategy[str]:
     """Texts of Unicode characters, including quotes, backslashes and control characters."""
+    # Surrogates cannot be encoded in UTF-8.
     return st.text(st.characters(exclude_categories=("Cs",)), max_size=12)
 
 

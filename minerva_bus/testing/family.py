@@ -103,6 +103,7 @@ class Caller(Agent, symbol="ACaller"):
 
     @on("eHit", "eTurn")
     def call(self, event: Event, moment: Context) -> None:
+        # Any 64-bit integer may be drawn for this attribute, and the largest cannot be incremented.
         self.heard = (self.heard + 1) % 1000
         moment.emit(eHit(amount=float(self.heard), receivers=[self.id]))
         moment.emit(eGrow(condition="births < 3"))

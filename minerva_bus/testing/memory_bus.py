@@ -62,6 +62,7 @@ class QueueTransport:
 
     def publish(self, readings: m.Readings) -> None:
         """Queue readings for the members that subscribe to their topic."""
+        # Sorted, so that equal schedules give equal traces.
         for name, member in sorted(self.alive.items()):
             if readings.topic in member.topics:
                 self.queue("down", name).append(readings)
@@ -173,6 +174,7 @@ class MemoryBus:
         """All steps that could happen next, sorted: to members, from members, liveliness."""
         queues = self._transport.queues
         waiting = sorted(filter(self._may_pass, queues), key=_place)
+        # Only the clock ends this wait: nothing that is still in transit can.
         if not waiting and self.algorithm.phase is Phase.STOPPING and self._awaits_the_dead():
             return [CLOCK]
         return [BEGIN, *waiting] if self._log.is_ready and not self.ended else waiting
@@ -311,6 +313,7 @@ class MemoryBus:
         try:
             answers = member.receive(message)
             member.show()
+        # A refused member exits, as its process would.
         except Refusal:
             self.vanish(name)
             return

@@ -54,10 +54,13 @@ class Proxy:
     def cut(self) -> int:
         """Break all connections and return their number. New ones are still accepted."""
         with self._lock:
+            # Taken out under the lock: the accepting thread may add links meanwhile.
             links, self._links = self._links, set()
         for link in links:
             with suppress(OSError):
+                # `shutdown`, not `close`, wakes the threads that wait in `recv`.
                 link.shutdown(socket.SHUT_RDWR)
+        # Two sockets for each connection.
         return len(links) // 2
 
     def close(self) -> None:
@@ -79,6 +82,7 @@ class Proxy:
                 with self._lock:
                     self._links |= {near, far}
                 for source, target in ((near, far), (far, near)):
+                    # Without it, TCP may hold back small chunks and add to the configured delay.
                     source.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
                     self._carry(source, target)
 
@@ -95,6 +99,7 @@ class Proxy:
                 data = link.recv(CHUNK)
             except OSError:
                 data = b""
+            # Due times are fixed on arrival, so the delays of successive chunks overlap.
             late.put((time.monotonic() + self._delay(), data))
 
     def _give(self, link: socket.socket, late: queue.SimpleQueue[tuple[float, bytes]]) -> None:

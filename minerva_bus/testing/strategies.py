@@ -142,6 +142,7 @@ def _entries(
 
 
 def _is_free(name: str) -> bool:
+    # Names of other arguments of the constructors, and attributes that every event has.
     return name not in ("shape", "motion", "visual") and not hasattr(Event, name)
 
 
@@ -221,6 +222,8 @@ def _with_few_births(scene: Scene) -> Scene:
     def leave(node: Node, scope: Scene) -> Node:
         if not isinstance(node, AgentNode) or "births" not in node.names:
             return rescoped(node, scope)
+        # Any 64-bit integer may be drawn: few are below the 3 of `births < 3`, and the largest
+        # cannot be incremented.
         state = {**node.state, "births": node.state["births"] % 4}
         return AgentNode(node.symbol, node.id, node.names, tuple(state.values()), scope)
 

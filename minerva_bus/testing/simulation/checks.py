@@ -90,11 +90,15 @@ def _wrong_strings(played: Played) -> Iterator[str]:
     same = undisturbed(played.history.frames, tuple((n, orders) for n, orders in ordered if orders))
     for frame in observed.frames:
         number = frame.number
+        # A free-running generator emits by the clock, so its events may belong to other frames than
+        # in the undisturbed run. No agent responds to them, so the strings must be equal
+        # nevertheless.
         events = tuple(str(event) for event in frame.events if event.type != "eCry")
         if events != same.events[number]:
             yield f"frame {number} has the events {_differing(events, same.events[number])}"
         if frame.digest != same.digests[number]:
             yield f"frame {number} has another digest, {frame.digest[:8]}"
+            # All later frames would differ as a consequence.
             return
     for number, text in sorted(observed.shown.items()):
         if text != same.shown.get(number):

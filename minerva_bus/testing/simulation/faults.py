@@ -65,6 +65,7 @@ class Faults:
 
     def _crash(self, process: SimulatedProcess) -> None:
         """Kill a process during a turn; its later writes to the journal are lost."""
+        # The simulated code runs on to the end of its turn, where a real process would have died.
         before = _content(self._journal)
         process.after_turn = lambda: _restore(self._journal, before)
         process.kill()

@@ -77,6 +77,7 @@ class History:
 
 def drawn(seed: int) -> History:
     """The history of a seed."""
+    # A stream of its own: draws of the run itself do not change the history.
     chance = Random(f"history {seed}")  # noqa: S311
     frames = chance.randint(*FRAMES)
     rate = chance.choice(RATES)
@@ -84,6 +85,7 @@ def drawn(seed: int) -> History:
     faults: list[Fault] = []
     for _ in range(chance.randint(0, MAX_FAULTS)):
         fault = _fault(chance, frames, span)
+        # With more deaths the launcher would rightly give the process up, and the world would end.
         if _deaths(faults, fault.target) < MAX_KILLS:
             faults.append(fault)
     acts = _acts(chance, span) if chance.random() < 0.6 else ()
@@ -108,6 +110,7 @@ def _fault(chance: Random, frames: int, span: float) -> Fault:
     return Fault(frame, delay, kind, target, seconds, count)
 
 
+# Repeated entries are weights.
 _KINDS: Final = (
     *("kill",) * 3,
     *("crash",) * 4,

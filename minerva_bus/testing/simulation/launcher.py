@@ -75,6 +75,7 @@ class Launcher:
         return self._supervisor.summary()
 
     def _wake(self) -> None:
+        # A turn in progress schedules the next one itself.
         if not self._in_turn and not self.over:
             self._at(self._timeline.now + self._rng.uniform(*SOON))
 

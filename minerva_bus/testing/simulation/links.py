@@ -85,6 +85,7 @@ class Link:
             return
         later = max(way.stalled_until, way.to.frozen_until)
         if self._timeline.now < later:
+            # Calls at equal times keep their order, so delayed messages do, too.
             self._timeline.at(later, lambda: self._arrive(way, call))
             return
         call()

@@ -258,6 +258,7 @@ class _Obeyed:
     def __call__(self, data: bytes) -> None:
         """Execute received commands."""
         if self._coordinator is None:
+            # The launcher may write as soon as the pipe exists.
             self._before.append(data)
         else:
             self._process.system.call(lambda: self._obey(data))

@@ -197,6 +197,7 @@ class Network:
         if there and key not in link.tokens:
             before = self._count(link.hub, key)
             link.tokens.append(key)
+            # A token is visible as long as any session has it.
             if not before:
                 self._show_token(link.hub, key, there=True)
         elif not there and key in link.tokens:
@@ -281,6 +282,7 @@ class Network:
         link.hub.hear(key, data)
         self._spread(link.hub, link, key, data, droppable=False)
         echoes = self.timeline.now < self.echoes_until.get(link.client.process.name, 0.0)
+        # Only replies may arrive twice; the other messages are sent once on an ordered link.
         if echoes and declaration(data, _STAMP).awaited:
             chance = self.timeline.stream(f"echoes of {link.client.process.name}")
             self.timeline.after(chance.uniform(*ECHO), lambda: self._echo(key, data))
@@ -300,6 +302,7 @@ class Network:
                 link.down(lambda link=link: link.client.hear(key, data))
 
     def _listens(self, link: Link, key: str) -> bool:
+        # Cached, because every message is compared with the patterns of every link.
         known = link.listens.get(key)
         if known is None:
             known = link.listens[key] = any(matches(pattern, key) for pattern in link.heard)

@@ -38,7 +38,9 @@ class Person:
         self._network = network
         self._heard = heard
         halted = any(act.ask in _HALTING for act in acts)
+        # Frames of a last step get time to run before the world is resumed.
         first = Act(SETTLED, "resume") if acts and acts[-1].ask == "step" else UNPAUSED
+        # A person who has paused the world also resumes it; otherwise it would never end.
         self._acts = [*acts, *([first, *[UNPAUSED] * TRIES] if halted else ())]
         self._unpausing = len(acts)
         self._next = 0

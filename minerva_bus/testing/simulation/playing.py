@@ -134,6 +134,7 @@ class Play:
     # --- what happens ---
 
     def _on_begin(self, frame: int) -> None:
+        # A frame begins again under a successor; its faults have been executed already.
         if frame in self._begun:
             return
         self._begun.add(frame)

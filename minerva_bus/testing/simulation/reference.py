@@ -27,6 +27,7 @@ class Undisturbed:
     shown: Mapping[int, str]
 
 
+# Many histories have the same length and no orders.
 @lru_cache(512)
 def undisturbed(frames: int, orders: Orders) -> Undisturbed:
     """Run the world for some frames with these orders."""

@@ -26,6 +26,8 @@ def shortened(history: History, fails: Callable[[History], bool], most: int = MA
             if tries > most:
                 return history
             if fails(candidate):
+                # Begin again with the shorter history: removing one item may make others
+                # unnecessary.
                 shorter = candidate
                 break
     return history

@@ -52,6 +52,7 @@ class Timeline:
     def at(self, time: float, call: Callable[[], object]) -> Alarm:
         """Schedule a call at a time, or now if it has passed."""
         alarm = Alarm(call)
+        # The number orders calls at equal times, and alarms need no comparison.
         heapq.heappush(self._heap, (max(time, self.now), next(self._numbers), alarm))
         return alarm
 

@@ -196,6 +196,8 @@ class Gulls(Generator, events=("eCry",), lockstep=False):
     """Cry after joining, each cry with a new number."""
 
     def __init__(self, numbers: Iterator[int], cries: int = 3) -> None:
+        # Numbers of the whole world: a restarted process continues with new ones, so an event that
+        # counts twice can be recognized.
         self.cries = [next(numbers) for _ in range(cries)]
 
     def run(self, emit: Emit, stop: threading.Event) -> None:
