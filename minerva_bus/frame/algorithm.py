@@ -57,6 +57,8 @@ class FrameAlgorithm:
         self.frame: int = past.frame
         self.in_flight = FrameInFlight()
         self.members = Members(world.expected)
+        # The norms and the goal keep entries of their own in `saved`, so
+        # it is filled before they read it.
         self.members.saved.update(past.saved)
         self.composition = Composition(world.scene, columns=not literal)
         limit = world.placement.agents_per_host
@@ -76,6 +78,8 @@ class FrameAlgorithm:
         out = self.out
         out.pending = []  # An exception may have left instructions of the previous stimulus.
         sender: str = getattr(stimulus, "member", "")
+        # Only a token makes a member known. `Members.get` creates entries, so a message under an
+        # invented name must not reach a handler.
         if sender and not self.members.knows(sender) and not isinstance(stimulus, s.Appeared):
             self._note_stranger(sender)
         else:
@@ -100,14 +104,21 @@ class FrameAlgorithm:
         w = w₀ and t = 0, is the constructor; step 2 begins with the requests of `on_begin`.
         """
         source, in_flight = self.source, self.in_flight
+        # These are consecutive ifs because one call may end several phases: a frame that no
+        # generator and no host has to answer runs through all of its steps here.
         if self.phase is Phase.TICK and not in_flight.pending:
             source.collect()  # 2: e* = E(G*, t); 3: e^v of views; 4: e^u of evolution
             self._enter(Awaited.EVENTS)
             source.evolve()  # 5: w_next = η(w, e^u); 6: v = π(w, e^v)
+        # `settle` comes last because it has effects: it applies the norms, and may ask hosts again.
         if self.phase is Phase.EVOLVE and in_flight.requests.complete and source.settle():
+            # Views are sent with the results and not before: a coupled device acts on a view, and a
+            # frame that its coordinator never commits must not have moved anything. They are sent
+            # before the commit, because they show the string with which the frame began.
             self.show()  # 7: g = φ(v)
             source.commit()  # 8: w = w_next; t = t + 1
             self.continue_or_close()  # 9: if w = ε, go to 11; 10: go to 2
+        # `close` has replaced the frame in flight by now, so the local variable is out of date.
         if self.phase is Phase.CLOSING and self.in_flight.requests.complete:
             self.show()  # the last w, which no further frame shows
             self._stop(Awaited.RESULTS)
@@ -130,6 +141,9 @@ class FrameAlgorithm:
         """Announce the first frame once all expected members are present."""
         if self.phase is not Phase.WAITING or self.members.awaited():
             return
+        # Step 9 follows a frame, so nothing ends a world before frame 0. A resumed
+        # world or a successor begins after a frame, and its predecessor may have
+        # died before it could end the world.
         reason = self.source.why_over() if self.frame else ""
         if reason:
             self.close(reason)
@@ -150,6 +164,8 @@ class FrameAlgorithm:
         due = due_views(self.members.index, self.frame, (), closing=True)
         self.in_flight = FrameInFlight()
         self.in_flight.events.visual = visual_events(self, due)
+        # The phase changes before the request: in EVOLVE the literal policy would evolve all agents
+        # once more, and here hosts only make views.
         self._enter(Awaited.OVER)
         self.source.evolve()
 
@@ -162,6 +178,7 @@ class FrameAlgorithm:
     def _stop(self, awaited: Awaited) -> None:
         """Ask all members for their reports."""
         self._enter(awaited)
+        # The interrupted frame is never committed, so nothing waits for its replies any longer.
         self.in_flight.pending = set()
         self.in_flight.requests.cancel()
         self.shutdown.begin(member.name for member in self.members.active())
@@ -194,6 +211,7 @@ class FrameAlgorithm:
             return
         if self.phase is not Phase.READY or not self.source.has_next():
             return
+        # Before the new frame is made, so that newcomers answer its tick and host its agents.
         self.joining.admit_joining()
         self.in_flight = FrameInFlight(begin.due, begin.inputs)
         self._enter(Awaited.BEGIN)
@@ -213,6 +231,8 @@ class FrameAlgorithm:
             source.collect()
             source.evolve()
             source.settle()
+            # No device is present yet, but logged views are deltas of earlier ones, and devices
+            # that join receive the latest view.
             self.show()
             source.commit()
         except Unfit as unfit:
@@ -277,6 +297,7 @@ class FrameAlgorithm:
 
     def awaits(self, member: str) -> bool:
         """Whether this frame or the next one waits for an answer of a member."""
+        # An answer to an early request is awaited in any phase, because it is for the next frame.
         if self.inbox.early.awaits(member):
             return True
         if self.phase in (Phase.TICK, Phase.STOPPING):
@@ -311,6 +332,7 @@ class FrameAlgorithm:
         if self.world.frames or self.phase is not Phase.READY or self.placement.outdated:
             return False
         index = self.members.index
+        # A device with `every` shows the latest change only in one frame of that many.
         unseen = self.frame - self.views.last_change < index.every
         busy = unseen or index.tickers or index.joining or self._fading
         return not (busy or self.inbox)
@@ -373,11 +395,14 @@ class FrameAlgorithm:
     def ordered(self) -> Mapping[str, Sequence[AnyEvent]]:
         """Events that no complete frame contains, by source, if any of them are from people."""
         events = self.in_flight.events
+        # `collect` has moved the events of the frame out of the inbox, but they count only once the
+        # frame is complete: until then a successor needs them from here.
         taken: dict[str, Sequence[AnyEvent]] = {}
         if self.phase is Phase.EVOLVE:
             taken |= events.taken
         if self.in_frame and events.orders:
             taken[PEOPLE] = [*events.orders, *taken.get(PEOPLE, ())]
+        # The same events as `events.orders`, which have been added as people's.
         taken.pop(HANDED_OVER, None)
         waiting = self.inbox.events
         if PEOPLE not in taken and PEOPLE not in waiting:

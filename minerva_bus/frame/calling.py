@@ -30,6 +30,7 @@ def made_events(made: Any) -> Iterator[AnyEvent]:
     """
     if made is None:
         return
+    # Checked before Iterable, because an event and a batch are iterable themselves.
     if isinstance(made, Event | Events):
         yield made
         return
@@ -57,6 +58,7 @@ def saved_by(service: Service) -> Mapping[str, Any] | None:
         return None
     if isinstance(saved, Mapping):
         names = cast("Mapping[str, Any]", saved)
+        # A mapping that has VALUE as its only key is wrapped too, or `restore` would unwrap it.
         return {VALUE: names} if set(names) == {VALUE} else names
     return {VALUE: saved}
 

@@ -44,6 +44,7 @@ def apportion(rows: int, weights: Sequence[float], capacities: Sequence[float]) 
         if sizes[place] > capacity:
             excess += sizes[place] - int(capacity)
             sizes[place] = int(capacity)
+    # In the order of the hosts, so that every run gives the excess to the same ones.
     for place, capacity in enumerate(capacities):
         more = min(excess, capacity - sizes[place])
         sizes[place] += int(more)

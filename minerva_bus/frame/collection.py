@@ -39,10 +39,12 @@ class CollectionStep:
         algorithm, index = self._algorithm, self._algorithm.members.index
         in_flight = algorithm.in_flight
         in_flight.ticked = algorithm.inbox.early.take()
+        # Orders precede the tick, because a generator derives events of this frame from them.
         if in_flight.logged is None:
             self._hand_over(algorithm.inbox.take_orders(self._has_taker))
         else:
             self._load(in_flight.logged)
+        # `tickers` includes members that are away and awaited: the frame waits for their return.
         in_flight.pending = set(index.tickers - in_flight.ticked.keys())
         if index.anyone_ticks:
             algorithm.out.send(s.TICKED, m.TickRequest(algorithm.frame))
@@ -81,6 +83,8 @@ class CollectionStep:
         permitted = algorithm.in_flight.events.permitted
         orders = tuple([event for event in permitted if event.type in taken])
         if orders:
+            # A generator that is asked ahead may have answered for this frame already. The orders
+            # then count in the first frame that it has not been asked about.
             frame = max(algorithm.frame, algorithm.inbox.early.last_asked(member.name) + 1)
             algorithm.out.send(member.name, m.Orders(frame, orders))
 
@@ -98,10 +102,12 @@ class CollectionStep:
         member = algorithm.members.get(reply.member)
         in_time = algorithm.awaits_tick(reply.member) and reply.frame == algorithm.frame
         ahead = reply.frame == early.last_asked(reply.member)
+        # An answer to an early request that arrives after its frame has begun is one of that frame.
         is_early = ahead and not (algorithm.in_frame and reply.frame == algorithm.frame)
         if not member.active or not (in_time or is_early) or reply.member in early.replies:
             member.late += 1
             return
+        # Most replies have no events and need no check.
         if reply.events and not self._may_generate(member, reply.events):
             return
         note_answer(algorithm, member)
@@ -120,6 +126,7 @@ class CollectionStep:
         member.last_reply = algorithm.frame
         if algorithm.inbox.add(emitted.member, emitted.events):
             return
+        # Logged once only: a sensor that is faster than the frames would fill the log.
         if not member.dropped:
             algorithm.out.log(
                 member.name,
@@ -156,21 +163,26 @@ class CollectionStep:
             later = algorithm.inbox.hold_back()
         else:  # Logged events were few enough for one frame.
             later = in_flight.logged.waiting
+            # The devices that requested these views may be absent now.
             due = tuple(sorted({*due, *in_flight.logged.due}))
         self._gather(due)
         algorithm.inbox.put_back(later)
         if not world.frames or algorithm.frame + 1 < world.frames:
+            # Asked while the hosts evolve this frame, so that the next
+            # one need not wait for the answers.
             self._ask_ahead(algorithm.frame + 1)
 
     def _gather(self, due: tuple[str, ...]) -> None:
         algorithm, events = self._algorithm, self._algorithm.in_flight.events
         taken, emitted = algorithm.inbox.take(self._has_taker), algorithm.inbox.emitted
+        # The log needs the orders too: a recomputed frame hands them over again.
         events.taken = {**taken, HANDED_OVER: events.orders} if events.orders else taken
         events.due = due
         sources: dict[str, Sequence[AnyEvent]] = {**taken}
         if emitted:
             sources[AGENTS] = emitted
         self._add_ticked(sources)
+        # The rights were checked on arrival, but the string may have changed since then.
         self._leave_out_foreign(sources)
         if due:
             sources["~device"] = visual_events(algorithm, due)
@@ -186,6 +198,8 @@ class CollectionStep:
             if reply.events:
                 sources[member] = [*reply.events, *sources.get(member, ())]
             if reply.saved is not None or member in saved:
+                # A successor of a member that saves nothing any more must
+                # not continue from outdated data.
                 saved[member] = NOTHING if reply.saved is None else reply.saved
 
     def _leave_out_foreign(self, sources: dict[str, Sequence[AnyEvent]]) -> None:
@@ -216,6 +230,8 @@ class CollectionStep:
     def _permitted(self, sources: dict[str, Sequence[AnyEvent]]) -> dict[str, Sequence[AnyEvent]]:
         """The events that norms permit, and the sanctions that follow from the last frame."""
         algorithm = self._algorithm
+        # Taken out first, because the sanctions that `publish` adds below belong to the next frame.
+        # They are not judged themselves: no norm can prevent the sanction of another.
         sanctions, algorithm.inbox.sanctions = algorithm.inbox.sanctions, []
         if algorithm.norms:
             people = algorithm.in_flight.events.people

@@ -13,6 +13,8 @@ PROTOCOL_VERSION = 6
 
 def incompatibility(hello: Hello, vocabulary: Vocabulary) -> str:
     """Reason why a member cannot join a world of this vocabulary, or an empty string."""
+    # The version is checked first, because in another version the
+    # other fields may mean something else.
     if hello.version != PROTOCOL_VERSION:
         return (
             f"it speaks protocol {hello.version}, this world {PROTOCOL_VERSION}: install the same"
@@ -22,6 +24,7 @@ def incompatibility(hello: Hello, vocabulary: Vocabulary) -> str:
         if event_type not in vocabulary.events:
             known = nearest(event_type, list(vocabulary.events))
             return f"the world's vocabulary has no event type {event_type}{known}"
+    # The coordinator generates such events itself and has no data for them.
     for event_type in hello.draws if hello.every or hello.rate else ():
         fields = vocabulary.events[event_type].fields.all
         required = [field.name for field in fields if field.default is None]
@@ -30,6 +33,8 @@ def incompatibility(hello: Hello, vocabulary: Vocabulary) -> str:
                 f"it cannot be the source of {event_type} itself, which needs {required[0]}; let a"
                 " generator make the event (every = 0, rate = 0)"
             )
+    # Members in step count as publishers in step. A device that only draws answers its ticks
+    # without readings, so the subscribers of its topics would wait for them forever.
     if hello.publishes and hello.coupled and not hello.lockstep:
         return "it publishes readings but generates nothing: a publisher is a Generator too"
     reasons = (_kind_mismatch(kind, vocabulary) for kind in hello.kinds)
@@ -43,6 +48,8 @@ def _kind_mismatch(kind: AgentKind, vocabulary: Vocabulary) -> str:
     mismatch = _state_mismatch(kind, expected)
     if mismatch:
         return f"{mismatch}: both must come from the same code"
+    # Both affect the string. With other probabilities it would
+    # depend on which host evolves an agent.
     if expected.chances != kind.chances:
         return f"its {kind.name} answers events with other probabilities than the world's"
     if expected.rest != kind.rest:

@@ -59,6 +59,8 @@ class Composition:
         made: list[Piece] = []
         before = ""
         for piece in scene.pieces:
+            # Adjacent columns of one kind are parts of one population;
+            # anything between them separates two.
             if piece.ids is not None:
                 made += self._part_slot(piece, beside=piece.symbol == before)
                 before = piece.symbol
@@ -81,6 +83,7 @@ class Composition:
 
     def _part_slot(self, part: Columns, *, beside: bool) -> Sequence[Piece]:
         name = self._names.get(id(part), "")
+        # Names are not reused, because hosts and devices hold former parts by their names.
         if not name:
             self._named += 1
             name = f"{PART}{part.symbol}.{self._named}"
@@ -105,6 +108,8 @@ class Composition:
     @property
     def scene(self) -> Scene:
         """The whole string w."""
+        # Put together on demand: most frames change some fragments,
+        # and nothing reads the whole string.
         if self._scene is None:
             self._scene = fill(self.skeleton, self._as_strings())
         return self._scene
@@ -207,6 +212,7 @@ class Composition:
         if not changes:
             return False
         # A failed check must leave no trace: the world then ends with the string of this frame.
+        # These two dictionaries are changed in place; all other attributes are replaced as a whole.
         before = self.__dict__ | {
             name: self.__dict__[name].copy() for name in ("fragments", "parts")
         }
@@ -217,6 +223,8 @@ class Composition:
             raise
 
     def _replace(self, changes: Mapping[str, Scene]) -> bool:
+        # A new skeleton turns all views into keyframes, so fragments are
+        # replaced in place where possible.
         if not all(self._same_shape(name, scene) for name, scene in changes.items()):
             parts = {**self._as_strings(), **changes}
             self._take_apart(self._held(fill(self.skeleton, parts)), parts)
@@ -226,6 +234,8 @@ class Composition:
             piece = cast("Fragment", scene.pieces[0])
             self.fragments[name] = piece
             if piece.ids is not None:
+                # Parts whose ids are the same object have no births or
+                # deaths, hence no new id to check.
                 if piece.ids is not self.parts[name].ids:
                     before[name] = _ids(self.parts[name])
                 self.parts[name] = piece
@@ -258,6 +268,7 @@ class Composition:
             return False
         if not isinstance(piece, AgentNode) or not isinstance(old, AgentNode):
             return True
+        # Another scope may contain other agents, which `_home` and `_kind` have to list.
         same_scope = piece.scope is old.scope or not (piece.scope.pieces or old.scope.pieces)
         return piece.id == name and same_scope
 
@@ -301,6 +312,7 @@ class Composition:
             whole |= _in_place_of(population, pieces)
         strings = self._as_strings().items()
         agents = {name: own for name, own in strings if name not in self.parts}
+        # Names that are given later must not repeat those of the log.
         self._named = max(self._named, *(int(name.rpartition(".")[2]) for name in named))
         self._take_apart(fill(self.skeleton, {**agents, **whole}), {**agents, **named})
 
@@ -321,6 +333,8 @@ def shares(rows: int, weights: Sequence[float]) -> list[int]:
 
     Large populations are divided at chunk boundaries.
     """
+    # The digest of the population can reuse the chunk digests of its parts if these are whole
+    # chunks. With few chunks per host, rounding to them would make the shares too unequal.
     unit = CHUNK if rows >= 4 * CHUNK * len(weights) else 1
     ends = np.cumsum(weights) / sum(weights) * (rows / unit)
     cuts = [0]

@@ -24,6 +24,7 @@ class Rule:
 
     def allows(self, host: str, machines: Mapping[str, str]) -> bool:
         """Whether a host may evolve such agents; `machines` maps members to machines."""
+        # `fnmatch` ignores case on some platforms, but names of members are case-sensitive.
         if self.only and not any(fnmatchcase(host, pattern) for pattern in self.only):
             return False
         return not self.near or machines.get(self.near, "") == machines.get(host)

@@ -39,6 +39,7 @@ class DeviceSide:
         """Apply a keyframe or a delta; False where a view was missed, so a keyframe is needed."""
         picture = self._pictures.get(shown.event_type)
         if shown.skeleton is not None:
+            # Equal numbers count: a requested keyframe repeats the sequence of the latest view.
             if picture is None or shown.sequence >= picture.sequence:
                 picture = _Picture(shown.sequence, shown.skeleton, dict(shown.parts))
                 self._pictures[shown.event_type] = picture
@@ -46,6 +47,7 @@ class DeviceSide:
             return True
         if picture is None or shown.sequence > picture.sequence + 1:
             return False
+        # A delta with a lower number is contained in the keyframe that arrived before it.
         if shown.sequence > picture.sequence:
             picture.sequence = shown.sequence
             picture.parts.update(shown.parts)
@@ -68,6 +70,8 @@ class DeviceSide:
             begin(frame)
             if isinstance(self._service, Device):
                 picture = self._pictures[event_type]
+                # A copy, because the device may keep the view, and the next
+                # delta changes the parts in place.
                 parts = dict(picture.parts)
                 view = View(frame, event_type, picture.skeleton, parts, picture.halted)
                 with blamed(self._service.show):

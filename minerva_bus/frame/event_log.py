@@ -40,6 +40,8 @@ class EventLog:
         for batch in events:
             room = MAX_PER_TYPE - counts[batch.type]
             counts[batch.type] += len(batch)
+            # Iterating over a batch makes an event for each row, so only
+            # the rows that are logged are read.
             for event in islice(batch, max(0, room)):
                 self._add(number, event.type, _short(str(event), MAX_ENTRY_LENGTH))
         for event_type, count in sorted(counts.items()):

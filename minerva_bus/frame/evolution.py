@@ -49,8 +49,11 @@ class EvolutionStep:
         hosts = self._hosts_to_ask()
         for host in hosts:
             requests.outstanding[host, 0] = tuple(algorithm.placement.fragments_of(host))
+            # Fragments are sent before the request that needs them;
+            # messages keep their order on the bus.
             self._give(host)
         plain = [host for host in hosts if algorithm.members.declines_columns(host)]
+        # One publication for all hosts with counted replies was the fastest pattern measured.
         others = tuple([host for host in hosts if host not in plain])
         if others:
             request = m.EvolveRequest(algorithm.frame, others, events.evolving, events.visual)
@@ -107,6 +110,7 @@ class EvolutionStep:
     def ask_again(self, fragments: list[str]) -> None:
         """Ask for fragments once more in this frame, wherever they are placed now."""
         algorithm, placement = self._algorithm, self._algorithm.placement
+        # The arrangement within a frame ignores this limit, so the next frame has to restore it.
         placement.outdated = algorithm.world.placement.agents_per_host > 0
         placement.arrange(algorithm.offers(), mid_frame=True)
         algorithm.in_flight.requests.unassigned = set()
@@ -122,6 +126,7 @@ class EvolutionStep:
             if host is not None:
                 by_host.setdefault(host, []).append(fragment)
         requests, events = in_flight.requests, in_flight.events
+        # Fragments of a host that is lost after a rejection are evolved by the reduced events, too.
         evolving, visual = requests.reduced or (events.evolving, events.visual)
         for host, only in sorted(by_host.items()):
             requests.repeats += 1
@@ -142,6 +147,8 @@ class EvolutionStep:
         if reply.frame != algorithm.frame or key not in requests.outstanding or not member.active:
             member.late += 1
             return
+        # The whole reply is checked before any part of it counts, so a
+        # violation leaves the frame as it was.
         wrong, changed = self._objection(reply, frozenset(requests.outstanding[key])), {}
         try:
             changed = {} if wrong else patched(reply, algorithm.composition)
@@ -154,6 +161,8 @@ class EvolutionStep:
             return
         del requests.outstanding[key]
         note_answer(algorithm, member)
+        # A repeated request concerns a few fragments only; its
+        # duration is not the speed of the host.
         if reply.elapsed and not reply.part:
             algorithm.placement.note_elapsed(reply.member, reply.elapsed)
         algorithm.in_flight.result.merge(reply, changed)
@@ -192,6 +201,8 @@ class EvolutionStep:
     def settle(self) -> bool:
         """Whether the results are final; if norms reject some, ask again by fewer events."""
         in_flight = self._algorithm.in_flight
+        # A stage may get no replies to wait for: the fragments have no host any longer, or their
+        # logged replies are here already. Then the next stage follows at once.
         while True:
             if in_flight.logged is not None:
                 self._merge_logged(in_flight.logged)
@@ -200,6 +211,7 @@ class EvolutionStep:
             if stage is None or in_flight.trial is None:
                 self._enforce()
                 return True
+            # No visual events: the views are of the string before the frame, which no norm changes.
             in_flight.requests.reduced = stage, ()
             rejected = in_flight.trial.open
             for fragment in rejected:
@@ -222,12 +234,16 @@ class EvolutionStep:
         elif in_flight.trial is not None:
             norms.reconsider(in_flight.trial, result.changed, result.sent)
         if in_flight.trial is not None:
+            # The trial has copies; from now on the result gathers the
+            # replies to the next stage alone.
             result.changed, result.sent = {}, {}
 
     def _enforce(self) -> None:
         """Replace the results by what norms leave of them; rejected agents are halted."""
         algorithm, in_flight = self._algorithm, self._algorithm.in_flight
         result = in_flight.result
+        # The view shows an action of these agents that λ has not counted, because they did not
+        # evolve. A device that executed it would move a body that stands still in the string.
         halted = set(self._agents_left_out() if in_flight.events.visual else ())
         if in_flight.trial is not None:
             verdict = algorithm.norms.verdict(in_flight.trial)

@@ -49,6 +49,8 @@ class GeneratorSide:
         """Continue from what an earlier process of this member saved, if anything."""
         self._generates = frozenset(generated_types(self._service))
         if self._service is not None and saved is not None:
+            # The state before the first frame, to which `rejoin` may return. A deep copy, because
+            # the service may go on changing the objects that it saved.
             self._initial = deepcopy(saved_by(self._service))
             restore(self._service, saved)
 
@@ -59,7 +61,9 @@ class GeneratorSide:
 
     def rejoin(self, service: Service, welcome: m.Welcome) -> None:
         """Return to the state before a frame; answers given in that frame can be repeated."""
+        # A member that has answered the tick of this frame keeps its state and repeats that answer.
         if welcome.frame not in self._answers:
+            # Marks the frames before as answered, so that `repeated` does not accept an older tick.
             self._answers = {welcome.frame - 1: ()}
             # Nothing is saved of a first frame that never ended: return to before it.
             saved = self._initial if welcome.saved is None else welcome.saved
@@ -81,6 +85,7 @@ class GeneratorSide:
         A new tick is noted as asked, unless it is older than those that were answered.
         """
         answer = self._answers.get(frame)
+        # A tick older than the latest answer cannot be answered: the state of its frame is gone.
         if answer is None and frame >= max(self._answers, default=0):
             self.asked = frame
         return answer
@@ -117,6 +122,8 @@ class GeneratorSide:
             checked = () if empty else self.checked(made_events(made), vocabulary)
             events = in_columns(checked) if checked else ()
             published = self._publish(service, tick) if service.publishes or tick.published else ()
+        # Readings are sent before the reply. If the process dies between the two, it has not
+        # answered, so the frame asks its successor, which publishes them again.
         yield from published
         yield m.TickReply(self._name, frame.number, events, saved_by(service))
 
@@ -156,6 +163,8 @@ class GeneratorSide:
         return checked
 
     def _publish(self, service: Service, tick: Tick) -> list[m.Readings]:
+        # A publisher in step sends one message on each of its topics per tick, even an empty one,
+        # because subscribers wait for it.
         by_topic: dict[str, list[Reading]] = {topic: [] for topic in service.publishes}
         for topic, reading in tick.published:
             self._check_topic(service, topic)

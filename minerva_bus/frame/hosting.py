@@ -57,6 +57,8 @@ class Host:
         for fragment in given.dropped:
             self._drop(fragment)
         for fragment, scene in given.given.items():
+            # `_drop` also forgets the views, because the coordinator
+            # expects whole ones of a given fragment.
             self._drop(fragment)
             piece = fragment_in(scene, fragment)
             if piece is None:
@@ -79,6 +81,7 @@ class Host:
         missing = [name for name in concerned if name not in self.fragments]
         if missing:
             raise ProtocolError(f"frame {request.frame} is about #{missing[0]}, never given here")
+        # Views come first: they show the string before the evolution, which replaces the fragments.
         views = {
             event_type: self._views(event_type, concerned, request.visual, frame)
             for event_type in sorted({event.type for event in request.visual})
@@ -91,6 +94,7 @@ class Host:
             was = Scene((self.fragments[fragment],))
             result = evolve(was, events, self.kinds, frame, policy)
             emitted.update(_checked(fragment, result, vocabulary))
+            # Evolution shares what it does not change, so identity detects it without a comparison.
             if result.scene is not was:
                 self._changed(fragment, vocabulary.check(result.scene, f"#{fragment}"), results)
         return EvolveReply(
@@ -135,6 +139,8 @@ class Host:
             view = visualize(Scene((piece,)), events, self.kinds, frame.number)
             self._shown[event_type, fragment] = _Shown(piece, events.events, view)
             patch = _view_patch(shown, piece, view) if shown is not None else None
+            # An empty patch means that the fragment has changed and its
+            # view has not, so nothing is sent.
             if patch is not None and (patch.changes or patch.turnover is not None):
                 views.patched[fragment] = patch
             elif patch is None and (shown is None or _other(shown.view, view)):

@@ -90,6 +90,7 @@ class FrameInbox:
     def add(self, source: str, events: Sequence[AnyEvent]) -> bool:
         """Add events of a generator; False if its queue is full."""
         waiting = self.events.setdefault(source, [])
+        # A running count, because adding up the queue for each message would take quadratic time.
         held = self._counts.get(source)
         if held is None:  # The first since the last frame, or since the world was resumed.
             held = sum(map(len, waiting))
@@ -130,6 +131,7 @@ class FrameInbox:
         later: dict[str, list[AnyEvent]] = {}
         for source, events in self.events.items():
             singles = accumulate(isinstance(event, Event) for event in events)
+            # Batches do not count: the limit bounds the work for events outside columns.
             if len(events) > self.max_single_events and source != PEOPLE:
                 taken = bisect_right(list(singles), self.max_single_events)
                 later[source] = events[taken:]

@@ -40,6 +40,7 @@ class MemberLifecycle:
         """Check a hello, and admit its member now or when the next frame begins."""
         algorithm = self._algorithm
         member = algorithm.members.get(hello.member)
+        # Greetings are repeated, so a second hello of the same process may arrive; it counts once.
         if member.state is not MemberState.JOINING or member.greeted:
             return
         reason = incompatibility(hello, algorithm.world.vocabulary)
@@ -48,6 +49,7 @@ class MemberLifecycle:
             return
         algorithm.members.introduce(member, hello)
         between = algorithm.phase in (Phase.WAITING, Phase.READY)
+        # A host that joins while the generators answer can evolve agents in this frame already.
         in_time = algorithm.phase is Phase.TICK and hello.kinds
         awaited = algorithm.awaits_answer(member.name) or algorithm.in_flight.requests.unassigned
         if between or in_time or awaited:
@@ -70,8 +72,11 @@ class MemberLifecycle:
     def _admit(self, member: MemberEntry, hello: m.Hello) -> None:
         algorithm, world = self._algorithm, self._algorithm.world
         algorithm.members.change(member, MemberChange.ADMITTED)
+        # A newcomer has not seen the string, so the world is not at
+        # rest even if nothing has changed.
         member.last_reply = algorithm.views.last_change = algorithm.frame
         saved = algorithm.members.saved.get(member.name)
+        # The welcome is first, because a member ignores all messages that need a world before it.
         algorithm.out.send(
             member.name,
             m.Welcome(
@@ -122,6 +127,8 @@ class MemberLifecycle:
         if algorithm.phase is Phase.STOPPING:
             algorithm.shutdown.depart(member.name)
         elif algorithm.phase is not Phase.ENDED:
+            # The change precedes the log line, so that the offers are without this host. `_lose`
+            # follows it, because the line is about the placement from before.
             algorithm.members.change(member, MemberChange.VANISHED)
             algorithm.out.log(member.name, f"is gone{self._outlook_without(member)}")
         self._lose(member)
@@ -182,6 +189,8 @@ class MemberLifecycle:
         if unassigned:
             requests.left_out |= requests.unassigned
             requests.unassigned = set()
+        # The host may evolve its fragments after all, and its late reply is dropped. What it holds
+        # is therefore unknown, and it receives its fragments again.
         algorithm.placement.forget(member.name)
         algorithm.placement.outdated = True
 
@@ -228,6 +237,8 @@ class MemberLifecycle:
         algorithm.placement.outdated = True
         algorithm.inbox.early.forget(member.name)
         result, requests = in_flight.result, in_flight.requests
+        # Its replies still count, but it no longer holds what it reported, so the
+        # next host must receive the result.
         result.changed_by = {n: by for n, by in result.changed_by.items() if by != member.name}
         if algorithm.phase is Phase.TICK and member.awaited and member.name in in_flight.ticked:
             # Other members may still need the readings that it published in this frame. Its

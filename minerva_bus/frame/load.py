@@ -48,6 +48,7 @@ class Load:
 
     def _speed(self, host: str) -> float:
         speeds = self._speeds.get(host, [])
+        # The median, so that a single slow frame does not move rows.
         return median(speeds) if len(speeds) == WINDOW else 0.0
 
 

@@ -87,6 +87,8 @@ class Member:
         Raises Refusal where the world does not accept the member, and whatever user code raises.
         """
         self._out = []
+        # Before its welcome a member ignores everything else: messages to all members reach
+        # it as soon as it has subscribed.
         if self.world is None and not isinstance(
             message, m.Greet | m.Welcome | m.Refused | m.Stop | m.Sources
         ):
@@ -128,6 +130,8 @@ class Member:
         """Join a world, or rejoin it after its coordinator lost sight of this member."""
         rejoins = self.world is not None and self._is_same_run(self.world, welcome)
         self.world = welcome
+        # The coordinator that sent this may be a successor, which repeats the frame in progress.
+        # All fragments are discarded, and the necessary ones arrive again.
         self._evolved = (-1, set())
         self._generating.clear()
         self.host.clear()
@@ -155,6 +159,8 @@ class Member:
         Raises WorldRestarted if it is from another run, or from before this member's frame.
         """
         same = (before.seed, before.dt) == (welcome.seed, welcome.dt)
+        # Answers are kept for two frames. From an earlier frame the member can
+        # continue only with the data saved then.
         earlier = welcome.frame + 1 < self.frame and welcome.saved is None
         if not same or earlier:
             raise WorldRestarted(
@@ -188,6 +194,7 @@ class Member:
         self._tick_if_complete()
 
     def _on_readings(self, readings: m.Readings) -> None:
+        # A device without ticks has no frame to wait for, so it processes readings on arrival.
         if isinstance(self.service, Device) and not isinstance(self.service, Generator):
             with blamed(self.service.heard):
                 for reading in readings.readings:
@@ -250,6 +257,7 @@ class Member:
     # --- agents ---
 
     def _on_evolve(self, request: m.EvolveRequest) -> None:
+        # One publication reaches all hosts, including those that the frame does not concern.
         if self.name not in request.asked or self._has_evolved(request):
             return
         self.frame = request.frame

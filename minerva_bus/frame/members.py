@@ -229,6 +229,7 @@ class Members:
         return self._index
 
     def _make_index(self) -> MemberIndex:
+        # By name, so that no order of messages or events depends on who joined first.
         members = list(self)
         tickers = [m for m in members if m.ticks and (m.active or m.awaited)]
         hellos = [m.hello for m in members if m.hello is not None and (m.active or m.awaited)]
@@ -258,6 +259,7 @@ class Members:
 
     def declines_columns(self, name: str) -> bool:
         """Whether a member receives agents and events one by one instead of in columns."""
+        # Not by `get`, which creates entries: addresses of groups, such as ~all, get here, too.
         member = self._entries.get(name)
         return member is not None and member.hello is not None and member.hello.plain
 

@@ -77,12 +77,16 @@ class Norms:
         The generators `people` stand for people. An event whose sender no longer exists is judged
         by its data alone.
         """
+        # Other internal sources are not acts of a member or person,
+        # such as views that devices request.
         judged = [name for name in sorted(sources) if not name.startswith("~") or name == PEOPLE]
         if not self._on_events or not judged:
             return sources
         self._begin(frame)
         self._people = frozenset((PEOPLE, *people))
         left = {name: list(sources[name]) for name in judged}
+        # Norms apply in the order of declaration: an event that one
+        # refuses does not count for the next.
         for norm in self._on_events:
             for event_type in norm.on:
                 for source, events in left.items():
@@ -133,6 +137,8 @@ class Norms:
             for condition in norm.conditions:
                 forbidden &= condition.holds_of_many(self._many(norm, events), events.count)
             return forbidden
+        # Senders in columns are judged as whole columns; those that
+        # remain `single` are judged one by one.
         single = np.ones(events.count, np.bool_)
         for part in self._composition.parts.values():
             at = part.ids.rows_of(events.senders) if part.ids is not None else forbidden - 1
@@ -200,6 +206,7 @@ class Norms:
         if not self._counts.breaks(norm, who, self._frame):
             return False
         is_agent = self._composition.home(who) is not None
+        # Only the first violation of a norm is logged, since there may be one per agent and frame.
         if self._counts.broken[norm.name] == 1:
             whom = "people" if who == PEOPLE else f"#{who}" if is_agent else who
             self._lines.append(

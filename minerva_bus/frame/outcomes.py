@@ -57,8 +57,11 @@ class FragmentOutcome:
         for agent in agents(self._new):
             old = self._before.get(agent.id)
             unit = self.unit(agent.id)
+            # What an earlier norm has undone does not exist any longer, so no later norm counts it.
             if unit in self._undone or not norm.concerns(agent.symbol):
                 continue
+            # An agent that was in a forbidden state before, and stays
+            # as it is, has not done anything.
             if old is not None and same_values(old.values, agent.values):
                 continue
             if norm.holds(state_of(norm, agent, old, elsewhere)):
@@ -172,6 +175,7 @@ class ColumnsOutcome(PopulationOutcome):
         if not self._undone:
             return self._new
         others = {other for other in self._undone.values() if other is not None}
+        # Only outcomes with the same rows can be merged by columns.
         if not all(isinstance(other, ColumnsOutcome) for other in others):
             return _put_together(self, self._new, self._undone)
         columns = self._now.columns
@@ -266,6 +270,8 @@ def _put_together(
 ) -> Scene:
     """A population, node by node, with the replacements of units that were undone."""
     made: list[Node] = []
+    # A unit may have several nodes, an agent and its newborns. Its replacement takes the place of
+    # the first one, and the others are left out.
     back = dict(undone)
     for node in new.nodes:
         units = {outcome.unit(agent.id) for agent in agents(Scene((node,)))} & undone.keys()

@@ -81,6 +81,8 @@ class Placement:
             self._host[fragment] = host
             capacity.take(host, count)
             kinds_on[host] |= kinds
+            # Identity suffices: the composition keeps the very object
+            # that the host's reply contained.
             if self._held.get(host, {}).get(fragment) is not node:
                 self._stale[host].add(fragment)
         self._types = {host: self._types_of(kinds) for host, kinds in kinds_on.items()}
@@ -101,6 +103,8 @@ class Placement:
             sizes = apportion(rows, weights, limits)
             for host, size in zip(hosts, sizes, strict=False):
                 capacity.take(host, size)
+            # Moving rows costs more than a slight imbalance, so parts
+            # that may stay are left as they are.
             if (
                 len(sizes) != len(parts)
                 or self._imbalanced(population)
@@ -110,6 +114,7 @@ class Placement:
 
     def _hosts_for(self, symbol: str, rows: int, offers: Offers, capacity: Capacity) -> list[str]:
         """The hosts that share a population: as many as its size justifies or requires."""
+        # By name, as the protocol defines it: the division must not depend on who joined first.
         able = sorted(host for host, kinds in offers.items() if symbol in kinds)
         able = capacity.with_room(able, 1)
         chosen = able[: max(1, rows // MIN_AGENTS)]
@@ -207,6 +212,7 @@ class Placement:
         shown = {event.type for event in visual}
         hosts = {host for host, types in self._types.items() if types & shown}
         for event in events:
+            # All hosts are asked anyway, so the remaining events need not be looked at.
             if len(hosts) == len(self._types):
                 break
             if event.receivers is not None and len(event.receivers):
@@ -232,6 +238,8 @@ class Placement:
         fragments = self._composition.fragments
         held = self._held.setdefault(host, {})
         given = {name: fragments[name] for name in sorted(stale)}
+        # Noted when sent: delivery is reliable while the process lives, and
+        # `forget` clears this when it is gone.
         held.update(given)
         for name in dropped:
             del held[name]
@@ -258,6 +266,8 @@ class Placement:
         host = self._host.get(fragment)
         if host is not None and fragment in self._composition.fragments:
             self._stale[host].add(fragment)
+            # None stands for an unknown state: no fragment is identical with it, and the host is
+            # still told to drop the fragment when it moves.
             self._held.setdefault(host, {})[fragment] = None
 
 
@@ -270,6 +280,7 @@ def place(agent: str, hosts: Iterable[str]) -> str | None:
 
 
 def _weight(host: str, agent: str) -> bytes:
+    # Not `hash`, which differs between processes: the protocol defines the placement.
     return blake2b(f"{host}\0{agent}".encode(), digest_size=8).digest()
 
 

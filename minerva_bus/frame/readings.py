@@ -41,6 +41,7 @@ class ReadingBuffer:
         key = readings.topic, readings.member
         if readings.frame >= 0:
             kept = self._in_step.get(key)
+            # Repeated readings of an earlier frame must not replace newer ones.
             if kept is None or kept.frame <= readings.frame:
                 self._in_step[key] = readings
             return
@@ -69,6 +70,8 @@ class ReadingBuffer:
             return ()
         taken = {key: message.readings for key, message in self._in_step.items()}
         taken |= {key: tuple(waiting) for key, waiting in self._free.items()}
+        # Readings of free publishers count in one frame only. Those in step stay until the
+        # readings of the next frame replace them.
         self._free = {}
         return tuple([reading for _, readings in sorted(taken.items()) for reading in readings])
 

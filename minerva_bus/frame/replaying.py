@@ -109,6 +109,8 @@ class RecordedSource(FrameSource):
         if not in_flight.events.visual:
             return
         host, fragments = self._host, algorithm.composition.fragments
+        # `take` drops vanished fragments with their views. The others are assigned directly, so
+        # that views of unchanged fragments are not computed again.
         host.take(m.Fragments({}, tuple(host.fragments.keys() - fragments.keys())))
         host.fragments = dict(fragments)
         world = algorithm.world
@@ -195,6 +197,8 @@ class _Slots:
         self._pieces = scene.pieces
         names = {id(part): name for name, part in self._composition.parts.items()}
         self._names: list[str] = []
+        # The composition holds the packed string. Where packing makes other pieces, they do not
+        # correspond to fragments one to one, and each frame replaces the whole string.
         if all(map(is_, packed(scene).pieces, scene.pieces)):
             self._names = [_name(piece, names) for piece in scene.pieces]
 

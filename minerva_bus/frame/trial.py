@@ -48,6 +48,8 @@ class Trial:
         self._changed = dict(changed)
         self._sent = dict(sent)
         self._elsewhere = elsewhere
+        # In the order of the string, because replies arrive in any order, and the order of judging
+        # is that of the sanctions among the events of the next frame.
         places = composition.places(changed)
         self._outcomes = {
             name: outcome_of(composition.fragments[name], changed[name])
@@ -88,6 +90,8 @@ class Trial:
             stage = frozenset(types[:last]) | always.intersection(types)
             if not self._open or not stage:
                 return
+            # A stage that leaves out only a type that is always
+            # included would repeat the one before.
             if stage != before:
                 self._leniently = stage <= always
                 yield tuple([event for event in events if event.type in stage])
@@ -107,6 +111,8 @@ class Trial:
                 other.unit(who)
                 for norm in norms
                 for who in other.offenders(norm, self._elsewhere)
+                # The norm that rejected the unit has counted this act already. For other norms it
+                # is a new act, which counts only if their limit is reached.
                 if refused.get(other.unit(who)) is norm or exceeds(norm, who)
                 if not (self._leniently and self._was_forbidden(norm, other, who))
             }
