@@ -85,6 +85,8 @@ class Admission:
         self.listens_at = ""
         self._looked_at = 0.0
         self._rights: Mapping[str, Rights] = {} if security is None else security.rights()
+        # Zenoh's access rules are fixed when the session opens, so
+        # certificates issued later do not count.
         self._known = frozenset(self._rights)
         self._stamp = None if security is None else security.stamp()
         self.rules = AdmissionRules(
@@ -108,11 +110,14 @@ class Admission:
                 yield session, endpoint
             return
         secured = Secured(security.own, security.local, self._access(), self._filters())
+        # The log is redirected before the session opens, because threads of Zenoh write to it.
         with self._log_read(security, put):
             session, endpoint = self._open_hub(
                 COORDINATOR, where.listen, shared=shared, secured=secured, routers=routers
             )
             with session, watched(session, put) as self._links:
+                # `endpoint` is the Unix socket for this machine; other
+                # machines need the one they connect to.
                 self.listens_at = listening_at(session, where.listen)
                 self._log_admitted()
                 yield session, endpoint
@@ -247,12 +252,15 @@ class Admission:
 
     def _read_again(self, security: Security) -> None:
         try:
+            # Read before the rights: a change between the two calls gives
+            # another stamp in the next check.
             stamp = security.stamp()
             if stamp != self._stamp:
                 gone = {
                     name: replace(holder, revoked=True) for name, holder in self._rights.items()
                 }
                 self._rights, self._stamp = {**gone, **security.rights()}, stamp
+        # A folder that cannot be read must neither admit nor exclude anybody.
         except (KeysError, OSError) as error:
             self._say_once(
                 COORDINATOR, f"cannot read the keys; the previous ones stay valid: {error}"

@@ -104,6 +104,8 @@ class AdmissionRules:
         own = self._filled(who)
         if not own.take(_MESSAGES, 1):
             return False
+        # Time is charged after the work, so this bucket may be in debt;
+        # nothing passes until it is paid.
         return own.take(_BYTES, size) and own.left(_SECONDS) > 0
 
     def has_values(self, who: str, data: bytes) -> bool:
@@ -111,6 +113,7 @@ class AdmissionRules:
 
         A message above the limit per message passes, so that the decoder rejects it with a reason.
         """
+        # Counting takes time itself, so the count stops at what the sender may still send.
         own, most = self._filled(who), self._limits.values
         left = int(own.left(_VALUES))
         count = values_in(data, left if 2 * left < most else most)
@@ -118,6 +121,8 @@ class AdmissionRules:
 
     def has_hello(self, who: str) -> bool:
         """Whether another hello is within the limits per second, per sender and in total."""
+        # The sender's own bucket comes first: a flood from one
+        # sender must not empty the common one.
         return self._filled(who).take(_HELLOS, 1) and self._filled(_ALL).take(_ALL, 1)
 
     def spent(self, who: str, seconds: float) -> None:

@@ -56,6 +56,8 @@ class Answers:
     def admit(self, query: zenoh.Query) -> Question | None:
         """The question of a query, or None if too many wait; called in a thread of Zenoh."""
         asked, most = question(query), self._limits.questions
+        # Checked in Zenoh's thread, so that a flood of questions does
+        # not fill the coordinator's inbox.
         if len(self._admitted) < most:
             self._admitted.append(None)
             return asked

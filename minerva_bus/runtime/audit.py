@@ -151,6 +151,7 @@ class Audit:
     def _takes(self, entry: bytes) -> bool:
         """Process an entry of the log; returns whether it belongs to the audit."""
         if entry.endswith(_DROPPED):
+            # A ruling explains one drop only; a later drop without a ruling has another cause.
             ruled = self._ruled.pop(_place(entry.removesuffix(_DROPPED)), None)
             if ruled is not None and ruled[0].described:
                 self._count(*ruled)
@@ -165,6 +166,7 @@ class Audit:
         text, _, key = rest.partition(_ON)
         ruling = read_ruling(text)
         if ruling is None:
+            # The next drop at this place is not the one that the earlier ruling was about.
             self._ruled.pop(place, None)
             return
         _keep(self._ruled, place, (ruling, key[:MAX_KEY_LENGTH]))
@@ -173,6 +175,7 @@ class Audit:
 
     def _count(self, ruling: Ruling, key: bytes) -> None:
         """Count a drop of a member; declarations of Zenoh's own session do not count."""
+        # Cached rulings name the link only; an earlier line had its certificate.
         name = self._names.get(ruling.link, STRANGERS)
         if not name or (
             ruling.operation in _OF_ZENOH and key.startswith(b"@/" + ruling.link + b"/")

@@ -75,6 +75,7 @@ class Client:
             if not isinstance(item, zenoh.Sample):
                 continue
             if str(item.key_expr) == coordinator:
+                # No record marks the end of the records; the coordinator's token does.
                 if item.kind == zenoh.SampleKind.DELETE:
                     break
                 continue

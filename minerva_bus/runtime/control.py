@@ -212,6 +212,7 @@ def _step(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
     if frames > MAX_STEPS:
         raise ProtocolError(f"frames must be a whole number up to {MAX_STEPS}, not {frames}")
     algorithm = running.algorithm
+    # A frame in progress has been deducted from `left` already.
     begun = 1 if algorithm.in_frame else 0
     last = algorithm.frame + begun + (running.pace.left or 0) + frames
     running.pace.step(frames)
@@ -231,6 +232,7 @@ def _rate(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
 def _restart(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
     member = as_text(asked.get("member"), "the member")
     members = running.algorithm.members
+    # `get` would create an entry for any name.
     if not members.knows(member):
         names = ", ".join(entry.name for entry in members)
         raise ProtocolError(f"there is no member {member[:64]!r}; there are {names}")

@@ -156,6 +156,7 @@ class Coordinator(Sink):
         with self.admission.session(self.inbox.put) as (session, endpoint):
             declared = self._declare(session)
             self.watchers.listening(endpoint)
+            # Opening the session takes time that must not count as a slow frame.
             self.status.at = self.system.monotonic()
             while self.runner.ended is None:
                 self._turn()
@@ -192,8 +193,11 @@ class Coordinator(Sink):
             *self.inbox.open(session, keys.sent_by("*"), keys.sent_by(COORDINATOR)),
             session.declare_queryable(f"{keys.control}/**", handler(admit)),
             session.declare_queryable(f"{keys.base}/ask/*", handler(admit)),
+            # Members join as soon as they see this token, so everything
+            # that they send to exists by now.
             liveliness.declare_token(keys.alive(COORDINATOR)),
             liveliness.declare_token(keys.epoch(epoch)),
+            # With history, because members and other coordinators may have declared theirs before.
             liveliness.declare_subscriber(keys.epoch("*"), handler(successor), history=True),
             liveliness.declare_subscriber(keys.alive("*"), handler(presence), history=True),
         ]
@@ -276,6 +280,7 @@ class Coordinator(Sink):
         """Pass a frame to the launcher, and to observers of the world."""
         self.transport.has_output = True
         self.watchers.frame_done(notice)
+        # The record contains the digest of the whole string, which is computed only if it is read.
         if self.transport.observed:
             self.transport.publish(notice.record)
 

@@ -101,6 +101,8 @@ def _trouble_with_tls(endpoint: Endpoint, own: Credentials | None, patience: flo
         try:
             with context.wrap_socket(raw, server_hostname=endpoint.host) as link:
                 accepted = True
+                # In TLS 1.3 the server checks the client's certificate
+                # after the client's handshake is over.
                 link.settimeout(ALERT_WITHIN)
                 link.recv(1)
         except ssl.SSLCertVerificationError as error:
@@ -134,6 +136,8 @@ def _unverified(host: str, error: ssl.SSLCertVerificationError) -> str:
 def _speaks_tls(endpoint: Endpoint, patience: float) -> bool:
     """Whether a server answers in TLS, if only with an alert."""
     with _connected(endpoint, patience) as link:
+        # The hello is too short: a server that speaks TLS answers it
+        # with an alert, any other does not.
         link.settimeout(ALERT_WITHIN)
         try:
             link.sendall(_TLS_HELLO)

@@ -95,6 +95,7 @@ class DirectTransport:
         self, members: Iterable[Member], message: m.ToMember | m.Readings
     ) -> Iterator[s.Stimulus]:
         for member in members:
+            # Set before the call, so that an error in the member's code can be attributed to it.
             self.running = member
             for answer in self._deliver(member, message):
                 if isinstance(answer, m.Readings):

@@ -81,6 +81,7 @@ def check_port_free(endpoint: Endpoint) -> None:
         return
     family = socket.AF_INET6 if ":" in endpoint.host else socket.AF_INET
     with socket.socket(family, socket.SOCK_STREAM) as probe:
+        # Without this, a port whose last connections are in TIME_WAIT would seem to be in use.
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
             probe.bind((endpoint.host, endpoint.port))

@@ -120,6 +120,7 @@ class Inbox:
         waker = session.declare_publisher(
             wake_key or key,
             congestion_control=zenoh.CongestionControl.BLOCK,
+            # Wake-ups concern this process alone and must not use the link.
             allowed_destination=zenoh.Locality.SESSION_LOCAL,
         )
 
@@ -219,6 +220,8 @@ class HubInbox(Inbox):
         if self._clock is not None:
             self._clock.cancel()
         super().close()
+        # The timer's thread may be in a wake-up now; it must have
+        # returned before the interpreter ends.
         if self._clock is not None:
             self._clock.join()
 

@@ -65,6 +65,8 @@ class LargeMessages:
     def taken(self, decoded: Decoded) -> None:
         """The main thread has a message: begin the next one, of another member if one waits."""
         member = decoded.large.member
+        # Removed and inserted again, because the order of the dict is
+        # the order of the members' turns.
         waiting = self._waiting.pop(member)
         waiting.popleft()
         if waiting:

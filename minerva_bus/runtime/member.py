@@ -150,6 +150,8 @@ class MemberProcess:
             try:
                 return (yield from self._take_part())
             finally:
+                # Threads and timers stop first, because they put into the inbox. The token goes
+                # before the subscriptions: while it is present, the coordinator may send.
                 self._threads.stop()
                 self._rejoin.monitor.close()
                 self.inbox.close()
@@ -230,11 +232,14 @@ class MemberProcess:
                 item = self._next_for_observer() if observes else self.inbox.wait()
                 handler = self._handlers.get(item.__class__)
                 if handler is None:
+                    # Exceptions of the member's own threads arrive as
+                    # items, so that all are handled here.
                     if isinstance(item, Exception):
                         raise item
                 elif handler(item) is False:
                     return 0
                 yield
+        # Neither is a failure of user code, so no traceback is sent.
         except (Refusal, BusError):
             raise
         except Exception as error:
@@ -343,5 +348,6 @@ class MemberProcess:
         self.failure = error
         name, frame = self.member.name, self.member.frame
         self.link.send(m.Failed(name, frame, report(error), whole(error)))
+        # UserCodeError wraps the exception of the user's code, which is its cause.
         outside = isinstance(error.__cause__ or error, OSError)
         return RAISED_BY_CHANCE if outside or frame < 0 else RAISED

@@ -76,6 +76,7 @@ class Monitor:
         """Report the status and apply time-outs; `now` is the monotonic time in seconds."""
         if now < self._meter.at + STATUS_EVERY / 2:
             return  # After a long frame several ticks of the clock have queued up.
+        # Revoked members are informed before the next check cuts their links.
         for name in self._admission.look(now):
             self._part_from(name)
         self._greet_again(now)
@@ -103,12 +104,15 @@ class Monitor:
         for name in late:
             del self._greeted[name]
             if self._algorithm.members.get(name).state is MemberState.JOINING:
+                # This notes the greeting again, so it is repeated until the member answers.
                 self._runner.transport.send(name, m.Greet())
 
     def _report_waiting(self, waiting: Sequence[str], now: float) -> None:
         """Log which members the frame waits for, with back-off, and apply their time-outs."""
         algorithm = self._algorithm
         if algorithm.phase is Phase.STOPPING:
+            # The second `Silent` drops members whose token is gone: a
+            # token may overtake the last message.
             self._runner.handle(s.Silent())
             self._await_reports(now)
             return
@@ -158,6 +162,7 @@ class Monitor:
         else:
             self._waits.restart(name, now)
             self._watchers.stalled(name, waited)
+            # Nothing restarts a guest, so it is excluded; it may join again.
             if not self._algorithm.members.get(name).expected:
                 reason = f"it did not answer for {waited:.0f} s"
                 self._runner.handle(s.Violation(name, reason))

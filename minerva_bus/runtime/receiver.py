@@ -63,10 +63,13 @@ class Receiver:
         if room and data and not self._members.knows(member):
             self._handle(m.Leaving(member))  # Counts a stranger, whatever the message is.
             return
+        # A reply that the frame waits for passes whatever the limits: it can arrive only once per
+        # frame, and the frame could not continue without it.
         if not data or (wire.awaited and self._algorithm.awaits(member)):
             self._decode(member, data)
         elif not (room and self._within_limits(member, data, wire)):
             self._drop(member)
+        # Nothing waits for this reply, so it is counted as late without the work of decoding it.
         elif wire.awaited and len(data) > LARGE:
             self._count_late(member)
         else:
@@ -86,6 +89,7 @@ class Receiver:
             self._handle(s.Violation(large.member, decoded.problem))
         else:
             self._pass_on(large.member, large.body, decoded.message)
+        # The coordinator has asked for these, so their time is not charged to the member.
         if not isinstance(decoded.message, m.TickReply | m.EvolveReply):
             self._admission.rules.spent(large.member, decoded.seconds)
 
@@ -111,10 +115,14 @@ class Receiver:
         try:
             if not data.startswith(stamp):
                 if data:
+                    # Raises ProtocolError for bytes without an epoch. Another epoch is no
+                    # violation: the member still obeys the predecessor, or already a successor.
                     stamped(data)
                     self._count_late(member)
                 return
             body = data[len(stamp) :]
+            # A small message behind a large one waits too, because
+            # messages of a member keep their order.
             if len(body) > LARGE or self._large.behind(member):
                 self._decode_aside(member, body)
                 return

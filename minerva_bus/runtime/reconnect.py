@@ -96,7 +96,9 @@ class ReconnectMonitor:
             since = time.strftime("%H:%M:%S", time.localtime(self._system.time() - elapsed))
             self._notify(f"{self._subject} has been unreachable since {since}; {self._outlook()}")
         else:
+            # In a thread, because name resolution and connecting may block for seconds.
             self._system.aside(lambda: self._put(Diagnosed(self._obstacle())))
+        # Waiting for as long as the loss has lasted doubles the interval with each report.
         self._check_in(min(elapsed, MAX_INTERVAL_SECONDS, self._patience - elapsed))
         return True
 

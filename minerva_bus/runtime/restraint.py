@@ -43,6 +43,7 @@ class Restraint:
             known = self._subjects.setdefault(subject, _Subject(AT_ONCE, now))
         known.room = min(AT_ONCE, known.room + now - known.at)
         known.at = now
+        # A line after omitted ones waits as well, until `left_out` has reported their number.
         if known.room < 1.0 or known.held:
             known.held += 1
             return False

@@ -81,6 +81,7 @@ class FrameSchedule(Sink):
 
     def repace(self) -> None:
         """Apply a changed pace: the next frame may begin now, later or not at all."""
+        # While a frame is in progress, `ready` applies the new pace when the frame is over.
         if self._ready:
             self.due = self.pace.due(self._clock())
 

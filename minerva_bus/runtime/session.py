@@ -47,8 +47,10 @@ _CLIENT_THREADS = "(rx:(worker_threads:1),app:(handover:rx))"
 _COMMON: dict[str, Any] = {
     "scouting/multicast/enabled": False,
     "scouting/gossip/enabled": False,
+    # Nothing is discovered, so nothing has to be waited for.
     "scouting/delay": 0,
     "timestamping/enabled": False,
+    # `listening_at` reads the port from it.
     "adminspace/enabled": True,
     "transport/link/tx/queue/congestion_control/block/wait_before_close": 1_000_000,
 }
@@ -114,6 +116,7 @@ def open_hub(
     `shared`: messages of a megabyte and more use shared memory, where the receiver does, too.
     `routers` are Zenoh routers to join. Raises BusError if it cannot listen or reach a router.
     """
+    # Zenoh's own error does not mention that the port is in use.
     check_port_free(check_endpoint(listen))
     os.environ.setdefault("ZENOH_RUNTIME", _HUB_THREADS)
     endpoints = [listen] if secured is None else sorted({listen, secured.local})
@@ -129,6 +132,7 @@ def open_hub(
     if routers:
         options |= _connecting(list(routers), CONNECT_SECONDS)
     try:
+        # Zenoh reports a time-out only; this check names the reason.
         for router in routers:
             check_reachable(check_endpoint(router), CONNECT_SECONDS)
         session = zenoh.open(_config("router", name, options, shared, own))
@@ -198,6 +202,7 @@ def closed_in_time(session: zenoh.Session) -> Generator[None]:
     try:
         yield
     finally:
+        # A daemon, because a pending connection attempt must not keep the process.
         closing = threading.Thread(target=close, daemon=True)
         closing.start()
         closing.join(_CLOSED_WITHIN)

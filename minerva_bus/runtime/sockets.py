@@ -63,6 +63,8 @@ def _sockets() -> Iterator[socket.socket]:
         (int(entry.name) for entry in Path("/dev/fd").iterdir()), reverse=True
     ):
         try:
+            # A socket object closes its descriptor, so it gets a
+            # copy: the original belongs to Zenoh.
             copy = os.dup(descriptor)
         except OSError:
             continue  # The listing itself had it open.

@@ -107,6 +107,7 @@ class RealSystem:
     def later(self, seconds: float, call: Callable[[], object]) -> Timer:
         """Call once after a delay, in a thread."""
         timer = threading.Timer(seconds, call)
+        # A pending timer must not delay the end of the process.
         timer.daemon = True
         timer.start()
         return timer

@@ -77,6 +77,7 @@ class ZenohTransport:
                 frame = self.ticked = message.frame
                 self.empty_reply = self.stamp + _BEFORE_FRAME + pack(frame) + _AFTER_FRAME
         elif isinstance(message, m.EvolveRequest):
+            # Part 0 is the request to all hosts; later parts repeat some of it.
             if not message.part:
                 self.evolving_since = self._clock()
         elif isinstance(message, m.ViewShown):
@@ -109,6 +110,8 @@ class ZenohTransport:
         return data
 
     def _publisher(self, key: str, control: zenoh.CongestionControl) -> zenoh.Publisher:
+        # A key may have two publishers, because congestion control is a property of the publisher:
+        # an observer gets views that may be dropped and messages that must not be on one key.
         drops = control == _DROP
         publisher = self._publishers.get((key, drops))
         if publisher is None:

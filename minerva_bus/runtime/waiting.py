@@ -97,6 +97,7 @@ class Waits:
 
     def started(self, member: str, now: float) -> None:
         """A member's process starts: wait for it from now on."""
+        # A process that has not been started yet is not slow, so waiting begins with its start.
         self._queued.discard(member)
         self._starting[member] = now
         self._waits.pop(member, None)
@@ -113,6 +114,7 @@ class Waits:
     def update(self, step: object, in_frame: bool, waiting: Iterable[str], now: float) -> float:
         """Note which members a step waits for; returns the longest waiting time in seconds."""
         self._in_frame = in_frame
+        # A new step asks everybody again, so earlier waiting does not count.
         if step != self._step:
             self._step, self._waits = step, {}
         names = sorted(set(waiting) - self._queued)
@@ -124,6 +126,7 @@ class Waits:
     def patience(self, member: str) -> Patience:
         """The time-outs of a member in this step; a member that starts has time to do so."""
         own = self._deadlines.of(member)
+        # A process that starts has the time of a start, unless its own policy is not to restart it.
         joined = self._in_frame and member not in self._starting
         if joined or (self._in_frame and own.then != "restart"):
             return own
@@ -148,6 +151,7 @@ class Waits:
 
     def reportable(self, now: float) -> list[str]:
         """The members to report now, with exponential back-off; they count as reported."""
+        # Hundreds of members may start at the same time, and would be reported one by one.
         if not self._in_frame and now < self._last_report + STARTS_SAID_EVERY:
             return []
         names: list[str] = []

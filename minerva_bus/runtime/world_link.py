@@ -66,6 +66,7 @@ class WorldLink:
     def lost(self) -> None:
         """The connection is lost: only a coordinator that greets again counts."""
         if self.stamp:
+            # The same coordinator may greet again: its epoch must count as a later one then.
             self._epoch, self.stamp = self._epoch - 1, b""
 
     def message(self, data: bytes) -> m.ToMember | None:
@@ -103,11 +104,14 @@ class WorldLink:
         """The message of a later coordinator without its epoch, if it concerns this member."""
         try:
             epoch, body = stamped(data)
+            # A coordinator that has been replaced may still be sending,
+            # for example after it was frozen.
             if epoch <= self._epoch:
                 return None
             message = self._decoder.to_member(body)
         except (ProtocolError, SceneError):
             return None
+        # Other messages concern a membership that this member does not have with that coordinator.
         if not isinstance(message, m.Greet | m.Refused | m.Stop):
             return None
         self._epoch, self.stamp = epoch, stamp(epoch)

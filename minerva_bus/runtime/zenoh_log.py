@@ -45,6 +45,7 @@ def log_read(read_lines: Callable[[bytes], bytes], delay: float = 0.0) -> Genera
     read, write = os.pipe()
     if delay:
         _widen(write)
+    # Buffered output must leave by the old descriptor before the pipe replaces it.
     sys.stdout.flush()
     output = os.dup(1)
     os.dup2(write, 1)
@@ -69,6 +70,7 @@ def _listen(read: int, output: int, read_lines: Callable[[bytes], bytes], delay:
         lines, end, rest = (rest + data).rpartition(b"\n")
         if end and (passed_on := read_lines(lines + end)):
             os.write(output, passed_on)
+        # No delay while the pipe fills up: threads of Zenoh block when it is full.
         if delay and len(data) < _ROOM // 2:
             time.sleep(delay)
     os.close(read)
