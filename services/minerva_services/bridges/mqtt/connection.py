@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from paho.mqtt.client import Client, MQTTMessage
 
 CONNECT_SECONDS: Final = 5.0
+# In seconds: after one and a half times this, a broker publishes the last will (MQTT 3.1.1,
+# 3.1.2.10).
 KEEPALIVE: Final = 15
 MAX_QUEUED: Final = 1000
 ONLINE, OFFLINE = b"online", b"offline"
@@ -64,6 +66,7 @@ class Connection:
         client.on_subscribe = self._on_subscribe
         client.on_message = lambda _client, _data, message: receive(message)
         if status:
+            # The last will is part of the CONNECT packet, so it is set before connecting.
             client.will_set(status, OFFLINE, 1, retain=True)
         try:
             self._connect()

@@ -43,6 +43,7 @@ class Payload:
             raise InvalidPayload("not UTF-8 text") from None
         try:
             return Payload(text, json.loads(text))
+        # A few kilobytes of nested lists exhaust the stack of the decoder.
         except (ValueError, RecursionError):
             return Payload(text, text)
 
@@ -114,6 +115,7 @@ class EventRule:
         return self.rule.only.holds(state)
 
     def _event(self, levels: Mapping[str, str], values: Mapping[str, Any]) -> Event:
+        # Quoted, so that a topic level cannot add operators to the condition.
         quoted = {name: json.dumps(level) for name, level in levels.items()}
         try:
             event = self._type(

@@ -75,6 +75,7 @@ class MqttOutbox:
             self._waiting = waiting | self._waiting
 
     def _wait(self, topic: str, message: MqttMessage) -> None:
+        # Removed and added at the end, so that a topic that changes often cannot delay the others.
         if self._waiting.pop(topic, None) is not None:
             self._count("replaced")  # the previous message was never sent
         self._waiting[topic] = message

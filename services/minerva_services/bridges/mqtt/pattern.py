@@ -45,7 +45,9 @@ class Pattern:
             raise _wrong(text, "a name for one level only")
         expression = "/".join(parts)
         if levels[-1] == "#":
+            # `a/#` also matches `a` itself (MQTT 3.1.1, 4.7.1.2).
             expression = expression.removesuffix("/.*") + "(?:/.*)?" if len(levels) > 1 else ".*"
+        # DOTALL, because topics may contain line breaks.
         return Pattern(text, "/".join(levels), tuple(names), re.compile(expression, re.DOTALL))
 
     def levels(self, topic: str) -> Mapping[str, str] | None:

@@ -87,6 +87,7 @@ def _publication(symbol: str, given: Any, qos: int) -> Publication:
 
 def _level(name: str, names: Mapping[str, Any]) -> str:
     level = _word(names.get(name, ""))
+    # A broker may close the connection of a client that publishes to a topic with wildcards.
     if not level or set(level) & set("+#\0"):
         raise NoTopic(f"{name} is {level[:40]!r}, which cannot stand in a topic")
     return level
@@ -135,6 +136,7 @@ class MessageGeometry(PlaneGeometry):
         place = {name: getattr(self.pose, name) for name in PLACE}
         own = figure.parameters
         try:
+            # The innermost name counts: the figure's own parameters hide those around it.
             topic, message = how.message({**self._names, **place, **own}, own)
         except NoTopic as problem:
             self._report(f"{figure.symbol}: {problem}")

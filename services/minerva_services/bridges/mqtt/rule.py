@@ -82,6 +82,7 @@ def _rule(pattern: Pattern, given: Any, qos: int) -> TopicRule:
 
 def checked_qos(where: str, qos: Any) -> int:
     """Validate a QoS: 0, 1 or 2. Raises MisuseError."""
+    # A bool is an int: `True in (0, 1, 2)` holds.
     if isinstance(qos, bool) or qos not in (0, 1, 2):
         raise MisuseError(f"{where}: qos is {qos!r}; expected 0, 1 or 2")
     return int(qos)

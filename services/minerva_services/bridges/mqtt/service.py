@@ -88,6 +88,8 @@ class Mqtt(Bridge, Device, lockstep=False):
 
     def joined(self, world: WorldInfo) -> None:
         require("mqtt", "paho.mqtt.client", "paho-mqtt", "mqtt")
+        # Missing secrets and certificates are errors of the configuration: raised here they are
+        # reported at once, in `open` they would be retried.
         self._login.password()
         if self._broker.tls:
             tls_context(self._login)
@@ -132,6 +134,7 @@ class Mqtt(Bridge, Device, lockstep=False):
 
     def _report_problem(self, problem: str) -> None:
         self.count("unpublished")
+        # Problems contain values of figures, so there may be any number of them.
         if problem not in self._reported and len(self._reported) < 10:
             self._reported.add(problem)
             self._log(f"mqtt: {problem}; such figures are counted as unpublished")

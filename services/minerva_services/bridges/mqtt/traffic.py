@@ -69,12 +69,16 @@ class Traffic:
         for rule in event_rules:
             topic_rule = rule.rule
             pattern = topic_rule.pattern.filter
+            # A second subscription to a filter replaces the first (MQTT 3.1.1, 3.8.4), so rules
+            # with the same filter share the highest QoS.
             filters[pattern] = max(topic_rule.qos, filters.get(pattern, 0))
         self._connection.subscribe(filters)
 
     def read(self, stop: threading.Event) -> Iterator[Event | None]:
         """The events of incoming messages, in order. Raises SourceError."""
         while not stop.is_set():
+            # `turn` wakes for network traffic only, not for content that the world puts meanwhile,
+            # nor for new tokens of the rate limiter.
             busy = bool(self._waiting) or self._outbox.used
             self._connection.turn(FLUSH_SECONDS if busy else POLL_SECONDS)
             self._outbox.send(self._connection)

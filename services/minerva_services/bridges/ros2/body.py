@@ -80,6 +80,7 @@ class Ros2Robot(Device, Generator, draws=("eRepresent",), coupled=True, events=(
         self._options = BaseOptions(
             network,
             Topics(scan, odometry, detections, cmd_vel, clock),
+            # A simulation needs the time from which a velocity applies.
             stamped or bool(clock),
             base,
             mount_of(mount),
@@ -117,6 +118,7 @@ class Ros2Robot(Device, Generator, draws=("eRepresent",), coupled=True, events=(
         new = view.frame > self._carried_out
         ordered = self._own(seen.robots) if new else None
         halted = ordered is not None and self._name in view.halted
+        # An empty command instead of none: a halted robot still has a place on the map.
         self._ordered = replace(ordered, command=DriveCommand()) if ordered and halted else ordered
 
     def generate(self, tick: Tick) -> Iterable[Event]:

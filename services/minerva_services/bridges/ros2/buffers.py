@@ -164,6 +164,8 @@ def seen_from(shift: Pose, sightings: Sightings, robot: str) -> Sightings:
 def scanned_from(shift: Pose, scan: Scan, robot: str) -> Scan:
     """A scan made by a robot at `shift`, as one from the origin with another mount."""
     mount = shift.compose(Pose(scan.mount_x, scan.mount_y, scan.mount_angle))
+    # Displacements are relative to the robot, so those of a shifted robot are conjugated by the
+    # shift.
     back = shift.seen(Pose())
     path = [shift.compose(Pose(place.x, place.y, place.angle)).compose(back) for place in scan.path]
     moved = [
@@ -218,6 +220,8 @@ class ReadingPublisher:
         track, goal = self._driver.track, self._driver.goal
         pose = track.at(at) if track.covers(at) else track.newest
         shift = Pose() if pose is None or goal is None else goal.seen(pose)
+        # An exact zero keeps the readings of a stepped simulation bit-identical to those of
+        # physics.
         return Pose() if is_rounding(shift) else shift
 
 

@@ -149,6 +149,8 @@ class Driver:
         """Start a command where the previous one should have ended."""
         with self._lock:
             assert self._goal is not None
+            # From the goal, not from where the robot is: otherwise the errors of single commands
+            # would add up, while the string assumes that each command ended at its goal.
             self._path = CommandPath(self._goal, command)
             self._goal = self._path.end
             self._turns = False
@@ -160,6 +162,7 @@ class Driver:
         """Progress of the command; asking keeps it alive."""
         with self._lock:
             if not self.has_odometry(now):
+                # Time without odometry does not count as time without progress.
                 self._progress.at = now
                 return State.LOST
             # A world that no longer asks has failed or is paused; then the robot must stop.

@@ -44,6 +44,7 @@ class Motors:
     def step(self, step: ClockStep) -> None:
         """Publish a simulation step: a velocity and the time until which it applies; repeatable."""
         if self._wheels is not None and self._clock is not None:
+            # The velocity first: the clock lets the simulation move.
             self._wheels.put(self._twist(step.velocity, step.begin))
             self._clock.put(messages().make(types.CLOCK, clock=messages().time(step.end)))
 

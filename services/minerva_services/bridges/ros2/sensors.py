@@ -224,11 +224,14 @@ class _Listening:
             with self._news:
                 if not self._waiting:
                     self._news.wait(_CHECK_SECONDS)
+                # Decoding happens outside the lock, which Zenoh's threads need for new messages.
                 waiting = list(self._waiting)
                 self._waiting.clear()
+            # A lost link is an error only once all messages received before it have been read.
             if not waiting and not self._session.connected:
                 raise SourceError(f"{self._bridge.source} is lost")
             if not waiting:
+                # Delayed scans must not wait for odometry that has stopped arriving.
                 yield from _items(compensator.rest())
                 yield None
             for message, data in waiting:

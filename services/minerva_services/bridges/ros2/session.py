@@ -25,6 +25,7 @@ from minerva_services.bridging import SourceError
 _OPEN_TIMEOUT_MS: Final = 2000
 _CONFIG: Final[dict[str, Any]] = {
     "mode": "client",
+    # Only the given router: scouting could connect the robot's network to the world's own.
     "scouting/multicast/enabled": False,
     "scouting/gossip/enabled": False,
     "scouting/delay": 0,
@@ -32,6 +33,7 @@ _CONFIG: Final[dict[str, Any]] = {
     "connect/exit_on_failure": True,
     "connect/retry": {"period_init_ms": 50, "period_max_ms": 500, "period_increase_factor": 1.5},
     "timestamping/enabled": True,  # late subscribers query the newest sample
+    # Shorter than Zenoh's default, so that a lost robot is noticed sooner.
     "transport/link/tx/lease": 3000,
     "transport/shared_memory/enabled": False,
 }
@@ -121,6 +123,7 @@ class Ros2Session:
         declared = _declared(topic, declare, key)
         self._declared.append(declared)
         token = self._announce("MP", topic, message, lasting=lasting)
+        # Any 16 bytes that no other publisher has: the token is unique in the network.
         gid = hashlib.blake2b(token.encode(), digest_size=GID_BYTES).digest()
         attaches = self.network.layout == "rmw_zenoh"
         return TopicPublisher(message, declared, gid, attaches=attaches)
@@ -133,6 +136,7 @@ class Ros2Session:
         self._session.close()
 
     def _announce(self, kind: Any, topic: str, message: str, *, lasting: bool) -> str:
+        # The list only grows, so its length is a number that is unique within the session.
         entity, type_hash = len(self._declared), messages().hash(message)
         token = self.network.topic_token(
             self._id, self._node, entity, kind, topic, message, type_hash, lasting=lasting

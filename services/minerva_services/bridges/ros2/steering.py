@@ -106,6 +106,7 @@ def steer(pose: Pose, wanted: Pose, limits: MotorLimits) -> Velocity:
     """The velocity towards a pose from which the robot can still stop there."""
     missing = pose.seen(wanted)
     off = missing.angle
+    # In the frame of the wanted pose: x is the error along the line, y the error across it.
     straight = wanted.seen(pose)
     speed = _braking(-straight.x, _SPEED_GAIN, limits.speed, limits.acceleration)
     # Slow down with the heading error, or the robot would leave its line in a curve.

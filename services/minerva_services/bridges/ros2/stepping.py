@@ -72,6 +72,8 @@ class Stepper:
         # Without a deviation, the command's own velocities lead exactly to its end. Otherwise the
         # driver steers by odometry.
         exact = is_rounding(driver.offset)
+        # The phases take the time of the command themselves, so the driver needs no minimum
+        # duration.
         driver.begin(command, 0.0 if exact else seconds, self.now)
         if exact:
             for velocity, lasts in phases(command, seconds, driver.limits):
@@ -131,4 +133,5 @@ def is_rounding(pose: Pose) -> bool:
 
 
 def _nanoseconds(seconds: float) -> int:
+    # Rounded up, because a shorter phase would exceed the limits of the motors.
     return max(1, math.ceil(seconds * NANOSECONDS))

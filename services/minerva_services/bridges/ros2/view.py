@@ -189,6 +189,7 @@ class Ros2View(Device, draws=("ePicture",)):
 
     def _declare(self, session: Ros2Session) -> None:
         publishers = {
+            # RViz may start later than the world; for maps it expects a transient local publisher.
             message: session.publisher(topic, message, lasting=message == types.GRID)
             for message, topic in self._out.items()
             if topic
@@ -207,6 +208,7 @@ class Ros2View(Device, draws=("ePicture",)):
             self._counts["garbage"] += 1
             return
         with self._lock:
+            # Goals arrive in a thread of Zenoh, pictures in that of the world.
             places = dict(self._picture.places) if self._picture is not None else {}
         try:
             if message.header.frame_id.strip("/") != self._frame:

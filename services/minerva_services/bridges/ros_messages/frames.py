@@ -55,6 +55,7 @@ class Frames:
     def matrix(self, base: str, frame: str) -> Matrix | None:
         """The transform from a frame to the base, 4 x 4; None if they are not connected."""
         base, frame = _bare(base), _bare(frame)
+        # The base need not be the root of the tree; the first common ancestor connects both frames.
         above = dict(self._above(base))
         for name, matrix in self._above(frame):
             if name in above:
@@ -72,6 +73,7 @@ class Frames:
         ahead = 2 if _bare(frame).endswith(_OPTICAL) else 0
         angle = np.degrees(portable.atan2(matrix[1, ahead], matrix[0, ahead]))
         numbers = (matrix[0, 3], matrix[1, 3], angle)
+        # Adding 0.0 turns -0.0 into 0.0.
         mount = Mount(*[round(float(number), _DIGITS) + 0.0 for number in numbers])
         return SensorMount(mount, flipped=bool(not ahead and matrix[2, 2] < 0))
 
@@ -86,6 +88,7 @@ class Frames:
 
     def _above(self, frame: str) -> Iterator[tuple[str, Matrix]]:
         """A frame and its ancestors, each with the transform to it."""
+        # Messages from different nodes may form a cycle.
         matrix, seen = np.eye(4), set[str]()
         while frame not in seen:
             yield frame, matrix

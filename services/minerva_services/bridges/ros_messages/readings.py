@@ -42,6 +42,7 @@ def scan_of(
     _finite("angles", first, step)
     if math.isnan(most):
         raise GarbageError("range_max is not a number")
+    # Ranges of no return are set to `most`, so it must be finite, also if the driver has no limit.
     most = min(most, _MAX_FLOAT)
     valid = np.isfinite(ranges) & (ranges >= message.range_min)
     # +inf means beyond range [REP 117]; NaN and ranges below the minimum are errors.

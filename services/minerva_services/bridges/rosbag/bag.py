@@ -77,6 +77,8 @@ class Bag:
         self._reader = _opened(self.path)
         try:
             self._played = {topic.connection.id: topic for topic in self._chosen()}
+            # Before any reading: the first scans may precede the transform of their sensor in the
+            # bag.
             self._learn_mounts()
         except BaseException:
             self.close()
@@ -132,6 +134,7 @@ class Bag:
 
     def _recorded(self, message: Any, played: PlayedTopic, stamp: float) -> Recorded:
         header = message.header
+        # Some drivers leave the stamp at 0.
         time = header.stamp.sec + header.stamp.nanosec * _NANOSECOND or stamp
         sensor = self._frames.on_its_robot(header.frame_id)
         mounting = replace(sensor, mount=self.mounting.over(sensor.mount))

@@ -57,6 +57,7 @@ class Addresses:
 
     def id(self, jid: str) -> str:
         """The agent with this JID, ignoring its resource; "" if there is none."""
+        # Local and domain part of a JID are case-insensitive (RFC 7622, 3.2 and 3.3).
         return self._ids.get(jid.partition("/")[0].lower(), "")
 
     def _add(self, id: str, jid: str) -> None:

@@ -73,6 +73,8 @@ class Spade(Bridge, Device, events=("eMessage",), draws=("eMail",), lockstep=Fal
             raise MisuseError("spade: set password_env or password_file")
         self._password_env, self._password_file = password_env, password_file
         self.source = f"spade: the XMPP server {server or domain}".rstrip()
+        # Filled by the world's thread and emptied by that of the bridge: both ends of a deque are
+        # atomic.
         self._outbox: deque[XmppMessage] = deque()
         self._sent: int | None = None  # the last frame whose messages are queued
         self._there: frozenset[str] = frozenset()
@@ -80,6 +82,7 @@ class Spade(Bridge, Device, events=("eMessage",), draws=("eMail",), lockstep=Fal
 
     def joined(self, world: WorldInfo) -> None:
         require("spade", "spade", "SPADE", "spade")
+        # A missing password is reported here; in `open` it would be retried.
         self._password()
         self._world = world
         self._clock = Clock(0, world.dt)
@@ -101,6 +104,8 @@ class Spade(Bridge, Device, events=("eMessage",), draws=("eMail",), lockstep=Fal
         self._outside.add_ids(mailbox.there)
         self._there = frozenset(mailbox.there)
         for mail in mailbox.mail:
+            # An agent keeps its mail until it receives more, so views repeat messages that have
+            # been sent. To a new bridge, only the mail of the previous frame is new.
             if mail.frame > (view.frame - 2 if self._sent is None else self._sent):
                 self._post(mail)
         self._sent = view.frame - 1

@@ -59,12 +59,14 @@ class XmppSession:
         outbox: deque[XmppMessage],
         receive: Callable[[XmppMessage], Event | None],
     ) -> None:
+        # `_fail` reports what goes wrong; slixmpp would log every step of it.
         logging.getLogger("slixmpp").setLevel(logging.CRITICAL)
         self._outbox, self._receive = outbox, receive
         self._inbox: deque[XmppMessage] = deque()
         self._wrong = ""
         self._leaves = False
         self._loop = asyncio.new_event_loop()
+        # slixmpp uses the current loop of the thread.
         asyncio.set_event_loop(self._loop)
         self._clients: dict[str, Any] = {}
         self._ready: set[str] = set()
@@ -132,6 +134,7 @@ class XmppSession:
 
     def _fail(self, why: str) -> None:
         if not self._leaves:
+            # The first reason is the cause; the disconnection that follows is not.
             self._wrong = self._wrong or why
 
     def _send(self, letter: XmppMessage) -> None:
@@ -147,6 +150,7 @@ class XmppSession:
     def _on_message(self, stanza: Any) -> None:
         from spade.message import Message
 
+        # Errors that a server returns are message stanzas, too.
         if stanza["type"] not in ("chat", "normal"):
             return
         message: Message = Message.from_node(stanza)  # type: ignore[assignment]
