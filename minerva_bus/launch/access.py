@@ -42,9 +42,12 @@ def read_access(top: Table, bus: BusSettings, folder: Path) -> Access:
 
     Raises WorldFileError, and BusError for a world that would admit anybody.
     """
+    # A path in the world file is relative to this file, one on the command line to the current
+    # folder.
     keys = Path(bus.keys) if "keys" in top.overrides.values else folder / bus.keys
     keys = keys if bus.keys else None
     check_listening(bus.listen, keys=keys is not None, insecure=bus.insecure)
+    # A router gives access to the coordinator like its own endpoint, so the same rules apply.
     for router in bus.connect:
         endpoint = check_endpoint(router)
         if not (endpoint.secured or endpoint.local or bus.insecure):
@@ -53,6 +56,8 @@ def read_access(top: Table, bus: BusSettings, folder: Path) -> Access:
                 " --keys FOLDER, or insist with --insecure"
             )
         check_listening(router, keys=keys is not None, insecure=bus.insecure)
+    # Certificates take effect on TLS links only: with keys and without such a link, nobody would be
+    # checked although the owner expects it.
     secured = any(check_endpoint(endpoint).secured for endpoint in (bus.listen, *bus.connect))
     if keys is not None and not secured:
         raise BusError(
@@ -88,6 +93,8 @@ def security(access: Access, world: str, started: Iterable[str] = ()) -> Securit
     keys = KeyFolder(access.keys)
     own = keys.credentials(COORDINATOR)
     _check_families(keys.rights(), started)
+    # `rights` and `stamp` are functions, because certificates are issued and revoked while the
+    # world runs.
     return Security(own, local_endpoint(world), keys.rights, keys.stamp, access.audit)
 
 
@@ -114,6 +121,8 @@ def local_endpoint(world: str) -> str:
         status = folder.stat()
     except OSError as error:
         raise BusError(f"cannot use {folder} for running worlds: {error.strerror}") from None
+    # Stricter than `check_runtime_folder`: whoever can search the folder can open the socket, and
+    # the local link has no certificates.
     if status.st_uid != os.getuid() or status.st_mode & 0o077:
         raise BusError(
             f"{folder} is accessible to other users, who could join the world through it; chmod 700"

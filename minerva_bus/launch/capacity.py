@@ -81,6 +81,7 @@ def check_capacity(processes: int) -> None:
 def cores() -> int:
     """Number of cores that this process may use, by its affinity and its container's quota."""
     try:
+        # An affinity may exclude some of the cores that `cpu_count` reports.
         allowed = len(os.sched_getaffinity(0))
     except AttributeError:  # Not available on every system.
         allowed = os.cpu_count() or 1
@@ -90,6 +91,7 @@ def cores() -> int:
 def _quotas(groups: Iterable[Path]) -> list[int]:
     quotas: list[int] = []
     for group in groups:
+        # An unlimited group has the word "max" in place of a number, here and in `_left`.
         quota, _, period = _text(group / "cpu.max").partition(" ")
         if quota.isdecimal() and period.isdecimal():
             quotas.append(math.ceil(int(quota) / int(period)))
@@ -99,6 +101,7 @@ def _quotas(groups: Iterable[Path]) -> list[int]:
 def _this_machine() -> Headroom:
     groups = _own_groups()
     return Headroom(
+        # The hard limit counts, because `check_capacity` raises the soft one.
         _limit(resource.getrlimit(resource.RLIMIT_NOFILE)[1]),
         _smallest(
             [_user_threads(), *(_left(group, "pids.max", "pids.current") for group in groups)]
@@ -117,6 +120,7 @@ def _smallest(limits: list[int | None]) -> int | None:
 
 def _user_threads() -> int | None:
     """Number of threads that this user may still start; root has no limit."""
+    # Linux counts the threads of all processes of a user against RLIMIT_NPROC.
     limit = _limit(resource.getrlimit(resource.RLIMIT_NPROC)[0])
     return None if limit is None or os.geteuid() == 0 else limit - _threads_of(os.getuid())
 
@@ -125,6 +129,7 @@ def _threads_of(user: int) -> int:
     threads = 0
     for path in Path("/proc").glob("[0-9]*/status"):
         fields = _fields(path)
+        # The first number is the real user, to whom the limit applies.
         if fields.get("Uid", "").split()[:1] == [str(user)]:
             threads += int(fields.get("Threads", "1"))
     return threads
@@ -139,6 +144,7 @@ def _free_bytes() -> int | None:
 def _own_groups() -> list[Path]:
     """The control group of this process, and its parents."""
     for line in _text(Path("/proc/self/cgroup")).splitlines():
+        # The line of version 2; without it no limit of a group is known, and none is checked.
         if line.startswith("0::/"):
             own = _GROUPS / line.removeprefix("0::/")
             return [own, *[above for above in own.parents if above.is_relative_to(_GROUPS)]]

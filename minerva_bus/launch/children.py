@@ -63,6 +63,8 @@ def run_member(start: MemberStart) -> int:
     def log(line: str) -> None:
         print(line, flush=True)  # noqa: T201
 
+    # With STARTED_HERE the member never gives up by itself: the launcher knows how many processes
+    # start at the same time, and ends those that are late.
     member = MemberProcess(
         process.participant(), world, start.endpoint, log, shared=start.shared, arrival=STARTED_HERE
     )
@@ -74,6 +76,7 @@ def run_member(start: MemberStart) -> int:
 def run_coordinator(start: CoordinatorStart, reports: ReportPipe, commands: int) -> int:
     """Run a world's coordinator; `commands` is a pipe. Returns the exit code."""
     run = CoordinatorRun(start, reports)
+    # A daemon, because its read returns only when the launcher closes the pipe.
     threading.Thread(target=_read_commands, args=(commands, run.coordinator), daemon=True).start()
     name, listen, ask = start.file.world.name, start.file.watch.metrics, run.coordinator.ask
     with exported(name, listen, ask, lambda text: reports.send("note", text=text)):
@@ -89,8 +92,10 @@ class CoordinatorRun:
         local = [process.name for process in file.processes if not process.elsewhere]
         remote = [process.name for process in file.processes if process.elsewhere]
         reporter = self._reporter = _Reporter(reports, remote)
+        # The world of a journal begins with its keyframe, so everything below works on that state.
         past = find_past(file, again=start.again)
         algorithm = FrameAlgorithm(file.world if past is None else past.world)
+        # Before any member starts: one that cannot read its fragments would fail at each restart.
         check_sizes(algorithm.composition.fragments, file.processes)
 
         def log(text: str) -> None:
@@ -101,6 +106,8 @@ class CoordinatorRun:
 
         reporter.record = recording(file, algorithm, log, again=past is not None)
         if past is not None:
+            # The record comes first, because frames that the journal has and the record lacks are
+            # recorded while the algorithm catches up.
             resume_from(past, algorithm, reporter.record.frame)
             lost = f"; {past.lost:,} bytes at its end are unreadable" if past.lost else ""
             note(f"continuing from frame {algorithm.frame} of its journal{lost}")
@@ -132,6 +139,8 @@ class CoordinatorRun:
         try:
             ended = yield from self.coordinator.life()
         finally:
+            # The report about the end starts the launcher's deadline for all processes, this one
+            # included, so all files are closed before it. An exception closes them, too.
             reporter.record.close()
             reporter.journal.close()
             if reporter.collected is not None:
@@ -182,6 +191,8 @@ class _Reporter:
 
     def _opened(self, session: Any) -> list[Any]:
         record, keys = self.record, self.coordinator.keys
+        # Sensor topics travel directly between members, so the record needs subscriptions of its
+        # own.
         return overhear(session, keys, record.topics, record.received) if record.topics else []
 
     def _frame_done(self, done: s.FrameDone) -> None:
@@ -232,6 +243,7 @@ def _read_commands(commands: int, coordinator: Coordinator) -> None:
 
 def handle_command(line: str, coordinator: Coordinator) -> None:
     """Handle a command of the launcher; may be called from any thread."""
+    # The inbox is the only part of a coordinator that other threads may touch.
     word, _, rest = line.partition(" ")
     if word == "log":
         level, member, text = rest.split(" ", 2)

@@ -47,6 +47,7 @@ def read_collecting(top: Table, vocabulary: Vocabulary) -> Collecting:
         raise WorldFileError(
             'nothing is collected: name expressions under [collect], such as birds = "count(ABird)"'
         )
+    # Checked here, because the coordinator would find out only after the world has started.
     if into and Path(into).suffix not in ENDINGS:
         top.wrong_setting(CollectSettings, "into", f"must end with {' or '.join(ENDINGS)}: {into}")
     return Collecting(entries, into)
@@ -55,8 +56,9 @@ def read_collecting(top: Table, vocabulary: Vocabulary) -> Collecting:
 class CollectSink(Sink):
     """Collects the frames of an algorithm, beginning with the string that it has now.
 
-    `say` is called with a line for people. `again`: a coordinator that was killed has collected
-    before, into files that nobody completes any more. Raises MisuseError and VocabularyError.
+    `say` is called with a line for people. `again`: this coordinator succeeds one that was killed
+    and left its files incomplete, so the data go into further files. Raises MisuseError and
+    VocabularyError.
     """
 
     def __init__(
@@ -89,7 +91,7 @@ class CollectSink(Sink):
         self.collector.begin(algorithm.frame, algorithm.scene)
 
     def frame_done(self, notice: s.FrameDone) -> None:
-        """Collect of a frame that has ended."""
+        """Collect the data of a frame that has ended."""
         self.collector.done(notice.frame, notice.events, self._algorithm.scene)
 
     def close(self) -> None:
@@ -98,7 +100,7 @@ class CollectSink(Sink):
 
     @property
     def tables(self) -> dict[str, DataTable]:
-        """The tables in memory, by name; empty where they go into a file."""
+        """The tables in memory, by name; empty if they go into a file."""
         return {name: gathered.table for name, gathered in self._gathered.items()}
 
 
@@ -109,7 +111,7 @@ def collect_sink(
     *,
     again: bool = False,
 ) -> CollectSink | None:
-    """The sink that collects; None where nothing is to be collected."""
+    """The sink that collects; None if nothing is to be collected."""
     if not collecting.entries:
         return None
     return CollectSink(collecting, algorithm, say, again=again)

@@ -89,6 +89,7 @@ class Console:
 
     def periodic(self, line: str, now: float) -> None:
         """Write a line about progress if the last one is long ago; `now` is monotonic."""
+        # No line at once: a start that is shorter than a period needs none.
         if self._noted_at is None:
             self._noted_at = now
         if now >= self._noted_at + PERIOD_SECONDS:
@@ -135,6 +136,7 @@ class Console:
             self.stream.flush()
 
     def _above(self, lines: str) -> None:
+        # The status line has to stay the last line of the terminal.
         live = self._live
         self.end()
         self._put(lines)

@@ -35,8 +35,11 @@ def read_description(
     """
     table = top.table("world")
     vocabulary = _vocabulary(table, settings, path)
+    # Before the string is read, which would report a forgotten class as an unknown symbol.
     _check_kinds(processes, vocabulary, path, ", ".join(settings.vocabulary))
     _check_speakers(processes, vocabulary, path)
+    # `dt` follows the file's rate only: `--rate` changes the pace of a run, but must not change the
+    # string.
     own_rate: float = table.get("rate", number(), 0.0)
     world = World(
         name=table.named(settings.name or path.stem, "a world"),
@@ -119,6 +122,7 @@ def _scene(
     if not isinstance(made, Scene):
         kind = type(made).__name__
         raise WorldFileError(f"{path}: {maker} must return a string, not {kind}")
+    # No reader has checked the symbols and values of a Scene that code has built.
     return vocabulary.check(made, maker)
 
 

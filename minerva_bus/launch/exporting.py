@@ -52,6 +52,8 @@ Check = Callable[[WorldStatus | None, str], Health]
 
 def live(status: WorldStatus | None, problem: str = "") -> Health:
     """Whether the coordinator answers; `status` is its answer, `problem` why there is none."""
+    # Members do not matter here: an orchestrator must not restart a coordinator because a sensor is
+    # away.
     if status is None:
         return Health(False, f"the coordinator does not answer: {problem}")
     return Health(True, f"{status.world}: the coordinator answers")
@@ -93,6 +95,7 @@ class Exporter:
                 " that is free"
             ) from None
         self._closed = threading.Event()
+        # The argument below is the interval in seconds at which the server notices `close`.
         serve = self._server.serve_forever
         threading.Thread(target=serve, args=(0.1,), daemon=True).start()
         threading.Thread(target=self._keep_awake, daemon=True).start()
@@ -137,6 +140,8 @@ class Exporter:
         return read_status(self._ask("status").get("status"))
 
     def _keep_awake(self) -> None:
+        # Frames are measured only while queries arrive; a scraper with a longer period would miss
+        # some.
         while not self._closed.wait(QUERY_SECONDS):
             try:
                 self._ask("totals")
@@ -172,6 +177,7 @@ class _Server(ThreadingHTTPServer):
 
 
 class _Handler(BaseHTTPRequestHandler):
+    # Seconds; without it, a client that sends nothing would keep its thread for ever.
     timeout = 10
     server_version, sys_version = "minerva", ""
 

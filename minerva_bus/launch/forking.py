@@ -38,17 +38,23 @@ def fork(body: Callable[[], int], keep: Collection[int], lifeline: int) -> Child
     of a lifeline, nobody would notice the death of this process.
     """
     read, write = os.pipe()
+    # Otherwise both processes would write what is in the buffers.
     sys.stdout.flush()
     sys.stderr.flush()
     pid = os.fork()
     if pid:
         os.close(write)
+        # The launcher waits for many pipes in one thread, so a read must never block it.
         os.set_blocking(read, False)
         return ChildProcess(pid, read)
+    # This is the child. No exception may leave the block below: the stack above belongs to the
+    # parent, whose handlers would kill its other children.
     code = 1
     try:
         _become_child(write, {*keep, lifeline})
         _die_with(lifeline)
+        # After standard error has become the pipe, since the handler keeps the file that it is
+        # given.
         traces.register()
         gc.freeze()  # Collecting objects of the parent would copy their pages.
         code = body()
@@ -73,6 +79,7 @@ def command(
     The child between this process and the command leads their process group, so that everything
     that the command starts can be killed with it.
     """
+    # A command knows nothing of the lifeline; the child that waits for it watches the lifeline.
     return fork(lambda: _run(words, environment, folder), (), lifeline)
 
 
@@ -80,6 +87,7 @@ def _run(words: Sequence[str], environment: dict[str, str], folder: Path) -> int
     """Run a command to its end; end in the same way."""
     import subprocess
 
+    # A program inherits ignored signals, and a command may use SIGINT itself.
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     try:
         done = subprocess.run(  # noqa: S603
@@ -87,15 +95,18 @@ def _run(words: Sequence[str], environment: dict[str, str], folder: Path) -> int
         )
     except OSError as error:
         raise MinervaError(f"cannot run {words[0]}: {error.strerror}") from None
+    # It dies by the same signal, which the launcher then reports.
     if done.returncode < 0:
         os.kill(os.getpid(), -done.returncode)
     return abs(done.returncode)
 
 
 def _become_child(output: int, keep: Collection[int]) -> None:
+    # A session is a group, too: `kill` reaches all that the child starts, and the signals of the
+    # terminal do not reach the child.
     os.setsid()
+    # The handlers and the wake-up pipe are the launcher's, which alone decides how a world ends.
     signal.set_wakeup_fd(-1)
-    # Ctrl-C in a terminal reaches the whole group; the launcher decides how the world ends.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     signal.signal(signal.SIGCHLD, signal.SIG_DFL)
@@ -103,9 +114,13 @@ def _become_child(output: int, keep: Collection[int]) -> None:
     os.dup2(nothing, 0)
     os.dup2(output, 1)
     os.dup2(output, 2)
+    # A copy of another child's pipe would hide its end, and a copy of the file that locks the
+    # world's name (registry.py) would keep the lock after the launcher's death.
     for descriptor in [int(entry.name) for entry in Path("/dev/fd").iterdir()]:
         if descriptor > 2 and descriptor not in keep:
             _close(descriptor)
+    # By lines, so that a log line appears when it is printed; `replace`, so that no character makes
+    # `print` fail.
     sys.stdout = os.fdopen(1, "w", buffering=1, encoding="utf-8", errors="replace", closefd=False)
     sys.stderr = os.fdopen(2, "w", buffering=1, encoding="utf-8", errors="replace", closefd=False)
 
@@ -122,6 +137,7 @@ def _die_with(lifeline: int) -> None:
         os.read(lifeline, 1)  # Nothing is ever written: this returns when the launcher dies.
         os.killpg(0, signal.SIGKILL)
 
+    # A thread, because user code may keep the main thread busy or blocked.
     threading.Thread(target=watch, daemon=True).start()
 
 

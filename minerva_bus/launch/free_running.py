@@ -61,6 +61,7 @@ class FreeRunning:
         """Pass queued events and readings to the runner. Raises what a generator raised."""
         for _ in range(self._queue.qsize()):  # What arrives meanwhile waits for the next turn.
             member, output = self._queue.get()
+            # The report of an error names this member.
             self._runner.direct.running = member
             if isinstance(output, Exception):
                 raise output
@@ -68,6 +69,8 @@ class FreeRunning:
                 self._runner.publish(member.published(output.topic, output.reading))
             else:
                 self._runner.handle(member.emitted(output))
+            # A generator that is faster than the frames blocks until its output is taken, so the
+            # queue stays short.
             self._outlets[member.name].taken()
 
     def pulse(self) -> None:
@@ -87,6 +90,7 @@ class FreeRunning:
         try:
             outlet = Outlet(lambda output: self._queue.put((member, output)), self._stop)
             self._outlets[member.name] = outlet
+            # The main thread raises an error in `deliver`; in this thread it would be lost.
             service.run(outlet, self._stop)
         except (Exception, SystemExit) as error:
             failure = UserCodeError(handler_name(service.run), service.run)

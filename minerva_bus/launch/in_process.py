@@ -80,7 +80,7 @@ class InProcessRun:
         )
 
     def run(self) -> RunSummary:
-        """Run the world to its end. Raises WorldStopped where user code failed."""
+        """Run the world to its end. Raises WorldStopped if user code fails."""
         try:
             self.open()
             self.advance()
@@ -91,7 +91,7 @@ class InProcessRun:
         return self.summary()
 
     def open(self) -> None:
-        """Let all members join. Raises MinervaError where they cannot, or user code failed."""
+        """Let all members join. Raises MinervaError if one cannot, or if user code fails."""
         with printed(self._print):
             members = _members(self._file)
             runner, record = self._prepare(members)
@@ -103,9 +103,9 @@ class InProcessRun:
                 self._parts.services.start()
 
     def advance(self, frames: int | None = None) -> None:
-        """Run this number of frames, or all that there are; frames with a `rate` take their time.
+        """Run this number of frames, or to the end of the world, at the rate of the world file.
 
-        Raises WorldStopped where user code failed.
+        Raises WorldStopped if user code fails.
         """
         end = None if frames is None else self.algorithm.frame + frames
         with printed(self._print), self._reporting():
@@ -124,10 +124,11 @@ class InProcessRun:
             self._parts.runner.handle(s.End(reason))
 
     def close(self) -> None:
-        """Close record, tables, console and services. Raises UserCodeError where a service does."""
+        """Close record, tables, console and services. Raises UserCodeError if a service fails."""
         parts, self._console.frame = self._parts, self.algorithm.frame
         if parts is None or parts.closed:
             return
+        # Set first: `close` is called again after an error, possibly one of its own.
         parts.closed = True
         with printed(self._print):
             parts.services.stop()
@@ -135,6 +136,7 @@ class InProcessRun:
             if self.collected is not None:
                 self.collected.close()
             self._console.end()
+            # Last, because the method `close` of a service is user code and may raise.
             close_services(parts.members)
 
     def summary(self) -> RunSummary:
@@ -152,6 +154,7 @@ class InProcessRun:
         )
         status = self._progress.status
         collected = () if self.collected is None else (self.collected,)
+        # Sinks are called in this order; `_progress` needs the time of the frame from `_schedule`.
         runner = InProcessRunner(
             self.algorithm,
             members,
@@ -174,6 +177,7 @@ class InProcessRun:
             _no_restart,
         )
         for member in members:
+            # A window in this process asks the same questions as one that is connected by the bus.
             member.operator = AskingOperator(self._questions.ask)
         return runner, record
 
@@ -181,6 +185,7 @@ class InProcessRun:
         assert self._parts is not None
         runner, services = self._parts.runner, self._parts.services
         while runner.ended is None and (end is None or self.algorithm.frame < end):
+            # Other threads only fill queues. They are emptied here, between two frames.
             self._questions.answer()
             services.deliver()
             services.pulse()
@@ -191,18 +196,19 @@ class InProcessRun:
                 time.sleep(POLL_SECONDS if due is None else min(due - now, POLL_SECONDS))
 
     def _due(self, end: int | None) -> float | None:
-        # Frames that are asked for one by one do not rest although nothing would change in them.
+        # A caller that steps wants each frame now, even if the world is at rest.
         return self._schedule.next_at if end is None else self._schedule.due
 
     @contextmanager
     def _reporting(self) -> Generator[None]:
-        """Raise errors in a member's code as WorldStopped."""
+        """Turn errors in a member's code into WorldStopped."""
         assert self._parts is not None
         try:
             yield
         except KeyboardInterrupt:
             raise
         except Unready as error:
+            # Not a failure of code: the service cannot run in this world, and its message says why.
             self._reason = str(error)
             raise WorldStopped(str(error)) from None
         except Exception as error:
@@ -271,7 +277,7 @@ def _recorded(record: RunRecord) -> Callable[[Notice], None]:
 
 
 def _no_rejections() -> Mapping[str, int]:
-    return {}  # Nobody sends from outside.
+    return {}  # There is no sender outside of this process.
 
 
 def _no_restart(_: str) -> str:
@@ -339,9 +345,10 @@ class _Questions:
         self._queue: SimpleQueue[tuple[dict[str, Any], Future[dict[str, Any]]]] = SimpleQueue()
 
     def ask(self, question: str, **details: Any) -> Mapping[str, Any]:
-        """The answer to a question. Raises BusError where there is none within ANSWER_SECONDS."""
+        """The answer to a question. Raises BusError if there is none within ANSWER_SECONDS."""
         asked = {"ask": question, **details}
         if threading.get_ident() == self._thread:
+            # The thread that answers must not wait for itself, as after a key in a window.
             reply = answer(asked, self.world)
         else:
             later: Future[dict[str, Any]] = Future()

@@ -29,11 +29,13 @@ def caught(pipes: Pipes, interrupted: Callable[[signal.Signals], None]) -> Gener
         interrupted(signal.Signals(number))
 
     read, write = os.pipe()
+    # Python requires a non-blocking descriptor for wake-ups, as a full pipe must not block.
     os.set_blocking(read, False)
     os.set_blocking(write, False)
     # Without the pipe, a signal just before the wait begins would not end it.
     signal.set_wakeup_fd(write, warn_on_full_buffer=False)
     pipes.listen(read, lambda: pipes.read(read))
+    # Python writes to the pipe only for signals that have a handler, hence one for SIGCHLD.
     wanted = {signal.SIGCHLD: _ignore, **dict.fromkeys(end_signals(), interrupt)}
     before = {number: signal.signal(number, handler) for number, handler in wanted.items()}
     try:

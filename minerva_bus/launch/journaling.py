@@ -29,7 +29,11 @@ def find_past(file: WorldFile, *, again: bool) -> Journaled | None:
 
 
 def next_epoch(past: Journaled | None, now: float) -> int:
-    """Epoch of a coordinator: seconds since 1970, but always greater than the previous one."""
+    """Epoch of a coordinator: seconds since 1970, but always greater than the previous one.
+
+    Members follow the highest epoch, so neither a clock that was set back nor a start within the
+    same second may repeat one.
+    """
     return int(now) if past is None else max(past.epoch + 1, int(now))
 
 
@@ -54,6 +58,8 @@ class RunJournal:
         self._journal: Journal | None = Journal(
             journal_path(file), coordinator.transport.epoch, coordinator.algorithm
         )
+        # This journal replaces the earlier one, so it takes over what stands there besides the
+        # frames.
         if past is not None:
             self._journal.members(past.members)
             if past.rate is not None:
@@ -89,6 +95,7 @@ class RunJournal:
 
     def _note_members(self, journal: Journal) -> None:
         members = self._coordinator.algorithm.members
+        # The index is a new object whenever the members have changed.
         if members.index is not self._members:
             self._members = members.index
             journal.members(member.name for member in members.active())
@@ -99,6 +106,7 @@ class RunJournal:
         journal.pace(pace.rate, None if pace.left is None else pace.left + begun)
 
     def _give_up(self, journal: Journal, error: OSError) -> None:
+        # Deleted, because a successor must not continue from a frame that is long past.
         journal.close(over=True)
         self._journal = None
         self._log(

@@ -66,6 +66,7 @@ class Machine:
             (command_read, report_write),
             lifeline,
         )
+        # The child has its own copies; with these open, the end of a pipe would not be seen.
         os.close(command_read)
         os.close(report_write)
         os.set_blocking(report_read, False)

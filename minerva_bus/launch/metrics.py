@@ -92,6 +92,7 @@ def _totals(world: str, totals: Totals) -> Iterator[Metric]:
 
 
 def _buckets(durations: Durations) -> list[tuple[str, float]]:
+    # Buckets of Prometheus are cumulative.
     bounds = [*map(str, BOUNDS), "+Inf"]
     return list(zip(bounds, accumulate(durations.counts), strict=True))
 

@@ -100,6 +100,8 @@ def _where(table: Table, settings: NormSettings) -> str:
         for corner in corners
         if isinstance(corner, int | float) and not isinstance(corner, bool)
     ]
+    # The limit excludes NaN and infinity, which a condition would read as names, and whole numbers
+    # that are too long for a float.
     if len(numbers) != 4 or len(corners) != 4 or any(not abs(x) <= _MAX_FLOAT for x in numbers):
         table.wrong("where", "must be a condition, or the corners [x0, y0, x1, y1]")
     (x0, x1), (y0, y1) = sorted(map(float, numbers[::2])), sorted(map(float, numbers[1::2]))

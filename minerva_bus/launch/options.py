@@ -59,6 +59,7 @@ _COMMENTED: Final = re.compile(
 
 def beside(value: Any, folder: Path) -> Any:
     """The full path of a text that names a file in `folder`; any other value unchanged."""
+    # Other texts, such as a string of the grammar, are no paths, and may be too long for one.
     if isinstance(value, str) and value and "\n" not in value and len(value) < 1000:
         path = folder / value
         return str(path) if path.is_file() else value
@@ -68,6 +69,8 @@ def beside(value: Any, folder: Path) -> Any:
 def _like(key: str, given: str, default: Any) -> Any:
     """The value of a text on the command line, of the same type as its default."""
     if isinstance(default, str):
+        # Relative to the current folder, as for any command; a default is relative to the world
+        # file.
         path = Path(given)
         return str(path.resolve()) if given and path.is_file() else given
     value = toml_value(given)

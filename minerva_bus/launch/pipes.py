@@ -104,6 +104,8 @@ class LineReader:
 
     def read(self) -> bool:
         """Read once; returns whether there was data."""
+        # Once: a child that prints without end must not keep other pipes from being read. `wait`
+        # reports the pipe again if it has more.
         data = self._pipes.read(self.descriptor)
         if data is None:
             self.descriptor = CLOSED
@@ -134,6 +136,7 @@ class ReportPipe:
         """Send a report; without a reader, do nothing."""
         data = json.dumps({"kind": kind, **fields}).encode() + b"\n"
         try:
+            # The system may take a part of a long report only.
             while data and not self.broken:
                 data = data[os.write(self.descriptor, data) :]
         except OSError:

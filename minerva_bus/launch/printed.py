@@ -1,4 +1,4 @@
-"""What members print where they have no process of their own: lines of the log, as everywhere."""
+"""Output of members that have no process of their own: it becomes lines of the log."""
 
 from __future__ import annotations
 
@@ -9,17 +9,18 @@ from contextlib import contextmanager, redirect_stdout
 from typing import Final
 
 MEMBERS: Final = "in-process"
-"""Who has said it: nobody can tell which of them."""
+"""The name before such lines: all members share one output, so the member is unknown."""
 
 
 class _Lines(io.TextIOBase):
-    """A text stream that hands over whole lines; from any thread."""
+    """A text stream that passes on whole lines; any thread may write to it."""
 
     encoding = "utf-8"
 
     def __init__(self, tell: Callable[[str], None]) -> None:
         self._tell = tell
         self._begun = ""
+        # Reentrant, because `close` writes while it holds the lock.
         self._lock = threading.RLock()
 
     def writable(self) -> bool:
@@ -33,7 +34,7 @@ class _Lines(io.TextIOBase):
         return len(text)
 
     def close(self) -> None:
-        """Hand over what has no end of its own."""
+        """Pass on an unterminated last line."""
         with self._lock:
             if self._begun:
                 self.write("\n")
@@ -42,6 +43,6 @@ class _Lines(io.TextIOBase):
 
 @contextmanager
 def printed(tell: Callable[[str], None]) -> Generator[None]:
-    """Hand over, line by line, what is printed on standard output."""
+    """Pass what is printed on standard output to `tell`, line by line."""
     with _Lines(tell) as lines, redirect_stdout(lines):
         yield

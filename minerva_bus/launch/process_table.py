@@ -179,6 +179,8 @@ class ProcessTable:
         """The process that has ended, after its last lines; kills what it has started."""
         for process in self:
             if process.child is not None and process.child.pid == pid:
+                # Before the last lines are read: a grandchild that prints without end would supply
+                # more for ever.
                 self._machine.kill_group(pid)
                 if process.output is not None:
                     process.output.finish()
@@ -198,11 +200,14 @@ class ProcessTable:
     def stacks(self, process: SupervisedProcess) -> list[str]:
         """The stacks of a process as it writes them itself; empty for a stopped process."""
         output = process.output
+        # The child of a command only waits for it, so its stack would show nothing.
         if process.child is None or output is None or process.spec.command:
             return []
         process.stacks = []
         self._machine.signal(process.child.pid, STACK_SIGNAL)
         until = self._machine.monotonic() + STACK_SECONDS
+        # The caller may be the handler of another pipe. This reads one pipe without calling further
+        # handlers, which could end the process meanwhile.
         while output.open and (left := until - self._machine.monotonic()) > 0:
             seconds = min(left, STACK_GAP_SECONDS) if process.stacks else left
             if not self._context.pipes.wait_for(output.descriptor, seconds):

@@ -54,11 +54,15 @@ class RunRecord:
             self._record(file, description)
         else:
             with Record(origin) as past:
+                # With a configured journal, the file may be an earlier run's record, for example
+                # with another seed. A resumed run has been checked when it was read
+                # (`read_resumed`).
                 for what in differing(file.world, past.description.world) if again else ():
                     raise RecordError(f"{origin}: it is the record of another world: {what}")
                 self._next = past.end()[0].frame
                 description = _continued(past.description, file)
-                # The new record contains everything of the previous coordinator's.
+                # The new record contains everything of the killed coordinator's, so that is not
+                # kept; a copy could overwrite the one that the user has of an earlier run.
                 self._record(file, description, past, keep_old=not again)
         self.topics = file.record.topics
 
@@ -72,6 +76,8 @@ class RunRecord:
     ) -> None:
         from minerva_bus.log.recorder import Recorder
 
+        # Seconds count from the beginning of the record, also after a succession or resumption; the
+        # clock itself is monotonic, since the system's may be set meanwhile.
         self._began = time.monotonic() - (time.time_ns() - description.began) / 1e9
         self._recorder = Recorder(
             Path(file.record.path),
@@ -165,6 +171,8 @@ def recording(
         try:
             record.open(file, algorithm, log, again)
         except RecordError as error:
+            # A world does not begin without its record, but a running one does not end because of
+            # it.
             if not again:
                 raise
             log(f"{error}; the world continues without a record")

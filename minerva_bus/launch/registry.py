@@ -56,12 +56,15 @@ class WorldLock:
                     f" (minerva stop --world {self.world}), or start this one under another name"
                     " (--name)"
                 ) from None
+            # A run that has just ended may have removed the file between opening and locking. A
+            # lock on the removed file would exclude nobody.
             if _same_file(file, self._path):
                 return file
             file.close()
 
     def _open(self) -> IO[str]:
         try:
+            # Not truncated: the file may be that of a running world.
             descriptor = open_itself(self._path, os.O_RDWR | os.O_CREAT | os.O_APPEND)
         except OSError as error:
             raise BusError(f"{self._path} cannot be opened: {error.strerror}; remove it") from None
@@ -76,6 +79,7 @@ class WorldLock:
 
     def release(self) -> None:
         """Release the name after the world has ended."""
+        # Removed while it is locked: once it is not, it may already be the file of another run.
         self._path.unlink(missing_ok=True)
         self._file.close()
 
@@ -94,6 +98,7 @@ def _read(path: Path) -> RunningWorld | None:
             entry = json.load(file)
         return RunningWorld(str(entry["world"]), str(entry["endpoint"]), int(entry["pid"]))
     except (OSError, ValueError, KeyError, TypeError):
+        # It may be incomplete while a world writes it.
         return None
 
 
@@ -112,6 +117,8 @@ def running() -> list[RunningWorld]:
             if world is not None:
                 worlds.append(world)
         else:
+            # A world that has created the file but not locked it yet notices the removal
+            # (`_same_file`).
             path.unlink(missing_ok=True)
     return worlds
 

@@ -107,7 +107,9 @@ def read_replay(
         if not 0 <= begin < cursor.end:
             raise MisuseError(f"{path}: it has {frames_up_to(cursor.end)}, not {begin}")
         played = replace(description.world, scene=cursor.seek(begin), past=Checkpoint(begin))
+    # The record ends the replay, not the world's goal, which its last string may not have reached.
     played = replace(played, frames=cursor.end, until="", name=_name(overrides, description))
+    # `read_processes` puts the views of the command line last.
     views = file.processes[len(file.processes) - len(overrides.views) :]
     stay = any(view.make_service is not None and view.make_service().interactive for view in views)
     shown = replace(
@@ -122,13 +124,14 @@ def read_replay(
 
 
 def _name(overrides: Overrides, description: Description) -> str:
+    # Another name, because the original world may run on this machine.
     return checked_name(
         overrides.values.get("name") or f"{description.world.name}-replay", "a world"
     )
 
 
 def recomputed(path: Path, world: WorldSource, progress: Callable[[int, int], None]) -> Difference:
-    """Run λ again on a record; `progress` receives the frames done and their total.
+    """Run λ again on a record; `progress` receives the number of frames done and their total.
 
     Raises RecordError and WorldFileError, and ActivityError if user code fails.
     """

@@ -98,6 +98,7 @@ class Rerun:
                 " cannot be computed beyond it"
             )
         runner.handle(s.Begin(inputs=self._without.inputs(frame)))
+        # All members reply within `handle`, so a frame that is not complete now never will be.
         if algorithm.frame == frame.number and runner.ended is None:
             awaited = ", ".join(algorithm.waiting_for()) or "agents that no process here runs"
             raise MinervaError(f"it waits for {awaited}")
@@ -108,12 +109,16 @@ class Rerun:
         frame, cursor = self._cursor.ahead, self._cursor
         if frame is None or not isinstance(notice, s.FrameDone):
             return
+        # Also after a difference, because `step` takes the inputs of the next frame from the
+        # cursor.
         recorded, scene = cursor.advance(), self.algorithm.scene
         if self.difference is not None:
             return
         events = frame.events, notice.events
         if same_events(*events) and cursor.checkpoint is not None:
             events = cursor.checkpoint.emitted, self.algorithm.checkpoint.emitted
+        # Events that agents emit reach the string in the next frame only; comparing them finds the
+        # cause a frame earlier.
         same = scene.digest == frame.digest
         if not same or not same_events(*events):
             strings = None if same else (recorded, scene)

@@ -64,6 +64,7 @@ def read_resumed(path: Path, world: WorldSource, overrides: Overrides) -> Resume
         damage = tuple(damage_of(record))
         checkpoint, scene = record.end()
         if file.world.until != description.world.until:
+            # Agents that have sent the old `until`, or have given it up, have not sent the new one.
             saved = {name: data for name, data in checkpoint.saved.items() if name != GIVEN_UP}
             nobody: frozenset[str] = frozenset()
             checkpoint = replace(checkpoint, saved=saved, reached=nobody, reaching=nobody)
@@ -231,7 +232,7 @@ def last_views(record: Record, file: WorldFile, checkpoint: Checkpoint) -> list[
 
 def _coupled(file: WorldFile) -> frozenset[str]:
     """Visual event types whose views can influence later frames."""
-    if any(process.command for process in file.processes):  # Nobody knows what they draw.
+    if any(process.command for process in file.processes):  # What they draw is unknown here.
         return frozenset(e.name for e in file.world.vocabulary.events.values() if e.visual)
     hellos = [process.participant().hello() for process in file.processes]
     return frozenset(draws for hello in hellos if hello.coupled for draws in hello.draws)

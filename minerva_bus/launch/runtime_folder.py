@@ -42,6 +42,7 @@ def make_runtime_folder() -> Path:
 def check_runtime_folder(place: Path) -> bool:
     """Whether the folder exists. Raises BusError if another user could have written to it."""
     try:
+        # Not `stat`, which would report the target of a link.
         status = place.lstat()
     except FileNotFoundError:
         return False
@@ -54,6 +55,8 @@ def check_runtime_folder(place: Path) -> bool:
     if status.st_uid != os.getuid():
         raise _unusable(place, f"belongs to another user (uid {status.st_uid})")
     mode = status.st_mode & 0o777
+    # Others may read the folder; writing to it could redirect the user to another endpoint. A
+    # socket in it requires more (`local_endpoint` in access.py).
     if mode & 0o022:
         raise _unusable(place, f"is writable by others (mode {mode:o}); chmod 700")
     return True

@@ -84,6 +84,7 @@ def _create(goal: Path, write: Callable[[Path], None]) -> Path:
     if goal.exists() or goal.is_symlink():
         raise MisuseError(f"{goal} already exists; nothing was written. Choose another name")
     try:
+        # Beside the goal, since a folder can be renamed within one file system only.
         with tempfile.TemporaryDirectory(dir=goal.parent, prefix=f".{goal.name}-") as temporary:
             root = Path(temporary) / goal.name
             write(root)
@@ -110,6 +111,7 @@ def _check_name(name: str) -> None:
             raise MisuseError(f"{name!r} is already installed ({group}); choose another name")
 
 
+# The templates have a module `yard` and a folder `tests`.
 _TAKEN: Final = frozenset(
     ("minerva_bus", "minerva_services", "minerva_agents", "numpy", "zenoh", "tests", "yard")
 )

@@ -34,6 +34,7 @@ def load(spec: str, folder: Path | None = None) -> Any:
     if not module_name or not attribute:
         raise WorldFileError(f"{spec!r} names no attribute; expected module:attribute")
     if folder is not None and str(folder) not in sys.path:
+        # First, so that no installed module hides one beside the world file.
         sys.path.insert(0, str(folder))
     module = _import(module_name, spec)
     value: Any = module
@@ -52,6 +53,7 @@ def _import(name: str, spec: str) -> Any:
         raise WorldFileError(f"{spec!r}: in {name}: {report(error)}") from error
     except ModuleNotFoundError as error:
         if error.name is not None and name.split(".")[0] == error.name.split(".")[0]:
+            # Otherwise the module is there, and one that it imports is missing.
             raise WorldFileError(
                 f"{spec!r}: there is no module {name}; install it, or put it beside the world file"
             ) from None

@@ -52,6 +52,7 @@ class Succession:
         context, again = self._context, self.count > 0
         file, pipes = context.file, context.pipes
         if again:
+            # Members reconnect to the endpoint that they know.
             file = replace(file, bus=replace(file.bus, listen=self.listens_at))
         profile, shared = context.profiling.frames, context.shared
         start = CoordinatorStart(file, self._make, profile, shared, again, queued)
@@ -74,6 +75,7 @@ class Succession:
         self.child = None
         self._context.machine.close(self._commands)
         self._commands = CLOSED
+        # The report about the end may be among these: it decides whether a successor is needed.
         for reader in self._readers:
             reader.finish()
 
@@ -85,6 +87,8 @@ class Succession:
         if code == FAILED:
             self._failures = self._failures + 1 if self.frame <= self._failed_at else 1
             self._failed_at = max(self._failed_at, self.frame)
+        # Without an endpoint the first coordinator has never listened, so there is no run to
+        # continue.
         unexpected = code < 0 or (code == FAILED and self._failures < MAX_FAILURES)
         return unexpected and bool(self._context.endpoint) and self.count < MAX_SUCCESSIONS
 

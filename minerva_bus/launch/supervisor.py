@@ -34,7 +34,11 @@ from minerva_bus.wire.keys import COORDINATOR
 from minerva_bus.wording import counted
 
 STOP_SECONDS: Final = 1.0
-"""Time for a world to stop on request before its processes are killed."""
+"""Time for a world to stop on request before its processes are killed.
+
+It is longer than HURRIED_REPORTS_WITHIN (runtime/monitor.py), so that the coordinator can still
+send its report with the digest.
+"""
 
 CLOSE_SECONDS: Final = 10.0
 """Time for members to close their files after the regular end of a world."""
@@ -97,7 +101,10 @@ class Supervisor:
         """Run the world to its end. Raises BusError and MisuseError if it cannot begin."""
         check_record(self._file)
         check_capacity(len(self._processes))
+        # Before the first fork, because the children inherit this setting.
         expect_links(len(self._file.processes))
+        # Before any process starts: a second world of this name would replace the journal of the
+        # first.
         lock = WorldLock(self._file.world.name)
         try:
             self._context.shared = self._shares_memory()
@@ -112,6 +119,7 @@ class Supervisor:
         finally:
             self._console.end()
             self._context.close()
+            # Processes that are killed leave their files of shared memory behind.
             if self._context.shared:
                 remove_orphans()
             lock.release()
@@ -151,6 +159,7 @@ class Supervisor:
         for process in self._processes:
             if process.restart_at is not None and now >= process.restart_at:
                 self._processes.enqueue(process)
+            # It has ended with code 0, but no report says that the world ends: a failure, too.
             if process.exited_at is not None and now >= process.exited_at and ending.reason is None:
                 self._on_failure(process, 0)
         self._start_processes()
@@ -250,6 +259,7 @@ class Supervisor:
                 self._log(member, f"{silence}: restart it on its machine")
         elif process.child is not None:
             process.waited = waited
+            # Before it is killed: this is the only trace of what it was doing.
             self._log_stacks(process, f"{silence}: killing it")
             self._machine.kill(process.child.pid)
 
@@ -278,6 +288,8 @@ class Supervisor:
         ending = self._ending
         ending.report = EndReport(**report)
         regular = not (ending.failure or ending.interrupts or ending.report.failed)
+        # A view may still draw the last frame or write its file; only an interrupt or a failure is
+        # urgent.
         seconds = CLOSE_SECONDS if regular else self._report_seconds
         ending.deadline = self._machine.monotonic() + seconds
 
@@ -321,8 +333,10 @@ class Supervisor:
             self._console.log(COORDINATOR, f"{text} {number}", "warning")
             coordinator.start_successor(self._processes.queue.queued)
             return
+        # It printed its error last, if it had one.
         ending.failure = ending.failure or self._last_line or f"the coordinator {how_ended(code)}"
         now = self._machine.monotonic()
+        # The report that would set the deadline does not arrive any more.
         ending.deadline = min(ending.deadline or float("inf"), now + self._report_seconds)
 
     def _on_failure(self, process: SupervisedProcess, code: int) -> None:
@@ -367,6 +381,7 @@ class Supervisor:
     # --- stopping ---
 
     def _stop(self, failure: str) -> None:
+        # The first failure is the cause; those of processes that end because of it are not.
         self._ending.failure = self._ending.failure or failure
         self._coordinator.command("stop")
         self._ending.deadline = self._machine.monotonic() + STOP_SECONDS
@@ -389,6 +404,7 @@ class Supervisor:
 
     def kill_all(self) -> None:
         """Kill all processes, start no others, and wait for their ends."""
+        # With a deadline, `_on_exit` starts neither a successor nor a process again.
         self._ending.deadline = 0.0
         if self._coordinator.child is not None:
             self._machine.kill(self._coordinator.child.pid)

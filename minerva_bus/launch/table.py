@@ -101,6 +101,7 @@ class Table:
     def put(self, key: str, value: Any) -> None:
         """Replace the value of a key, for example with its options filled in."""
         self.data[key] = value
+        # A table that was read before has the old values.
         self._tables.pop(key, None)
 
     def rest(self) -> dict[str, Any]:
@@ -153,6 +154,7 @@ class Table:
         )
 
     def _place(self, key: str) -> int:
+        # The parser gives no positions, so the key is searched in the text.
         start = 0
         if self.name:
             header = re.search(rf"^[ \t]*\[[ \t]*{re.escape(self.name)}[ \t]*\]", self._text, re.M)

@@ -16,6 +16,7 @@ MAX_KEY_PARTS: Final = 64
 _STRINGS: Final = re.compile(
     r'"""[\s\S]*?"""|' r"'''[\s\S]*?'''|" r'"(?:[^"\\\n]|\\.)*"|' r"'[^'\n]*'|" r"#[^\n]*"
 )
+# Possessive quantifiers (`*+`, `++`) exclude backtracking, so the search itself takes linear time.
 _PART: Final = r"[ \t]*+\.[ \t]*+[\w-]++"
 _LONG_KEY: Final = re.compile(rf"(?<![\w-])[\w-]++(?:{_PART}){{{MAX_KEY_PARTS},}}")
 
@@ -26,6 +27,7 @@ class TomlError(MinervaError):
 
 def read_toml(text: str) -> dict[str, Any]:
     """The tables of a TOML text. Raises TomlError."""
+    # Dots in texts and comments are no parts of keys.
     if _LONG_KEY.search(_STRINGS.sub("s", text)):
         raise TomlError(f"a dotted key has more than {MAX_KEY_PARTS} parts")
     try:
