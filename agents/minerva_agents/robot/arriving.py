@@ -64,6 +64,8 @@ def good_places(robot: ARobot, place: Cell) -> Iterator[Mask]:
     may lie in the next room.
     """
     walls = obstacles(robot.grid)
+    # Masks are built on demand, because the tests of sight are slow and an early mask usually
+    # suffices.
     for dist in _DISTANCES:
         yield _with_view(walls, _around(walls, place, dist / robot.cell), place)
     if robot.failures >= RELAX_FAILURES:
@@ -79,6 +81,7 @@ def make_way(robot: ARobot, place: Cell) -> None:
     walls = obstacles(grid)
     ring = _around(walls, place, NEAR / robot.cell) & ~_around(walls, place, REACH / robot.cell)
     cells = np.argwhere(ring & free(grid) & ~closed)
+    # Projected on the direction from the robot to the marker: positive is beyond the marker.
     down, across = place[0] + 0.5 - robot.row, place[1] + 0.5 - robot.column
     rows, columns = (cells - place).T
     behind = rows * down + columns * across

@@ -76,6 +76,8 @@ def _record_look(robot: ARobot) -> None:
         robot.been = (*robot.been, number)
     elif abs(wrapped(robot.heading - robot.angle)) > _FACING:
         return
+    # More than half of what the turn promised is still news, so it cannot be seen from here and
+    # another turn would reveal nothing, either.
     elif news_ahead(_search_state(robot), cell, robot.heading) > robot.news / 2:
         robot.dull = (*robot.dull, number)
     robot.forget_plan()
@@ -95,6 +97,7 @@ def _holds_good(robot: ARobot, place: Cell | None, moment: Context) -> bool:
     if robot.purpose != SEARCH or place is not None:
         return False
     is_due = moment.number % _REVIEW == 0
+    # Once half of what the viewpoint promised has been seen on the way, another may be better.
     return not is_due or news_at(_search_state(robot), cell_of(end)) >= robot.news / 2
 
 
@@ -165,10 +168,11 @@ def _go_along(robot: ARobot, way: list[Position], purpose: str, is_narrow: bool 
 
 
 def _search_state(robot: ARobot) -> SearchState:
-    """The search's input; `closed` holds obstacles only until the caller replaces it."""
+    """Input of the search; no cell is closed until the caller replaces `closed`."""
     wide = robot.grid.shape[1]
     return SearchState(
         robot.grid,
+        # No code is below UNKNOWN: a mask without closed cells.
         robot.grid < UNKNOWN,
         robot.pose,
         robot.cell,
@@ -192,7 +196,9 @@ def _recover(robot: ARobot, closed: Mask, here: Cell, moment: Context) -> None:
     """Handle a failed plan: wait, step aside, or restart the search."""
     robot.forget_plan()
     robot.failures += 1
+    # An obstacle that is no longer there may be what blocks all paths.
     doubt(robot.writable("grid"))
+    # Random, so that two robots that block each other do not go on at the same time.
     robot.pause = int(moment.random.integers(3, 12)) * min(robot.failures, 10)
     if robot.failures % RELAX_FAILURES:
         return

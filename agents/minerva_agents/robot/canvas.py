@@ -98,8 +98,11 @@ class Canvas:
         far = self.x + high * self.cell, self.y + wide * self.cell
         if low and extent.high_x < far[0] and extent.high_y < far[1]:
             return
+        # Growth in proportion to the size keeps the number of copies logarithmic.
         more = (extent.high_x - extent.low_x + extent.high_y - extent.low_y) / 4
         other = canvas_of(extent.wider(more), self.cell)
+        # Cell borders of both canvases are multiples of `cell`, so the offset is a whole number
+        # except for rounding.
         row, column = (round((self.x - other.x) / self.cell), round((self.y - other.y) / self.cell))
         other.grid[row : row + high, column : column + wide] = self.grid
         self.grid, self.x, self.y = other.grid, other.x, other.y
@@ -107,6 +110,7 @@ class Canvas:
     def draw(self, posed: Posed) -> None:
         """Add a scan to the grid, exactly as `ARobot.sense_obstacle` does."""
         grid, cell = self.grid, self.cell
+        # Each scan is a frame.
         part = clearing_part(len(self.way))
         if not self.way:
             self.first_angle = posed.angle

@@ -56,11 +56,13 @@ class LocalMap:
         self.points = np.concatenate(
             [moved(keys[k].points, between(poses[number], poses[k])) for k in around]
         )
+        # The limit bounds the grid, and with it the time of each FFT.
         self.half = math.ceil((min(25.0, np.abs(self.points).max()) + 1.0) / _CELL)
         grid = np.zeros((2 * self.half, 2 * self.half))
         cells = np.floor(self.points / _CELL).astype(np.intp) + self.half
         inside = np.all((cells >= 1) & (cells < 2 * self.half - 1), axis=1)
         cells = cells[inside]
+        # Walls are blurred by a cell, so that points just beside them score as well.
         for down, right, worth in _NEIGHBOURS:
             at = (cells[:, 0] + down, cells[:, 1] + right)
             grid[at] = np.maximum(grid[at], worth)
@@ -140,6 +142,7 @@ def polished(walls: LocalMap, points: Reals, pose: Reals) -> Reals:
             return pose
         ours, theirs = here[near], walls.points[index[near]]
         a, b = ours - ours.mean(0), theirs - theirs.mean(0)
+        # The rotation of least squared error, in closed form.
         turn = math.atan2(np.sum(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]), np.sum(a * b))
         cos, sin = math.cos(turn), math.sin(turn)
         shift = theirs.mean(0) - np.array([[cos, -sin], [sin, cos]]) @ ours.mean(0)
@@ -149,12 +152,13 @@ def polished(walls: LocalMap, points: Reals, pose: Reals) -> Reals:
 
 
 def candidates(keys: Sequence[ScanKeyframe], poses: Reals) -> list[tuple[int, int, float]]:
-    """ScanKeyframe pairs that may observe the same place, each with its search window in metres."""
+    """Pairs of keyframes that may show the same place, each with its search window in metres."""
     way = np.array([key.way for key in keys])
     pairs, next_way = [], 0.0
     for later in range(len(keys)):
         if way[later] < next_way:
             continue
+        # Recent keyframes show the same walls anyway, so an edge to them closes no loop.
         before = np.flatnonzero(way <= way[later] - MIN_LOOP)
         if not len(before):
             continue

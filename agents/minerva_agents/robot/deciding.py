@@ -70,6 +70,7 @@ def gives_up(robot: ARobot, moment: Context) -> bool:
 
 def _why(robot: ARobot, moment: Context) -> str:
     if robot.objective_cell() is not None:
+        # The marker has been seen; from here on, only failed attempts to reach it count.
         robot.stale = 0.0
         return (
             f"no way to it after {robot.failures} attempts"

@@ -147,6 +147,8 @@ class _Envelope:
         peaks = self._peaks[self._tops, self._lines]
         rise = self.squares[place] - self.squares[peaks, self._lines]
         apart = np.where(self._tops < 0, 1, place - peaks)
+        # The first place at which the new parabola is lowest: their intersection, exact in
+        # integers.
         begins = 1 + (rise + (place + peaks) * apart) // (2 * apart)
         begins[self._tops < 0] = 0
         lines = self._lines[begins < self.squares.shape[0]]
@@ -157,6 +159,7 @@ class _Envelope:
     def lowest(self) -> NDArray[np.int64]:
         """For each place of each line, the place of the lowest parabola."""
         lowest = np.zeros(self._peaks.shape, np.int64)
+        # Peaks ascend along a line, so a running maximum fills the places between two beginnings.
         depths, lines = np.nonzero(np.arange(len(self._peaks))[:, np.newaxis] <= self._tops)
         lowest[self._begins[depths, lines], lines] = self._peaks[depths, lines]
         return np.maximum.accumulate(lowest, axis=0)

@@ -80,6 +80,7 @@ def errors_of(taken: Sequence[Pose], published: Sequence[Pose]) -> Errors:
         np.array([complex(pose.x, pose.y) for pose in way]) for way in (taken, published)
     )
     here, there = ours - ours.mean(), theirs - theirs.mean()
+    # As complex numbers, the phase of the correlation is the rotation of least squared error.
     turned = here * cmath.rect(1.0, cmath.phase(complex((here.conj() * there).sum())))
     return Errors(np.abs(ours - theirs), degrees, np.abs(turned - there))
 

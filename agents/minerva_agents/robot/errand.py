@@ -42,6 +42,7 @@ def begin(robot: ARobot, source: str, target: str, moment: Context) -> None:
     elif source == target:
         why = "source and target are the same"
     else:
+        # A previous errand has stored the objective that it interrupted.
         robot.later = robot.later if robot.target else robot.objective
         robot.seek(source, target)
         return
@@ -60,6 +61,7 @@ def attend(robot: ARobot, place: Cell, moment: Context) -> bool:
     elif robot.load:
         x, y = robot.metres(centre_of(place))
         moment.emit(ePut(robot.objective, x, y, receivers=robot.load))
+        # Delivered only in the next call: the parcels process ePut in the next frame.
         robot.load = ()
     elif robot.target:
         moment.emit(eDelivered(robot.target))

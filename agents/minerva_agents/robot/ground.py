@@ -25,6 +25,7 @@ from minerva_bus import Cells, portable
 Position: TypeAlias = tuple[float, float]
 Way: TypeAlias = Sequence[Position]
 
+# Rounded up, so that no corner of an obstacle cell comes closer than the radius.
 _HALF_DIAGONAL: Final = 0.7072
 _TOLERANCE: Final = 1e-6
 
@@ -51,6 +52,7 @@ def blocked(grid: Cells, at: Position, room: float) -> Mask:
     here = cell_of(at)
     if closed[here]:
         _open(closed, walls, at, room)
+        # The robot must be able to leave its own cell in any case.
         closed[here] = False
     return closed
 
@@ -65,11 +67,14 @@ def _open(closed: Mask, walls: Mask, at: Position, room: float) -> None:
     centres = np.argwhere(far) + corner + 0.5
     near = centres[portable.hypot(*(centres - at).T) < room]
     far[tuple((near - corner).astype(np.intp).T)] = False
+    # What stays closed: cells near other obstacles, and cells closer to a near obstacle than the
+    # robot is now.
     opened = inflate(far, room)
     rows, columns = np.ogrid[: far.shape[0], : far.shape[1]]
     for centre in near.tolist():
         down, across = rows + (corner[0] + 0.5 - centre[0]), columns + (corner[1] + 0.5 - centre[1])
         opened |= portable.hypot(down, across) < portable.dist(centre, at) - _TOLERANCE
+    # Towards the rim of the window, obstacles beyond it are missing, so only the inner part counts.
     inner = np.s_[
         max(0, row - corner[0] - reach) : row - corner[0] + reach + 1,
         max(0, column - corner[1] - reach) : column - corner[1] + reach + 1,
@@ -99,6 +104,7 @@ def _is_clear(grid: Cells, begin: Position, end: Position, first: Position, room
     along = (rows * down + columns * across) / max(down * down + across * across, _TOLERANCE)
     along.clip(0.0, 1.0, out=along)
     nearest = portable.hypot(rows - along * down, columns - along * across)
+    # The usual case. A line that comes closer is clear only if the robot is too close already.
     if nearest.min() > room:
         return True
     at_first = portable.hypot(rows + (row - first[0]), columns + (column - first[1]))
@@ -132,6 +138,7 @@ def _leaves_at_once(grid: Cells, at: Position, turns: Way, room: float) -> bool:
     """True if the first corner is reachable without driving to the centre of the current cell."""
     if len(turns) < 2:
         return False
+    # If even the centre of the robot's own cell is out of reach, a detour over it cannot help.
     return is_clear(grid, (at, turns[1]), room) or not is_clear(grid, (at, turns[0]), room)
 
 

@@ -65,6 +65,8 @@ def _points(dist: Reals, angle: Reals) -> Reals:
 def _reach(dist: Reals, angle: Reals) -> Reals:
     reach = np.full(360, np.inf)
     np.minimum.at(reach, np.floor(angle).astype(np.intp) % 360, dist)
+    # The nearest of three degrees: an edge that lies between two of them must not count as seen
+    # through.
     least = np.minimum(reach, np.minimum(np.roll(reach, 1), np.roll(reach, -1)))
     return np.where(np.isfinite(least), least, 0.0)
 
@@ -96,4 +98,5 @@ def seen_through(points: Reals, reach: Reals) -> float:
     known = limit > 0
     if np.count_nonzero(known) < 20:
         return 0.0
+    # The tolerance grows with the distance, like the effect of an error of heading.
     return float(np.mean(dist[known] < limit[known] - 0.3 - 0.03 * limit[known]))

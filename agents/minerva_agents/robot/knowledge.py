@@ -61,6 +61,7 @@ def doubt(grid: Cells) -> None:
     grid[:] = np.where(grid <= SURE, np.where(grid > FREE, grid - 1, grid), grid)
 
 
+# Tables: hundreds of beams are drawn per frame, and each then needs one look-up and no allocation.
 _PASSED: Final = _after_passing()
 _STEPS: Final = np.arange(100_000, dtype=np.float64)
 _NONE: Final = np.empty(0, np.intp)
@@ -172,6 +173,8 @@ def _passed(
     rows = (steps * down + row).astype(np.intp)
     columns = (steps * across + column).astype(np.intp)
     high, wide = grid.shape
+    # A beam with both ends on the grid stays on it. Otherwise positions are tested before the
+    # conversion, which rounds small negative numbers to 0.
     if not (0 <= row < high > to_row >= 0 <= column < wide > to_column >= 0):
         inside = (steps * down + row >= 0) & (steps * across + column >= 0)
         inside &= (rows < high) & (columns < wide)

@@ -158,6 +158,7 @@ class _Matcher:
             (guess.x - canvas.x) / cell, (guess.y - canvas.y) / cell, guess.angle
         )
         best = match(canvas.grid, start, (seen[:, 0] / cell, seen[:, 1]), cell, uncertainty)
+        # A conversion to cells and back would round the pose.
         if best is start:
             return guess
         return Pose(canvas.x + best.row * cell, canvas.y + best.column * cell, best.angle)

@@ -18,12 +18,14 @@ from minerva_bus import Cells, portable
 
 def look(grid: Cells, pose: GridPose, fov: float, reach: float) -> None:
     """Mark visible free cells as seen: `fov` degrees wide, `reach` cells far, up to a wall."""
+    # Neighbouring rays are at most one cell apart at full range.
     rays = 2 + int(math.radians(fov) * reach)
     headings = [math.radians(pose.angle + fov * (i / (rays - 1) - 0.5)) for i in range(rays)]
     steps = np.arange(int(reach) + 1, dtype=np.float64)
     rows = _along(pose.row, steps, [portable.cos(heading) for heading in headings])
     columns = _along(pose.column, steps, [portable.sin(heading) for heading in headings])
     inside = (rows >= 0) & (rows < grid.shape[0]) & (columns >= 0) & (columns < grid.shape[1])
+    # Positions off the grid read cell 0, but they end their ray, so its code has no effect.
     flat = np.where(inside, rows * grid.shape[1] + columns, 0)
     cells = grid.reshape(-1)
     codes = cells[flat]

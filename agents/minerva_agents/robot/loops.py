@@ -62,6 +62,8 @@ def closed_loops(scans: Sequence[Scan], places: Sequence[Pose], progress: Progre
         held = (counts[len(steps) :] > _MIN_WEIGHT).tolist()
         closures = [edge for edge, holds in zip(edges, held, strict=True) if holds]
         rejected = len(edges) - len(closures)
+        # Rejected closures would still pull with their small weights, so optimise again without
+        # them.
         poses, _ = optimised(poses, [*steps, *closures])
     progress(1.0)
     if not closures:

@@ -89,6 +89,7 @@ def _yaml(occupancy: OccupancyMap, image: str) -> str:
         f"origin: [{occupancy.x:.9g}, {occupancy.y:.9g}, 0.0]",
         "negate: 0",
         "occupied_thresh: 0.65",
+        # The shade for unknown, 205, is an occupancy of 0.19608, just above this threshold.
         "free_thresh: 0.196",
     ]
     if occupancy.start is not None:
@@ -122,6 +123,7 @@ def draw(
 ) -> list[str]:
     """Draw the map of a recording into files (a `Mapper`). Raises MinervaError."""
     check_name(into)
+    # Checked first, because drawing takes long.
     for suffix in (".pgm", ".yaml", ".png"):
         check_output(into.with_suffix(suffix), "map")
     picture = into.with_suffix(".png")

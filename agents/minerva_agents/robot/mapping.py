@@ -120,6 +120,7 @@ class _Trajectory:
             return
         located = list(_located(recording, choice, lambda part: progress(0.6 * part), NO_MOTION))
         if choice.poses == "matched":
+            # The matched poses give the motion by which a second round corrects its scans.
             if any(needs_path(scan.scan) for scan in located):
                 located = list(
                     _located(recording, choice, lambda part: None, ScanMotion.of(located))

@@ -115,6 +115,7 @@ def _number(value: object) -> float | None:
 
 def _read_yaml(path: Path) -> Mapping[object, object]:
     try:
+        # Some editors begin a file with a byte order mark.
         text = _read(path, _MAX_YAML_BYTES).decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise MapError(f"{path}: byte {error.start} is not UTF-8; save the file as UTF-8") from None
@@ -337,6 +338,8 @@ def _read_with_pillow(path: Path) -> _Image:
     try:
         note_read(path)
         with Image.open(path) as image:
+            # Pillow has read the header only, so an image that is too large is rejected before it
+            # is decoded.
             _check_size(path, *image.size)
             deep = image.mode.startswith("I")
             pixels = np.asarray(image if deep else image.convert("RGBA"))

@@ -94,6 +94,7 @@ def match(
         return guess
     search = _Search(grid, guess, (dist[near], angle[near]), cell, uncertainty)
     first = search.over(guess, search.steps, 1.0, _halves(_WIDTH * uncertainty.degrees))
+    # Less than a whole step to each side, because the first search has tried the whole ones.
     second = search.over(first.pose, 3, 0.25, _EIGHTHS)
     return second.pose if second.part >= _MIN_SHARE else guess
 
@@ -160,6 +161,7 @@ class _Search:
         # All positions of a heading at once: turning the scan is costlier than shifting it.
         rows = (down + across[:, None]).astype(np.intp) * self._worths.shape[1]
         columns = (right + across[:, None]).astype(np.intp)
+        # The window covers all positions, so "clip" only saves the check of bounds.
         worths = self._worths.ravel().take(rows[:, None] + columns, mode="clip")
         return worths.sum(axis=2, dtype=np.int32) / (_HIT_SCORE * len(self._dist))
 
@@ -200,6 +202,7 @@ def _within(first: int, count: int) -> slice:
 def _worths(grid: Cells, row: int, column: int, side: int, cell: float) -> Worths:
     """Score of a hit in each cell of a square of the grid; 0 outside it."""
     near, bell = _bell(cell)
+    # A margin as wide as the kernel, so that writing needs no check of bounds.
     table = np.zeros((side + 2 * near, side + 2 * near), np.int16)
     rows, columns = _within(row, side), _within(column, side)
     walls = np.argwhere(obstacles(np.ascontiguousarray(grid[rows, columns])))

@@ -97,4 +97,5 @@ def turn_to(pose: GridPose, angle: float, dt: float) -> Move:
 
 def wrapped(angle: float) -> float:
     """The same direction in [-180, 180)."""
+    # An angle in range stays as it is: the modulo would round it.
     return angle if -180.0 <= angle < 180.0 else (angle + 180.0) % 360.0 - 180.0

@@ -89,6 +89,7 @@ class RobotOptions:
         component = free_component(self.floor, self.radius, (x, y))
         chosen = [(x, y)]
         least = _SPACING * self.radius
+        # Listing all free cells takes long, and a single robot needs none of them.
         others = component.nonzero() if self.robots > 1 else ()
         cells = [(int(row), int(column)) for row, column in zip(*others, strict=True)]
         free = [self.floor.centre_of(cell) for cell in cells]

@@ -154,6 +154,7 @@ def _firsts(ordered: NDArray[np.intp]) -> NDArray[np.bool_]:
 
 def _root(roots: list[int], run: int) -> int:
     while roots[run] != run:
+        # Path halving keeps the trees flat.
         roots[run] = roots[roots[run]]
         run = roots[run]
     return run
@@ -190,6 +191,7 @@ def lower(distances: NDArray[np.float64], source: Cell) -> None:
     queue = [(0.0, first)]
     while queue:
         distance, cell = heappop(queue)
+        # A shorter path to this cell was found after the entry had been queued.
         if distance > flat[cell]:
             continue
         for step, length in _moves(flat, cell, width):

@@ -210,6 +210,8 @@ def _turns(jumps: Jumps, origin: int, estimate: Callable[[int], int]) -> list[in
             if after not in costs or total < costs[after]:
                 costs[after], arrivals[after] = total, 8 * cell + way.number
                 remaining = estimate(after)
+                # Of equal bounds, the cell nearest to the goal comes first; its index makes ties
+                # deterministic.
                 heappush(queue, (total + remaining, remaining, after))
         cell, cost = _cheapest(queue, costs)
         if cell < 0:
@@ -222,6 +224,7 @@ def _cheapest(queue: list[tuple[int, int, int]], costs: dict[int, int]) -> tuple
     """The next cell of the queue and its cost, or (-1, 0) if the queue is empty."""
     while queue:
         bound, remaining, cell = heappop(queue)
+        # Entries with another cost have been replaced by cheaper ones.
         if bound - remaining == costs[cell]:
             return cell, bound - remaining
     return -1, 0

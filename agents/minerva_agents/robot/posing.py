@@ -74,6 +74,7 @@ class _PoseAssigner:
     def measured(self, scan: Scan) -> Iterator[Posed | Unposed]:
         published, self.published = self.published, None
         if published is not None:
+            # Earlier scans first, so that the order is kept.
             yield from self.rest()
             yield Posed(scan, published.x, published.y, published.angle, is_published=True)
             return
@@ -86,6 +87,7 @@ class _PoseAssigner:
             yield Unposed(self._waiting.popleft())
 
     def moved(self, after: Odometry) -> Iterator[Posed | Unposed]:
+        # `not >`, so that a scan whose time is nan does not hold up the queue.
         while self._waiting and not self._waiting[0].time > after.time:
             yield _between(self._waiting.popleft(), self._before, after)
         self._before = after

@@ -140,14 +140,17 @@ class ARobot(Agent, symbol="ARobot", rest=("action",)):
     @on("eDecide")
     def decide(self, event: Event, moment: Context) -> None:
         """r', c', ang', act': the pose after this frame's action, and the next action."""
+        # ε, the initial action (4.2.4): nothing has been executed, so the pose stays.
         if not self.action.nodes:
             self.action = action_of(STAY, self.id, self.radius)
             return
+        # Before the move: this frame's image was taken from the present pose.
         deciding.notice(self)
         moved = move_of(self.action)
         self._stand(self.pose.after(moved, self.cell))
         move = deciding.decide(self, moment)
         self._act(move)
+        # eCarry takes effect in the next frame, when the robot will have executed `move`.
         if moved.dist or move.dist:
             errand.carry(self, self.pose.after(move, self.cell).position, moment)
 
@@ -171,6 +174,7 @@ class ARobot(Agent, symbol="ARobot", rest=("action",)):
         back = Move(0.0, -collision.shortfall)
         self._stand(self.pose.after(back, self.cell))
         errand.carry(self, self.position, moment)
+        # Half a cell beyond the body lies in the obstacle's cell.
         touch = self.radius / self.cell + 0.5
         mark_obstacle(self.writable("grid"), *at_distance(self.row, self.column, self.angle, touch))
         self.forget_plan()
@@ -275,6 +279,7 @@ class ARobot(Agent, symbol="ARobot", rest=("action",)):
         self.row, self.column, self.angle = pose.row, pose.column, pose.angle
 
     def _act(self, move: Move) -> None:
+        # An equal action keeps its string, because comparisons of strings start with identity.
         if move != move_of(self.action):
             self.action = action_of(move, self.id, self.radius)
 

@@ -165,6 +165,7 @@ class _Choice:
             better = self._best_of(*new, best)
             if better is not None:
                 cell, best, news = better
+            # Even the largest news at this distance would be worth less than the best so far.
             if self._wave.is_over or best >= float(value(np.array(MAX_NEWS))) / (most + AHEAD):
                 break
             most *= 2
@@ -220,6 +221,7 @@ class _Choice:
         bearings = np.degrees(portable.atan2(across, down))
         metres += _apart(bearings, pose.angle) / 180.0 * HALF_TURN
         bounds = value(news_bounds) / (metres + AHEAD)
+        # In the order of upper bounds, so that most candidates need no ray casting.
         order = np.argsort(-bounds, kind="stable")
         chosen = None
         for begin in range(0, len(order), _BATCH_SIZE):
@@ -284,6 +286,7 @@ def _known_window(grid: Cells, here: Cell, side: int) -> tuple[int, int, int, in
 def _bounds(kinds: Kinds, side: int, state: SearchState) -> Numbers:
     """Upper bound on the news visible from each block, in m²: all news within range."""
     free = _blocks((kinds != DARK) & (kinds != WALL), side) > 0
+    # A ray passes at most 4 m of unknown space; nine blocks of half a metre are more.
     dark = _blocks(kinds == DARK, side) * (_boxes(free.astype(np.int64), 9) > 0)
     news = _blocks(kinds == NEWS, side) + dark
     reach = math.ceil(state.sight / state.cell / side)

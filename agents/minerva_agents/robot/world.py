@@ -194,11 +194,13 @@ def _empty_grid(floor: OccupancyMap, cell: float) -> _Grid:
     x, y = (min(end[axis] for end in ends) for axis in (0, 1))
     far_x, far_y = (max(end[axis] for end in ends) for axis in (0, 1))
     sides = far_x - x, far_y - y
+    # `not <=`, so that nan is rejected, too.
     if not math.prod(side / cell + 3 for side in sides) <= MATRIX_CELLS:
         raise MapError(
             f"a map of {sides[0]:g} m x {sides[1]:g} m needs more than {MATRIX_CELLS} cells of"
             f" {cell:g} m, the limit of a grid; check the map's resolution, or use larger cells"
         )
+    # Rounded first: the quotient may lie just above a whole number.
     high, wide = (math.ceil(round(side / cell, 6)) + 2 for side in sides)
     cells = np.zeros((high, wide), np.int16)
     cells.setflags(write=False)
