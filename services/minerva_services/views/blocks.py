@@ -16,6 +16,7 @@ def sides(mask: Cells) -> Integers:
     second. Directions: down the rows (0), up the rows (1), down the columns (2), up the columns
     (3).
     """
+    # With padding, the border of the matrix is a side as well.
     padded = np.pad(mask, 1)
     down, up = padded[1:, :] & ~padded[:-1, :], padded[:-1, :] & ~padded[1:, :]
     left, right = padded[:, 1:] & ~padded[:, :-1], padded[:, :-1] & ~padded[:, 1:]
@@ -33,6 +34,7 @@ def enclosed(hollow: Cells, wall: Cells) -> Cells:
     beside = np.pad(~(hollow | wall), 1, constant_values=True)
     near = beside[2:, 1:-1] | beside[:-2, 1:-1] | beside[1:-1, 2:] | beside[1:-1, :-2]
     reachable, before = hollow & near, -1
+    # Each pass fills whole runs in both directions, so few passes suffice.
     while (count := int(reachable.sum())) != before:
         before = count
         reachable = _spread(_spread(reachable, hollow).T, hollow.T).T
@@ -44,6 +46,7 @@ def _spread(reached: Cells, hollow: Cells) -> Cells:
     if not hollow.size:
         return hollow
     opens = np.ones(hollow.shape, np.bool_)
+    # Each line begins a run, because runs must not continue from one line to the next.
     opens[:, 1:] = hollow[:, 1:] != hollow[:, :-1]
     starts = np.flatnonzero(opens)
     touched = np.logical_or.reduceat(reached.ravel(), starts)

@@ -20,6 +20,7 @@ _SOFTWARE = "llvmpipe", "softpipe", "swrast"
 def without_window() -> moderngl.Context:
     """An OpenGL context without a screen. Raises MisuseError if there is no driver."""
     why = ""
+    # EGL needs no display server, the default may.
     backends: tuple[dict[str, Any], ...] = {"backend": "egl"}, {}
     for options in backends:
         try:
@@ -66,6 +67,7 @@ class RenderTarget:
         self.size = size
         colors = self._owned(self._gl.renderbuffer(size, 4))
         self._finished = self._owned(self._gl.framebuffer(colors))
+        # The same colours as `_finished`: without smoothing, nothing has to be copied.
         self._plain = self._owned(self._gl.framebuffer(colors, self._depth(0)))
         samples = min(_SAMPLES, self._gl.max_samples)
         several = self._owned(self._gl.renderbuffer(size, 4, samples=samples))
@@ -99,10 +101,12 @@ class RenderTarget:
         """RGB pixels of shape (height, width, 3), top row first."""
         width, height = self.size
         data = np.frombuffer(self._finished.read(components=3, alignment=1), np.uint8)
+        # OpenGL's first row is the bottom one.
         return np.ascontiguousarray(data.reshape(height, width, 3)[::-1])
 
     def release(self) -> None:
         """Free the memory."""
+        # Framebuffers before the buffers attached to them.
         for resource in reversed(self._made):
             resource.release()
         self._made = []

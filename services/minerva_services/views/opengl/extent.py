@@ -80,6 +80,7 @@ def extent_of(picture: Picture, before: SceneBox | None = None) -> SceneBox:
 
 
 def _grown(box: SceneBox, before: SceneBox | None) -> SceneBox:
+    # An equal box, so that the painter does not fit the camera again.
     if before is None or before.around(box) == before:
         return before or box
     return before.around(box)

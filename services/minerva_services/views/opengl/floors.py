@@ -64,6 +64,7 @@ class FloorMeshes:
 
     def take(self, tiles: list[Tiles], lift: float, depth: float) -> None:
         """Set the matrices of a picture, each `lift` metres above the previous one."""
+        # The depth is part of the vertices, so all meshes have to be built again.
         if depth != self.depth:
             self._cache.of(())
         self.lift, self.depth = lift, depth
@@ -83,6 +84,7 @@ class FloorMeshes:
         opaque = [(rank, floor) for rank, floor in enumerate(self._shown) if floor.opaque]
         for _, floor in opaque:
             self._wall(floor)
+        # The topmost first, so that hidden pixels of the others are not shaded.
         for rank, floor in reversed(opaque):
             floor.openness.use(OPENNESS)
             self._lay(floor, rank * self.lift, self._lit)
@@ -146,8 +148,10 @@ class FloorMeshes:
 
     def _texture(self, image: np.ndarray, *, smooth: bool) -> moderngl.Texture:
         height, width, channels = image.shape
+        # By default OpenGL expects rows whose lengths are multiples of four bytes.
         texture = self._gl.texture((width, height), channels, image.tobytes(), alignment=1)
         texture.repeat_x = texture.repeat_y = False
+        # Averages of cells that are smaller than pixels, which would flicker.
         texture.build_mipmaps()
         near = moderngl.LINEAR if smooth else moderngl.NEAREST
         texture.filter = (moderngl.LINEAR_MIPMAP_LINEAR, near)

@@ -78,6 +78,7 @@ class GLScene:
 
     def __init__(self, gl: moderngl.Context) -> None:
         self._gl = gl
+        # Two matrices and three vectors, see _FRAME in `shaders`.
         self._frame = gl.buffer(reserve=4 * (16 + 16 + 4 + 4 + 4))
         self._frame.bind_to_uniform_block(FRAME)
         self._shade = Shade(gl)
@@ -175,6 +176,7 @@ class GLScene:
     def _write(self, camera: OrbitCamera, size: tuple[int, int]) -> None:
         width, height = size
         corners = self._extent.corners
+        # Pins and discs are taller than the extent; the shadow map must contain what casts shadows.
         tallest = self._extent.height + 0.15 * self._extent.span
         corners = np.concatenate([corners, corners + np.array([0.0, 0.0, tallest])])
         numbers = [

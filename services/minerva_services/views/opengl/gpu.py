@@ -41,6 +41,7 @@ class Uploaded:
         self._gl = gl
         self._names = tuple(names)
         self._layout = layout
+        # OpenGL has no empty buffers.
         self.vertices = gl.buffer(mesh.vertices.tobytes() or b"\0" * 4)
         self.triangles = gl.buffer(mesh.triangles.tobytes() or b"\0" * 4)
         self.empty = not mesh.triangles.size
@@ -87,6 +88,7 @@ class GrowingBuffer:
         """Write numbers from the start of the buffer."""
         data = np.ascontiguousarray(numbers)
         if data.nbytes > self.buffer.size:
+            # Twice the size, so that a growing picture rarely reallocates.
             self.buffer.orphan(2 * data.nbytes)
         if data.nbytes:
             self.buffer.write(data)

@@ -159,6 +159,7 @@ class GLPainter:
             self._extent = extent
             self._refit()
         self._scene.take(sight.picture, extent)
+        # Shadows do not depend on the camera, so they are drawn once per picture.
         self._scene.shadows(self.camera, self._canvas.size)
 
     def _refit(self) -> None:

@@ -46,6 +46,7 @@ class TextPlates:
     def table(self, rows: Sequence[tuple[str, str]]) -> Plate:
         """A plate with lines, each in one or two columns."""
         key = tuple(rows)
+        # Added at the end again: the first entry is the one that has not been used for longest.
         plate = self._sheets.pop(key, None) or self._made(key)
         self._sheets[key] = plate
         while len(self._sheets) > _MAX_CACHED:

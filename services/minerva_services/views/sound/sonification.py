@@ -58,6 +58,7 @@ class Sonification:
         """Glide to the current tones during one frame, then hold them until the next."""
         tones = self._tones()
         for frame in (self._now + 1, until):
+            # Counted from the first frame, so that roundings do not add up.
             end = round((frame - self._first) * self._world.dt * self._file.rate)
             self._write(end - self._written, tones)
             self._written = end

@@ -41,6 +41,7 @@ class Tuning:
         """The tones of a string's voices by name, limited to the first MAX_VOICES."""
         voices = list(sounds.voices().items())[:MAX_VOICES]
         return {
+            # Loudness is shared, so that voices in phase do not exceed the full scale.
             name: self._tone(voice, sounds.side(voice.at), MAX_LOUDNESS / len(voices))
             for name, voice in voices
         }

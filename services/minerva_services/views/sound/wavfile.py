@@ -60,6 +60,7 @@ class WavFile:
         try:
             self._put(_DATA_OFFSET + self._bytes, data)
             self._bytes += len(data)
+            # After the samples: a process that dies in between leaves a valid, shorter file.
             self._put(0, self._header())
         except OSError as error:
             self._is_full = True
@@ -73,6 +74,7 @@ class WavFile:
     def _put(self, at: int, data: bytes) -> None:
         self._file.seek(at)
         while data:
+            # An unbuffered write may be partial.
             data = data[self._file.write(data) :]
 
     def _header(self) -> bytes:

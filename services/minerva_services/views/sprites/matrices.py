@@ -108,6 +108,7 @@ def averaged(colors: NDArray[np.uint8], coarse: int) -> Image:
         padded = np.pad(colors, ((0, padding[0]), (0, padding[1]), (0, 0)), mode="edge")
         blocks = padded.reshape(rows, coarse, columns, coarse, 4)
         colors = np.rint(blocks.mean(axis=(1, 3), dtype=np.float32)).astype(np.uint8)
+    # Blue, green, red and alpha in memory are one little-endian integer in SDL's packing.
     return np.ascontiguousarray(colors).view("<u4")[..., 0]
 
 
@@ -145,6 +146,7 @@ def _offset(
     width, height = camera.size
     dx, dy = round(x - width / 2), round(y - height / 2)
     covers = (
+        # Rounding may shift an edge by a pixel.
         place.left + dx <= wanted.left + 1
         and place.top + dy <= wanted.top + 1
         and place.right + dx >= wanted.right - 1

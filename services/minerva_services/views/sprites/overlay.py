@@ -68,6 +68,7 @@ def _draw_bar(canvas: pygame.Surface, sight: Sight, camera: MapCamera, ui: float
     begin = width - pad - long
     room = begin - 2 * pad - name.get_width()
     start = pad + title.get_width() + pad
+    # A long subtitle must not run into the scale.
     canvas.set_clip((0, height - bar, max(0, round(room)), bar))
     _put(canvas, rest, start, line)
     canvas.set_clip(None)

@@ -53,6 +53,7 @@ class SpritePainter:
         if self._windowed:
             self._canvas = pygame.display.get_surface() or self._canvas
         ui = min(max(min(size[0] / _REFERENCE_SIZE[0], size[1] / _REFERENCE_SIZE[1]), 0.8), 3.0)
+        # Cached sprites have outlines of the old size.
         if ui != self._ui:
             self._ui, self._stamps = ui, Stamps()
         room = max(size[1] - bar_height(ui), 1)
@@ -61,6 +62,7 @@ class SpritePainter:
     def draw(self, sight: Sight) -> None:
         self._aim(sight)
         canvas, picture = self._canvas, sight.picture
+        # A surface of its own, so that no item can cover the status line.
         self._world = canvas.subsurface((0, 0, *self.camera.size))
         canvas.fill(PAPER)
         for tiles in picture.of(Tiles):  # matrices are the ground for everything else

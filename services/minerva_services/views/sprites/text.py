@@ -22,6 +22,7 @@ def font(size: int) -> pygame.font.Font:
     """pygame's font at a size in pixels."""
     if not pygame.font.get_init():
         pygame.font.init()
+        # Fonts from before the module was shut down are no longer valid.
         _font.cache_clear()
     return _font(size)
 
@@ -33,6 +34,7 @@ def _font(size: int) -> pygame.font.Font:
 
 def one_line(text: str, longest: int = _MAX_CHARACTERS) -> str:
     """Printable text on one line, shortened if too long."""
+    # The first cut bounds the work for texts of any length.
     shown = " ".join("".join(c if c.isprintable() else " " for c in text[: 4 * longest]).split())
     return shown if len(shown) <= longest else shown[: longest - 1] + "…"
 

@@ -33,5 +33,6 @@ def paint(color: str) -> str:
 
 def line_of_text(text: str, longest: int = 60) -> str:
     """A text on one line as XML character data: escaped, and shortened if too long."""
+    # The first cut bounds the work for texts of any length.
     shown = " ".join(_UNWRITABLE.sub("\ufffd", text[: 4 * longest]).split())
     return escape(shown if len(shown) <= longest else shown[: longest - 1] + "…")

@@ -43,6 +43,7 @@ def _shows_text(**options: Any) -> bool:
     )
 
 
+# Referenced for the life of the process: the folder is removed with its object.
 _folder: list[tempfile.TemporaryDirectory[str]] = []
 
 

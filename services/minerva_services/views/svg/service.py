@@ -98,6 +98,7 @@ class Svg(Device, draws=("ePicture",)):
         try:
             from minerva_services.views.svg.rendering import png
         except ImportError:
+            # Reported once; further pictures are SVG only.
             self._makes_png = False
             sys.stderr.write("picture: no PNG, only SVG; pip install 'minerva-bus[picture]'\n")
             return

@@ -61,6 +61,7 @@ class PageAccess:
         if origin and urlsplit(origin).netloc != host:
             return f"a page of {origin[:100]!r} may not use this page"
         given = (*parse_qs(urlsplit(path).query).get("token", ()), self._in_cookie(headers))
+        # In constant time, so that response times reveal nothing about the token.
         if not any(hmac.compare_digest(token.encode(), self.token.encode()) for token in given):
             return "the token is missing or wrong: open the whole address that was printed"
         return ""
@@ -109,6 +110,7 @@ def token_for(port: int) -> str:
     return new
 
 
+# The wrapped function belongs to the whole process.
 _patching = threading.Lock()
 
 
@@ -146,7 +148,9 @@ def _checked(access: PageAccess, answer: Callable[[Any, Any], Any]) -> Callable[
         response = answer(connection, request)
         if response is not None:
             response.headers["Set-Cookie"] = access.cookie
+            # The address contains the token, which must not reach other sites.
             response.headers["Referrer-Policy"] = "no-referrer"
+            # A foreign page must not show this one in a frame and lure its user to click there.
             response.headers["X-Frame-Options"] = "DENY"
         return response
 

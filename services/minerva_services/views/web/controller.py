@@ -163,6 +163,7 @@ class PageController:
             beats += 1
 
     def _poll(self) -> None:
+        # Stays set if the query fails.
         silent, self._silent = self._silent, True
         status = self._operator.status(self._feed.last)
         self._silent = False
@@ -197,6 +198,7 @@ class PageController:
         agents = (*listeners, *others)
         offered = agents, self._selection.agent, self._types, self._scene.labels()
         with self._lock:
+            # Each change of an input is sent to all browsers.
             if self._panel is None or offered == self._offered:
                 return
             self._offered = offered

@@ -43,6 +43,7 @@ class FloorNodes:
         before, nodes = self._shown.get(name, (None, []))
         if before is not None and _same(before, tiles):
             return
+        # Only an image can be replaced in place; meshes are built again.
         if before is not None and _same_place(before, tiles) and isinstance(nodes[0], ImageHandle):
             nodes[0].image = image(tiles)
         else:

@@ -78,6 +78,7 @@ class Form:
         (name,) = self._inputs
         value = state.get(name)
         if isinstance(value, float):
+            # The range first, because the value must lie within it.
             self._slider.max = max(self._slider.max, value)
             self._slider.min = min(self._slider.min, value)
             self._slider.value = value

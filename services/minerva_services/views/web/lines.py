@@ -58,6 +58,7 @@ def _dashes(line: Polyline) -> NDArray[np.float64]:
     steps = np.hypot(*np.diff(line.points, axis=0).T)
     along = np.concatenate([[0.0], np.cumsum(steps)])
     length = along[-1]
+    # A long line gets longer dashes, which bounds what is sent to the browsers.
     dash = max(_DASH * line.form.width, length / _MAX_DASHES, 1e-6)
     begins = np.arange(0.0, max(length, dash), 2 * dash)
     ends = np.minimum(begins + dash, length)

@@ -46,6 +46,7 @@ class PageScene:
 
     def show(self, picture: Picture) -> None:
         """Show exactly this picture."""
+        # Browsers receive all changes of a picture together and never show half of one.
         with self._lock, self._server.atomic():
             self._fit(picture)
             self._discs = disc_table(picture.of(Discs))

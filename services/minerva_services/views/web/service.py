@@ -83,6 +83,7 @@ class Web(Device, draws=("ePicture",)):
         self._seconds = 0.0
 
     def joined(self, world: WorldInfo) -> None:
+        # Imported here because viser takes long to load.
         from minerva_services.views.web.controller import PageController
         from minerva_services.views.web.page_scene import PageScene
         from minerva_services.views.web.panel import Panel

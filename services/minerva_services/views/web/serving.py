@@ -44,6 +44,7 @@ def serve(host: str, port: int, names: Collection[str] = ()) -> PageServer:
     if not chosen:
         raise MisuseError(f"web: no port of {host} from {FIRST_PORT} is free; set port")
     access = PageAccess(host, chosen, token_for(chosen), frozenset(names))
+    # viser prints its address, which lacks the token.
     with redirect_stdout(io.StringIO()), guarding(access):
         server = PageServer(host=host, port=chosen, verbose=False)
     server.access = access
@@ -64,6 +65,8 @@ def _free(host: str, port: int) -> bool:
     try:
         family = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][0]
         with closing(socket.socket(family)) as tried:
+            # As servers do: otherwise a port with recently closed connections would count as in
+            # use.
             tried.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             tried.bind((host, port))
     except OSError as error:

@@ -79,6 +79,7 @@ class WindowInput:
         if not self._dragged and max(abs(at[0] - start[0]), abs(at[1] - start[1])) < _DRAG_PIXELS:
             return False
         if not self._dragged:
+            # The first pixels count as well, or the picture would lag behind the mouse.
             by = at[0] - int(start[0]), at[1] - int(start[1])
             self._dragged = True
         if self._painter.drag(*by, button):

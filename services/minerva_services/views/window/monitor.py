@@ -27,6 +27,7 @@ class WorldMonitor:
         self._operator = operator
         self._every = every
         self._queue: SimpleQueue[WorldAction | None] = SimpleQueue()
+        # Each counter is written by one thread only, so neither needs a lock.
         self._given, self._done = 0, 0
         self._notice, self._noticed = "", 0.0
         self._over = threading.Event()

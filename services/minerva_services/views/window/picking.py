@@ -45,6 +45,7 @@ def _agent(picture: Picture, project: Projection, at: tuple[float, float]) -> st
             x, y, scale = project(discs.x, discs.y, discs.height / 2)
             away = np.hypot(x - at[0], y - at[1])
             with np.errstate(invalid="ignore"):
+                # Discs behind the camera are NaN, for which the comparison is false.
                 touched = away <= discs.radius * scale + TOLERANCE
             for row in np.flatnonzero(touched)[np.argsort(away[touched], kind="stable")]:
                 if away[row] >= best:
@@ -86,6 +87,7 @@ def spot_of(picture: Picture, agent: str) -> Spot | None:
 
 def _rows(discs: Discs, agents: Collection[str]) -> Iterator[tuple[int, str]]:
     for row, (owner, name) in enumerate(zip(discs.owners, discs.names, strict=True)):
+        # The fragment of a population begins with ~; its agents have names of their own.
         agent = name if owner.startswith("~") else owner
         if agent in agents:
             yield row, agent

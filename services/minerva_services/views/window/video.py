@@ -16,6 +16,7 @@ _MIN_RATE = 10.0
 """Minimum views per second: slower worlds are sped up, or the video would be a series of stills."""
 _MAX_RATIO = 1000
 _ENCODERS = {"mp4": "libx264", "gif": "gif"}
+# Fragments keep an unfinished file playable; closing turns it into an ordinary MP4.
 _OPTIONS = {"mp4": {"movflags": "+hybrid_fragmented", "flush_packets": "1"}, "gif": {}}
 
 
@@ -47,6 +48,7 @@ class Timing:
         """Number of pictures to write for the view of a frame."""
         if self._first is None:
             self._first = frame
+        # The addend absorbs products that rounding puts just below a whole number.
         until = int((frame - self._first) * self.seconds * self.fps + 1e-6) + 1
         times, self._written = max(0, until - self._written), max(until, self._written)
         return times
@@ -67,6 +69,7 @@ class VideoWriter:
         prepare_folder(self._path)
         check_output(self._path, "video")
         try:
+            # Reports an unwritable path when the world begins, not with the first picture.
             self._path.write_bytes(b"")
         except OSError as error:
             raise self._unwritable(error) from None
@@ -114,8 +117,10 @@ class VideoWriter:
             self._stream.pix_fmt = "pal8"
             self._palette = _palette(self._size, self._rate)
         else:
+            # The format that all players support.
             self._stream.pix_fmt = "yuv420p"
             self._stream.options = {"crf": "20", "preset": "veryfast"}
+            # A key frame per second, for seeking.
             self._stream.gop_size = max(1, round(self._rate))
 
     def _write(self, frame: Any) -> None:
