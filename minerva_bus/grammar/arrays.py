@@ -39,12 +39,15 @@ def fit_array(kind: Type, value: Any, *, finite: bool = True) -> Column:
         raise Unfit(f"an array of {kind}, not of {array.dtype}")
     if kind.kind == "text":
         return _among(kind, _texts(array))
+    # A writable array is copied, because its owner could change the string later.
     fitted = array.astype(_DTYPES[kind.kind], copy=array.flags.writeable)
+    # Unsigned integers of 2^63 and more have become negative.
     if letter == "u" and kind.kind == "int" and (fitted < 0).any():
         raise Unfit("an array of whole numbers of at most 64 bits")
     if finite and kind.kind == "real" and not np.isfinite(fitted).all():
         raise Unfit(f"an array of {kind}, of finite numbers")
     if kind.range is not None and fitted.size:
+        # If the extremes are in the range, all values are.
         kind.check_range(fitted.min().item())
         kind.check_range(fitted.max().item())
     return Column(fitted)

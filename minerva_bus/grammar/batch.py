@@ -104,6 +104,7 @@ class Events:
             event.type == first.type
             and event.names == first.names
             and event.condition == first.condition
+            # A column of receivers has one id for each event.
             and len(event.receivers) == len(first.receivers) < 2
             and bool(event.sender) == bool(first.sender)
             for event in events
@@ -156,6 +157,7 @@ class Events:
         """Each event once, at its first occurrence (equation 6)."""
         if self.count < 2 or any(map(_distinct, (self.senders, self.receivers))):
             return self
+        # Equal hashes select candidates with one sort of integers; only these are compared in full.
         hashes = self._hashes()
         order = np.argsort(hashes, kind="stable")
         same = np.concatenate(([False], hashes[order[1:]] == hashes[order[:-1]], [False]))
@@ -172,6 +174,8 @@ class Events:
         arrays = [*[bits(column.array) for column in self.columns], *known]
         codes = [np.unique(array, return_inverse=True)[1] for array in arrays]
         codes.append(np.zeros(self.count, np.intp))  # An event may have no data at all.
+        # The sort is stable: of equal events the earliest comes first, and the others are
+        # repetitions.
         order = np.lexsort(codes)
         same = np.ones(self.count - 1, np.bool_)
         for code in codes:
@@ -185,6 +189,8 @@ class Events:
         for column in self.columns:
             array = column.array
             if array.dtype == object:
+                # This hash differs between processes, but it selects candidates only and is not
+                # part of the result.
                 word = np.array([hash(text) & 0xFFFFFFFFFFFFFFFF for text in array], np.uint64)
             else:
                 word = bits(array).astype(np.int64).view(np.uint64)

@@ -33,6 +33,7 @@ class Column(Joinable):
     ) -> None:
         super().__init__()
         if array is not None:
+            # Strings of several frames share columns.
             array.flags.writeable = False
         self._given = array
         self.ids = ids
@@ -96,6 +97,8 @@ class Column(Joinable):
             for chunk in np.flatnonzero(touched).tolist():
                 chunks[chunk] = b""
         column = Column(array, chunks)
+        # A weak reference: a chain of strong ones would keep the columns of all earlier frames
+        # alive.
         column._base = ref(self), rows
         return column
 
@@ -128,6 +131,7 @@ class Column(Joinable):
             return Column.of_ids(Ids.concatenated(ids))
         arrays = [part.array for part in parts]
         if any(array.dtype != arrays[0].dtype for array in arrays):
+            # numpy would convert ints to floats, which may lose digits and change types.
             arrays = [array.astype(object) for array in arrays]
         return Column(np.concatenate(arrays))
 

@@ -192,6 +192,7 @@ def shape_of(node: Piece) -> Shape | None:
     if isinstance(node, Columns):
         return node.shape
     if isinstance(node, AgentNode):
+        # A column of ids holds at most `LONGEST` characters for each.
         if node.scope.pieces or len(node.id) > LONGEST or not _scalar(node.values):
             return None
         return ((node.symbol, node.names),)
@@ -251,6 +252,7 @@ def packed(scene: Scene) -> Scene:
             made += group
         else:
             made.append(merged(group))
+    # No run was merged, so the string remains the same object.
     if len(made) == len(scene.pieces):
         return scene
     return Scene(tuple(made)) if made else EMPTY

@@ -75,6 +75,8 @@ class Condition:
         """Whether it holds for an agent's state."""
         if self.term is None:
             return True
+        # All names are checked before any comparison: with an attribute missing, not even a `not`
+        # holds.
         fits = self.problem(lambda name: value_sort(state.get(name))) is None
         return fits and bool(self.term.truth(state))
 
@@ -85,6 +87,7 @@ class Condition:
             return found
         if self.problem(lambda name: value_sort(state.get(name))) is not None:
             return ~found
+        # The conjunction also extends a single bool to all agents.
         return found & np.asarray(self.term.truth(state), np.bool_)
 
     def problem(self, sort_of: Callable[[str], str]) -> tuple[int, str, str] | None:
@@ -150,6 +153,7 @@ def holds_of_many(text: str, state: Mapping[str, Any], count: int) -> NDArray[np
     return parse_condition(text).holds_of_many(state, count)
 
 
+# A condition is evaluated for every receiver of its event, but parsed once.
 @lru_cache(maxsize=1024)
 def parse_condition(text: str, source: str = "condition") -> Condition:
     """A condition; the empty text always holds. Raises VocabularyError with a caret."""
@@ -187,6 +191,7 @@ class _Reader:
 
     def _term(self, depth: int) -> Term:
         self._skip()
+        # Bounds the recursion: conditions come from remote members, too.
         if depth > DEEPEST:
             self._wrong("the condition is too deep", f"at most {DEEPEST} within another", self._at)
         if self._take_word("not"):

@@ -112,6 +112,7 @@ def check(old: Piece, delta: Delta) -> Columns:
     born = 0 if delta.born is None else len(delta.born)
     if born != (len(turnover.born) if old.ids is not None else 0):
         raise Unfit(f"a patch with {born} ids for {len(turnover.born)} more {old.symbol}")
+    # A set, because several changes of one column cover it only once.
     complete = {
         (change.level, change.place) for change in delta.changes if _covers_born(change, turnover)
     }
@@ -122,6 +123,7 @@ def check(old: Piece, delta: Delta) -> Columns:
 
 def patched(old: Piece, delta: Delta) -> Columns:
     """The old columns with a delta applied. Raises Unfit where it does not apply to them."""
+    # A delta may come from a remote member.
     columnar = check(old, delta)
     turned = columnar if delta.turnover is None else _turned(columnar, delta.turnover, delta.born)
     columns = [list(level.columns) for level in turned.levels()]

@@ -55,6 +55,7 @@ _WHOLE: Final = 10**16  # above, a float prints otherwise than a whole number do
 
 def scene_digest(scene: Scene) -> bytes:
     """16 bytes for a string; digests of nodes and scopes are kept with them and used again."""
+    # A stack of its own: strings may be nested more deeply than Python recurses.
     nodes, parts = _parts(scene), list[bytes]()
     opened: list[
         tuple[TransformationNode | AgentNode, Iterator[Piece | list[Columns]], list[bytes]]
@@ -110,6 +111,7 @@ def _grouped(pieces: tuple[Piece, ...]) -> Iterator[Piece | list[Columns]]:
 
 def _aligned(group: Sequence[Piece]) -> bool:
     """Whether these are columns, all but the last of them of whole chunks."""
+    # Columns cut at chunk borders have the chunks of the joined column, whose digests are cached.
     whole_chunks = all(piece.count % CHUNK == 0 for piece in group[:-1])  # so these are no nodes
     return whole_chunks and isinstance(group[-1], Columns)
 
@@ -150,6 +152,8 @@ def _chunks_of_column(column: Column) -> bytes:
 
 def _digest_of_chunk(values: NDArray[Any]) -> bytes:
     kind = values.dtype.kind
+    # Integers up to 2^53 are exact as float64. They share a digest with equal floats, which print
+    # the same.
     if kind == "f" or (
         kind == "i" and int(values.max()) <= _EXACT and int(values.min()) >= -_EXACT
     ):
@@ -197,6 +201,7 @@ def _head(node: Node) -> bytes:
 
 def _filled(places: str, values: tuple[Value, ...]) -> str:
     if _FLOATS.issuperset(map(type, values)):
+        # `repr` of a float is its canonical text, except for whole numbers.
         text = places % (*map(repr, values),)
         if ".0," not in text and text[-2:] != ".0":  # Else some print as whole numbers.
             return text

@@ -36,6 +36,7 @@ def to_float(value: Any) -> float | None:
 
 def to_int(value: Any) -> int:
     """A whole number of 64 bits. Raises Unfit."""
+    # Below 2^53 every whole float64 is one exact integer.
     if isinstance(value, float) and value.is_integer() and abs(value) < 2**53:
         return int(value)
     if isinstance(value, bool) or not isinstance(value, int | np.integer):
@@ -55,6 +56,7 @@ def to_text(value: Any) -> str:
             value.encode()
         except UnicodeEncodeError:
             raise Unfit("a text of Unicode characters, without half a surrogate pair") from None
+    # A subclass of str may have its own comparison and text.
     return value if type(value) is str else str.__str__(value)
 
 
@@ -82,6 +84,8 @@ def shallow(value: _V) -> _V:
     """
     level: list[Value] = [value]
     for _ in range(DEPTH):
+        # By identity: an item that occurs many times would otherwise be visited once for each path
+        # to it, and nesting makes these paths exponentially many.
         within = {id(item): item for outer in level for item in _inside(outer)}
         level = [item for item in within.values() if isinstance(item, tuple | Scene)]
         if not level:
@@ -121,6 +125,7 @@ def _matrix(value: Any, kinds: str, wanted: str) -> NDArray[Any]:
         raise Unfit(f"a matrix RxC[...], not {shown(value)}")
     if matrix.dtype.kind not in kinds:
         raise Unfit(wanted)
+    # The text of a matrix has at most nine digits for its rows and its columns.
     if matrix.size > MATRIX_CELLS or max(matrix.shape) >= 10**9:
         raise Unfit(f"a matrix of at most {MATRIX_CELLS} cells")
     return matrix
@@ -128,6 +133,7 @@ def _matrix(value: Any, kinds: str, wanted: str) -> NDArray[Any]:
 
 def _frozen(matrix: NDArray[Any]) -> NDArray[Any]:
     """The very matrix where nobody can write to it any more, or else a copy."""
+    # A read-only view can still be changed through the writable array that it views.
     owner: object = matrix
     while isinstance(owner, np.ndarray) and not owner.flags.writeable:
         owner = owner.base

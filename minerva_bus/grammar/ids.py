@@ -24,6 +24,7 @@ from minerva_bus.grammar.scene import AGENT_ID
 
 LONGEST: Final = 64
 _LINES = re.compile(rb"(?:[A-Za-z0-9_][A-Za-z0-9_:-]*+\n)*+")
+# No leading zeros, which a number would lose; 18 digits always fit into an int64.
 _NUMBERED = re.compile(r"(.*?)(0|[1-9][0-9]{0,17})", re.DOTALL)
 _NUMBER = re.compile(r"0|[1-9][0-9]{0,17}")
 
@@ -117,6 +118,7 @@ class Ids(Joinable):
     def take(self, rows: NDArray[Any] | slice) -> Ids:
         """The ids of some rows."""
         taken = Ids(self._stem, self._data[rows])
+        # Hashes that are known are taken along, because computing them spells every id.
         if "hashes" in self.__dict__:
             taken.__dict__["hashes"] = self.hashes[rows]
         return taken.sound_like((self,))
@@ -155,6 +157,7 @@ class Ids(Joinable):
         """What has made these of old ones; None where they are not in their order any more."""
         if self._before is not None and self._before[0]() is old:
             return self._before[1]
+        # With a repeated id there is no one old row.
         if old.duplicate is not None:
             return None
         turnover = RowDelta.of(old.rows_of(self), len(old))
@@ -171,6 +174,7 @@ class Ids(Joinable):
 
     def known(self) -> Ids:
         """The same ids as somebody has them already, with all that is known of them; or these."""
+        # A cheap key; `_spells` compares everything.
         ends = self._data[:1].tobytes(), self._data[-1:].tobytes()
         key = (self._stem, len(self), *ends)
         other = _KNOWN.get(key)
@@ -216,6 +220,7 @@ class Ids(Joinable):
         lines = np.empty((len(spelled), width + 1), np.uint8)
         lines[:, :width] = spelled.view(np.uint8).reshape(len(spelled), width)
         lines[:, width] = 10
+        # Zero bytes are padding; ids contain none.
         return lines[lines != 0].tobytes()
 
     @cached_property
@@ -228,6 +233,7 @@ class Ids(Joinable):
         """Whether it is easily seen that no id stands twice in here."""
         if self._stem is not None:
             return bool((self._data[1:] > self._data[:-1]).all())
+        # Equal hashes leave the question open: `duplicate` then compares the ids.
         hashes = np.sort(self.hashes)
         return bool((hashes[1:] != hashes[:-1]).all())
 
@@ -244,9 +250,11 @@ class Ids(Joinable):
     def strange(self) -> str | None:
         """One that is no id of an agent, or None."""
         if self._stem is not None:
+            # One number stands for all of them, because only a negative one adds another character.
             some = int(self._data.min()) if len(self) else 0
             whole = AGENT_ID.fullmatch(f"{self._stem}{some}") if some >= 0 else None
             return None if whole is not None else f"{self._stem}{some}"
+        # In parts, because the text of a million ids would take as much memory again.
         for row in range(0, len(self), 65536):
             text = self.text_of(slice(row, row + 65536))
             if _LINES.fullmatch(text) is None:
@@ -256,6 +264,7 @@ class Ids(Joinable):
 
     def rows_of(self, others: Ids) -> Rows:
         """The row of each of some ids in here, -1 where it is not; shape (len(others),)."""
+        # The usual case in a frame without births and deaths.
         if self._spells(others) and self.duplicate is None:
             return np.arange(len(self))
         if self._stem is not None and self._stem == others._stem:
@@ -308,6 +317,7 @@ class Ids(Joinable):
         rows = self._places.rows_of(others.hashes)
         mine, theirs = self.spelled, others.spelled
         there = rows >= 0
+        # Equal hashes do not prove equal ids.
         if (mine[rows[there]] == theirs[there]).all():
             return rows
         return found_in(mine, np.argsort(mine, kind="stable"), theirs)  # two of one hash

@@ -21,6 +21,8 @@ class Joinable:
         first, others = parts[0], tuple(parts[1:])
         if not others:
             return first
+        # The slices of a population are joined in every frame. If none has changed, the result is
+        # the same object, with its digests.
         known = first._joined
         if known is None or len(known[0]) != len(others) or not all(map(is_, known[0], others)):
             known = first._joined = others, cls._in_one(parts)

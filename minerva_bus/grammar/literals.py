@@ -61,6 +61,7 @@ class Literals:
 
     def pair(self, at: int, pairs: dict[str, Value]) -> tuple[int, bool]:
         """Read `name=value` and the sign behind it: the offset behind that, and if more follows."""
+        # Most values are plain numbers, for which one match reads the whole pair.
         plain = _PLAIN_PAIR.match(self.text, at)
         if plain is not None and plain.group(1) not in pairs:
             name, digits, sign = plain.groups()
@@ -109,6 +110,7 @@ class Literals:
     def parse_number(self, digits: str, at: int) -> int | float:
         bare = digits.lstrip("+-")
         if bare.isdigit():
+            # `int` takes quadratic time in the number of digits, and refuses some thousand of them.
             number = int(digits) if len(bare.lstrip("0")) < 20 else 1 << 64
             if not -(1 << 63) <= number < 1 << 63:
                 raise self.wrong(
@@ -126,6 +128,7 @@ class Literals:
             raise self.wrong(at, "'\"' at the end of the text", "the text is not closed")
         try:
             value = json.loads(match.group(), strict=True)
+            # Half a surrogate pair is valid JSON, but cannot be encoded in UTF-8.
             value.encode()
         except ValueError:
             raise self.wrong(at, "a text as in JSON", "the text has a wrong escape") from None
@@ -157,6 +160,8 @@ class Literals:
     def matrix(self, match: re.Match[str]) -> Array:
         rows, columns, at = int(match.group(1)), int(match.group(2)), match.start()
         real = bool(match.group(3))
+        # Checked before anything is allocated: a short text may declare a huge matrix, or repeat a
+        # number very often.
         if rows * columns > MATRIX_CELLS:
             raise self.wrong(at, f"at most {MATRIX_CELLS} cells", f"{rows}x{columns} is too big")
         runs = [self.run(text, real, at) for text in match.group(4).split()]

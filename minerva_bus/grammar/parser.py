@@ -36,6 +36,7 @@ from minerva_bus.grammar.scene import (
 
 _BLANK = re.compile(r"(?:\s+|//[^\n]*)*")
 _HEAD = re.compile(rf"([PTA][A-Za-z0-9_]*)(?:#({AGENT_ID.pattern}))?")
+# Texts and comments match first, so that a # within them is no id.
 _GIVEN_ID = re.compile(rf'"(?:[^"\\]|\\.)*"|//[^\n]*|#({AGENT_ID.pattern})')
 _PLAIN_VALUES = re.compile(r'<[^<>{}"\[\]/]*>')
 _ALPHABETS = "a symbol of P, T or A (PMap, TMove<dist=1>(...), ARobot#r1)"
@@ -119,6 +120,7 @@ class _Reader:
                 at = self.skip(at + 1)
             if self.ends(at):
                 break
+            # Rule 6 joins primitives only: after a `)` a dot is required.
             figure = self.text[start] == "P" and at == end
             at = self.separator(at, bool(stack), figure)
         if stack:
@@ -161,6 +163,7 @@ class _Reader:
         return None, at
 
     def figure(self, name: str, values: _Values, start: int) -> FigureNode:
+        # Equal figures without values share one node, and so its digest.
         if not values[0] and name in self.figures:
             return self.figures[name]
         node = FigureNode(name, *values)
@@ -175,6 +178,7 @@ class _Reader:
             node = TransformationNode(opened.symbol, *opened.values, scope)
         else:
             node = AgentNode(opened.symbol, opened.id, *opened.values, scope)
+        # `id()` is unique here, because the string keeps all its nodes alive.
         self.offsets[id(node)] = opened.offset
         nodes.append(node)
 
@@ -216,6 +220,8 @@ class _Reader:
             return ((), ()), at
         plain = _PLAIN_VALUES.match(self.text, at)
         if plain is not None:
+            # Many symbols of a text have the same values; those with strings or lists in them are
+            # not cached.
             known = self.parsed_values.get(plain.group())
             if known is not None:
                 return known, plain.end()

@@ -32,8 +32,10 @@ def hashes_of(texts: NDArray[np.bytes_]) -> Hashes:
     weights, behind = _weights(width)
     letters = np.ascontiguousarray(texts).view(np.uint8).reshape(count, width)
     found = np.empty(count, np.uint64)
+    # In blocks, because letters as 64-bit integers take eight times their memory.
     for at in range(0, count, _AT_ONCE):
         found[at : at + _AT_ONCE] = letters[at : at + _AT_ONCE].astype(np.uint64) @ weights
+    # Each zero byte of padding has multiplied the hash by the factor; its inverse undoes that.
     return found * behind[width - np.strings.str_len(texts)]
 
 
@@ -51,6 +53,7 @@ class Numbers:
         self._numbers = numbers
         self._sorter: Rows | None = None
         span = int(numbers[-1]) - int(numbers[0])
+        # The ends are compared first, because that needs no pass over the array.
         self.consecutive = span == len(numbers) - 1 and bool((np.diff(numbers) == 1).all())
         """Whether each is the one before and one."""
 
@@ -59,6 +62,7 @@ class Numbers:
         numbers = self._numbers
         if self.consecutive:
             rows = wanted - numbers[0]
+            # As unsigned integers, negative differences are large: one comparison finds both kinds.
             rows[rows.view(np.uint64) >= len(numbers)] = -1
             return rows.astype(np.intp, copy=False)
         if self._sorter is None:

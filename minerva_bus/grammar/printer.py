@@ -62,11 +62,13 @@ def value_text(value: Value) -> str:
 def number_text(number: float) -> str:
     """The shortest text that reads back as the same number; whole ones without a point."""
     shown = repr(float(number))
+    # "-0" would be read as an integer, which has no negative zero.
     return shown if shown[-2:] != ".0" or shown == "-0.0" else shown[:-2]
 
 
 def _matrix_text(matrix: Array) -> str:
     """`2x3[0*4 1 0]`: rows, columns, then runs of equal values in row order; `2x3r[` for reals."""
+    # Runs are found by bits, because 0.0 and -0.0 are equal but print differently.
     flat, raw = matrix.ravel(), bits(matrix).ravel()
     starts = np.flatnonzero(np.concatenate(([True], raw[1:] != raw[:-1])))[: flat.size]
     lengths = np.diff(np.append(starts, flat.size))

@@ -84,6 +84,7 @@ def at_rest(value: Value) -> Value:
     if isinstance(value, Scene):
         still = rebuild(value, _without_motion)
         return value if still == value else still
+    # 0, 0.0, False, "" or ().
     return type(value)()  # pyright: ignore[reportCallIssue]
 
 

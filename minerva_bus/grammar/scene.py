@@ -87,17 +87,21 @@ class Scene(Digested):
         return bool(self.pieces)
 
     def __reduce__(self) -> tuple[type[Scene], tuple[tuple[Piece, ...]]]:
+        # Pickling would otherwise set attributes, which `__setattr__` rejects.
         return Scene, (self.pieces,)
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Scene):
             return NotImplemented
+        # By digest, because a comparison of nodes would recurse into scopes, and digests are
+        # cached.
         return self.pieces is other.pieces or self.digest == other.digest
 
     def __hash__(self) -> int:
         return hash(self.digest)
 
     def __str__(self) -> str:
+        # Imported here, because the printer imports this module.
         from minerva_bus.grammar.printer import text
 
         return text(self)
@@ -111,6 +115,7 @@ class Scene(Digested):
         """16 bytes that two strings share exactly when they print the same."""
         known: bytes | None = getattr(self, "_digest", None)
         if known is None:
+            # Imported here, because the digest imports this module.
             from minerva_bus.grammar.digest import scene_digest
 
             known = scene_digest(self)
@@ -281,6 +286,7 @@ def rebuild(
     Where `leave` gives back the very node, the original is kept and shared. Nodes whose `id()` is
     in `whole` are replaced as they are, with all that is in them.
     """
+    # A stack of its own: strings may be nested more deeply than Python recurses.
     nodes, made = iter(scene.nodes), list[Node]()
     opened: list[tuple[TransformationNode | AgentNode, Iterator[Node], list[Node]]] = []
     while True:

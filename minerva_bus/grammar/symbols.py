@@ -169,6 +169,7 @@ class EventType:
         self.visual = visual
         self.fields = Fields.of(data)
         for datum in self.fields.names:
+            # An event's own attribute would hide the datum.
             if hasattr(Event, datum):
                 raise MisuseError(f"{name} cannot have data named {datum}: every event has {datum}")
 

@@ -61,6 +61,7 @@ class Not:
 
     def truth(self, state: Mapping[str, Any]) -> Any:
         """As for a comparison."""
+        # `not` for a bool as well as for an array.
         return self.term.truth(state) ^ True
 
 
@@ -76,6 +77,7 @@ class Joined:
         found: Any = self.terms[0].truth(state)
         for term in self.terms[1:]:
             truth = term.truth(state)
+            # Operators that exist for bools and arrays alike; terms have no side effects to skip.
             found = found & truth if self.word == "and" else found | truth
         return found
 

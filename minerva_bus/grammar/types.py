@@ -154,6 +154,7 @@ def parse_type(text: str) -> Type:
     Raises MisuseError for a text that names none.
     """
     words = text.split()
+    # Bounds the recursion below.
     if len(words) > 2 * DEPTH:
         raise MisuseError(f"lists are nested at most {DEPTH} deep")
     if words[:2] == ["list", "of"]:

@@ -142,8 +142,10 @@ class Vocabulary:
                 raise _vocabulary_error(str(unfit), node, source, parsed) from None
 
         def whole(part: Columns) -> Scene:
+            # The usual case: checked as arrays, without creating a node for each row.
             if self._fits(part):
                 return Scene((self._with_known_ids(part, taken, source),))
+            # As nodes, because `leave` completes them, or names the first wrong one.
             return packed(rebuild(Scene(part.nodes()), leave))
 
         return rewritten(scene, leave, whole)
@@ -156,6 +158,7 @@ class Vocabulary:
                 return False
             if (level.symbol[:1] == "A") != (level.ids is not None):
                 return False
+            # Only a transformation may have a scope here.
             if (level.symbol[:1] == "T") < (level.scope is not None):
                 return False
             if not all(
@@ -249,6 +252,7 @@ class Vocabulary:
                 map(fits, [parameter.type for parameter in declared.fields.all], events.columns)
             )
         ):
+            # One by one, so that an error names the event, or values are converted.
             columns = Events.of([self.check_event(event, source) for event in events])
             if columns is None:
                 raise VocabularyError(f"{events.type} cannot be columns", source=source)
@@ -279,6 +283,7 @@ def _entry(entry: Entry | type[HasKind]) -> Entry:
 def _in_order(receivers: tuple[str, ...]) -> tuple[str, ...]:
     if len(receivers) < 2:
         return receivers
+    # Receivers are a set; in one order, equal events compare equal.
     ordered = tuple(sorted(set(receivers)))
     return receivers if ordered == receivers else ordered
 
@@ -290,6 +295,7 @@ def _named(kind: type[_E], entries: Iterable[Entry]) -> dict[str, _E]:
             if entry.name in found:
                 raise MisuseError(f"{entry.name} stands twice in the vocabulary")
             found[entry.name] = entry
+    # Sorted, so that the order of declarations does not matter.
     return dict(sorted(found.items()))
 
 

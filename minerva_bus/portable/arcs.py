@@ -29,6 +29,7 @@ _TABLE: Final = np.array(_FRACTIONS).T.copy()
 
 def atan_one(x: float) -> float:
     """The arc tangent in radians, from -π/2 to π/2."""
+    # Bounded, because 0 times infinity below would be nan; nan itself stays nan.
     size = min(abs(x), _HUGE) if x == x else x
     place = 0
     for border in _BORDERS:
@@ -43,11 +44,14 @@ def atan2_one(y: float, x: float) -> float:
     if x != x or y != y:
         return x + y
     tall, wide = abs(y), abs(x)
+    # A diagonal, as the C standard prescribes; the quotient would be nan.
     if tall == math.inf and wide == math.inf:
         tall = wide = 1.0
+    # The angle is 0 or π, as the C standard prescribes, and depends on the signs only.
     if tall == 0.0 and wide == 0.0:
         wide = 1.0
     angle = _HALF if wide == 0.0 else atan_one(tall / wide)
+    # -0.0 counts as negative.
     if math.copysign(1.0, x) < 0.0:
         angle = _turned(angle)
     return math.copysign(angle, y)
@@ -92,6 +96,7 @@ def atan_many(x: Numbers) -> Numbers:
 def atan2_many(y: Numbers, x: Numbers) -> Numbers:
     """`atan2` of each."""
     tall, wide = np.abs(y), np.abs(x)
+    # The two special cases of `atan2_one`.
     same = (tall == wide) & ((tall == 0.0) | (tall == np.inf))
     if same.any():
         tall, wide = np.where(same, tall == np.inf, tall), np.where(same, 1.0, wide)
@@ -106,6 +111,7 @@ def asin_many(x: Numbers) -> Numbers:
     z = np.where(size < 0.5, 0.0, 0.5 * (1.0 - size))
     large = np.where(size == 1.0, _HALF, _asin_large(z, np.sqrt(z)))
     large = np.copysign(large, x)
+    # Both branches are computed for every element, and the right one is taken.
     return np.where(size < 0.5, _asin_small(x, x * x), large)
 
 
@@ -193,6 +199,7 @@ def _asin_small(x: F, z: F) -> F:
 
 def _asin_large(z: F, root: F) -> F:
     """The arc sine of 1 - 2 z."""
+    # The square of `upper` is exact, so `lost` is the rest of the root to full precision.
     upper = head(root)
     lost = (z - upper * upper) / (root + upper)
     quarter = 0.5 * _HALF

@@ -31,6 +31,7 @@ _STEEP: Final = 0.67434
 def sin_one(x: float) -> float:
     """The sine of an angle in radians."""
     quarter, y, low = _reduced(x)
+    # Odd quarter turns exchange sine and cosine; two of them change the sign.
     value = cos_kernel(y, low) if quarter & 1 else sin_kernel(y, low)
     return -value if quarter & 2 else value
 
@@ -56,6 +57,7 @@ def tan_one(x: float) -> float:
 def cos_turns_one(turns: float) -> float:
     """The cosine of an angle in whole turns, from 0 to 1."""
     quarter = round(4.0 * turns)
+    # The difference is exact, so the reduction needs no parts of π/2.
     y = (turns - 0.25 * quarter) * math.tau
     value = sin_kernel(y, 0.0) if quarter & 1 else cos_kernel(y, 0.0)
     return -value if (quarter + 1) & 2 else value
@@ -113,6 +115,7 @@ def _all_reduced(x: Numbers) -> tuple[Bits, Numbers, Numbers]:
     if near.all():
         return _all_near(x)
     quarters, y, low = _all_near(np.where(near, x, 0.0))
+    # One by one: angles of more than a million radians are rare.
     for place in np.flatnonzero(~near).tolist():
         angle = x[place].item()
         finite = math.isfinite(angle)
@@ -128,6 +131,8 @@ def _all_near(x: Numbers) -> tuple[Bits, Numbers, Numbers]:
 
 def _less(x: F, quarters: F) -> tuple[F, F]:
     """X less some quarter turns, as a sum of two numbers."""
+    # fdlibm uses the further parts only after cancellation. Here they are always used, so that
+    # numbers and arrays take the same steps.
     first = x - quarters * _PART_1
     part = quarters * _PART_2
     second = first - part

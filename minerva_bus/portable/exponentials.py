@@ -71,6 +71,7 @@ def _far(x: float) -> float:
 def _scaled(rest: float, less: float, k: int) -> float:
     """(1 + rest - less) 2^k - 1."""
     if k < -1 or k > 56:
+        # In two factors, because 2^1024 alone would overflow.
         return 2.0 * math.ldexp(1.0 - (less - rest), k - 1) - 1.0
     tiny = math.ldexp(1.0, -k)
     if k < 20:

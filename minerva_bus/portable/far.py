@@ -26,6 +26,7 @@ _QUARTER_LOW: Final = 6.12323399573676603587e-17
 def far(x: float) -> tuple[int, float, float]:
     """The nearest number of quarter turns, modulo 4, and what is left as a sum of two numbers."""
     part, exponent = math.frexp(x)
+    # Integers of any length make the product with 2/π exact.
     whole, exponent = int(math.ldexp(part, 53)), exponent - 53
     turned = whole * _DIGITS  # x in quarter turns, times 2^(_BITS - exponent)
     shift = _BITS - exponent - _KEPT

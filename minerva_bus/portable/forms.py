@@ -77,6 +77,7 @@ def in_blocks(function: Callable[..., Numbers], *arrays: NDArray[Any]) -> Number
     flat = [np.asarray(array, np.float64).ravel() for array in arrays]
     count = len(flat[0])
     made = np.empty(count)
+    # The forms compute all branches for all elements, including those that are not taken.
     with np.errstate(all="ignore"):
         for start in range(0, count, _BLOCK):
             end = start + _BLOCK
@@ -86,5 +87,6 @@ def in_blocks(function: Callable[..., Numbers], *arrays: NDArray[Any]) -> Number
 
 def head(x: F) -> F:
     """The upper 21 bits of numbers below 2^990: products of two heads are exact."""
+    # Veltkamp's split: the rounding of the product with 2^32 + 1 leaves 53 - 32 bits.
     wide = x * _HEAD
     return wide - (wide - x)

@@ -24,6 +24,7 @@ def hypot_one(x: float, y: float) -> float:
     """The length of (x, y)."""
     x, y = abs(x), abs(y)
     most = y if y > x else x
+    # The squares neither overflow nor lose digits by underflow.
     if _SMALL < most < _LARGE or x == y == 0.0:
         return math.sqrt(x * x + y * y)
     if x == math.inf or y == math.inf:

@@ -60,8 +60,10 @@ def log1p_one(x: float) -> float:
         return x
     u = 1.0 + x
     k, f = parts(u)
+    # x itself, because f of 1 + x has lost digits of a small x.
     if k == 0.0:
         return _log1p_kernel(0.0, x, 0.0)
+    # What rounding 1 + x has lost, as a correction of the logarithm.
     lost = 1.0 - (u - x) if k > 1.0 else x - (u - 1.0)
     return _log1p_kernel(k, f, lost / u)
 
@@ -83,6 +85,8 @@ def parts(x: float) -> tuple[float, float]:
 def all_parts(x: Numbers) -> tuple[Numbers, Numbers]:
     """The k and f of each normal number above 0."""
     bits = x.view(np.int64)
+    # As an integer, the bits less those of √½: the exponent is k, and the mantissa, added to the
+    # bits of √½ again, gives 1 + f.
     over = bits - _LEAST_BITS
     f = ((over & _MANTISSA) + _LEAST_BITS).view(np.float64) - 1.0
     return (over >> 52).astype(np.float64), f
@@ -126,6 +130,8 @@ def _usual(x: Numbers, kernel: Callable[[Numbers, Numbers], Numbers]) -> Numbers
     if fine.all():
         return kernel(*all_parts(x))
     small = (x > 0.0) & (x < _NORMAL)
+    # Denormal numbers are scaled to normal ones, which is exact; others are replaced by any valid
+    # one.
     k, f = all_parts(np.where(fine, x, np.where(small, x * _UP, 1.0)))
     made = kernel(np.where(small, k - 54.0, k), f)
     return np.where(fine | small, made, _unusual_many(x))

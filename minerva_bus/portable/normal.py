@@ -13,6 +13,7 @@ from minerva_bus.portable.logarithms import log_many, log_one
 
 def standard_normal_one(first: float, second: float) -> float:
     """A standard normal number of two uniform ones in [0, 1)."""
+    # 1 - u is in (0, 1], so the logarithm is finite.
     return math.sqrt(-2.0 * log_one(1.0 - first)) * cos_turns_one(second)
 
 

@@ -68,6 +68,7 @@ def power_many(x: Numbers, y: Numbers) -> Numbers:
     size = np.abs(x)
     usual = (size > 0.0) & (size < np.inf) & np.isfinite(y) & (y != 0.0) & (size != 1.0)
     value = _all_powers(np.where(usual, size, 2.0), np.where(usual, y, 1.0))
+    # A negative base has the sign of an odd exponent; with a fraction there is no real power.
     value = np.where((x < 0.0) & (y % 2.0 != 0.0), -value, value)
     value = np.where((x < 0.0) & (y != np.floor(y)), np.nan, value)
     if usual.all():

@@ -62,6 +62,8 @@ class Mutator:
         for _ in range(TRIES):
             crossing = op.cross if chance.random() < 0.5 else op.blend
             made = crossing(given, other)
+            # An operator may find nothing to do, exceed the limit or change nothing; another try
+            # may succeed.
             if made is not None and self._fits(made.scene, scene) and made.scene != scene:
                 return self._checked(made)
         return Mutant(scene, "")
@@ -99,6 +101,7 @@ class Mutator:
         return Material(scene, self.targets, self.limit, chance, inner)
 
     def _fits(self, made: Scene, before: Scene) -> bool:
+        # A string that exceeds the limit already may change, but not grow.
         return extent(made).within(self.limit.joined(extent(before)))
 
     def _checked(self, made: Mutant) -> Mutant:

@@ -122,6 +122,7 @@ def delete(given: Material) -> Mutant | None:
     if place is None:
         return None
     kept = scope_of(place.node).nodes if given.chance.random() < 0.5 else ()
+    # The string would be ε, with which a world ends.
     if place.parent is None and not kept and len(given.scene) == 1:
         return None
     return Mutant(put(given.scene, place, kept), f"{_name(place.node)} goes")
@@ -143,6 +144,7 @@ def swap(given: Material) -> Mutant | None:
     if one is None or other is None or one is other:
         return None
     first, second = sorted((one, other), key=lambda place: place.path)
+    # One lies within the other.
     if second.path[: first.depth] == first.path:
         return None
     there = put(given.scene, second, [first.node])  # The later first: the earlier path stays.

@@ -60,6 +60,7 @@ def _within(scene: Scene, parent: Place | None, deepest: int) -> list[Place]:
 
 def put(scene: Scene, place: Place, nodes: Sequence[Node]) -> Scene:
     """The string with these nodes in the place of one; nodes elsewhere are shared."""
+    # From the place outwards: only the nodes around it are made again.
     for above in place.upwards():
         around = above.parent
         siblings = (scene if around is None else scope_of(around.node)).nodes

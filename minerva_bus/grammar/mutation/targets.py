@@ -110,6 +110,8 @@ def _symbol(target: Target) -> str:
 
 
 def _exactness(target: Target) -> tuple[bool, bool, int]:
+    # A target for one parameter precedes one for its node, bounds precede none, and a longer path
+    # precedes a shorter one.
     return bool(target.parameter), target.domain is not None, len(target.steps)
 
 
