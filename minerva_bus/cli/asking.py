@@ -89,6 +89,8 @@ def echo_type(type_: str, target: WorldTarget, count: int, as_json: bool) -> Non
                 f"{world} has no event type or agent kind {type_!r}{nearest(type_, known)};"
                 f" it has {', '.join(known)}"
             )
+        # Records of frames have events and changed agents. Views reach devices only, so for a
+        # visual type this command joins as one.
         if declared is None or not declared.visual:
             shown = 0
             for record in connected.records():
@@ -153,6 +155,7 @@ def _echo_view(
             if self.shown == count:
                 member.leave()
 
+    # The number of the process makes the name unique, so several can watch.
     name = f"echo-{os.getpid()}" if own is None else own.name
     member = MemberProcess(Member(name, Echo()), world, endpoint, print_message, own=own)
     leave_on_signals(member)

@@ -42,6 +42,7 @@ def attach_member(spec: str, join: JoinOptions, options: dict[str, str], process
 
     Without a name in `join`, the member has the name in its certificate.
     """
+    # A remote world takes the name from the certificate, so a generated one would be rejected.
     shown = identity() if join.connect and not join.name and not process else None
     name = join.name if shown is None else shown.name
     while True:
@@ -74,6 +75,7 @@ def _attached(participant: Member, join: JoinOptions) -> int:
     )
     leave_on_signals(member)
     print_message(f"{participant.name}: joining {world} at {endpoint}; Ctrl-C leaves")
+    # Other codes, such as RAISED, are for a launcher that may restart the member.
     code = min(member.run(), FAILED) or int(getattr(service, "failed", False))
     if member.failure is not None:
         print_message(f"{participant.name}: failed: {report(member.failure)}")
@@ -98,6 +100,7 @@ def leave_on_signals(member: MemberProcess) -> None:
     """Leave the world on a signal that ends a process; a second signal terminates at once."""
 
     def leave(number: int, frame: FrameType | None) -> None:
+        # The service may be busy and delay the end; the next signal does not wait for it.
         signal.signal(number, signal.SIG_DFL)
         member.leave()
 

@@ -92,6 +92,7 @@ def check_determinism(spec: str, frames: int, as_json: bool) -> int:
 def _verdict(path: Path, frames: int, folder: Path) -> Verdict:
     records = [folder / f"{number}.mcap" for number in range(len(LAYOUTS))]
     for number, record in enumerate(records):
+        # One after the other, because both worlds have the same name and runtime folder.
         done = _started(path, frames, number, record)
         if done.returncode:
             text = done.stderr.strip() or "it ended without a message"

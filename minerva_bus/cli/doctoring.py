@@ -77,6 +77,7 @@ def _findings() -> Iterator[Finding]:
     yield _memory()
     yield _screen()
     for name, (modules, purpose) in EXTRAS.items():
+        # An import would run the code of every package that an extra needs.
         missing = [name for name in modules if find_spec(name) is None]
         hint = f"; pip install 'minerva-bus[{name}]'" if missing else ""
         yield Finding(name, not missing, purpose + hint)

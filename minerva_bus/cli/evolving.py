@@ -54,6 +54,7 @@ def evolve_world(file: WorldFile, wanted: EvolveOptions, console: Console, as_js
 
     Raises MisuseError for invalid options, and MinervaError if a world cannot run.
     """
+    # Before the study, which may take hours.
     for path in wanted.outputs:
         check_place(path)
     for picture in filter(None, (wanted.plot, wanted.tree)):
@@ -136,4 +137,5 @@ def _plain(
 
 
 def _number(value: float) -> float | None:
+    # NaN is the only number that differs from itself; JSON has none.
     return None if value != value else value

@@ -103,6 +103,8 @@ def _options(
 def main() -> None:
     """Run the command line; errors are one message and an exit code, never a traceback."""
     try:
+        # A process may run several commands, as tests do; the inputs of one are not those of the
+        # next.
         forget_inputs()
         with promised(sys.argv[1:]):
             app()
@@ -112,6 +114,7 @@ def main() -> None:
     except KeyboardInterrupt:
         sys.exit(INTERRUPTED)
     except BrokenPipeError:
+        # The reader of a pipe, such as `head`, has closed it: it needs no more.
         sys.exit(0)
     except OSError as error:
         if error.errno != errno.EIO:

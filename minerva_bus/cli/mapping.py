@@ -57,6 +57,7 @@ def _opener(file: Path, passed: PassOver) -> Callable[[], Recording]:
         raise WorldFileError(f"there is no file {file}; expected a recording: check its name")
     suffix = "db3" if file.is_dir() else file.name.removesuffix(".gz").rpartition(".")[2].lower()
     read = load(_installed(RECORDINGS, suffix, f"{file}: reader of recordings"))
+    # The mapper reads the recording several times.
     told = chain([passed], repeat(_silently))
     return lambda: read(file, next(told))
 

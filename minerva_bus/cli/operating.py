@@ -90,6 +90,7 @@ def _paused_before(world: Client) -> int:
     reported: tuple[str, ...] = ()
     while True:
         status = world.operator.status()
+        # Another operator may resume the world meanwhile, so this must not wait for a pause.
         resumed = not status.paused and not status.left
         if resumed or (status.paused and status.phase == "between frames"):
             return status.frame
@@ -108,6 +109,7 @@ def show_logs(member: str, follow: bool, target: WorldTarget, as_json: bool) -> 
             try:
                 lines = world.operator.logs(since, member)
             except MinervaError:
+                # A world that has never answered cannot have ended: the problem is the connection.
                 if not (follow and answered):
                     raise
                 return  # The followed world has ended.

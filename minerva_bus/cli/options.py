@@ -151,6 +151,7 @@ class Takes:
 
     def parameters(self) -> list[Parameter]:
         """A parameter for each option."""
+        # None means that the option is not given, so the world file's value stays.
         return [_keyword(name, None, self._annotation(name)) for name in self.names]
 
     def _annotation(self, name: str) -> Any:
@@ -228,6 +229,7 @@ def grouped(command: Callable[..., None]) -> Callable[..., None]:
             values[name] = group.collect(values)
         command(**values)
 
+    # typer derives the options from signature and annotations, so both describe the single options.
     collected.__dict__["__signature__"] = inspect.Signature(parameters)
     collected.__annotations__ = {each.name: each.annotation for each in parameters}
     return collected

@@ -45,6 +45,7 @@ class OtherOptionsCommand(TyperCommand):
 
     def format_options(self, ctx: Any, formatter: Any) -> None:
         super().format_options(ctx, formatter)
+        # `--help` is handled while the arguments are parsed, so their values are not known yet.
         spec = next((word for word in self._words if not word.startswith("-")), "")
         describe = _DESCRIBED.get(self.name or "")
         if not spec or describe is None:

@@ -28,6 +28,7 @@ def print_table(rows: Iterable[Sequence[str]]) -> None:
     """Print rows, the first one with the titles, in columns."""
     from minerva_bus.wire.plain import on_screen
 
+    # Names and figures come from members, whose escape sequences must not reach the terminal.
     rows = [[on_screen(cell) for cell in row] for row in rows]
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     for row in rows:

@@ -38,6 +38,7 @@ def promised(words: Sequence[str]) -> Generator[None]:
     if not _promise(words):
         yield
         return
+    # A process may run several commands, as tests do.
     _said.clear()
     _catch_signals()
     try:
@@ -68,12 +69,14 @@ def _catch_signals() -> None:
     def end(number: int, _: FrameType | None) -> None:
         raise KeyboardInterrupt(signal.Signals(number).name)
 
+    # SIGINT raises KeyboardInterrupt already.
     for number in (signal.SIGTERM, signal.SIGHUP):
         if signal.getsignal(number) is not signal.SIG_IGN:
             signal.signal(number, end)
 
 
 def _say_why(error: BaseException) -> None:
+    # At most one object: a command may fail after it has printed its summary.
     if not _said:
         say_summary({**_NOTHING, "ended": _why(error)})
 

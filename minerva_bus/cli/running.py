@@ -44,6 +44,8 @@ def run_world(file: WorldFile, began: float, options: RunOptions) -> None:
     try:
         if options.in_process:
             for number in end_signals():
+                # Every signal that ends a process becomes KeyboardInterrupt, so the run closes its
+                # record.
                 signal.signal(number, signal.default_int_handler)
             summary = InProcessRun(file, console, began).run()
         else:
@@ -54,6 +56,7 @@ def run_world(file: WorldFile, began: float, options: RunOptions) -> None:
         console.problem(str(stopped))
         raise typer.Exit(FAILED) from None
     except MinervaError as error:
+        # Someone who reads JSON lines finds every error among them; otherwise `main` prints it.
         if not as_json:
             raise
         console.problem(str(error))

@@ -79,6 +79,7 @@ def issue(
     keys = _keys(dir)
     given = (role, host, kinds, events, topics)
     before = keys.issued().get(name) if renew else None
+    # A renewed certificate must not grant more than before, so rights that are not given are kept.
     kept = [()] * len(given) if before is None else _purposes(before)
     fields = [
         old if words is None else _split(words) for words, old in zip(given, kept, strict=True)
@@ -183,6 +184,7 @@ def _shown(issued: Issued, now: datetime) -> str:
 
 
 def _day(now: datetime, days: int) -> str:
+    # The type for dates ends with the year 9999.
     ends = min(now.timestamp() + 86400.0 * days, 253e9)
     return datetime.fromtimestamp(ends, UTC).date().isoformat()
 

@@ -123,8 +123,10 @@ def replay(
         show_frames(file, begin, json)
         return
     words = context.args
+    # As in `run`: an unknown option may be in place of WORLD.
     if world.startswith("--"):
         words, world = [world, *words], ""
+    # These would be ignored without a word, or be meant for the new member, which has its own.
     played = {"--view": bool(overrides.views), "--from": begin != 0, "--speed": speed != 1.0}
     for option in [name for name, given in played.items() if given and (swap or recompute)]:
         context.fail(f"{option} cannot be combined with --{'swap' if swap else 'recompute'}")

@@ -58,6 +58,7 @@ def run(
         from minerva_bus.launch.resuming import read_resumed
 
         words = context.args
+        # The parser takes unknown options for arguments, so the first may be in place of WORLD.
         if world.startswith("--"):
             words, world = [world, *words], ""
         if not world and resume is None:
@@ -72,6 +73,7 @@ def _with_video(views: list[str], video: str) -> tuple[str, ...]:
     """The requested views, one of which writes the video: sprites unless another one can."""
     if not video:
         return tuple(views)
+    # A comma separates the options of a view.
     if "," in video:
         raise MinervaError(f"--record-video {video}: the file name must not contain a comma")
     for at, view in enumerate(views):
@@ -164,6 +166,7 @@ def bridge(
     from minerva_bus.cli.attaching import bridge_source
 
     words = context.args
+    # As in `run`: an unknown option may be in place of SOURCE.
     if source.startswith("--"):
         words, source = [source, *words], ""
     raise typer.Exit(bridge_source(kind, source, join, options_of(words)))

@@ -111,6 +111,7 @@ class Dashboard(App[None]):
             status = self._operator.status(self._event_number)
             lines = self._operator.logs(self._line_number)
         except MinervaError as error:
+            # Widgets may be used in the thread of the application only.
             self.call_from_thread(self._show_trouble, str(error))
             return
         self.call_from_thread(self._show, status, lines)
@@ -146,6 +147,7 @@ class Dashboard(App[None]):
             if member.name not in there:
                 table.add_row(*cells, key=member.name)
                 continue
+            # Cells are updated in place: filling the table again would move the cursor.
             for title, cell in zip(COLUMNS, cells, strict=True):
                 table.update_cell(member.name, title, cell)
         for gone in there - {member.name for member in status.members}:
@@ -198,6 +200,7 @@ class Dashboard(App[None]):
         """Decrease the frame rate."""
         if self._status is None:
             return
+        # Without a limit, the first step down is below the measured rate.
         wanted = self._status.rate or self._status.hz
         slower = [rate for rate in RATES if 0 < rate < wanted]
         self._operate(self._operator.set_rate, slower[-1] if slower else RATES[1])

@@ -71,6 +71,7 @@ def row(member: MemberStatus, longest: float) -> list[Text]:
 
 def bar(amount: float, greatest: float, width: int = BAR, style: str = "cyan") -> Text:
     """A bar; the greatest amount fills `width` characters."""
+    # The bar's last character shows eighths.
     eighths = round(8 * width * amount / greatest) if greatest > 0 else 0
     whole, rest = divmod(min(eighths, 8 * width), 8)
     shown = "█" * whole + (" ▏▎▍▌▋▊▉"[rest] if rest else "")
@@ -84,6 +85,7 @@ def phases(status: WorldStatus) -> Table:
     for name in (phase for phase in PHASES if phase in status.phases):
         amount = status.phases[name]
         table.add_row(name, f"{amount:,.0f} µs", bar(amount, frame))
+    # The other parts lie within these four.
     busy = sum(status.phases.get(name, 0.0) for name in ("tick", "collect", "evolve", "commit"))
     if frame:
         idle = max(0.0, frame - busy)
