@@ -1,12 +1,12 @@
 """Minerva Bus: virtual worlds as strings of a small language, run by many processes.
 
-The names a user needs; see README.md. Each is imported when it is first asked for, so that the
-command line answers before numpy is there.
+The names that users need; see README.md. Each is imported at its first use, so that the command
+line answers without importing numpy.
 """
 
 from minerva_bus.moved import install as _install
 
-TYPE_CHECKING = False  # As typing has it, which the command line need not wait for.
+TYPE_CHECKING = False  # Instead of typing.TYPE_CHECKING, because importing typing takes time.
 if TYPE_CHECKING:
     from typing import Any
 
@@ -84,13 +84,14 @@ _install()
 
 
 def __getattr__(name: str) -> "Any":
-    """Import a public name from where it lives."""
+    """Import a public name from its module."""
     from importlib import import_module
 
     current = _FORMER.get(name, name)
     for module, names in _HOMES.items():
         if current in names.split():
             value = getattr(import_module(f"minerva_bus.{module}"), current)
+            # Python calls this function only for names that are missing, so each is imported once.
             globals()[name] = value
             return value
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

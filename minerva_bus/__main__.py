@@ -17,6 +17,7 @@ def leave(number: int, frame: object) -> None:
     os._exit(INTERRUPTED)
 
 
+# A signal that is ignored, as in the background of a shell script, stays ignored.
 if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
     signal.signal(signal.SIGINT, leave)
 

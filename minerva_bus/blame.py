@@ -30,8 +30,10 @@ TRACEBACK_LENGTH: Final = 60_000
 
 def report(error: BaseException) -> str:
     """A report of an error in at most ten lines: what, where, the source line, the cause."""
+    # A UserCodeError only says where; what happened is its cause.
     main = error.__cause__ if isinstance(error, UserCodeError) and error.__cause__ else error
     head = f"{error.where}: " if main is not error and isinstance(error, UserCodeError) else ""
+    # A handler with wrong parameters has never run, so no traceback has a line of it.
     place = defined(main.handler) if isinstance(main, SignatureError) else place_of(main)
     if place is None and isinstance(error, UserCodeError) and error.handler is not None:
         place = _handler_place(error.handler, main)
@@ -84,7 +86,9 @@ class blamed:  # noqa: N801 - used like a function
 
     def __exit__(self, _: object, error: BaseException | None, *__: object) -> None:
         if error is None or isinstance(error, UserCodeError):
+            # An inner context has already named the method that failed.
             return
+        # Ctrl-C is not an error of user code, but `sys.exit()` in a method is.
         if isinstance(error, Exception | SystemExit):
             raise UserCodeError(handler_name(self._handler), self._handler) from error
 
@@ -101,6 +105,7 @@ def _handler_place(handler: Callable[..., Any], error: BaseException) -> Place |
 
 def _causes(error: BaseException) -> Iterator[BaseException]:
     """The exceptions that led to an exception, as a traceback shows them."""
+    # Code can set `__cause__` itself, so the chain may have a cycle.
     seen = {id(error)}
     cause = _cause(error)
     while cause is not None and id(cause) not in seen:
@@ -110,6 +115,7 @@ def _causes(error: BaseException) -> Iterator[BaseException]:
 
 
 def _cause(error: BaseException) -> BaseException | None:
+    # The rule by which Python prints tracebacks.
     explicit = error.__suppress_context__ or error.__cause__ is not None
     return error.__cause__ if explicit else error.__context__
 
@@ -133,6 +139,7 @@ def _caused_by(root: BaseException, shown: Place | None) -> Iterable[str]:
 
 def _suggestion(error: BaseException) -> str:
     """`; did you mean 'energy'?` for a misspelt name: Python itself adds it only to tracebacks."""
+    # A SceneError has its own suggestion.
     if isinstance(error, SceneError) or not isinstance(error, AttributeError | NameError):
         return ""
     name: str | None = getattr(error, "name", None)
@@ -152,6 +159,7 @@ def _known(error: AttributeError | NameError) -> set[str]:
 
 def _visible(trace: TracebackType | None) -> set[str]:
     names = set(dir(builtins))
+    # The name was looked up in the innermost frame.
     while trace is not None and trace.tb_next is not None:
         trace = trace.tb_next
     if trace is not None:

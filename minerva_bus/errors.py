@@ -186,6 +186,7 @@ def _locate(text: str, offset: int) -> tuple[int, int, str]:
     line = text[start : end if end >= 0 else len(text)]
     at = offset - start
     first = max(0, at - _EXCERPT_WIDTH // 2)
+    # A tab may be several columns wide, and the caret below would be in the wrong place.
     shown = line[first : first + _EXCERPT_WIDTH].replace("\t", " ")
     left = "…" if first else ""
     right = "…" if first + _EXCERPT_WIDTH < len(line) else ""
@@ -195,6 +196,7 @@ def _locate(text: str, offset: int) -> tuple[int, int, str]:
 
 def nearest(word: str, words: list[str]) -> str:
     """The hint `; did you mean 'x'?` with the closest of the words, or an empty string."""
+    # Imported here, because only errors need it.
     from difflib import get_close_matches
 
     close = get_close_matches(word, words, n=1, cutoff=0.6)

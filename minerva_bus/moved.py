@@ -52,7 +52,7 @@ MOVED: Final = {
 
 
 def new_name(name: str) -> str | None:
-    """New name of a module, or None where `name` is not a former one."""
+    """New name of a module, or None if `name` is not a former one."""
     for old, new in MOVED.items():
         if name == old or name.startswith(f"{old}."):
             return new + name[len(old) :]

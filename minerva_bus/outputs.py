@@ -70,6 +70,7 @@ def check_new(path: Path, kind: str = "output") -> None:
     with contextlib.suppress(OSError):
         if _identity(path.stat()) in _policy.read:
             raise MisuseError(f"{kind}: {path} is an input of this run; choose another path")
+    # A link counts as existing even if its target does not.
     if not _policy.forced and os.path.lexists(path):
         raise MisuseError(
             f"{kind}: {path} exists and is not overwritten; choose another path, or give --force"
@@ -143,6 +144,8 @@ def replacing(path: Path, *, mode: int = 0o666, durable: bool = False) -> Genera
     So readers of `path` never see a partial file. `mode` is as for `os.open`; `durable`: the
     content is on disk before the file is renamed. Raises OSError.
     """
+    # In the same folder, because a file is renamed atomically within one file system only. The name
+    # is random, because several processes may write the same output.
     draft = path.with_name(f".{path.name}.{secrets.token_hex(4)}")
     descriptor = open_itself(draft, os.O_RDWR | os.O_CREAT | os.O_EXCL, mode)
     try:
@@ -150,6 +153,8 @@ def replacing(path: Path, *, mode: int = 0o666, durable: bool = False) -> Genera
             yield file
             file.flush()
             if durable:
+                # Before the renaming: a crash could otherwise leave an empty file under the final
+                # name.
                 os.fsync(file.fileno())
             draft.replace(path)
     except BaseException:
@@ -178,6 +183,8 @@ def is_own(path: Path) -> bool:
         if path.suffix.lower() in _COMMENTS:
             return _is_unchanged(path.read_bytes())
         with path.open("rb") as file:
+            # A format determines where its mark is: near the start of a PNG or PGM, at the end of a
+            # PDF or GIF.
             edges = file.read(_EDGE)
             file.seek(max(0, os.fstat(file.fileno()).st_size - _EDGE))
             edges += file.read()
@@ -224,6 +231,7 @@ def _commented(suffix: str) -> Callable[[bytes], bytes]:
 
 
 def _is_unchanged(content: bytes) -> bool:
+    # The mark must be the last line, so a file to which a user has added lines does not match.
     mark = _LAST_LINE.search(content[-200:])
     if mark is None:
         return False
@@ -238,6 +246,7 @@ _PNG_HEADER: Final = 33
 def _png_chunk(content: bytes) -> bytes:
     """A PNG with a text chunk after its header (PNG specification, 11.3.3.2, keyword Software)."""
     chunk = b"tEXtSoftware\0" + MARK.encode()
+    # The length counts the data without the type, the CRC covers both.
     framed = struct.pack(">I", len(chunk) - 4) + chunk + struct.pack(">I", zlib.crc32(chunk))
     return content[:_PNG_HEADER] + framed + content[_PNG_HEADER:]
 

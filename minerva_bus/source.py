@@ -20,6 +20,7 @@ from typing import Any, Final
 
 LINE_LENGTH: Final = 300
 
+# With a separator at the end, so that a folder with a longer name does not match.
 _FRAMEWORK: Final = str(Path(__file__).parent) + os.sep
 _LIBRARIES: Final = tuple(
     {
@@ -71,6 +72,8 @@ def _user_frame(
 
     A package that the framework calls is user code even if it is installed.
     """
+    # The first choice is a file of the user's own. Otherwise it is an installed package that the
+    # framework has called, such as one with agents.
     entry = next((frame for frame, _ in frames if not is_foreign(frame.f_code.co_filename)), None)
     if entry is None:
         outside = (f for f, _ in frames if not f.f_code.co_filename.startswith(_FRAMEWORK))
@@ -127,6 +130,7 @@ def _syntax_place(error: SyntaxError) -> Place:
     bare = source.lstrip()
     shown = [bare] if bare else []
     if bare and error.offset:
+        # The excerpt is shown without its indentation, so the caret moves by as much.
         column = max(0, error.offset - 1 - (len(source) - len(bare)))
         end = (error.end_offset or 0) - error.offset if error.end_lineno == error.lineno else 1
         shown.append(" " * column + "^" * max(1, min(end, len(bare) - column)))
@@ -153,6 +157,7 @@ def defined(handler: Callable[..., Any]) -> Place | None:
         lines, first = inspect.getsourcelines(code)
     except (OSError, TypeError):
         return Place(code.co_filename, first, function_name(code))
+    # The first line of the code object is that of the first decorator.
     at = next((n for n, line in enumerate(lines) if line.lstrip().startswith(("def ", "async"))), 0)
     return Place(code.co_filename, first + at, function_name(code), (lines[at].strip(),))
 
@@ -165,6 +170,7 @@ def assignments(handler: Callable[..., Any], attribute: str) -> list[Place]:
         return []
     try:
         lines, first = inspect.getsourcelines(function)
+        # A method is indented, which the parser rejects.
         tree = ast.parse(textwrap.dedent("".join(lines)))
     except (OSError, TypeError, SyntaxError):
         return []

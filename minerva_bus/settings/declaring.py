@@ -13,6 +13,7 @@ from minerva_bus.settings.kinds import BOOLEAN, TEXT, TEXTS, Kind, number, whole
 _METADATA: Final = "setting"
 _KINDS: Final = {bool: BOOLEAN, int: whole(), float: number(), str: TEXT, tuple: TEXTS}
 _UNSET: Final = "\0"
+"""No key is given; an empty one means that the setting is not in a world file."""
 
 
 @dataclass(frozen=True, slots=True)

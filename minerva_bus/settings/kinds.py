@@ -143,6 +143,7 @@ def number(least: float = 0.0, unit: str = "") -> Kind:
 
     def convert(value: Any) -> float:
         checked = _checked(value, (int, float), "a number")
+        # NaN fails this comparison, as every other one.
         if not least <= checked < float("inf"):
             raise MisuseError(f"must be a number{of_unit} from {least:g}")
         return float(checked)

@@ -49,6 +49,8 @@ class Overrides:
         """These settings, and those of a lower layer that are not given here."""
         return Overrides(
             {**lower.options, **self.options},
+            # The upper layer comes last: of two settings of one key, the later one counts
+            # (`by_process`).
             (*lower.settings, *self.settings),
             (*lower.views, *self.views),
             **{**lower.values, **self.values},

@@ -72,6 +72,7 @@ def _property(setting: Setting) -> dict[str, Any]:
     described: dict[str, Any] = {"description": text}
     if accepted:
         kinds = accepted.get("anyOf", [accepted])
+        # A text may contain a reference anyway.
         described["anyOf"] = [*kinds, *([_REFERENCE] if _TEXT not in kinds else [])]
     if setting.default not in (None, "", ()):
         described["default"] = setting.default

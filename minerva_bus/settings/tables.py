@@ -36,6 +36,7 @@ _world = partial(setting, "world")
 _bus = partial(setting, "bus")
 _process = partial(setting, "process.NAME")
 _norm = partial(setting, "norm.NAME")
+# The defaults are those of the class that applies them, so each is declared once.
 _PATIENCE: Final = Patience()
 
 

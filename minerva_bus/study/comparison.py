@@ -70,6 +70,7 @@ def draw_comparison(table: ResultTable, name: str, path: Path) -> None:
     """
     keys = [key for key in table.keys if key != SEED] or list(table.keys)
     varying = [name for name in table.measures if len(set(table.column(name)) - {None}) > 1]
+    # A measure that is the same in all runs shows nothing, unless there is no other.
     measures = (varying or table.measures)[:MAX_PANELS]
     rows = max(1, (len(measures) + 1) // 2)
     columns = 1 if len(measures) < 2 else 2
@@ -97,6 +98,7 @@ def _panel(axis: Any, table: ResultTable, keys: Sequence[str], measure: str) -> 
         lane = others.index(group[1:])
         at = firsts.index(group[0]) + (lane - (len(others) - 1) / 2) * 0.8 / len(others)
         color = COLORS[lane % len(COLORS)]
+        # Equal results would hide each other at one place.
         steps = [(n + 0.5) / len(known) - 0.5 for n in range(len(known))]
         places = [at + 2 * SPREAD * step / len(others) for step in steps]
         axis.plot(places, known, "o", color=color, alpha=0.7, markersize=4, markeredgewidth=0)

@@ -96,6 +96,7 @@ def limits(story: Story) -> Bounds:
 
 def draw_tracks(axis: Any, story: Story, palette: Palette, frame: Bounds) -> None:
     """Draw the tracks of agents, fading towards the past, and their final places."""
+    # Kinds with many agents come first, so that they do not cover the few of other kinds.
     tracks = sorted(story.tracks.values(), key=palette.size, reverse=True)
     last = MAX_SEGMENTS // max(1, len(tracks))
     for track in tracks:
@@ -115,6 +116,7 @@ def _path(axis: Any, track: Track, color: str, broad: bool, last: int, frame: Bo
     from matplotlib.collections import LineCollection
     from matplotlib.colors import to_rgb
 
+    # One more point than segments.
     points = np.column_stack((track.x, track.y))[-last - 1 :]
     pieces = np.stack((points[:-1], points[1:]), axis=1)
     span = 0.5 * np.array([frame.right - frame.left, frame.top - frame.bottom])

@@ -50,6 +50,7 @@ class Evaluator:
 
         Raises KeyboardInterrupt; scores that were reported before remain valid.
         """
+        # Trials of different strings finish in any order.
         open_trials = {n: dict[int, Result]() for n in range(len(strings))}
 
         def on_result(number: int, result: Result) -> None:
@@ -59,6 +60,7 @@ class Evaluator:
             if len(results) == self.trials:
                 on_score(n, _score([results[k] for k in range(self.trials)]))
 
+        # `on_result` relies on this order: the trials of a string are neighbours.
         tasks = [self._task(scene, k) for scene in strings for k in range(self.trials)]
         self.pool.run(tasks, on_result)
 
@@ -88,6 +90,7 @@ def _score(results: Sequence[Result]) -> Score:
     if error:
         return Score(math.nan, error=error)
     values = [float(result.values["fitness"]) for result in results]
+    # `fsum` is exact, so the mean does not depend on the order of trials.
     return Score(math.fsum(values) / len(values), str(results[0].values["digest"]))
 
 
@@ -115,8 +118,10 @@ class EvaluationCache:
     def __call__(self, strings: Sequence[Scene], random: Sequence[Scene] = ()) -> list[Score]:
         """The scores of strings, and of `random` ones that cannot become the best."""
         scenes = [*strings, *random]
+        # Worlds are deterministic, so a string with the same digest would have the same score.
         new = list({s.digest: s for s in scenes if s.digest not in self.known}.values())
         eligible = {scene.digest for scene in strings}
+        # Progress counts strings with a known score, too, so that it reaches its total.
         for _ in range(len(scenes) - len(new)):
             self.on_done()
 
@@ -124,10 +129,12 @@ class EvaluationCache:
             scene = new[number]
             evaluated = self.known[scene.digest] = Evaluated(scene, score)
             if scene.digest in eligible:
+                # At once, so that an interrupted evaluation leaves the best string so far.
                 self._compare(evaluated)
             self.on_done()
 
         self.evaluator.evaluate(new, on_score)
+        # A string may be known from random search, for which it was not eligible.
         for scene in strings:
             self._compare(self.known[scene.digest])
         return [self.known[scene.digest].score for scene in scenes]

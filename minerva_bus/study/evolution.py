@@ -142,6 +142,8 @@ class Evolution:
 
     def _children(self, generation: int) -> list[_Birth]:
         """Children of parents that win tournaments, drawn with replacement."""
+        # All draws of a generation come from one array, the children's from a stream each, so no
+        # draw depends on the result of another child.
         rng = stream(self.plan.seed, "selection", generation)
         shape = (self.plan.population, 2, TOURNAMENT)
         # The population is sorted, so the smallest index wins.
@@ -156,11 +158,14 @@ class Evolution:
     def _child(self, n: int, generation: int, first: Individual, second: Individual) -> _Birth:
         rng = stream(self.plan.seed, f"child {n}", generation)
         parents, scene, steps = (first.number,), first.scene, list[str]()
+        # A string crossed with itself gains nothing; tournaments draw with replacement.
         if second.number != first.number and rng.random() < CROSSOVER_RATE:
             crossed = self.mutator.crossed(scene, second.scene, rng)
             if crossed.how:
                 parents, scene = (first.number, second.number), crossed.scene
                 steps = [crossed.how]
+        # Without a crossover a mutation is certain: a copy of the parent would only repeat its
+        # score.
         if not steps or rng.random() < 0.5:
             scene, mutations = self._mutated(scene, rng)
             steps += mutations
@@ -181,6 +186,8 @@ class Evolution:
         children: list[Individual] = []
         for number, (birth, score) in enumerate(zip(births, scores, strict=True), len(self.all)):
             made = birth.made
+            # Numbers are unique, so the order is total and the selection does not depend on the
+            # sort.
             rank = merit(score, self.plan.minimise), -extent(made.scene).nodes, -number
             children.append(
                 Individual(number, generation, made.scene, birth.parents, made.how, score, rank)
@@ -199,5 +206,6 @@ class Evolution:
             return
         best = min if self.plan.minimise else max
         fine = [score.fitness for score in scores if not score.failed]
+        # The series is the best so far, also over a generation in which all have failed.
         fine += [value for value in self.random[-1:] if not math.isnan(value)]
         self.random.append(best(fine, default=math.nan))

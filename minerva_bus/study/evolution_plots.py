@@ -54,6 +54,7 @@ def _fitness(axis: Any, evolution: Evolution, name: str) -> None:
     axis.step(generations, best, where="post", label="evolution, best so far", **style)
     failed = [child.generation for child in evolution.all if child.score.failed]
     if failed:
+        # A failed string has no fitness, so its mark is at the lower edge.
         low = axis.get_ylim()[0]
         axis.plot(failed, [low] * len(failed), "x", color=INK, markersize=5, label="failed")
     axis.set_title(f"{name}: fitness" + (" (less is better)" if plan.minimise else ""))

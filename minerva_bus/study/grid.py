@@ -48,6 +48,7 @@ class Grid:
         settings = [f"{key}={value}" for key, value in pairs.items() if "." in key]
         options = {key: value for key, value in pairs.items() if "." not in key}
         number = None if seed is None else int(seed)
+        # Rate 0: a study runs as fast as possible.
         return Overrides(options, tuple(settings), seed=number, rate=0.0).over(given)
 
 
@@ -85,6 +86,7 @@ def _values(setting: str, text: str) -> tuple[str, ...]:
 
 def _parts(text: str) -> list[str]:
     """Values separated by commas: the items of a TOML list, or else plain text."""
+    # TOML first, because texts and lists may contain commas.
     listed = toml_value(f"[{text}]")
     if isinstance(listed, list) and listed:
         values = cast("list[Any]", listed)

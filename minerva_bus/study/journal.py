@@ -27,6 +27,8 @@ class StudyJournal:
         except OSError as error:
             raise MisuseError(f"{path}: {error.strerror}") from None
         try:
+            # Before it is read: the last line may be incomplete only because another process writes
+            # it.
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
             os.close(self._file)
@@ -60,6 +62,7 @@ class StudyJournal:
         os.lseek(self._file, whole, os.SEEK_SET)
         lines = [self._parsed(n, line) for n, line in enumerate(data[:whole].splitlines(), 1)]
         if not lines:
+            # `add` appends to it; the description of the study is not a run and is not returned.
             self.lines: list[dict[str, Any]] = []
             self.add(study)
             return []

@@ -128,4 +128,5 @@ def _frame_times(axis: Any, story: Story, palette: Palette) -> None:
         ha="right",
         path_effects=halo(),
     )
+    # A single slow frame would press all others against the axis.
     axis.set_ylim(0, 1.15 * float(np.percentile(times, 99.5)))

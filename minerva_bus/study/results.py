@@ -46,6 +46,8 @@ class ResultTable:
     @staticmethod
     def of(keys: Sequence[str], rows: Sequence[Row]) -> ResultTable:
         """The table of these runs; a name of two columns gets a `_` in the second one."""
+        # Runs may report different figures; sorted, so that the columns do not depend on which run
+        # is first.
         figures = sorted({name for row in rows for name in row.figures})
         taken = {*OWN, *LAST}
         named = [f"{key}_" if key in taken else key for key in keys]
@@ -127,6 +129,7 @@ def _parquet(table: ResultTable) -> bytes:
     import pyarrow.parquet as pq  # pyright: ignore[reportMissingTypeStubs]
 
     arrow: Any = pa
+    # Types are given, because pyarrow would derive them from the values and fail at a mixture.
     columns = {name: arrow.array(*_typed(table.column(name))) for name in table.columns}
     sink: Any = arrow.BufferOutputStream()
     writer: Any = pq

@@ -50,6 +50,7 @@ def _world(lines: str, file: WorldFile, given: WorldOptions) -> str:
             "the string contains ${, which a world file would replace; save it as .mnv"
         )
     kit = _tomlkit()
+    # Unlike tomllib, tomlkit keeps the comments and the layout of the user's file.
     document = kit.parse(file.text)
     about = document["world"]
     about.pop("scene", None)

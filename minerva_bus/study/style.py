@@ -68,6 +68,7 @@ def draw(path: Path, size: tuple[float, float], paint: Callable[[Any], None]) ->
     from matplotlib.figure import Figure
 
     with mpl.rc_context(dict(STYLE)):  # pyright: ignore
+        # Without pyplot, which keeps each figure in a global list and may open a window system.
         figure: Any = Figure(figsize=size, dpi=DOTS, layout="constrained")
         figure.get_layout_engine().set(w_pad=0.1, h_pad=0.1)
         paint(figure)
@@ -76,6 +77,7 @@ def draw(path: Path, size: tuple[float, float], paint: Callable[[Any], None]) ->
 
 def write_figure(figure: Any, path: Path) -> None:
     """Save a matplotlib figure; the suffix of the path names the format. Raises MisuseError."""
+    # `write_output` adds the mark and replaces the file only when the picture is complete.
     content = io.BytesIO()
     try:
         figure.savefig(content, format=path.suffix[1:] or "png", facecolor="white")

@@ -78,6 +78,7 @@ class Sweep:
 
     def recall(self, journal: StudyJournal) -> None:
         """Take over the rows of a journal. Raises MisuseError for an invalid line."""
+        # Line 1 describes the study.
         for number, line in enumerate(journal.lines, 2):
             try:
                 row = _row(line)
@@ -98,6 +99,7 @@ class Sweep:
             seconds = round(result.seconds, 3)
             own = {"error": result.error, "seconds": seconds}
             line = {"set": list(left[number]), **result.values, **own}
+            # The journal first: a run that it has is not repeated after a crash.
             journal.add(line)
             row = self.rows[left[number]] = _row(line)
             on_row(row)

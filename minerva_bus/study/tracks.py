@@ -84,6 +84,7 @@ def story_of(record: Record) -> Story:
         seconds.append(frame.seconds)
         events.append(sum(map(len, frame.events)))
         if frame.number % every == 0:
+            # The string is the one with which the next frame begins.
             sampler.sample((frame.number + 1) * world.dt, scene)
     return Story(
         sampler.ground,
@@ -110,6 +111,7 @@ class _Sampler:
         self.distances: dict[str, tuple[list[float], list[float]]] = {}
         self.goals: dict[str, tuple[float, float]] = {}
         self._surveyor = Surveyor(vocabulary, MAX_AGENTS)
+        # Labels do not move: they are in the part of the string without agents.
         self._labels = labels(self.ground, vocabulary)
         self._seekers = frozenset(
             kind.name for kind in vocabulary.kinds.values() if OBJECTIVE in kind.fields.names
@@ -119,6 +121,7 @@ class _Sampler:
         """Add the places of all agents at a time."""
         present = kinds_in(scene)
         for kind in {**self.counts, **present}:
+            # A kind that appears later had no agents in the samples before.
             known = self.counts.setdefault(kind, [0] * len(self.times))
             known.append(present.get(kind, 0))
         self.times.append(time)

@@ -43,6 +43,8 @@ def prepared(file: WorldFile) -> WorldFile:
         )
     if not file.world.frames and not file.world.until:
         raise WorldFileError(f"{file.path}: the world has no end; --frames N sets one")
+    # Runs at the same time must not share an endpoint, a record or an address for metrics. A
+    # process that fails is not restarted, so the failure is that of the run.
     return replace(
         file,
         rate=0.0,
@@ -83,6 +85,7 @@ def _reporting_coordinator(
         watchers.frame_done(done)
 
     def stopping(reason: str) -> None:
+        # A file, because the coordinator is another process, whose report has only the digest.
         report = {"string": str(coordinator.algorithm.scene), "events": counts}
         end.write_text(json.dumps(report), encoding="utf-8")
         watchers.stopping(reason)

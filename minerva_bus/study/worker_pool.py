@@ -96,6 +96,7 @@ class WorkerPool:
         for job in self._jobs:
             os.waitpid(job.child.pid, 0)
         self._jobs.clear()
+        # Before the pipes, one of which belongs to the signals that this releases.
         self._context.close()
         self._pipes.close()
         for descriptor in self._lifeline:
@@ -103,6 +104,7 @@ class WorkerPool:
 
     def run(self, tasks: Sequence[Task], on_result: OnResult) -> None:
         """Run all tasks; report each result as it arrives. Raises KeyboardInterrupt."""
+        # Reversed, because `pop` takes the last one.
         waiting = list(enumerate(tasks))[::-1]
         while waiting or self._jobs:
             if self._interrupted:
@@ -127,9 +129,11 @@ class WorkerPool:
         self._pipes.wait(self._patience())
         now = time.monotonic()
         for job in list(self._jobs):
+            # The pipes of a killed process end soon, and the job with them.
             if self._limit and now - job.began >= self._limit and not job.late:
                 job.late = True
                 kill(job.child.pid)
+            # Not the exit of the process but the end of its pipes: its report may still be unread.
             if not any(reader.open for reader in job.readers):
                 self._jobs.remove(job)
                 on_result(job.number, self._ended(job, now))
@@ -154,6 +158,7 @@ class WorkerPool:
 
 def _run(task: Task, reports: ReportPipe, folder: str) -> int:
     """Run a task in its process, with temporary files in a folder, and report the result."""
+    # A task that is killed cannot remove its files; they go with the folder.
     tempfile.tempdir = os.environ["TMPDIR"] = folder
     try:
         reports.send("done", values=dict(task()))
