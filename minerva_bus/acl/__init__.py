@@ -3,13 +3,13 @@
     acts           the 22 communicative acts, SC00037
     message        the event type `eMessage` with the parameters of SC00061, and replies
     protocols      request, query, contract net, subscribe and propose as tables
-    conversation   where one agent stands with another, by such a table
-    hearing        what a message does to an agent's conversations; pure
-    talker         a base class for agents that converse
-    outside        agents that stand for those outside the world
+    conversation   state of a conversation with one other agent, by such a table
+    hearing        effect of a message on an agent's conversations; pure
+    talker         base class of agents that converse
+    outside        agents that represent others outside of the world
     kqml           KQML's performatives
 
-A vocabulary takes it all in by one line: `Vocabulary.of(*MESSAGES, ...)`. See docs/messages.md.
+A vocabulary includes the symbols by `Vocabulary.of(*MESSAGES, ...)`. See docs/messages.md.
 """
 
 from minerva_bus.acl.acts import Act
@@ -28,10 +28,10 @@ from minerva_bus.acl.protocols import (
 from minerva_bus.acl.talker import Talker
 
 MESSAGES = (eMessage, PConversation)
-"""What a vocabulary needs where agents converse."""
+"""Symbols that a vocabulary needs if agents converse."""
 
 OUTSIDE = (Outside, TOutside, PMail, eMail)
-"""What it needs besides where some of them live outside the world."""
+"""Further symbols that it needs if some of the agents are outside of the world."""
 
 __all__ = [
     "CONTRACT_NET",

@@ -6,7 +6,7 @@ from enum import StrEnum
 
 
 class Act(StrEnum):
-    """What a message does. Each is the very text that stands in the message."""
+    """A communicative act; its value is the text in messages."""
 
     ACCEPT_PROPOSAL = "accept-proposal"
     AGREE = "agree"
@@ -33,4 +33,4 @@ class Act(StrEnum):
 
 
 ACTS = tuple(str(act) for act in Act)
-"""Their texts, sorted."""
+"""The texts of all acts, sorted."""

@@ -86,6 +86,7 @@ class Conversation:
     def heard(self, message: Event) -> Conversation | None:
         """The conversation after a message of the other side; None if the protocol forbids it."""
         state = self.rules.after(self.state, Role(self.role).other, message.performative)
+        # Later messages of a conversation may omit the protocol.
         if not state or message.protocol not in ("", self.protocol):
             return None
         return replace(

@@ -101,6 +101,8 @@ class Exchange:
         return "\n".join(self._lines()) + "\n"
 
     def _lines(self) -> Iterator[str]:
+        # Numbers, because ids of agents may contain characters that
+        # Mermaid does not allow in names.
         ids = {name: f"a{number}" for number, name in enumerate(self.agents)}
         yield "sequenceDiagram"
         for name, id in ids.items():

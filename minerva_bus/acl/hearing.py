@@ -33,6 +33,7 @@ class Heard:
 
 def hear(conversations: Conversations, me: str, message: Event, frame: int) -> Heard:
     """The effect of a message on the conversations of the agent `me` in a frame."""
+    # A message without receivers reaches its sender as well.
     if message.sender == me:
         return Heard(conversations, told=False)
     if not message.sender:
@@ -61,6 +62,7 @@ def _first(conversations: Conversations, me: str, message: Event) -> Heard:
     begun = fresh.heard(message)
     if begun is not None:
         return Heard(conversations.keep(begun), begun)
+    # The conversation is no longer kept, but its id still names the agent that opened it.
     if _late_bid(message) and opener(message.conversation_id) == me:
         return Heard(conversations, answer=_too_late(message), told=False)
     why = f"{message.performative} where no {name} {message.conversation_id} is under way"

@@ -1,9 +1,9 @@
-"""KQML's performatives and the acts of FIPA that come nearest to them.
+"""KQML's performatives and the nearest acts of FIPA.
 
 The performatives are the 36 of Labrou and Finin, A Proposal for a new KQML Specification, TR
-CS-97-03. KQML is about what stands in a knowledge base, FIPA about what an agent intends, so the
-nearest is not the same, and those that manage streams, or wait for one that was promised, have no
-counterpart. The way back leads to the same where it can.
+CS-97-03. KQML describes the contents of knowledge bases, FIPA the intentions of agents, so the
+nearest act is not an equivalent. Performatives that manage streams of answers have no counterpart.
+The inverse mapping returns the original performative where that is possible.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ NEAREST: Final[Mapping[str, Act | None]] = MappingProxyType(
         "untell": Act.DISCONFIRM,
     }
 )
-"""By performative the nearest act; None where there is none."""
+"""The nearest act of each performative, or None."""
 
 _BACK: Final[Mapping[Act, str]] = MappingProxyType(
     {
@@ -77,9 +77,9 @@ _BACK: Final[Mapping[Act, str]] = MappingProxyType(
 
 
 def act_of(performative: str) -> Act | None:
-    """The act that a KQML performative comes nearest to; None where none does.
+    """The act nearest to a KQML performative, or None.
 
-    Raises MisuseError for what is no performative of KQML.
+    Raises MisuseError for a text that is not a performative of KQML.
     """
     if performative not in NEAREST:
         near = nearest(performative, list(NEAREST))
@@ -88,9 +88,9 @@ def act_of(performative: str) -> Act | None:
 
 
 def performative_of(act: Act | str) -> str | None:
-    """The KQML performative that comes nearest to an act; None where none does.
+    """The KQML performative nearest to an act, or None.
 
-    Raises MisuseError for what is no communicative act.
+    Raises MisuseError for a text that is not a communicative act.
     """
     try:
         return _BACK.get(Act(act))

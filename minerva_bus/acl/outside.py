@@ -30,7 +30,7 @@ PMail = Primitive("PMail", frame=int, sender=str, **_parameters)
 
 
 class Outside(Agent, symbol="AOutside"):
-    """Stands for an agent that lives elsewhere; `mail` is what it was told in `frame`."""
+    """Represents an agent elsewhere; `mail` has the messages that it received in `frame`."""
 
     frame: int = NEVER
     mail: Scene = EMPTY
@@ -40,11 +40,12 @@ class Outside(Agent, symbol="AOutside"):
         """Keep a message until there is another frame with messages."""
         if message.sender == self.id:
             return
+        # The first message of a frame replaces those of the last frame with messages.
         if self.frame != moment.number:
             self.frame, self.mail = moment.number, EMPTY
         self.mail += PMail(self.frame, message.sender, *message.values)
 
     @view("eMail")
     def show(self, event: Event) -> Scene:
-        """That it is there, and what it was told last."""
+        """Its id, with the messages that it received last."""
         return TOutside(self.id)(self.mail)

@@ -1,8 +1,8 @@
-"""FIPA's interaction protocols as tables: in which state who may say what, and what comes of it.
+"""FIPA's interaction protocols as tables: the acts that a role may send in a state.
 
-Two rules of this file. A protocol is between one initiator and one participant: a call to a
-hundred is a hundred conversations with one id. And both sides go by the same table, each by what
-it says and what it hears, so they agree on where they stand.
+A protocol is between one initiator and one participant: a call to a hundred agents is a hundred
+conversations with one id. Both sides follow the same table, each by what it sends and receives, so
+they agree on the state.
 """
 
 from __future__ import annotations
@@ -33,16 +33,16 @@ CANCELLING: Final = "cancelling"
 
 _I, _P = Role.INITIATOR, Role.PARTICIPANT
 Step = tuple[str, Role, Act, str]
-"""State, who speaks, what it says, and the state that follows."""
+"""State, role that sends, its act, and the state that follows."""
 
 
 @dataclass(frozen=True, slots=True)
 class Protocol:
     """An interaction protocol; `name` is what FIPA calls it in messages.
 
-    Besides its own steps each has those that FIPA allows in all: either side may say
-    `not-understood`, which ends it, and the initiator may `cancel`. States that nothing leads out
-    of are the ends; `expired` is one that no act leads to, but a deadline.
+    Besides its own steps each has those that FIPA allows in all: either side may send
+    `not-understood`, which ends it, and the initiator may `cancel`. States without a step out of
+    them are final; `expired` is reached by a deadline, not by an act.
     """
 
     name: str
@@ -50,7 +50,7 @@ class Protocol:
     own: tuple[Step, ...]
     _steps: dict[tuple[str, str, str], str] = field(init=False, repr=False, compare=False)
     turns: dict[str, frozenset[Role]] = field(init=False, repr=False, compare=False)
-    """Who is to speak in a state; nobody where it has ended."""
+    """The roles that may send the next act in a state; final states are missing."""
 
     def __post_init__(self) -> None:
         steps: dict[tuple[str, str, str], str] = {
@@ -60,6 +60,8 @@ class Protocol:
         for before, by, _, _ in (*self.own, *_CANCELLED):
             turns[before] = turns.get(before, frozenset()) | {by}
         for state in turns:
+            # Before the first act there is nothing to cancel, and a
+            # second `cancel` would have no effect.
             if state not in (START, CANCELLING):
                 steps[state, _I, Act.CANCEL] = CANCELLING
             if state != START:
@@ -70,15 +72,15 @@ class Protocol:
 
     @property
     def opening(self) -> str:
-        """The act that it begins with; the first, where there are several."""
+        """The act that begins it; the first one if there are several."""
         return str(self.own[0][2])
 
     def after(self, state: str, by: Role, act: str) -> str:
-        """The state after an act; the empty text where the protocol does not allow it."""
+        """The state after an act; empty if the protocol does not allow it."""
         return self._steps.get((state, by, act), "")
 
     def ends(self, state: str) -> bool:
-        """Whether nothing leads out of a state."""
+        """Whether a state is final."""
         return state not in self.turns
 
 
@@ -157,4 +159,4 @@ PROPOSE: Final = Protocol(
 PROTOCOLS: Final = {
     protocol.name: protocol for protocol in (REQUEST, QUERY, CONTRACT_NET, SUBSCRIBE, PROPOSE)
 }
-"""By the names that stand in messages."""
+"""The protocols by their names in messages."""

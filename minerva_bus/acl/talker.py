@@ -75,6 +75,7 @@ class Talker(Agent):
         `act` is the first act, where a protocol has several (QUERY: `query-if` or `query-ref`).
         `parameters` are those of `eMessage`. Raises MisuseError.
         """
+        # Sorted, because the conversations are part of the string.
         receivers = sorted(set(to))
         if not receivers or self.id in receivers:
             raise MisuseError(f"#{self.id} opens a {protocol.name} with others, at least one")
@@ -107,6 +108,7 @@ class Talker(Agent):
 
         Raises MisuseError if the protocol does not allow the act, or the conversation is over.
         """
+        # The argument may be an old copy, for example of a conversation that has ended since.
         known = self.conversation(conversation.id, conversation.peer)
         after = _said(known or replace(conversation, state=EXPIRED), str(act), reply_by)
         self._keep(after)

@@ -1,1 +1,1 @@
-"""Records of runs: MCAP files that other tools show, and from which every string can be had."""
+"""Records of runs: MCAP files with the string of every frame, which other tools can show, too."""

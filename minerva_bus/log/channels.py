@@ -120,4 +120,5 @@ SCHEMA_OF: Final = {TIMING: "minerva.Timing", LOG: "foxglove.Log", MAP: "foxglov
 
 def time_of(frame: int, dt: float) -> int:
     """World time at which a frame begins, in nanoseconds; frame 0 begins at 0."""
+    # Times of MCAP are unsigned 64-bit integers; a long step could exceed them.
     return min(round(frame * dt * NANO), _LATEST)

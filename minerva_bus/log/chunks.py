@@ -91,6 +91,7 @@ class Chunks:
         if place.begin in self._damage:
             return None
         known = self._summary.channels.get(place.begin)
+        # The summary lists the channels of each chunk, which saves unpacking it.
         if known is not None and known.isdisjoint(wanted):
             return []
         try:
@@ -133,6 +134,7 @@ class Chunks:
         begin = self._file.read(256)
         self._file.seek(max(0, self.size - len(MAGIC)))
         known = begin.startswith(MAGIC) or b"minerva-bus" in begin or self._file.read() == MAGIC
+        # Zeros may be the beginning of a record that never reached the disk.
         if not known and (begin.strip(b"\0") or not begin):
             raise RecordError(f"{self.path}: this is no MCAP file")
 
@@ -175,6 +177,7 @@ def _unpacked(file: IO[bytes], place: ChunkLocation) -> bytes:
     data = _decompressed(packed, place)
     if len(data) > place.unpacked:
         raise ValueError("it unpacks to more than it declares")
+    # A checksum of 0 means that there is none (MCAP specification, Chunk).
     if place.crc and zlib.crc32(data) != place.crc:
         raise ValueError("its checksum is wrong")
     return data
@@ -197,6 +200,7 @@ def _decompressed(packed: bytes, place: ChunkLocation) -> bytes:
 def _messages(
     data: bytes, wanted: dict[int, str], place: ChunkLocation
 ) -> Iterator[tuple[str, Message]]:
+    # Bounded, because a few compressed bytes can contain millions of empty messages.
     left = FEWEST_MESSAGES + MESSAGES_PER_BYTE * place.size
     for opcode, begin, end in split(data):
         left -= 1

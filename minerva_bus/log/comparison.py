@@ -156,6 +156,7 @@ def _ended(in_a: RecordedFrame | None, count: int) -> str:
 
 def same_events(a: Sequence[AnyEvent], b: Sequence[AnyEvent]) -> bool:
     """Whether two lists have the same events in the same order, single or in columns."""
+    # Plain lists are compared fast, but equal events may be in columns in only one of the records.
     if plain_event_list(a) == plain_event_list(b):
         return True
     pairs = zip_longest(single(a), single(b))
@@ -217,6 +218,7 @@ def _changes(
             yield AttributeDifference(_named(x or y), "", _there(x), _there(y))
         elif x.symbol != y.symbol:
             yield AttributeDifference(f"#{name}", "", f"is an {x.symbol}", f"is an {y.symbol}")
+        # Not by ==, for which 0.0 equals -0.0 although their digests differ.
         elif not same_values(x.values, y.values):
             received = tuple(_received(x, vocabulary, events))
             for attribute, p, q in zip(x.names, x.values, y.values, strict=True):

@@ -58,6 +58,7 @@ class Cursor:
             self._topics |= {c.CHECKPOINT, c.KEYFRAME}
         if inputs and record.has_inputs:
             self._topics.add(c.INPUTS)
+        # A list, because None is a value that has been read: the end of the record.
         self._ahead: list[_Ahead | None] = []
         self.start(record.initial, 0)
 
@@ -135,6 +136,7 @@ class Cursor:
                 if frame.number >= self.number:  # A keyframe's chunk may begin with earlier ones.
                     torn, self._tears = self._intact.tears > self._tears, self._intact.tears
                     return _Ahead(frame, step, base, torn)
+                # They belong to the frame that is passed over.
                 step, inputs = None, b""
         return None
 
@@ -154,4 +156,5 @@ def _checkpoint_after(
         if step.whole:
             return step.new
         return None if before is None else step.after(before)
+    # Without an entry nothing was saved in the frame, and no event waits.
     return None if before is None else replace(before, frame=number, emitted=(), inbox={})

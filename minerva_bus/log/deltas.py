@@ -44,6 +44,8 @@ def delta_between(old: Scene, new: Scene, depth: int = 0) -> StringDelta:
     counterpart = _counterparts(before, after, same)
     steps = _Steps(same)
     for piece, place in zip(islice(after, same, None), counterpart, strict=True):
+        # Its counterpart has been passed, because pieces have
+        # changed their order, or there is none.
         if place < steps.at:
             steps.inserted.append(piece)
             continue
@@ -63,6 +65,8 @@ def _counterparts(before: Sequence[Piece], after: Sequence[Piece], same: int) ->
     ):
         yield from range(same, len(after))  # The usual case: no piece was added or removed.
         return
+    # Shared pieces are matched by identity first, so that they are kept even if others with the
+    # same symbol were added before them.
     here = {id(piece): place for place, piece in enumerate(before) if place >= same}
     kept = here.keys() & map(id, islice(after, same, None))
     was = dict(zip(_keys(before, same, kept), range(same, len(before)), strict=True))

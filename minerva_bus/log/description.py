@@ -132,6 +132,7 @@ def _description(plain: Mapping[str, Any]) -> Description:
         policy=Policy(as_text(plain["policy"], "the policy")),
         frames=as_int(plain["frames"], "frames"),
         until=as_text(plain["until"], "until"),
+        # Records of earlier versions lack the items that have a default here.
         give_up=as_text(plain.get("give_up", ""), "give_up"),
         expected=frozenset(as_texts(plain["expected"], "expected")),
         norms=read_norms(plain.get("norms", []), reader),

@@ -10,7 +10,7 @@ is the complete state before the frame of its number: string, checkpoint (checkp
 unknown) and the last views (journals only; θ computes them again from a record). Inputs are what
 members sent, as received from the bus. A journal stores the replies of hosts too, so that a
 successor needs no user code. A record stores the result of a frame instead: its ordered events,
-the delta of the string (edits.py) and the digest, 16 bytes, of the string after the frame.
+the delta of the string (deltas.py) and the digest, 16 bytes, of the string after the frame.
 """
 
 from __future__ import annotations
@@ -69,6 +69,7 @@ def encode_inputs(inputs: FrameInputs) -> bytes:
     ticked = [
         [name, reply.received or encode(reply)]
         for name, reply in inputs.ticked.items()
+        # An empty reply has no effect on the frame, and most replies are empty.
         if reply.events or reply.saved is not None
     ]
     replies = [[reply.member, reply.received or encode(reply)] for reply in inputs.replies]

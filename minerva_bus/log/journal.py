@@ -104,6 +104,8 @@ class Journal:
         """Append the inputs of a frame that has ended."""
         self._put(encode_inputs(inputs))
         rate, left = self._noted["pace"]
+        # A reader deducts the frame in the same way. The frame has consumed the waiting events, so
+        # equal ones after it are new and must be noted again.
         self._noted |= {"pace": [rate, left and left - 1], "waiting": [{}]}
         if self._since > max(MIN_REWRITE_BYTES, REWRITE_RATIO * self._key_bytes):
             self._rewrite()
@@ -130,6 +132,7 @@ class Journal:
         """Close the file, and delete it if the world is `over`."""
         if self._file < 0:
             return
+        # A successor's journal has the same name and must stay.
         if over and not self._is_followed():
             self.path.unlink(missing_ok=True)
         os.close(self._file)
@@ -142,6 +145,7 @@ class Journal:
         old = self._file
         try:
             with replacing(self.path, mode=0o600) as file:
+                # `replacing` closes its own descriptor when it gives the file its name.
                 self._file = os.dup(file.fileno())
                 self._put_beginning()
         except BaseException:
@@ -158,6 +162,7 @@ class Journal:
         kept = Kept.of(algorithm.checkpoint)
         self._put(pack(["begin", FORMAT, key_of(algorithm.world), self._epoch]))
         self._put(encode_keyframe(algorithm.frame, algorithm.scene, kept, algorithm.shown))
+        # Waiting events are part of the checkpoint.
         for name in ("members", "pace"):
             self._put(pack([name, *self._noted[name]]))
 
@@ -168,6 +173,7 @@ class Journal:
         self._since += len(entry)
         rest = memoryview(entry)
         while rest:
+            # A write to a nearly full disk may be partial.
             rest = rest[os.write(self._file, rest) :]
 
     def _is_followed(self) -> bool:

@@ -74,6 +74,7 @@ class McapFile:
             log_time=log_time,
             publish_time=published,
             data=data,
+            # MCAP has 32 bits for it.
             sequence=sequence & 0xFFFFFFFF,
         )
         self.in_chunk += len(data) + HEAD
@@ -113,6 +114,7 @@ def _sync(stream: IO[bytes]) -> None:
     try:
         os.fsync(stream.fileno())
     except OSError as error:
+        # Errors of a disk must not pass, since the frames would be reported as written.
         if error.errno not in (None, errno.EINVAL, errno.ENOTSUP):
             raise
 

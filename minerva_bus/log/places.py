@@ -88,6 +88,8 @@ class Surveyor:
         for piece in scene.pieces:
             if piece.ids is not None:
                 if piece.symbol in self.placed:
+                    # The nodes before the columns come first, so that agents
+                    # stay in the order of the string.
                     yield from _of_nodes(nodes, self._vocabulary, self.placed)
                     yield _of_columns(piece, self.placed[piece.symbol], self._most)
                     nodes = []
@@ -167,6 +169,7 @@ def _of_agents(
         return Positions(kind, ids, x, y, angle)
     at = np.array([(pose.x, pose.y, pose.angle) for _, pose in posed])
     turned = np.radians(at[:, 2])
+    # numpy's functions suffice here: these positions are shown and never enter the string.
     cos, sin = np.cos(turned), np.sin(turned)
     return Positions(
         kind, ids, at[:, 0] + x * cos - y * sin, at[:, 1] + x * sin + y * cos, at[:, 2] + angle

@@ -96,6 +96,7 @@ class FrameQueue:
         while self._flushed_count < self._put_count:
             self._has_flushed.clear()
             self._wake.set()
+            # Checked again, because a flush may have ended just before the event was cleared.
             if self._flushed_count < self._put_count:
                 self._has_flushed.wait()
 

@@ -60,6 +60,7 @@ class Record:
         self._count = len(self._chunks.places)
         try:
             self.description = self._description()
+        # Nothing else closes the file if the constructor fails.
         except BaseException:
             self.close()
             raise
@@ -226,6 +227,7 @@ class Record:
         Messages are unchanged, except the first frame after lost ones: its delta is computed from
         the string after the last frame before the gap.
         """
+        # A checkpoint has the number of the frame after it, other messages that of their own frame.
         late = {c.CHECKPOINT: number, c.SENSED: number - 1, c.INPUTS: number - 1}
         topics = {topic for topic in self._chunks.topics.values() if topic != c.INPUTS}
         topics |= {c.INPUTS} if self.has_inputs else set()
@@ -252,6 +254,7 @@ class Record:
     ) -> dict[str, tuple[int, tuple[AnyEvent, ...]]]:
         """For each event type, the last frame before `before` that has it, and all its events."""
         last: dict[str, tuple[int, tuple[AnyEvent, ...]]] = {}
+        # From the end, because most types occur in the last chunk.
         for chunk in range(self._count - 1, -1, -1):
             here: dict[str, tuple[int, tuple[AnyEvent, ...]]] = {}
             for frame in self._frames_in(chunk):

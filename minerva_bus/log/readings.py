@@ -25,6 +25,8 @@ class RecordedReadings(Generator):
         while self._ahead is not None and self._ahead[0] <= tick.number:
             due.append(self._ahead[1])
             self._ahead = next(self._readings, None)
+        # By topic and publisher, the order in which members process
+        # readings (PROTOCOL.md, section 11).
         for message in sorted(due, key=lambda message: (message.topic, message.member)):
             for reading in message.readings:
                 tick.publish(message.topic, reading)

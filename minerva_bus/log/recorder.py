@@ -111,6 +111,7 @@ class Recorder:
         """
         self._work.frame = record.frame + 1
         try:
+            # Copied now: members go on changing what they have saved.
             kept = Kept.of(checkpoint) if checkpoint is not None else None
         except (TypeError, ValueError, OverflowError) as error:
             self._work.fail(f"a member saved data that are not plain: {error}")
@@ -193,6 +194,8 @@ def _opened(
 ) -> tuple[IO[bytes], RecordWriter]:
     """The file of a record and its writer, with the contents of `past`. Raises RecordError."""
     part = None if past is None else part_of(path)
+    # The copy has a name of its own until it is complete. If the disk fills up or the process is
+    # killed meanwhile, the earlier record is still there.
     stream = open_for_record(path) if part is None else open_for_record(part, keep_old=False)
     try:
         writer = RecordWriter(stream, description, past)
@@ -249,9 +252,11 @@ class _RecordingThread:
         """Write a queued frame if that is quick and stays in memory; otherwise wake the thread."""
         if self._durable or not (self.queue or self.backlog.waiting):
             return
+        # With a flush interval of 0 each frame goes to the disk, which only the thread may access.
         is_quick = self._is_light and self._writer.has_room and self._flush_seconds
         if self.backlog.waiting or not is_quick:
             self.wake.set()
+        # If the thread is writing already, the frames must not wait for it.
         elif self._writing.acquire(blocking=False):
             try:
                 self._write_next()
@@ -294,6 +299,7 @@ class _RecordingThread:
 
     def _write_next(self) -> None:
         """Write what has waited longest; the caller holds `_writing`."""
+        # CPU time of this thread alone: waiting for the interpreter is no work.
         began = time.thread_time()
         pending = self.queue.take()
         if pending is not None:

@@ -132,6 +132,7 @@ def _candidates(file: IO[bytes], at: int, size: int) -> Iterator[int]:
     """Offsets from a byte on at which a chunk or the end of the data may begin."""
     block, largest = _BLOCKS
     while at < size:
+        # Some bytes of the next block are read, too: a beginning may lie across the two.
         for match in _WHOLE.finditer(_read(file, at, block + _SHOWN)):
             if match.start() < block:
                 yield at + match.start()
@@ -163,6 +164,7 @@ class _Head:
         head = cls(at, opcode, length, begin[RECORD.size :])
         if head.end > size or not head.fits():
             return None
+        # Random bytes may look like the end of the data, so what follows must be plausible as well.
         if head.opcode == _DATA_END and _read(file, head.end, 1) not in _SUMMARY:
             return None
         return head
@@ -179,6 +181,7 @@ class _Head:
         if self.opcode == _METADATA:
             named = int.from_bytes(self.body[:4], "little")
             inner = int.from_bytes(self.body[4 + named : 8 + named], "little")
+            # After a longer name, the second length is beyond the bytes that were read.
             return named > _SHOWN - 8 or self.length == named + inner + 8
         return self.opcode == _ATTACHMENT or (self.opcode == HEADER and self.at <= len(MAGIC))
 
@@ -187,6 +190,7 @@ class _Head:
         if self.opcode != CHUNK or len(self.body) < _LEAST:
             return None
         first, _, unpacked, crc, named = _CHUNK_BEGIN.unpack_from(self.body)
+        # The longest name of a compression has four letters.
         packing = self.body[_CHUNK_BEGIN.size : _CHUNK_BEGIN.size + min(named, 4)]
         begin = _CHUNK_BEGIN.size + named + _LENGTH.size
         if named != len(packing) or packing not in (b"", b"lz4", b"zstd"):

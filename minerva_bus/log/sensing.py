@@ -125,6 +125,7 @@ def _scan(scan: Scan) -> dict[str, Any]:
         "pose": _mounted(Mount(scan.mount_x, scan.mount_y, scan.mount_angle)),
         "start_angle": math.radians(scan.first),
         "end_angle": math.radians(last),
+        # JSON has no infinity; 0 means that nothing was hit, too.
         "ranges": [value if math.isfinite(value) else 0.0 for value in ranges],
         "intensities": [],
     }

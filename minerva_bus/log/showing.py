@@ -95,6 +95,7 @@ def _grid(raster: Raster, figure: FigureNode, at: Pose) -> dict[str, Any]:
         "row_stride": 4 * cells.shape[0],
         "cell_stride": 4,
         "fields": _FIELDS,
+        # The rows of a raster run along x, those of a Grid along y.
         "data": base64.b64encode(painted(raster, cells).swapaxes(0, 1).tobytes()).decode(),
     }
 

@@ -67,6 +67,8 @@ class RecordWriter:
         self._scene = end.scene
         seconds = 0.0
         for topic, message in past.messages(end.number):
+            # The description is written already, and the channels for
+            # other tools are made from the rest.
             if topic == c.WORLD or topic not in self._file:
                 continue
             log_time, published = message.log_time, message.publish_time

@@ -17,7 +17,7 @@ _PATH: Final = "unixsock-stream"
 
 @dataclass(frozen=True, slots=True)
 class Endpoint:
-    """An endpoint taken apart; a socket in the file system has a path in place of host and port."""
+    """A parsed endpoint; a socket in the file system has a path instead of host and port."""
 
     text: str
     kind: str
@@ -32,7 +32,7 @@ class Endpoint:
 
     @property
     def local(self) -> bool:
-        """Whether nobody comes to it from another machine."""
+        """Whether it is reachable from this machine only."""
         if self.path or self.host == "localhost":
             return True
         try:
@@ -42,7 +42,7 @@ class Endpoint:
 
 
 def check_endpoint(endpoint: str) -> Endpoint:
-    """Take an endpoint apart. Raises BusError for what cannot be one."""
+    """Parse an endpoint. Raises BusError if it is not one."""
     kind, _, address = endpoint.partition("/")
     if kind not in _KINDS or not address:
         raise BusError(
@@ -58,7 +58,7 @@ def check_endpoint(endpoint: str) -> Endpoint:
 
 
 def check_listening(endpoint: str, *, keys: bool, insecure: bool) -> None:
-    """Complain where a world would let in whoever comes by. Raises BusError."""
+    """Reject an endpoint at which anybody could join a world. Raises BusError."""
     asked = check_endpoint(endpoint)
     if asked.secured and not keys:
         raise BusError(
@@ -73,7 +73,7 @@ def check_listening(endpoint: str, *, keys: bool, insecure: bool) -> None:
 
 
 def check_port_free(endpoint: Endpoint) -> None:
-    """Ask the system before Zenoh does: its complaint about a port in use does not say so.
+    """Check that a port is free, because Zenoh's error does not mention a port in use.
 
     Raises BusError.
     """
@@ -93,7 +93,7 @@ def check_port_free(endpoint: Endpoint) -> None:
 
 
 def _otherwise(error: OSError | UnicodeError) -> str:
-    """What to do where a port cannot be had."""
+    """Advice for a port that is not available."""
     if isinstance(error, socket.gaierror | UnicodeError) or error.errno == errno.EADDRNOTAVAIL:
         return "choose an address of this machine, or 0.0.0.0 for all that it has"
     return "choose another port, or port 0 for any that is free"

@@ -116,7 +116,6 @@ def open_hub(
     `shared`: messages of a megabyte and more use shared memory, where the receiver does, too.
     `routers` are Zenoh routers to join. Raises BusError if it cannot listen or reach a router.
     """
-    # Zenoh's own error does not mention that the port is in use.
     check_port_free(check_endpoint(listen))
     os.environ.setdefault("ZENOH_RUNTIME", _HUB_THREADS)
     endpoints = [listen] if secured is None else sorted({listen, secured.local})

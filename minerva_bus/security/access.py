@@ -56,9 +56,12 @@ def access_control(
         if holder.may(*trusted):
             subjects.append(subject)
             open_to.append(subject)
+        # Without a rule the default applies: a member that uses the
+        # coordinator's certificate may do nothing.
         elif not holder.may(HUB):
             own = _rules(keys, holder)
             rules += own
+            # A common name counts only on links that authenticate it.
             subjects.append({**subject, "link_protocols": list(SECURED)})
             policies.append({"rules": [rule["id"] for rule in own], "subjects": [holder.name]})
     if open_to:

@@ -115,6 +115,8 @@ class Authority:
         key = ec.generate_private_key(ec.SECP256R1())
         subject, issuer = _subject(name, wanted), self.certificate.subject
         purposes = [ExtendedKeyUsageOID.CLIENT_AUTH]
+        # Clients reject a server whose certificate lacks this purpose, so no
+        # member can pose as the coordinator.
         if wanted.serves:
             purposes.append(ExtendedKeyUsageOID.SERVER_AUTH)
         signer = x509.AuthorityKeyIdentifier.from_issuer_public_key(self.key.public_key())
@@ -132,6 +134,7 @@ class Authority:
 
     def revocations(self, serials: Iterable[int], now: datetime) -> bytes:
         """The certificate revocation list, as PEM."""
+        # Valid as long as the authority, so that a list without changes need not be renewed.
         builder = x509.CertificateRevocationListBuilder(self.certificate.subject, now, self.ends)
         for serial in sorted(serials):
             revoked = x509.RevokedCertificateBuilder(serial, now).build()
@@ -185,6 +188,7 @@ def read_revoked(path: Path, authority: x509.Certificate) -> frozenset[int]:
         raise KeysError(f"{path.parent} has an authority without a key of an elliptic curve")
     try:
         revocations = x509.load_pem_x509_crl(path.read_bytes())
+        # Serial numbers mean something only together with the authority that issued them.
         signed = revocations.is_signature_valid(key)
     except (OSError, ValueError, TypeError) as error:
         raise KeysError(f"{path} is no list of what was revoked: {error}") from None
@@ -201,6 +205,7 @@ def read_issued(path: Path, authority: x509.Certificate, revoked: frozenset[int]
     except (InvalidSignature, ValueError, TypeError):
         raise KeysError(f"{path} is not of the authority beside it: take it away") from None
     name = _texts(made.subject, NameOID.COMMON_NAME)
+    # The folder is read by file names, so a copy under another name must not count.
     if name not in ([path.stem], [path.stem + FAMILY]):
         raise KeysError(f"{path} is the certificate of {', '.join(name) or 'nobody'}")
     hosts, uris = _read_alternative_names(made)

@@ -78,6 +78,7 @@ def _common_names(member: str) -> Iterator[str]:
     yield member
     end = member.find("-")
     while end >= 0:
+        # A name with several hyphens may be of a family at each of them.
         yield member[:end] + FAMILY
         end = member.find("-", end + 1)
 

@@ -66,6 +66,7 @@ class KeyFolder:
             self.folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         except OSError as error:
             raise KeysError(f"{self.folder}: {error.strerror}") from None
+        # ca.pem is written last, because its presence means that the folder is complete.
         _put(self._path(_AUTHORITY, "key"), key_pem(made.key), 0o600)
         _put(self._path(_REVOKED, "pem"), made.revocations((), self.now), 0o644)
         _put(self._path(_AUTHORITY, "pem"), certificate_pem(made.certificate), 0o644)
@@ -76,6 +77,8 @@ class KeyFolder:
         self._check(name, wanted)
         common, issued = name + FAMILY * wanted.family, self.issued()
         there = issued.get(name)
+        # Access rules know names only. With the name, the holder of the revoked
+        # certificate would be admitted again.
         if there is not None and there.rights.revoked:
             raise KeysError(
                 f"{name} was revoked, and its name cannot be used again; choose another name"
@@ -90,6 +93,7 @@ class KeyFolder:
         others = [other.rights.name for other in issued.values() if other is not there]
         _check_alone(common, others, "choose another name")
         certificate, key = self._authority().issue(common, wanted, self.now)
+        # The key is first, so that a certificate in the folder always has its key.
         _put(self._path(name, "key"), key_pem(key), 0o600)
         _put(self._path(name, "pem"), certificate_pem(certificate), 0o644)
         return self.issued()[name]
@@ -256,6 +260,7 @@ def _put(path: Path, data: bytes, mode: int) -> None:
     """Write a file atomically, with its mode from the first byte on."""
     beside = path.with_suffix(f".{os.getpid()}.new")
     try:
+        # O_EXCL, so that no link that somebody else has put there is followed.
         descriptor = os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode)
         with os.fdopen(descriptor, "wb") as file:
             file.write(data)

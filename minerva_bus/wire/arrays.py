@@ -56,6 +56,7 @@ def read_array(plain: Any) -> NDArray[Any]:
         raise ProtocolError(f"a column of {size} bytes a value has {len(plain.data) - 1} bytes")
     array = np.frombuffer(plain.data, dtype, offset=1)
     if dtype == "?":
+        # numpy takes any other byte for true as well, but the digest of a column hashes its bytes.
         if (array.view(np.uint8) > 1).any():
             raise ProtocolError("bools in a column must be bytes 0 or 1")
         return array
@@ -107,6 +108,7 @@ def read_ids(plain: Any, count: int) -> Ids:
     else:
         raise ProtocolError("ids are [stem, numbers], [stem, first, count] or [nil, width, bytes]")
     ids = ids.known()
+    # Checked before anything decodes the ids, since their bytes may not be UTF-8.
     if ids.strange is not None:
         raise ProtocolError(f"{ids.strange[:40]!r} is no id of an agent")
     return ids
@@ -129,6 +131,7 @@ def _numbers(items: list[Any], count: int) -> NDArray[np.int64]:
         first, size = as_int(items[0], "the first of ids"), as_int(items[1], "the count of ids")
         if first + size > np.iinfo(np.int64).max:
             raise ProtocolError(f"ids from {first} on exceed 64 bits")
+        # Made only if the count is right: a few bytes could ask for gigabytes of numbers.
         numbers = np.arange(first, first + size) if size == count else np.empty(0, np.int64)
     if size != count:
         raise ProtocolError(f"{size} ids; expected {count}")

@@ -91,6 +91,8 @@ class Decoder:
         `weighed`: its size is checked against the limits before it is decoded.
         """
         try:
+            # A message with fewer bytes than every limit cannot exceed
+            # one, and most messages are so small.
             if weighed and len(data) > self._light:
                 check_weight(data, declaration(data), self._limits)
             return self._message(codecs, key, data)

@@ -105,6 +105,7 @@ class ColumnsReader:
 
     def column(self, plain: Any, count: int) -> Column:
         """A column of `count` values."""
+        # Checked first, because ids are a list, too.
         if are_ids(plain):
             return Column.of_ids(read_ids(plain, count))
         if isinstance(plain, list):
@@ -126,12 +127,15 @@ class ColumnsReader:
         if not 1 <= len(levels) <= CHAIN:
             raise ProtocolError(f"columns must have 1 to {CHAIN} levels, not {len(levels)}")
         made: Columns | None = None
+        # From the inside to the outside, because each level is made with its scope.
         for depth in range(len(levels) - 1, -1, -1):
             made = self._level(levels[depth], count, plain[1] if depth == 0 else None, made)
         assert made is not None
         return made
 
     def _count(self, plain: Any) -> int:
+        # Bounded before any column is read: consecutive ids are
+        # three values, however many they are.
         count = as_int(plain, "the count of columns", 1)
         if count > self._limits.nodes:
             raise ProtocolError(f"columns of {count} rows, over {self._limits.nodes}")
@@ -158,6 +162,7 @@ class ColumnsReader:
         ):
             fields = self._fields(symbol)
             columns = self._typed(symbol, fields, items[1], count)
+            # Agents have ids and other nodes have none.
             if (letter == "A") == (ids is not None):
                 read = read_ids(ids, count) if ids is not None else None
                 if read is not None and read.duplicate is not None:
@@ -207,6 +212,7 @@ class ColumnsReader:
         if len(items) not in (4, 7):
             raise ProtocolError(f"a patch has 4 or 7 items, not {len(items)}")
         count = self._count(items[1])
+        # Read before the changes, whose rows are those after the turnover.
         turnover, born = self._turnover(count, *items[4:]) if len(items) == 7 else (None, None)
         after = count if turnover is None else self._count(turnover.after)
         symbols = as_texts(items[2], "the symbols")

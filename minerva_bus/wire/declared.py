@@ -91,9 +91,11 @@ def _encoder(
     """An encoder: it reads all attributes in one call, then converts those that are not plain."""
     names = [of.name for of in declared if of.travels and not of.host]
     pack, name = msgpack.packb, wire.name
+    # A message without items is always the same bytes.
     if not names:
         data = pack([name])
         return lambda _: data
+    # For a single name `attrgetter` returns the value itself instead of a tuple.
     if len(names) == 1:
         get, write_one = attrgetter(*names), codecs[names[0]].write
         if write_one is None:

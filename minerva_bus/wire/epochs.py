@@ -33,6 +33,7 @@ def _unstamped(data: bytes) -> str:
 
 def stamped(data: bytes) -> tuple[int, bytes]:
     """Split data into the epoch and the message. Raises ProtocolError."""
+    # MessagePack never uses 0xC1, so empty data are rejected like any other wrong first byte.
     first = data[0] if data else 0xC1
     if first < 0x80:
         return first, data[1:]

@@ -115,6 +115,7 @@ def _int(of: DeclaredField) -> FieldCodec:
     what, least = of.what, of.least or 0
 
     def read(_: Reader, plain: Any) -> int:
+        # The first case is the usual one and saves a call per number.
         return plain if type(plain) is int and plain >= least else as_int(plain, what, least)
 
     return FieldCodec("int", read)
@@ -201,6 +202,8 @@ def _kinds(of: DeclaredField) -> FieldCodec:
     def read(reader: Reader, plain: Any) -> tuple[AgentKind, ...]:
         kinds = as_list(plain, of.what)
         of.check_count(reader, len(kinds))
+        # Counted in the plain data, because reading a kind takes
+        # much longer than its bytes suggest.
         attributes = sum(len(cast("list[Any]", kind[1])) for kind in kinds if _has_fields(kind))
         check(of.message, attributes, reader.limits.fields, "attributes of kinds")
         return tuple([read_kind(kind) for kind in kinds])
@@ -225,6 +228,7 @@ def _vocabulary(_: DeclaredField) -> FieldCodec:
 def _single(plain: Any, what: str) -> list[list[Any]]:
     """The events of a list that are not in columns."""
     items = [cast("list[Any]", item) for item in as_list(plain, what) if isinstance(item, list)]
+    # Six items are a batch in columns.
     return [item for item in items if len(item) != 6]
 
 
@@ -252,6 +256,7 @@ def _check_generated(of: DeclaredField, reader: Reader, plain: Any) -> None:
     full = [item for item in single if len(item) == 5]
     receivers = sum(len(cast("list[Any]", item[4])) for item in full if isinstance(item[4], list))
     check(of.message, receivers, limits.receivers, "receivers of single events", _ADVICE)
+    # Equal conditions are parsed once, so only different ones count.
     conditions = {item[2] for item in full if isinstance(item[2], str)}
     characters = sum(map(len, conditions))
     check(of.message, characters, limits.conditions, "characters of conditions")
@@ -291,6 +296,7 @@ def _parts(of: DeclaredField) -> FieldCodec:
         parts = as_map(plain, what)
         if not parts:
             return {}
+        # Strings and patches share one map; the field for patches reads the others.
         return {name: scene(part) for name, part in parts.items() if not is_patch(part)}
 
     return FieldCodec("{id: string}", read, _write_parts)
@@ -315,6 +321,7 @@ def _views(of: DeclaredField) -> FieldCodec:
     def write(views: Mapping[str, m.Parts], patches: Mapping[str, m.Patches]) -> Any:
         if not views:
             return {}
+        # Every type with patches is in `views` as well, if only with an empty map.
         return {
             name: _write_parts(view, patches.get(name, _NO_PATCHES)) for name, view in views.items()
         }

@@ -23,6 +23,8 @@ from functools import lru_cache
 
 from minerva_bus.errors import MisuseError
 
+# Without the characters that have a meaning in Zenoh's key expressions (/ * $ ? #), so that no name
+# matches other keys. No name begins with ~, which marks internal sources and parts.
 _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.~-]{0,63}")
 ROOT = "minerva"
 COORDINATOR = "coordinator"

@@ -58,6 +58,7 @@ def _read(kind: type[Any], plain: Any, **read: Any) -> Any:
     """A dataclass of scalars, tuples of text and maps of numbers from plain data."""
     given, hints = as_map(plain, kind.__name__), get_type_hints(kind)
     for field in fields(kind):
+        # Unknown keys are ignored: the protocol allows later versions to add some.
         if field.name not in read and field.name in given:
             read[field.name] = _value(hints[field.name], given[field.name], field.name)
     try:

@@ -148,6 +148,7 @@ class Reader:
     @contextmanager
     def _deeper(self) -> Generator[None]:
         """Within a list or a string as a value; no deeper than the language allows."""
+        # Values are read recursively, so their nesting must be bounded, unlike that of scopes.
         if self._depth >= DEPTH:
             raise ProtocolError(f"values are nested more than {DEPTH} deep")
         self._depth += 1
@@ -204,6 +205,7 @@ class Reader:
     def _scene(self, flat: list[Any]) -> Scene:
         if not flat:
             raise ProtocolError("a string must begin with its count")
+        # The length is known before any node is made.
         if len(flat) > self.limits.nodes:
             raise ProtocolError(f"a string of {len(flat)} symbols, over {self.limits.nodes}")
         wanted = [as_int(flat[0], "the count of a string")]
@@ -217,6 +219,7 @@ class Reader:
             if count:
                 wanted.append(count)
                 levels.append([])
+            # A node may end the scopes of several nodes around it.
             while len(wanted) > 1 and not wanted[-1]:
                 wanted.pop()
                 scope = Scene(tuple(levels.pop()))
@@ -264,6 +267,7 @@ class Reader:
 
     def _id(self, plain: Any) -> str:
         agent_id = as_text(plain, "an id")
+        # Slots may have the name of a part, such as ~AFox.1, which is no id of an agent.
         plain_id = agent_id.removeprefix("~").replace(".", "_") if self._slots else agent_id
         if AGENT_ID.fullmatch(plain_id) is None:
             raise ProtocolError(f"{agent_id[:40]!r} is no id of an agent")
@@ -314,6 +318,7 @@ class Reader:
     def events(self, plain: Any) -> tuple[AnyEvent, ...]:
         """Events in order."""
         items = as_list(plain, "events")
+        # The counts that batches claim are added up before any of them is read.
         count = sum(map(_count, items))
         if count > self.limits.events:
             raise ProtocolError(f"{count} events at once, over {self.limits.events}")

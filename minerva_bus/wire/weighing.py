@@ -41,6 +41,7 @@ def values_in(data: bytes, most: int) -> int:
     end, steps = len(data), _STEPS
     while place < end and count <= most:
         step = steps[data[place]]
+        # A length beyond the end of the data ends the loop; the decoder then reports the error.
         place += step or _end(data, place)
         count += 1
     return count
