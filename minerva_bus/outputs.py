@@ -199,6 +199,7 @@ def _is_record(head: bytes) -> bool:
 
 
 def _identity(status: os.stat_result) -> _Identity:
+    # Not the path, because links give a file several names.
     return status.st_dev, status.st_ino
 
 

@@ -46,6 +46,7 @@ def attach_member(spec: str, join: JoinOptions, options: dict[str, str], process
     shown = identity() if join.connect and not join.name and not process else None
     name = join.name if shown is None else shown.name
     while True:
+        # A new participant for each attempt, so that its service begins in its initial state.
         if process:
             participant = _of_file(spec, process, name, options)
         else:

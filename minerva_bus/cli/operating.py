@@ -117,6 +117,7 @@ def show_logs(member: str, follow: bool, target: WorldTarget, as_json: bool) -> 
             for line in lines:
                 print_result(_json(line, world.world) if as_json else _shown(line))
                 since = line.number
+            # A full answer may not be the last one.
             if not follow and len(lines) < MAX_LINES:
                 return
             if follow:

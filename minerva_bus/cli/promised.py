@@ -56,6 +56,7 @@ def promised(words: Sequence[str]) -> Generator[None]:
 
 
 def _promise(words: Sequence[str]) -> bool:
+    # The words themselves are searched, because parsing them may fail.
     logged = "--log-format=json" in words or ("--log-format", "json") in pairwise(words)
     return words[:1] == ["run"] and ("--json" in words or logged)
 

@@ -48,6 +48,7 @@ def sweep_world(
 def _sweep(sweep: Sweep, table: Path, workers: int, limit: float, console: Console) -> int:
     """Run the remaining combinations and write the table; returns the exit code."""
     beside = table.with_name(f"{table.name}.journal")
+    # The table is written from the journal, so its rows would be lost without one.
     if table.exists() and not beside.exists():
         raise MisuseError(
             f"{table} exists without its journal {beside.name}; remove it, or name another file"

@@ -165,11 +165,13 @@ class _Server(ThreadingHTTPServer):
 
     def __init__(self, where: tuple[str, int], exporter: Exporter) -> None:
         self.exporter = exporter
+        # Before the base class creates the socket.
         self.address_family = socket.AF_INET6 if ":" in where[0] else socket.AF_INET
         super().__init__(where, _Handler)
 
     def server_bind(self) -> None:
         """Bind without the reverse DNS look-up of the base class."""
+        # So a world that is started again can use its port at once.
         self.socket.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         self.socket.bind(self.server_address)
         self.server_address = self.socket.getsockname()

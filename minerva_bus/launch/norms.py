@@ -28,6 +28,7 @@ PEOPLE: Final = "people"
 """In `applies`: whoever sends events from a terminal or a window."""
 
 _MAX_FLOAT = sys.float_info.max
+# The frame algorithm's name for the source of people's events.
 _SOURCES = {PEOPLE: "~order"}
 
 

@@ -27,6 +27,7 @@ def read_options(
         if key not in options:
             raise UnknownOption(path.stem, f"--{key}", [f"--{name}" for name in options])
         options[key] = _like(key, text, options[key])
+    # Last, so that what the function derives follows from the values of the command line.
     if completed_by:
         completed = called(completed_by, options, path)
         if not isinstance(completed, Mapping):

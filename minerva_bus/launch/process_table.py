@@ -217,7 +217,10 @@ class ProcessTable:
 
 
 class FailureLog:
-    """The failures of user code in a run: what was shown already, and what happened before."""
+    """The failures of user code in a run: which reports were shown, and which causes occurred.
+
+    A process that is restarted several times would otherwise print the same report each time.
+    """
 
     def __init__(self) -> None:
         self._shown: set[str] = set()
@@ -225,6 +228,7 @@ class FailureLog:
 
     def abbreviate(self, text: str) -> str:
         """A report without the lines that were shown before; empty if all of it was."""
+        # The first line has the frame, so that the same error in another frame differs in it only.
         first, _, rest = text.partition("\n")
         seen, self._shown = self._shown, self._shown | {first, rest}
         if first in seen and rest in seen:

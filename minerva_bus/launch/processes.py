@@ -56,6 +56,7 @@ class _Reader:
 
     def processes(self, name: str, table: Table, settings: dict[str, Any]) -> list[Process]:
         """The processes of one table, with the `settings` of the command line."""
+        # Settings of the command line are checked like those of the file.
         table.data.update(settings)
         checked = table.named(name, "a process")
         own = table.read(ProcessSettings)
@@ -85,6 +86,7 @@ class _Reader:
                 replace(plain, name=each, make_service=make, alike=names[0])
                 for each, make in makers.items()
             ]
+        # Only services have further keys, the arguments of their constructors.
         table.done()
         if own.command and shutil.which(own.command[0], path=self._path()) is None:
             table.wrong("command", f"names {own.command[0]!r}, which is not an executable file")

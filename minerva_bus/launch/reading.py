@@ -69,9 +69,11 @@ def _opened(top: Table) -> Table:
 
 def _read_text(path: Path) -> str:
     try:
+        # Before it is read, because the path may name a file of any kind and size.
         if path.stat().st_size > MAX_BYTES:
             raise WorldFileError(f"{path}: larger than {MAX_BYTES:,} bytes: not a world file")
         note_read(path)
+        # Some editors put a byte order mark in front, which TOML does not allow.
         return path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError:
         raise WorldFileError(f"{path}: not a text in UTF-8") from None
@@ -83,10 +85,12 @@ def _read(top: Table, text: str, path: Path) -> WorldFile:
     """Read the tables, in an order in which each finds what it needs."""
     overrides = top.overrides
     completed_by = top.table("world").get("defaults", TEXT, "")
+    # Options come first, because the other tables may refer to them as `${name}`.
     options = read_options(top.table("options"), path, overrides.options, completed_by)
     for name in ("world", "process", "bus", "norm", "collect"):
         if name in top:
             top.put(name, filled(top.data[name], options, path))
+    # Before the description, which compares their agents with the vocabulary.
     processes = read_processes(top, path)
     bus = top.read(BusSettings)
     waiting = read_patience(top.table("bus"))
@@ -99,6 +103,7 @@ def _read(top: Table, text: str, path: Path) -> WorldFile:
     watch = top.read(WatchSettings)
     collect = read_collecting(top, world.vocabulary)
     for name in ("world", "bus", "limits", "metrics", "log", "collect"):
+        # Every reader has taken its keys, so those that are left are unknown.
         top.table(name).done()
     members = check_members(processes, world.vocabulary, path)
     file = WorldFile(
@@ -131,6 +136,7 @@ def _record_settings(top: Table) -> RecordSettings:
         table = world.table("record")
         defaults = RecordSettings(table.get("file", TEXT, ""), table.get("topics", TOPICS, ()))
         table.done()
+        # What is left of `record` is read as a text below.
         del world.data["record"]
     settings = top.read(RecordSettings, defaults)
     if settings.path and not settings.path.endswith(".mcap"):

@@ -111,6 +111,7 @@ def read_replay(
     played = replace(played, frames=cursor.end, until="", name=_name(overrides, description))
     # `read_processes` puts the views of the command line last.
     views = file.processes[len(file.processes) - len(overrides.views) :]
+    # Such a view can still be used at the end of the record, for example to seek.
     stay = any(view.make_service is not None and view.make_service().interactive for view in views)
     shown = replace(
         file,
@@ -150,6 +151,7 @@ def world_file_of(
     """The world file with the code of a record's agents."""
     wanted = f"minerva replay {path} WORLD"
     file = read_source(world, description, wanted, completed(given, description))
+    # Only the vocabulary must agree: seed, rules and norms are taken from the record.
     what = differing_vocabulary(file.world, description.world)
     if what:
         raise MinervaError(f"{path}: it is the record of another world: {what}")

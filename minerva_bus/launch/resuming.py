@@ -71,10 +71,12 @@ def read_resumed(path: Path, world: WorldSource, overrides: Overrides) -> Resume
         shown = last_views(record, file, checkpoint)
         past = replace(file.world, scene=scene, past=checkpoint, shown=shown)
         check_unfinished(past, path)
+    # Without --record the run is recorded in the same file.
     kept = replace(file.record, path=file.record.path or str(path))
     notes = (f"continuing from frame {checkpoint.frame} of {path}", *damage)
     notes += tuple(_unused(checkpoint, file))
     notes += file.notes
+    # `replace` cannot make an object of another class.
     settings: dict[str, Any] = {f.name: getattr(file, f.name) for f in fields(WorldFile)}
     settings.update(world=past, notes=notes, record=kept, origin=path)
     return Resumed(**settings)
@@ -224,6 +226,7 @@ def last_views(record: Record, file: WorldFile, checkpoint: Checkpoint) -> list[
             string = record.string(frame)
         except RecordError:  # Damaged: the device waits for the next view.
             continue
+        # Only a view of the last frame has halted agents.
         still = tuple(halted["agents"]) if halted.get("frame") == frame else ()
         view = visualize(string, drawn, kinds, frame)
         views.append(ViewShown(event_type, frame, checkpoint.frame, {}, view, halted=still))

@@ -1,9 +1,9 @@
 """Limits how many processes start at the same time.
 
-A starting process needs a core for some milliseconds. If hundreds start at once, each takes seconds
-and all of them exceed their time-outs. So each waits in a queue for a slot. It frees the slot when
-it has sent `hello`, when it has ended, or after `SLOT_SECONDS`: then it waits for something else
-than a core.
+A starting process needs a core for about 0.1 s. If hundreds start at once, each takes seconds and
+all of them exceed their time-outs. So each waits in a queue for a slot. It frees the slot when it
+has sent `hello`, when it has ended, or after `SLOT_SECONDS`: then it waits for something else than
+a core.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ class StartQueue:
 
     def __init__(self, slots: int) -> None:
         self._slots = slots
+        # A dict is an ordered set here: a process that is added twice starts once.
         self._queue: dict[str, None] = {}
         self._started: dict[str, float] = {}
 

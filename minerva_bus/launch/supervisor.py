@@ -89,6 +89,7 @@ class Supervisor:
         self._file = file
         self._console = console
         self._startup = Startup(began)
+        # A profile is written after the end of the world.
         self._report_seconds = PROFILE_SECONDS if profiling.member else REPORT_SECONDS
         context = self._context = LaunchContext(file, profiling, machine)
         self._coordinator = Succession(context, coordinator, self._on_report, self._on_last_line)
@@ -191,6 +192,7 @@ class Supervisor:
         """Local processes connect to `endpoint`, others to the endpoint it `listens_at`."""
         self._context.endpoint, self._coordinator.listens_at = endpoint, listens_at
         self._publish(endpoint)
+        # A successor: the members run already, and their endpoint is the same.
         if self._coordinator.count:
             self._inform_successor()
             return
@@ -202,13 +204,14 @@ class Supervisor:
         for note in self._file.notes:
             self._note(note)
         if self._ending.deadline is None:
+            # Otherwise an interrupt has arrived before the first member was started.
             for process in self._processes:
                 self._processes.enqueue(process)
 
     def _inform_successor(self) -> None:
         """Send a new coordinator what its predecessor knew of the processes."""
         self._note(f"a new coordinator listens at {self._context.endpoint}")
-        if self._ending.reason is not None:  # The journal does not contain the end.
+        if self._ending.reason is not None:  # Only the launcher knows it, not the journal.
             self._coordinator.command(f"end {self._ending.reason}")
         for process in self._processes:
             if process.abandoned or (self._ending.reason is not None and process.child is None):
@@ -220,6 +223,8 @@ class Supervisor:
         if FAILURE_REPORT.match(text):
             process = self._processes.get(member)
             if process is not None:
+                # The cause explains the exit that follows, and `repeated` compares it with earlier
+                # ones.
                 process.cause = text
             text = self._processes.failures.abbreviate(text)
         if text:
@@ -389,6 +394,7 @@ class Supervisor:
     def _on_interrupt(self, number: signal.Signals) -> None:
         self._ending.interrupts += 1
         if self._ending.interrupts > 1:
+            # After a second interrupt, the next turn kills all processes.
             self._ending.deadline = 0.0
         elif self._ending.deadline is None:
             self._stop("interrupted" if number == signal.SIGINT else "terminated")
@@ -423,6 +429,7 @@ class Supervisor:
         self._keep(name, line, level)
 
     def _keep(self, name: str, text: str, level: str) -> None:
+        # A command to the coordinator is one line.
         for line in text.split("\n"):
             self._coordinator.command(f"log {level} {name} {line[:MAX_LINE_LENGTH]}")
 

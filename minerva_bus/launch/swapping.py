@@ -114,6 +114,7 @@ def _members(record: Record, file: WorldFile, swap: Swap) -> tuple[list[Member],
     types = frozenset(event for process in old for event in _generated(process))
     if not record.has_inputs:
         _check_alone(types, others, swap.member)
+    # The member that publishes recorded readings needs a name that no process has.
     names = {process.name for process in file.processes}
     reader = Member(next(name for name in READERS if name not in names), RecordedReadings(record))
     new = [_new_member(process, swap, file) for process in old]

@@ -31,6 +31,7 @@ class Table:
         source: str,
         overrides: Overrides = AS_WRITTEN,
     ) -> None:
+        # A copy, because `put` and the command line change it.
         self.data = dict(data)
         self.name = name
         self._text = text

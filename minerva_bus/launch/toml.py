@@ -47,6 +47,7 @@ def toml_value_text(value: Any) -> str:
         return f"[{', '.join(map(toml_value_text, cast('list[Any]', value)))}]"
     if isinstance(value, bool):
         return "true" if value else "false"
+    # The strings of JSON are strings of TOML, too.
     return json.dumps(value, ensure_ascii=False) if isinstance(value, str) else repr(value)
 
 

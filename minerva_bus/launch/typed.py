@@ -20,7 +20,7 @@ def toml_value(text: str) -> Any:
 
 
 def typed_options(cls: type[Service], options: Mapping[str, str]) -> dict[str, Any]:
-    """The options of a service, typed; a text stays one where a text is declared: `vision 0`."""
+    """The options of a service, typed; `0` stays a text if the service declares a text."""
     hints = get_type_hints(cls.__init__)
     values = {key: toml_value(text) for key, text in options.items()}
     return {

@@ -22,6 +22,7 @@ SPREAD: Final = 0.12
 
 def shown(table: ResultTable) -> list[str]:
     """The table as text: a row per combination, with mean and range over all seeds."""
+    # Runs with different seeds repeat one combination, unless nothing else varies.
     keys = [key for key in table.keys if key != SEED] or list(table.keys)
     groups = _groups(table, keys)
     titles = [*keys, "runs", *table.measures]

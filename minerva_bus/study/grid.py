@@ -57,6 +57,7 @@ def parse_grid(settings: Sequence[str]) -> Grid:
     values: dict[str, tuple[str, ...]] = {}
     for setting in settings:
         key, equals, text = setting.partition("=")
+        # As on the command line, where `--max-speed` sets `max_speed`.
         key = key.strip().replace("-", "_") if "." not in key else key.strip()
         if not equals or not key:
             raise MisuseError(f"--set {setting}: expected KEY=VALUE,VALUE,... or KEY=FROM:TO")

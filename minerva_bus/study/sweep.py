@@ -68,6 +68,8 @@ class Sweep:
 
     def part(self, combination: Combination) -> Path:
         """The file of what was collected of one run."""
+        # Values may have characters that a file name must not have. No value has a NUL, so no two
+        # combinations give the same text.
         name = blake2b("\0".join(combination).encode(), digest_size=12).hexdigest()
         return Path(self.collect.into) / f"{name}.columns"
 
