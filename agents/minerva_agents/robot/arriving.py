@@ -46,6 +46,7 @@ RELAX_FAILURES: Final = 3
 def has_arrived(robot: ARobot, place: Cell) -> bool:
     """True if the robot is at the marker, or as close to it as it can get."""
     dist = portable.dist(robot.position, centre_of(place)) * robot.cell
+    # The path has ended: the robot can come no closer.
     if robot.purpose == APPROACH and not robot.plan_rows and dist <= NEAR:
         return True
     return dist <= REACH and _sees(robot, place)

@@ -86,6 +86,7 @@ def _record_look(robot: ARobot) -> None:
 def _holds_good(robot: ARobot, place: Cell | None, moment: Context) -> bool:
     """True if the plan still leads to the goal and its path is clear."""
     if robot.purpose == LOOK:
+        # A turn needs no clear path, and ends as soon as the marker has been seen.
         return place is None
     if not is_open(robot):
         return False
@@ -110,6 +111,7 @@ def _make_plan(
         is_made = _plan_look(robot, choose(replace(_search_state(robot), closed=closed)))
     else:
         is_made = _plan_approach(robot, closed, here, place)
+    # Half cells make a plan four times as large, so they are the second choice.
     if is_made or _plan_narrow(robot, place, choose):
         robot.failures = 0
     elif place is not None and is_near(robot, place):

@@ -22,6 +22,7 @@ from minerva_bus.world import beams
 from minerva_bus.world.readings import Scan
 from minerva_bus.world.recordings import RecordingError
 
+# 200 MB of 16-bit cells.
 _MAX_CELLS: Final = 100_000_000
 _MARGIN: Final = 2
 

@@ -45,6 +45,7 @@ _MAX_SEEN_THROUGH: Final = 0.15
 _SEARCH_METRES: Final = 2.0
 """Metres travelled between two searches."""
 
+# Difference of scores at which the weight of a pose falls to 1/e.
 _TEMPERATURE: Final = 0.02
 
 
@@ -60,6 +61,7 @@ class LocalMap:
         self.half = math.ceil((min(25.0, np.abs(self.points).max()) + 1.0) / _CELL)
         grid = np.zeros((2 * self.half, 2 * self.half))
         cells = np.floor(self.points / _CELL).astype(np.intp) + self.half
+        # A margin of one cell for the blur below.
         inside = np.all((cells >= 1) & (cells < 2 * self.half - 1), axis=1)
         cells = cells[inside]
         # Walls are blurred by a cell, so that points just beside them score as well.
@@ -93,6 +95,7 @@ def correlated(
     # Padded by the window on both sides: correlation by FFT is cyclic.
     side = _fft.next_fast_len(size + 2 * reach, real=True)
     shape = (side, side)
+    # The spectrum of the map is the same for all rotations.
     spectrum = np.conj(_fft.rfft2(walls.grid, shape))
     best, parts = (-1.0, guess), []
     turns = np.arange(-_DEGREES, _DEGREES + 0.1, _STEP_DEGREES)
@@ -119,6 +122,7 @@ def _covariance(parts: list[tuple[float, Reals]], best: float, reach: int) -> Re
     x, y = np.meshgrid(steps, steps, indexing="ij")
     total, first, second = 0.0, np.zeros(3), np.zeros((3, 3))
     for turn, scores in parts:
+        # Poses further below the best have weights under e⁻⁶ and would only cost time.
         near = scores > best - 6 * _TEMPERATURE
         weight = np.exp((scores[near] - best) / _TEMPERATURE)
         at = np.stack([x[near], y[near], np.full(len(weight), math.radians(turn))], axis=1)
@@ -180,6 +184,7 @@ def closure(
     others = LocalMap(keys, poses, second)
     # A sample of the points suffices, and time grows with their number.
     points = others.points[:: max(1, len(others.points) // _MAX_POINTS)]
+    # Correlation finds the optimum of the window to a cell and three degrees, ICP refines it.
     pose, _, covariance = correlated(walls, points, between(poses[first], poses[second]), window)
     pose = polished(walls, points, pose)
     if not _fits(keys[first], keys[second], walls, others, points, pose):

@@ -129,6 +129,7 @@ def decide(robot: ARobot, moment: Context) -> Move:
         if not errand.attend(robot, place, moment):
             moment.emit(eReached(robot.objective))
             robot.objective = ""
+        # On an errand, the robot has the next stop as its objective and leaves anyway.
         if not robot.objective:
             make_way(robot, place)
         return STAY

@@ -73,6 +73,7 @@ def attend(robot: ARobot, place: Cell, moment: Context) -> bool:
 
 def notice_rival(robot: ARobot, marker: str, moment: Context) -> None:
     """Abort the approach to a source that another robot has just emptied."""
+    # A robot that has asked, too, waits for its answers: the parcels join whoever asked first.
     if is_fetching(robot) and robot.objective == marker and not robot.waits:
         _go_on(robot, "another robot has come first", moment)
 

@@ -101,6 +101,7 @@ def _is_clear(grid: Cells, begin: Position, end: Position, first: Position, room
         return True
     down, across = to_row - row, to_column - column
     rows, columns = rows + (top + 0.5 - row), columns + (left + 0.5 - column)
+    # The lower bound avoids a division by 0 for a line without length.
     along = (rows * down + columns * across) / max(down * down + across * across, _TOLERANCE)
     along.clip(0.0, 1.0, out=along)
     nearest = portable.hypot(rows - along * down, columns - along * across)
@@ -145,6 +146,7 @@ def _leaves_at_once(grid: Cells, at: Position, turns: Way, room: float) -> bool:
 def sees(walls: Mask, here: Position, there: Position) -> bool:
     """True if no obstacle lies between two positions; the end cells do not count."""
     down, across = there[0] - here[0], there[1] - here[1]
+    # Two samples per cell, so that the line skips no cell except at corners.
     count = 2 * math.ceil(max(abs(down), abs(across))) + 1
     ends = (cell_of(here), cell_of(there))
     for step in range(1, count):

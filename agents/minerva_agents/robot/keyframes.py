@@ -50,6 +50,7 @@ def keyframes_of(scans: Sequence[Scan], places: Sequence[Pose]) -> list[ScanKeyf
             if way - keys[-1].way < KEY_METRES and turn < KEY_DEGREES:
                 continue
         dist, angle = hits(scan)
+        # Too few hits to recognise a place.
         if len(dist) < 20:
             continue
         keys.append(ScanKeyframe(number, _points(dist, angle), _reach(dist, angle), way))

@@ -41,6 +41,7 @@ _HIT: Final = 3
 
 def _after_passing() -> Cells:
     """Code of each cell after a beam has passed through, indexed by the code before."""
+    # All non-negative codes of 16 bits.
     codes = np.arange(1 << 15, dtype=np.int16)
     lowered = np.maximum(codes - 1, FREE).astype(np.int16)
     return np.where(codes <= SURE, lowered, codes)

@@ -72,6 +72,7 @@ class ALocalisingRobot(ARobot, symbol="ALocalisingRobot"):
     turned: Degrees = 0.0
     driven: Metres = 0.0
 
+    # Not part of the state, because these buffers are empty between two frames.
     _hits: tuple[tuple[float, float], ...] = ()
     _misses: tuple[tuple[float, float], ...] = ()
 
@@ -115,6 +116,7 @@ class ALocalisingRobot(ARobot, symbol="ALocalisingRobot"):
 
     def _in_cells(self, beams: tuple[tuple[float, float], ...]) -> NDArray[np.float64]:
         """(n, 2): distance in cells, angle in degrees."""
+        # Without beams, the array would have one dimension only.
         return np.array(beams, np.float64).reshape(-1, 2) / (self.cell, 1.0)
 
     def _correct(self, hits: NDArray[np.float64]) -> None:

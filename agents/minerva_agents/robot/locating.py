@@ -82,6 +82,8 @@ def located_scans(
     `motion` corrects scans that have beam times but no path by odometry.
     """
     first, second = tee(recorded)
+    # Both yield all scans in order, but delay them differently while they wait for odometry; `tee`
+    # buffers the difference.
     both = zip(posed_scans(first), posed_scans(second, odometry=True), strict=True)
     chain, matcher = _Chain(), _Matcher(cell, motion)
     for published, wheels in both:

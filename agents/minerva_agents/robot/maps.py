@@ -197,6 +197,7 @@ class _Reading:
         levels = np.arange(maximum + 1)
         p = levels / maximum if self.negate else (maximum - levels) / maximum
         if self.mode == "raw":
+            # Deeper images are scaled to 8 bits, for which this mode is defined.
             p = np.rint(levels / maximum * 255) / 100
         codes = np.where(p > self.occupied, OCCUPIED, np.where(p < self.free, FREE, UNKNOWN))
         if self.mode == "raw":
@@ -341,6 +342,7 @@ def _read_with_pillow(path: Path) -> _Image:
             # Pillow has read the header only, so an image that is too large is rejected before it
             # is decoded.
             _check_size(path, *image.size)
+            # Modes of 16 and 32 bits, which RGBA would cut off.
             deep = image.mode.startswith("I")
             pixels = np.asarray(image if deep else image.convert("RGBA"))
     except MapError:
@@ -349,5 +351,6 @@ def _read_with_pillow(path: Path) -> _Image:
         raise MapError(f"{path}: not a readable image: {error}; expected PGM or PNG") from None
     if deep:
         return _Image(np.clip(pixels, 0, 65535).astype(np.uint16), 65535)
+    # The sum instead of the mean of the channels, which would have to be rounded.
     shades = pixels[..., :3].sum(axis=2, dtype=np.uint16)
     return _Image(shades, 3 * 255, pixels[..., 3] < 255)

@@ -163,6 +163,7 @@ class _Search:
         columns = (right + across[:, None]).astype(np.intp)
         # The window covers all positions, so "clip" only saves the check of bounds.
         worths = self._worths.ravel().take(rows[:, None] + columns, mode="clip")
+        # The sum of 33 hits overflows 16 bits.
         return worths.sum(axis=2, dtype=np.int32) / (_HIT_SCORE * len(self._dist))
 
 

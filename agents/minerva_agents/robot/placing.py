@@ -133,16 +133,21 @@ def regions(free: NDArray[np.bool_]) -> NDArray[np.intp]:
     Cells connect by their sides; a diagonal without a cut corner connects no further cells. Runs
     along the rows are merged where they touch, which takes far fewer steps than cell by cell.
     """
+    # Number the runs of free cells along the rows.
     begins = free & ~np.pad(free, ((0, 0), (1, 0)))[:, :-1]
     runs = np.where(free, np.cumsum(begins).reshape(free.shape), 0)
     touching = free[:-1] & free[1:]
     most = int(runs.max(initial=0)) + 1
+    # Pairs of touching runs, each as one integer, so that sorting brings repeats together.
     pairs = np.sort(runs[:-1][touching] * most + runs[1:][touching])
     roots = list(range(most))
     for run, neighbour in (divmod(pair, most) for pair in pairs[_firsts(pairs)].tolist()):
+        # Merge by union-find. The lower number becomes the root, so regions are numbered in the
+        # order of their first cells.
         first, second = sorted((_root(roots, run), _root(roots, neighbour)))
         roots[second] = first
     merged = np.array([_root(roots, run) for run in range(most)])
+    # Renumber the remaining roots without gaps; 0 stays for blocked cells.
     numbers = np.cumsum(np.bincount(merged, minlength=most) > 0) - 1
     return numbers[merged][runs]
 

@@ -203,6 +203,7 @@ def _turns(jumps: Jumps, origin: int, estimate: Callable[[int], int]) -> list[in
             moves = way.jumps[cell]
             if not moves:
                 continue
+            # Rarely, a jump is longer than a table entry can hold.
             if moves == LEAP:
                 moves = way.jump(cell)
             after = cell + moves * way.step

@@ -37,6 +37,7 @@ class Edge:
     closes: bool = False
 
 
+# Some hundred poses do not justify GTSAM or g2o: each is a C++ framework, this is a page.
 def optimised(poses: Reals, edges: Sequence[Edge], rounds: int = 15) -> tuple[Reals, Reals]:
     """The poses that minimise the error of all edges, and each edge's weight, 0 to 1.
 
@@ -67,6 +68,7 @@ def optimised(poses: Reals, edges: Sequence[Edge], rounds: int = 15) -> tuple[Re
         # With the first pose free the system would be singular: edges are relative.
         change[3:] = _linalg.spsolve(matrix[3:, 3:], -right[3:])
         poses += change.reshape(-1, 3)
+        # No pose has moved by more than a tenth of a millimetre, or 1e-4 rad.
         if np.abs(change).max() < 1e-4:
             break
     return poses, counts

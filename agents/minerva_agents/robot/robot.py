@@ -146,6 +146,9 @@ class ARobot(Agent, symbol="ARobot", rest=("action",)):
             return
         # Before the move: this frame's image was taken from the present pose.
         deciding.notice(self)
+        # The view of this frame shows the current action, and the body executes it before the
+        # events of the next frame. So the pose moves by it now: the next scan is taken from the new
+        # pose.
         moved = move_of(self.action)
         self._stand(self.pose.after(moved, self.cell))
         move = deciding.decide(self, moment)
@@ -218,6 +221,7 @@ class ARobot(Agent, symbol="ARobot", rest=("action",)):
         """θ: the robot, its grid, its path and its objective."""
         known = PGrid(self.grid, self.cell, self.x0, self.y0)
         robot = TPlace(*self.metres(self.position), self.angle)(PRobot(self.id, self.radius))
+        # In drawing order, with the robot on top.
         return known + self._way_shown() + self._goal_shown() + robot
 
     @property

@@ -205,6 +205,7 @@ class _Choice:
         """The first cell of each promising block, in order of path length."""
         wide = self._bounds.shape[1]
         blocks = rows // self._side * wide + columns // self._side
+        # Cells are in the order of path length, and `unique` gives the index of the first.
         first = np.unique(blocks, return_index=True)[1]
         first = first[self._bounds.ravel()[blocks[first]] >= self._least]
         return rows[first], columns[first]
@@ -219,6 +220,7 @@ class _Choice:
         down = rows + (self._top + 0.5 - pose.row)
         across = columns + (self._left + 0.5 - pose.column)
         bearings = np.degrees(portable.atan2(across, down))
+        # The first turn, estimated from the bearing of the candidate instead of its path.
         metres += _apart(bearings, pose.angle) / 180.0 * HALF_TURN
         bounds = value(news_bounds) / (metres + AHEAD)
         # In the order of upper bounds, so that most candidates need no ray casting.
@@ -262,6 +264,7 @@ def _around(views: Numbers, width: int) -> Numbers:
         return np.repeat(views.sum(axis=1, keepdims=True), RAYS, axis=1)
     before = width // 2
     around = np.concatenate((views[:, RAYS - before :], views, views[:, : width - before]), axis=1)
+    # A sliding sum over the circle, as a difference of cumulative sums.
     sums = np.cumsum(np.pad(around, ((0, 0), (1, 0))), axis=1)
     return sums[:, width : width + RAYS] - sums[:, :RAYS]
 

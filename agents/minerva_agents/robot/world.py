@@ -203,5 +203,6 @@ def _empty_grid(floor: OccupancyMap, cell: float) -> _Grid:
     # Rounded first: the quotient may lie just above a whole number.
     high, wide = (math.ceil(round(side / cell, 6)) + 2 for side in sides)
     cells = np.zeros((high, wide), np.int16)
+    # Shared by all robots; `writable` copies it at the first change.
     cells.setflags(write=False)
     return _Grid(cells, round(x - cell, 9), round(y - cell, 9))
