@@ -124,6 +124,7 @@ class Bridge(Generator, lockstep=False):
                     self._log(f"{error}; retrying")
                 logged.add(self._state)
                 self.count("failures")
+            # Back off exponentially: a short outage ends soon, and a missing device costs little.
             stop.wait(wait)
             wait = min(2 * wait, MAX_WAIT_SECONDS)
 

@@ -95,6 +95,7 @@ class Connection:
             failed = self._client.loop(wait)
         except OSError as error:
             raise self._lost(str(error)) from None
+        # Callbacks run within `loop`, so their errors can be raised only after it.
         if failed or self._wrong:
             raise self._lost(self._wrong or "connection lost")
 

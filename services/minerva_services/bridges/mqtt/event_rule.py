@@ -107,6 +107,7 @@ class EventRule:
             for field in self._type.fields.all
             if self._has_value(field, levels, payload)
         }
+        # Converted values hide the raw ones of the same names.
         if not self._counts({**levels, **payload.fields, **values}):
             return None
         return self._event(levels, values)
@@ -153,6 +154,7 @@ class EventRule:
         plain = source == WHOLE_PAYLOAD or field.name == self._plain
         if not plain or isinstance(payload.content, dict):
             return payload.at(source)
+        # Text that looks like JSON, such as 12, remains text for a datum of that type.
         return payload.text if field.type.kind == "text" else payload.content
 
     def _value(self, field: Field, levels: Mapping[str, str], payload: Payload) -> Any:

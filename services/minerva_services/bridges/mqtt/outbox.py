@@ -34,6 +34,7 @@ class MqttOutbox:
     """
 
     def __init__(self, count: Callable[[str], None]) -> None:
+        # Until the first content, `Traffic` has nothing to send and may poll slowly.
         self.used = False
         self._count = count
         self._wanted: dict[str, MqttMessage] = {}

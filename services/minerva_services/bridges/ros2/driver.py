@@ -214,6 +214,7 @@ class Driver:
         if self._path.command == DriveCommand() and self._is_there(now, *_STILL_TOLERANCE):
             return STILL
         pose = self._pose(now)
+        # Latched: once the robot turns, a small error at the corner must not send it back.
         self._turns = self._turns or self._path.reached(pose)
         towards = self._path.end if self._turns else self._path.start
         wanted = steer(pose, towards, self.limits)

@@ -142,6 +142,7 @@ class MobileBase:
             return self._stepper.carry_out(command, seconds)
         now = time.monotonic()
         self.driver.begin(command, self._pacer.begin(seconds, now), now)
+        # Otherwise the first velocity of the command would wait for the next beat.
         self._wake()
         lost = False
         while (state := self.driver.state(time.monotonic())) is not State.DONE:

@@ -124,6 +124,7 @@ class Ros2Network:
         topic: str, message: str, type_hash: str, *, lasting: bool,
     ) -> str:  # fmt: skip
         """The token of a publisher (MP) or subscription (MS); `lasting` means transient local."""
+        # rmw_zenoh writes slashes within a part of a token as %.
         name = "%" + self.name(topic).replace("/", "%")
         shown = NO_HASH if self.humble else type_hash
         return (

@@ -101,6 +101,7 @@ class Ros2Session:
             receive(sample.payload.to_bytes())
 
         pattern = self.network.pattern(topic, message)
+        # A publisher of /tf_static may start later than this subscription.
         history = zenoh.ext.HistoryConfig(detect_late_publishers=True)
         declare = self._session.declare_subscriber
         if lasting:

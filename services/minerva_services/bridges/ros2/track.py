@@ -73,6 +73,7 @@ class OdometryTrack:
         """The scan with the robot's path during it, if that is known and still missing."""
         if not needs_path(scan):
             return scan
+        # Of poses with equal times, only the last one counts.
         known = dict(zip(self._times, self._poses, strict=True))
         return replace(scan, path=path_of(scan, [*known], [*known.values()]))
 

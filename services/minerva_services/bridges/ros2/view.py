@@ -164,6 +164,7 @@ class Ros2View(Device, draws=("ePicture",)):
         if types.GRID in publishers and own.grids:
             publishers[types.GRID].put(_grid_message(header, *own.grids[0]))
         if types.PATH in publishers:
+            # An empty path is sent as well: it removes the previous one from RViz.
             way = own.ways[0] if own.ways else []
             publishers[types.PATH].put(_path_message(header, way))
         if types.POSE_STAMPED in publishers and own.goals:

@@ -47,6 +47,7 @@ def scan_of(
     valid = np.isfinite(ranges) & (ranges >= message.range_min)
     # +inf means beyond range [REP 117]; NaN and ranges below the minimum are errors.
     ranges = np.where(valid, ranges, np.where(np.isposinf(ranges), np.float32(most), 0))
+    # The beams of a scanner that is mounted upside down run clockwise.
     mount, sign = mounting.mount, -1.0 if mounting.flipped else 1.0
     return Scan(
         robot, ranges.astype(np.float32), sign * first, sign * step, most,

@@ -84,6 +84,7 @@ class Clock:
         """The frame at a time. Raises InvalidMessage."""
         try:
             then = datetime.fromisoformat(time)
+            # ISO 8601: a time without a zone is local.
             zoned = then if then.tzinfo is not None else then.astimezone()
             wait = (zoned - datetime.now(UTC)).total_seconds()
         except (ValueError, OverflowError):

@@ -97,6 +97,7 @@ class XmppSession:
         gone = [client.disconnect(wait=0.2) for client in self._clients.values()]
         if gone:
             self._loop.run_until_complete(asyncio.wait(gone, timeout=CLOSE_SECONDS))
+        # slixmpp leaves tasks behind; the loop would warn of them when it is closed.
         left = asyncio.all_tasks(self._loop)
         for task in left:
             task.cancel()

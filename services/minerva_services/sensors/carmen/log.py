@@ -103,6 +103,7 @@ class CarmenLog:
             self.pass_over(_BROKEN, f"{self.path}: breaks off after line {number}: {error}")
 
     def _opened(self) -> BufferedIOBase:
+        # A loop opens the file again.
         self.close()
         self._raw = self.path.open("rb")
         self._size = max(1, os.fstat(self._raw.fileno()).st_size)

@@ -98,6 +98,7 @@ class StandardPackets(Packets):
 
 def _standard(rows: NDArray[np.uint8]) -> Samples:
     words = rows.astype(np.uint16)
+    # The lowest bit of an angle is the constant check bit.
     angles = ((words[:, 1] >> 1) | (words[:, 2] << 7)) / 64.0
     # Quarters of a millimetre; angles are 64ths of a degree.
     distances = (words[:, 3] | (words[:, 4] << 8)) / 4000.0
@@ -121,6 +122,7 @@ class ExpressPackets(Packets):
         if not self._find():
             return None
         capsule = self._bytes[: CAPSULES.size]
+        # The two sync bytes carry half of the checksum each.
         if checksum(capsule[2:]) != (capsule[0] & 0xF) | (capsule[1] & 0xF) << 4:
             self._count("damaged packets")
             # Without its successor, the capsule before has no end angle, so it is lost as well.
@@ -133,6 +135,7 @@ class ExpressPackets(Packets):
     def _find(self) -> bool:
         """Advance to the next possible start of a capsule; True if a complete one follows."""
         data, at = self._bytes, 0
+        # The upper halves of the sync bytes are A and 5.
         while at + 1 < len(data) and (data[at] >> 4, data[at + 1] >> 4) != (0xA, 0x5):
             at += 1
         # Skipped bytes mean a lost capsule, so the last one has no successor.
@@ -168,6 +171,8 @@ def _express(capsule: bytes, first: float, width: float) -> tuple[NDArray[np.flo
     cabins = np.frombuffer(capsule, np.uint8, offset=4).reshape(16, 5).astype(np.uint16)
     words = np.stack([cabins[:, 0] | cabins[:, 1] << 8, cabins[:, 2] | cabins[:, 3] << 8], axis=1)
     low = np.stack([cabins[:, 4] & 0xF, cabins[:, 4] >> 4], axis=1)
+    # The two lowest bits of a distance are the upper bits of its angular compensation (figure
+    # 4-13).
     compensation = (low | (words & 3) << 4) / 8.0
     raw = (first + width / 32.0 * np.arange(32, dtype=np.float64)) % 360.0
     return raw, (raw - compensation.ravel()) % 360.0, (words >> 2).ravel() / 1000.0

@@ -43,6 +43,7 @@ class LiveCamera:
         self._begun = time.monotonic()
         self._closed = threading.Event()
         self._opened = threading.Event()
+        # A read may block for good, so the end of the process must not wait for the thread.
         threading.Thread(target=self._grab, daemon=True).start()
 
     def read(self, stop: threading.Event) -> Iterator[tuple[str, Sightings] | None]:

@@ -88,6 +88,7 @@ class OrbitCamera:
         half = self.metre(height)
         ray = np.array([(x - width / 2) / half, (height / 2 - y) / half, 1.0]) @ self.axes
         rise = z - self.eye[2]
+        # A level ray, or one that leads away from the level, never meets it.
         if abs(ray[2]) < 1e-9 or rise / ray[2] <= 0:
             return None
         met = self.eye + ray * (rise / ray[2])

@@ -110,9 +110,11 @@ class GLScene:
         tiles = picture.of(Tiles)
         self._floors.take(tiles, lift, depth=0.02 * extent.span)
         self._drums.take(picture.of(Discs))
+        # Lines lie above all matrices.
         self._level = lift * (len(tiles) + 1)
         self._ribbons.take(raised_lines(picture, self._level))
         radius = 0.010 * extent.span
+        # Pins rise above the walls.
         height = max(extent.height + 4 * radius, 0.09 * extent.span)
         self._pins.take(picture.of(Texts), PinSizes(radius, height))
 
@@ -129,6 +131,7 @@ class GLScene:
         self._write(camera, size)
         gl = self._gl
         self._shade.depth.use(SHADE)
+        # "Or equal" for the backdrop, whose depth is that of the cleared buffer.
         gl.depth_func = "<="
         gl.enable_only(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
         # What lies on top first, so that hidden pixels of the floors are not shaded.
@@ -168,6 +171,7 @@ class GLScene:
 
     def _lay_ground(self) -> None:
         extent = self._extent
+        # Without slabs, just below level 0: transparent floors lie there.
         below = -self._floors.depth if self._floors.lies_deep else -0.001
         self._ground["span"] = *extent.middle, _GROUND_EXTENT * extent.span, below
         self._ground["step"] = round_step(extent.span / 8)

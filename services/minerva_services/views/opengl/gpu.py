@@ -25,6 +25,7 @@ _UNITS = {"shade": SHADE, "colors": COLORS, "openness": OPENNESS, "letters": LET
 def program(gl: moderngl.Context, vertex: str, fragment: str) -> moderngl.Program:
     """A program bound to the shared uniform block and texture units."""
     linked = gl.program(vertex_shader=complete(vertex), fragment_shader=complete(fragment))
+    # The compiler removes uniforms that a program does not use.
     for name in linked:
         uniform = linked[name]
         if isinstance(uniform, moderngl.UniformBlock):

@@ -90,6 +90,7 @@ class PinMeshes:
             top = float(at[row, 1]) - sheet.height / 2
             signs.put(sheet, left, top)
             edges = float(at[row, 0] - ball[row]), float(at[row, 0] + ball[row])
+            # The foot may lie behind the camera while the ball is in front of it.
             bottom = float(np.nan_to_num(foot[row, 1], nan=top + sheet.height))
             boxes.append(Box(names[row], edges[0], top, edges[1], max(bottom, top + sheet.height)))
             boxes.append(Box(names[row], left, top, left + sheet.width, top + sheet.height))

@@ -71,12 +71,14 @@ def _top(line: Polyline, discs: Sequence[Discs]) -> float:
 def ribbon(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Sideways offsets (n, 2) of a ribbon of constant width through n points, and its lengths."""
     steps = np.diff(points, axis=0)
+    # Repeated points have no direction.
     lengths = np.maximum(np.hypot(steps[:, 0], steps[:, 1]), 1e-9)
     across = np.stack([-steps[:, 1], steps[:, 0]], axis=1) / lengths[:, None]
     before, after = np.vstack([across[:1], across]), np.vstack([across, across[-1:]])
     middle = before + after
     # Limit the mitre, which would be infinitely long at a sharp corner.
     squared = np.maximum((middle**2).sum(axis=1), 0.8)
+    # The bisector of both sides, lengthened such that the width stays constant.
     return 2 * middle / squared[:, None], np.concatenate([[0.0], np.cumsum(lengths)])
 
 

@@ -75,6 +75,7 @@ class Synthesis:
 
     def _glide(self, singer: _Singer, to: Tone, count: int) -> Samples:
         before = singer.tone
+        # A block shorter than the fade changes the loudness in part only.
         part = min(1.0, count / (_FADE_SECONDS * self._rate))
         left = before.left + (to.left - before.left) * part
         right = before.right + (to.right - before.right) * part

@@ -26,6 +26,7 @@ def draw_line(canvas: pygame.Surface, line: Polyline, camera: MapCamera, ui: flo
     if len(line.points) < 2:
         return
     x, y = camera.to_screen(line.points[:, 0], line.points[:, 1])
+    # pygame converts coordinates to C integers, which larger ones would overflow.
     points = np.clip(np.stack([x, y], axis=1), -_MAX_COORDINATE, _MAX_COORDINATE)
     width = max(line.form.width * camera.scale, _MIN_WIDTH * ui)
     parts = dashes(points, _DASH * width) if line.form.dashed else [points]

@@ -69,6 +69,7 @@ class PageAccess:
     def _is_own(self, name: str) -> bool:
         if name in _LOCAL or name in self.names or name == self.host:
             return True
+        # An address, unlike a foreign name, cannot be made to resolve to this machine.
         return self.host in _WILDCARDS and (_is_address(name) or name == socket.gethostname())
 
     def _in_cookie(self, headers: Mapping[str, str]) -> str:

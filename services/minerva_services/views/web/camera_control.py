@@ -105,6 +105,7 @@ class CameraControl:
     def _is_still(self, number: int, camera: CameraHandle) -> bool:
         place = camera.position
         near = _TOLERANCE * max(1.0, float(np.linalg.norm(place)))
+        # Positions that this program has set; at any other one, a user has moved the camera.
         return any(np.allclose(place, known, atol=near) for known in self._places.get(number, []))
 
     def _look(self, number: int, camera: CameraHandle) -> None:

@@ -52,6 +52,7 @@ class _LatestActions:
         """Queue an action, replacing an earlier one of the same kind."""
         self._put_at = time.monotonic()
         with self._lock:
+            # A moving slider queues many values, of which only the last matters.
             self._actions[what] = act
 
     def take(self) -> list[Callable[[], str]]:
@@ -82,6 +83,7 @@ class PageController:
         self._types: tuple[str, ...] = ()
         self._offered: Any = None
         self._queue = _LatestActions()
+        # Clicks arrive in viser's threads, polling has its own.
         self._lock = threading.Lock()
         self._over = threading.Event()
         self._thread = threading.Thread(target=self._work, daemon=True)

@@ -62,6 +62,7 @@ def disc_table(parts: list[Discs]) -> DiscTable:
         return np.concatenate(columns) if columns else np.zeros(empty)
 
     count = sum(map(len, parts))
+    # The total growth is limited, or the last of many discs would be a tower.
     growth: NDArray[Any] = 1 + min(_HEIGHT_STEP, _MAX_HEIGHT / max(1, count)) * np.arange(count)
     return DiscTable(
         joined("x"),

@@ -37,6 +37,7 @@ class FloorNodes:
             for node in self._shown.pop(name)[1]:
                 node.remove()
         for layer, (name, tiles) in enumerate(names.items(), start=1):
+            # Images at the same height would flicker.
             self._show(name, tiles, layer * _LAYER_HEIGHT)
 
     def _show(self, name: str, tiles: Tiles, height: float) -> None:
@@ -89,6 +90,7 @@ class FloorNodes:
             image(tiles),
             width,
             depth,
+            # JPEG has no transparency.
             format="png",
             cast_shadow=False,
             receive_shadow=False,

@@ -95,6 +95,8 @@ class Form:
         if kind == "bool":
             return gui.add_checkbox(name, bool(given))
         if kind == "text" and self._labels:
+            # Inputs start with different labels, because an order with the same label as source and
+            # target makes no sense.
             next_one = self._labels[len(self._inputs) % len(self._labels)]
             known = str(given) if given in self._labels else next_one
             return gui.add_dropdown(name, self._labels, initial_value=known)

@@ -34,6 +34,7 @@ class EventFeed:
     def update(self, status: WorldStatus) -> None:
         """Add the events since the last update."""
         frames = max(status.hz, 1.0)
+        # A frequent type stays in the set, so that the list does not change back and forth.
         self._often |= {name for name, rate in status.events.items() if rate > _FREQUENT * frames}
         for event in status.happenings:
             self._kept.setdefault(event.about, deque(maxlen=_MAX_PER_TYPE)).append(event)

@@ -115,6 +115,7 @@ class WindowControls:
     def press(self, action: Action, picture: Picture) -> WorldAction | None:
         """Handle a key."""
         if action is Action.PAUSE:
+            # Displayed at once; the next status confirms it.
             self.paused = not self.paused
             return PauseAction() if self.paused else ResumeAction()
         if action is Action.STEP:

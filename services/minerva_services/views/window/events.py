@@ -55,6 +55,7 @@ class WindowInput:
         elif event.type == pygame.MOUSEMOTION:
             return self._move(event.pos, event.rel)
         elif event.type == pygame.MOUSEWHEEL:
+            # Touchpads scroll by fractions of a step.
             self._painter.zoom(getattr(event, "precise_y", event.y), pygame.mouse.get_pos())
             return True
         elif event.type == pygame.VIDEORESIZE:
@@ -89,6 +90,7 @@ class WindowInput:
     def _release(self, button: int, at: tuple[int, int]) -> bool:
         del self._pressed[button]
         if self._dragged:
+            # While another button is held, its release must not count as a click.
             self._dragged = bool(self._pressed)
             return True
         hit = pick(self._picture, self._painter.project, self._painter.labels(), at)
