@@ -1,4 +1,4 @@
-"""How an array becomes a column of a declared type."""
+"""Conversion of arrays to columns of a declared type."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ _DTYPES = {"real": np.float64, "int": np.int64, "bool": np.bool_, "text": object
 
 
 def is_array(value: object) -> bool:
-    """Whether a value stands for one value of each of many nodes."""
+    """Whether a value has one element for each of many nodes."""
     return (isinstance(value, np.ndarray) and value.ndim == 1) or isinstance(value, Ids)
 
 
 def fit_array(kind: Type, value: Any, *, finite: bool = True) -> Column:
     """A column of this type with the values of an array of shape (n,), or the texts of ids.
 
-    `finite` is False where it is seen to later that they are. Raises Unfit.
+    With `finite=False`, the caller checks later that they are finite. Raises Unfit.
     """
     if kind.kind not in SCALARS:
         raise Unfit(f"a {kind}, which cannot be a column")
@@ -79,7 +79,7 @@ def repeated(kind: Type, value: Any, count: int) -> Column:
 
 
 def fits(kind: Type, column: Column) -> bool:
-    """Whether a column has the values of this type, as they are."""
+    """Whether the values of a column are of this type, without conversion."""
     if kind.kind == "text" and column.ids is not None and not kind.words:
         return True
     array = column.array

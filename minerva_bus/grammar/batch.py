@@ -1,8 +1,8 @@
 """Batches: events of one type, held as columns with a row for each event.
 
 An `Event` is the row of a batch, and has its interface: `len()` is 1, and iterating yields the
-event. It holds values instead of arrays of length 1, because these take about 20 times as long to
-make as an event.
+event. It holds values instead of arrays of length 1: creating an event takes 0.7 µs, a batch of one
+row 12 µs, which is more than most methods take.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.scene import Value
 
 MANY: Final = 1_000
-"""A generator's events are put in columns if they are more: decoding them singly takes long."""
+"""A generator's events are sent as columns if there are more: decoding single events is slow."""
 
 _MIX: Final = np.uint64(0xBF58476D1CE4E5B9)
 
@@ -90,7 +90,7 @@ class Events:
         return self.columns[self.names.index(name)].array
 
     def to(self, receiver: str) -> Events:
-        """The events for one agent; this very batch if all are."""
+        """The events for one agent; the same object if all are."""
         if self.receivers is None:
             return self
         rows = np.flatnonzero(Ids.of([receiver]).rows_of(self.receivers) >= 0)
@@ -98,7 +98,7 @@ class Events:
 
     @staticmethod
     def of(events: Sequence[Event]) -> Events | None:
-        """Events as a batch; None where their forms differ or their data are no scalars."""
+        """Events as a batch; None if their forms differ or their data are not scalars."""
         first = events[0]
         alike = all(
             event.type == first.type
@@ -133,7 +133,7 @@ class Events:
 
     @staticmethod
     def concatenated(parts: Sequence[Events]) -> Events | None:
-        """Several batches as one; None where they differ in more than their rows."""
+        """Several batches as one; None if they differ in more than their rows."""
         first = parts[0]
         if len(parts) == 1:
             return first
@@ -220,9 +220,9 @@ def as_batch(event: AnyEvent, count: int = 1) -> Events:
 
 
 def in_columns(events: tuple[AnyEvent, ...]) -> tuple[AnyEvent, ...]:
-    """More than `MANY` events with those of each type as a batch where possible; fewer unchanged.
+    """Events with those of each type as one batch if possible; at most `MANY` remain as they are.
 
-    The order within each type stays, and no other order matters.
+    The order within each type is kept; no other order matters.
     """
     if len(events) <= MANY:
         return events

@@ -1,4 +1,4 @@
-"""n values of one name: one column of a table, digested by chunks."""
+"""One column of a table: n values of one name, digested by chunks."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _DTYPES: Final[dict[type, Any]] = {float: np.float64, int: np.int64, bool: np.bo
 class Column(Joinable):
     """n values of one name: a read-only array of float64, int64, bool or, for texts, object.
 
-    Texts that are ids stay ids, and become an array only when somebody asks for one.
+    Texts that are ids stay ids, and are converted to an array on demand.
     """
 
     __slots__ = ("__weakref__", "_base", "_given", "chunks", "ids", "kept")
@@ -37,12 +37,12 @@ class Column(Joinable):
             array.flags.writeable = False
         self._given = array
         self.ids = ids
-        """The ids that the texts are, where they were given as such."""
+        """The texts as ids, if they were given as ids."""
         self._base: tuple[ref[Column], Rows] | None = None
         self.kept: Any = None
-        """What a host of agents keeps beside their columns."""
+        """Cache of a host of agents: objects that belong to these columns."""
         self.chunks = chunks
-        """Digests of each 4,096 values, once they are known; an empty one is to be reckoned."""
+        """Digest of each 4,096 values, once known; an empty one has to be computed."""
 
     @staticmethod
     def of(values: Sequence[Value]) -> Column:
@@ -59,7 +59,7 @@ class Column(Joinable):
 
     @staticmethod
     def of_ids(ids: Ids) -> Column:
-        """A column of the texts that ids are."""
+        """A column whose texts are these ids."""
         return Column(None, ids=ids)
 
     @property
@@ -78,7 +78,7 @@ class Column(Joinable):
         return len(self.array if self.ids is None else self.ids)
 
     def list(self) -> list[Any]:
-        """The values as Python's."""
+        """The values as Python objects."""
         return self.array.tolist()
 
     def take(self, rows: Rows | slice) -> Column:
@@ -86,7 +86,7 @@ class Column(Joinable):
         return Column(self.array[rows]) if self.ids is None else Column.of_ids(self.ids.take(rows))
 
     def put(self, rows: Rows, values: NDArray[Any]) -> Column:
-        """Other values in some rows; the digests of all others are kept."""
+        """A column with other values in some rows; digests of unchanged chunks are kept."""
         array = self.array.copy()
         array[rows] = values
         chunks = None
@@ -103,19 +103,19 @@ class Column(Joinable):
         return column
 
     def with_rows(self, rows: Rows, others: Column) -> Column:
-        """As `put`; ids put among ids stay ids."""
+        """As `put`; if both columns are ids, so is the result."""
         if self.ids is None or others.ids is None:
             return self.put(rows, others.array)
         return Column.of_ids(self.ids.put(rows, others.ids).known())
 
     def rows_since(self, old: Column) -> Rows | None:
-        """The rows put into an old column to make this one; None where it was made otherwise."""
+        """The rows that `put` has replaced in an old column; None if it is not made by `put`."""
         if self._base is None or self._base[0]() is not old:
             return None
         return self._base[1]
 
     def differs(self, other: Column) -> Rows | None:
-        """The rows in which another column of this length prints otherwise; None: in all."""
+        """The rows in which another column of this length prints differently; None: in all."""
         if self.ids is not None and other.ids is not None:
             return self.ids.differs(other.ids)
         if self.array is other.array:
@@ -137,5 +137,5 @@ class Column(Joinable):
 
 
 def bits(array: NDArray[Any]) -> NDArray[Any]:
-    """Values that are equal where those of an array print the same."""
+    """Values that are equal exactly if those of an array print the same."""
     return array.view(np.int64) if array.dtype == np.float64 else array

@@ -1,8 +1,8 @@
-"""Many nodes of one shape as columns: what the paper writes as n nodes, held as n rows.
+"""Many nodes of one shape as columns: n rows instead of n nodes.
 
-`Columns` stands in a string for its rows, one node each. It prints, compares and digests as they
-do. A shape is flat: an agent alone, a figure alone, or up to eight transformations around one
-another and at most one figure within them; all values are numbers, truths or texts.
+A `Columns` in a string represents its rows, one node each, and prints, compares and digests like
+them. A shape is flat: a single agent, a single figure, or up to eight nested transformations with
+at most one figure inside; all values are numbers, bools or texts.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from minerva_bus.grammar.scene import (
 )
 
 MANY: Final = 32
-"""So many neighbours of one shape, and more, digest as one (and are worth being columns)."""
+"""Minimum number of neighbours of one shape that are digested together, and held in columns."""
 
 CHAIN: Final = 8
 
@@ -47,9 +47,9 @@ _SCALARS: Final = frozenset((float, int, bool, str))
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Columns(Digested):
-    """`count` nodes side by side: of one symbol, their values as columns, ids if they are agents.
+    """`count` neighbouring nodes of one symbol: values as columns, and ids if they are agents.
 
-    With `scope` each of them is a transformation around the node in the same row of that.
+    With `scope`, each is a transformation around the node in the same row of `scope`.
     """
 
     symbol: str
@@ -65,7 +65,7 @@ class Columns(Digested):
         return self.ids is None
 
     def levels(self) -> Iterator[Columns]:
-        """From outside to inside."""
+        """The levels of nesting, from outside to inside."""
         level: Columns | None = self
         while level is not None:
             yield level
@@ -81,7 +81,7 @@ class Columns(Digested):
         return self.columns[self.names.index(name)].array
 
     def ids_in(self, name: str) -> Ids:
-        """The ids that the texts of one name of the outermost level are."""
+        """The texts of one name of the outermost level, as ids."""
         column = self.columns[self.names.index(name)]
         return Ids.of(column.list()) if column.ids is None else column.ids
 
@@ -90,7 +90,7 @@ class Columns(Digested):
         return tuple([column for level in self.levels() for column in level.columns])
 
     def nodes(self) -> tuple[Node, ...]:
-        """Row by row, the nodes that these stand for."""
+        """The nodes that the rows represent."""
         made: Sequence[Node] | None = None
         for level in reversed(tuple(self.levels())):
             made = level._around(made)
@@ -134,7 +134,7 @@ class Columns(Digested):
         return Columns(self.symbol, self.names, columns, count, ids, scope)
 
     def with_columns(self, columns: Sequence[Column]) -> Columns:
-        """The same ids and shape with all columns (of all levels) replaced; as many rows."""
+        """The same ids, shape and number of rows with the columns of all levels replaced."""
         return self._with(iter(columns))
 
     def _with(self, given: Iterator[Column]) -> Columns:
@@ -143,7 +143,7 @@ class Columns(Digested):
         return Columns(self.symbol, self.names, own, self.count, self.ids, scope)
 
     def turned(self, turnover: RowDelta, newborn: Columns | None) -> Columns:
-        """Agents of whom some are gone, and the newborn between the others."""
+        """These agents after a turnover: without those removed, and with newborns inserted."""
         rows, old = turnover.source, [column.take(turnover.source) for column in self.columns]
         born = None
         if newborn is not None:
@@ -154,7 +154,7 @@ class Columns(Digested):
 
     @staticmethod
     def concatenated(parts: Sequence[Columns]) -> Columns:
-        """Several of one shape, one after another."""
+        """Several columns of one shape as one."""
         if len(parts) == 1:
             return parts[0]
         first = parts[0]
@@ -173,7 +173,7 @@ class Columns(Digested):
 
     @staticmethod
     def of(nodes: Sequence[Node]) -> Columns:
-        """Neighbours that have one shape (`shape_of`)."""
+        """Columns of neighbouring nodes of one shape (`shape_of`)."""
         first = nodes[0]
         values = zip(*[node.values for node in nodes], strict=True)
         columns = tuple([Column.of(value) for value in values])
@@ -218,16 +218,16 @@ def _scalar(values: tuple[Value, ...]) -> bool:
 
 
 def runs(pieces: Sequence[Piece]) -> Iterator[tuple[Shape | None, list[Piece]]]:
-    """The pieces of a string in maximal groups of one shape; those of none stand alone.
+    """The pieces of a string in maximal groups of one shape.
 
-    Where two neighbours have no shape they come in one group with None.
+    Neighbours without a shape form a group with None.
     """
     for shape, group in groupby(pieces, shape_of):
         yield shape, list(group)
 
 
 def merged(group: Sequence[Piece]) -> Columns:
-    """Neighbours of one shape as one."""
+    """Neighbours of one shape as one `Columns`."""
     parts: list[Columns] = []
     for columnar, run in groupby(group, lambda piece: isinstance(piece, Columns)):
         if columnar:
@@ -238,12 +238,12 @@ def merged(group: Sequence[Piece]) -> Columns:
 
 
 def size(group: Sequence[Piece]) -> int:
-    """How many nodes the pieces stand for."""
+    """The number of nodes that the pieces represent."""
     return sum(piece.count for piece in group)
 
 
 def packed(scene: Scene) -> Scene:
-    """The same string with its longer runs of one shape at the outermost level as columns."""
+    """The same string with longer runs of one shape at the outermost level in columns."""
     if len(scene.pieces) < MANY and not has_columns(scene):
         return scene
     made: list[Piece] = []
@@ -281,9 +281,9 @@ def rewritten(
     leave: Callable[[Node, Scene], Scene | Node],
     whole: Callable[[Columns], Scene | None],
 ) -> Scene:
-    """As `rebuild`, but columns at the outermost level are given to `whole` as they are.
+    """As `rebuild`, but columns at the outermost level are passed to `whole`.
 
-    Where that returns None, their rows are rewritten by `leave`, as nodes.
+    If that returns None, `leave` rewrites their rows, as nodes.
     """
     if not has_columns(scene):
         return rebuild(scene, leave)
@@ -295,7 +295,7 @@ def rewritten(
 
 
 def unfolded(scene: Scene) -> Scene:
-    """The same string without columns, in no scope either."""
+    """The same string without columns at any level."""
 
     def leave(node: Node, scope: Scene) -> Node:
         return rescoped(node, _nodes_of(scope))
@@ -308,7 +308,7 @@ def _nodes_of(scene: Scene) -> Scene:
 
 
 def walk_pieces(scene: Scene, whole: Callable[[Columns], bool]) -> Iterator[tuple[bool, Node]]:
-    """As `walk`, but columns are offered whole first; only those left over come node by node."""
+    """As `walk`, but columns are passed to `whole` first; if it returns False, node by node."""
     stack: list[Iterator[Piece]] = [iter(scene.pieces)]
     opened: list[TransformationNode | AgentNode] = []
     while stack:
@@ -328,7 +328,7 @@ def walk_pieces(scene: Scene, whole: Callable[[Columns], bool]) -> Iterator[tupl
 
 
 def around_each(transformations: Columns, inside: Scene) -> Scene:
-    """Each of many transformations around its row of a scope, or around all of it."""
+    """Each of n transformations around its row of a scope of n rows, or else around all of it."""
     pieces = inside.pieces
     if not transformations.count:
         return EMPTY

@@ -1,4 +1,4 @@
-"""Conditions c of events e^d_c (3.2): what an agent's state must fulfil, as a small language.
+"""Conditions c of events e^d_c (3.2): a small language about the state of an agent.
 
     condition  → all ("or" all)*
     all        → term ("and" term)*
@@ -6,9 +6,9 @@
     comparison → value ("<" | "<=" | ">" | ">=" | "==" | "!=") value
     value      → attribute | number | "text" | true | false
 
-The text is parsed, never evaluated by Python, and bounded in length and depth. Of an agent that
-lacks one of its attributes, or has it of another sort, no condition holds, not even a `not`.
-Norms (world/norms.py) have the same language and more names: `was.x`, `event.x`, `#agent.x`.
+The text is parsed, never evaluated by Python, and limited in length and depth. If an agent lacks
+one of the attributes, or has it with another sort, the condition does not hold, not even a `not`.
+Norms (world/norms.py) use the same language with more names: `was.x`, `event.x`, `#agent.x`.
 """
 
 from __future__ import annotations
@@ -36,10 +36,10 @@ from minerva_bus.grammar.terms import (
 )
 
 LONGEST: Final = 4000
-"""Characters of a condition, at most."""
+"""Maximum number of characters of a condition."""
 
 DEEPEST: Final = 32
-"""How deep parentheses and `not` may be within one another."""
+"""Maximum nesting of parentheses and `not`."""
 
 _TOKEN = re.compile(
     r"\s*(?:(?P<sign><=|>=|==|!=|<|>)|(?P<mark>[()])"
@@ -54,7 +54,7 @@ _WORDS = frozenset(("and", "or", "not"))
 
 @dataclass(frozen=True, slots=True)
 class Condition:
-    """A condition that has been read; without a term it always holds."""
+    """A parsed condition; without a term it always holds."""
 
     text: str
     term: Term | None = None
@@ -62,7 +62,7 @@ class Condition:
 
     @property
     def names(self) -> frozenset[str]:
-        """The attributes that it is about."""
+        """The names of the attributes in it."""
         return frozenset(name.name for name in self._names())
 
     def _names(self) -> Iterator[Name]:
@@ -81,7 +81,7 @@ class Condition:
         return fits and bool(self.term.truth(state))
 
     def holds_of_many(self, state: Mapping[str, Any], count: int) -> NDArray[np.bool_]:
-        """Of which of many agents it holds; their states as arrays of shape (count,), or values."""
+        """For which agents it holds; their states are arrays of shape (count,), or values."""
         found = np.ones(count, np.bool_)
         if self.term is None:
             return found
@@ -91,9 +91,9 @@ class Condition:
         return found & np.asarray(self.term.truth(state), np.bool_)
 
     def problem(self, sort_of: Callable[[str], str]) -> tuple[int, str, str] | None:
-        """What is wrong with its names, if something is: offset, name, what it is compared with.
+        """The first wrong name, if there is one: offset, name, and the sort it is compared with.
 
-        `sort_of` a name is empty where it is unknown, or cannot be compared at all.
+        `sort_of` a name is empty if it is unknown or cannot be compared.
         """
         for comparison in self.comparisons:
             left, right = comparison.left, comparison.right
@@ -104,9 +104,9 @@ class Condition:
         return None
 
     def check(self, scopes: Sequence[Scope], source: str) -> None:
-        """Whether it can be fulfilled in one of some scopes, if there are any.
+        """Raise VocabularyError if it cannot be fulfilled in any of the scopes, if there are any.
 
-        Raises VocabularyError about the scope in which most of it is right.
+        The error is about the scope in which the largest part of it is valid.
         """
         wrong = [(scope, self.problem(scope.sort_of)) for scope in scopes]
         found = [(scope, problem) for scope, problem in wrong if problem is not None]
@@ -127,9 +127,9 @@ class Condition:
 
 @dataclass(frozen=True, slots=True)
 class Scope:
-    """Whom a condition may be about: the names that are `known` of them, and of what sort each is.
+    """The names that a condition may use, and the sort of each.
 
-    The sort of a name is empty where there is none, or where it cannot be compared.
+    The sort is empty if there is no such name, or if it cannot be compared.
     """
 
     who: str
@@ -137,7 +137,7 @@ class Scope:
     sort_of: Callable[[str], str]
 
     def near(self, problem: tuple[int, str, str]) -> str:
-        """The name that may have been meant, as part of a message."""
+        """A suggestion for a wrong name, as part of a message."""
         _, name, other = problem
         alike = [scope for scope in self.known if scope.startswith("#") == name.startswith("#")]
         return "" if other else nearest(name, alike)
@@ -149,7 +149,7 @@ def holds(text: str, state: Mapping[str, Any]) -> bool:
 
 
 def holds_of_many(text: str, state: Mapping[str, Any], count: int) -> NDArray[np.bool_]:
-    """Of which of many agents a condition holds; their states as arrays of shape (count,)."""
+    """For which agents a condition holds; their states are arrays of shape (count,)."""
     return parse_condition(text).holds_of_many(state, count)
 
 

@@ -1,4 +1,4 @@
-"""The difference between two states of columns, which travels instead of the new state."""
+"""The difference between two states of columns, which is sent instead of the new state."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from minerva_bus.grammar.scene import Piece
 from minerva_bus.grammar.unique_ids import same_id
 
 MAX_PART: Final = 0.25
-"""Part of a column that may have changed; if more has, the whole column is shorter than its rows
-with their numbers."""
+"""Maximum part of a column that is sent as rows; beyond it the complete column is shorter than
+rows with their numbers."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -36,7 +36,7 @@ class Delta:
     """Changes of columns with `count` rows and these symbols, from outside to inside.
 
     With a `turnover` the row numbers of changes are those after it, and each column has a change
-    for the added rows, whose values are nowhere else. `born` are the ids of added agents.
+    for the added rows, whose values are given nowhere else. `born` are the ids of added agents.
     """
 
     count: int
@@ -49,8 +49,8 @@ class Delta:
 def difference(old: Piece, new: Piece, turnover: RowDelta | None = None) -> Delta | None:
     """The delta from the old columns to the new; None if the new ones must be sent as they are.
 
-    Only columns of one shape have a delta.
-    Ids tell which agents were removed and added; for columns without ids, `turnover` tells it.
+    Only columns of one shape have a delta. Ids show which agents were removed and added; for
+    columns without ids, `turnover` has to be given.
     """
     if not isinstance(old, Columns) or not isinstance(new, Columns) or old.shape != new.shape:
         return None
@@ -98,7 +98,7 @@ def _rows_after(turnover: RowDelta, old: Column, new: Column) -> Rows | None:
 
 
 def check(old: Piece, delta: Delta) -> Columns:
-    """The piece, if it is columns that a delta applies to. Raises Unfit."""
+    """The piece as columns, if the delta applies to them. Raises Unfit."""
     if not isinstance(old, Columns):
         raise Unfit(f"a patch of {old.symbol}, which is not in columns")
     symbols = tuple([level.symbol for level in old.levels()])
@@ -122,7 +122,7 @@ def check(old: Piece, delta: Delta) -> Columns:
 
 
 def patched(old: Piece, delta: Delta) -> Columns:
-    """The old columns with a delta applied. Raises Unfit where it does not apply to them."""
+    """The old columns with a delta applied. Raises Unfit if it does not apply to them."""
     # A delta may come from a remote member.
     columnar = check(old, delta)
     turned = columnar if delta.turnover is None else _turned(columnar, delta.turnover, delta.born)

@@ -1,24 +1,24 @@
-"""Digests of strings: equal exactly for strings that print the same.
+"""Digests of strings: equal exactly if the strings print the same.
 
-The digest of a string is BLAKE2b-128 over the digests of its parts, one after another. A part is a
-node, or 32 and more neighbours of one shape (grammar/columns.py), as many as there are.
+The digest of a string is BLAKE2b-128 over the digests of its parts in order. A part is a node, or
+a maximal run of 32 or more neighbours of one shape (grammar/columns.py).
 
-The digest of a node is BLAKE2b-128 over its head's text (UTF-8), a zero byte and, where it has a
-scope, the scope's digest. In a head's text a matrix stands as `RxC[#hex]`, hex being the
-BLAKE2b-128 of its values in row order (int16, or float64 where the text says `RxCr`, little
-endian), so that big matrices need not be printed.
+The digest of a node is BLAKE2b-128 over the text of its head (UTF-8), a zero byte and, if it has a
+scope, the digest of the scope. In this text a matrix is `RxC[#hex]`, where hex is the BLAKE2b-128
+of its values in row order (int16, or float64 in the case of `RxCr`, little endian), so that large
+matrices need not be printed.
 
-The digest of many of one shape is BLAKE2b-128 over the text `COUNT`, a zero byte and for each level
-of the shape the text `SYMBOL<NAME,...>`, a zero byte, and then, 16 bytes each, the digests of its
-ids (agents only) and of its columns. That of a column is BLAKE2b-128 over those of its chunks of
-4,096 values, and that of a chunk BLAKE2b-128 over
+The digest of a run is BLAKE2b-128 over the text `COUNT`, a zero byte and, for each level of the
+shape, the text `SYMBOL<NAME,...>`, a zero byte and the digests of its ids (agents only) and of its
+columns, 16 bytes each. The digest of a column is BLAKE2b-128 over those of its chunks of 4,096
+values, and the digest of a chunk is BLAKE2b-128 over
 
-    `n` and float64 values, little endian     where all are numbers that float64 has and that, when
-                                              whole, are below 10^16 or else typed real
-    `b` and bytes 0 or 1                      where all are truths
-    `t` and each value's text, a line feed behind each, for all else, ids among it (without quotes)
+    `n` and float64 values, little endian     if all are numbers that float64 represents exactly and
+                                              that are of type real, or whole and below 10^16
+    `b` and bytes 0 or 1                      if all are bools
+    `t` and the text of each value with a line feed, otherwise; ids are texts without quotes
 
-so that a chunk in which nothing has changed need not be gone over again.
+so that an unchanged chunk is not hashed again.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ _WHOLE: Final = 10**16  # above, a float prints otherwise than a whole number do
 
 
 def scene_digest(scene: Scene) -> bytes:
-    """16 bytes for a string; digests of nodes and scopes are kept with them and used again."""
+    """The digest of a string, 16 bytes; digests of nodes and scopes are cached in them."""
     # A stack of its own: strings may be nested more deeply than Python recurses.
     nodes, parts = _parts(scene), list[bytes]()
     opened: list[
@@ -87,9 +87,9 @@ def scene_digest(scene: Scene) -> bytes:
 
 
 def _parts(scene: Scene) -> Iterator[Piece | list[Columns]]:
-    """Nodes, and many of one shape as columns, however the string holds them.
+    """Nodes, and runs of one shape as columns, however the string holds them.
 
-    Columns beside one another that are cut where their chunks end are left as they are.
+    Neighbouring columns that are cut at chunk borders are not merged.
     """
     pieces = scene.pieces
     if len(pieces) < MANY and not any(type(piece) is Columns for piece in pieces):
@@ -110,7 +110,7 @@ def _grouped(pieces: tuple[Piece, ...]) -> Iterator[Piece | list[Columns]]:
 
 
 def _aligned(group: Sequence[Piece]) -> bool:
-    """Whether these are columns, all but the last of them of whole chunks."""
+    """Whether these are columns, of which all but the last consist of complete chunks."""
     # Columns cut at chunk borders have the chunks of the joined column, whose digests are cached.
     whole_chunks = all(piece.count % CHUNK == 0 for piece in group[:-1])  # so these are no nodes
     return whole_chunks and isinstance(group[-1], Columns)
@@ -210,7 +210,7 @@ def _filled(places: str, values: tuple[Value, ...]) -> str:
 
 @lru_cache(1024)
 def _places(names: tuple[str, ...]) -> str:
-    """Where the values stand between their names."""
+    """A format string with the names and a place for each value."""
     return ", ".join([f"{name}=%s" for name in names])
 
 

@@ -1,4 +1,4 @@
-"""Events e^d_c (3.2): type d, data e, condition c, and who sent it to whom."""
+"""Events e^d_c (3.2): type d, data e, condition c, sender and receivers."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""What parameters, attributes and data are: names with types, and values for them.
+"""Declarations of parameters, attributes and data: names, types and defaults.
 
-One declaration, `Fields`, is shared by all occurrences of a symbol; it types what they are given.
+One declaration, `Fields`, is shared by all occurrences of a symbol; it types their values.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from minerva_bus.grammar.scene import Value
 from minerva_bus.grammar.types import Type, Unfit, type_of
 
 NAME: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
-"""What a parameter, or a symbol, can be called."""
+"""Valid names of parameters and symbols."""
 
 
 @dataclass(frozen=True, slots=True)
 class Default:
-    """A parameter's annotation with the value it has where none is given."""
+    """A parameter's annotation and its default value."""
 
     annotation: Any
     value: Any
@@ -33,7 +33,7 @@ class Default:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Field:
-    """A named, typed parameter, attribute or datum; without a default it must be given."""
+    """A named, typed parameter, attribute or datum; without a default its value is required."""
 
     name: str
     type: Type
@@ -123,7 +123,7 @@ class Fields:
     def refit(
         self, owner: str, names: tuple[str, ...], values: tuple[Value, ...]
     ) -> tuple[tuple[str, ...], tuple[Value, ...]]:
-        """(names, values) of an occurrence in canonical form; the very ones if they are.
+        """(names, values) of an occurrence in canonical form; the same objects if they already are.
 
         Raises Unfit.
         """
@@ -147,7 +147,10 @@ class Fields:
     def bind_columns(
         self, owner: str, args: tuple[Any, ...], kwargs: Mapping[str, Any]
     ) -> tuple[tuple[Column, ...], int]:
-        """Columns from a call's arguments, some of them arrays; how long. Raises MisuseError."""
+        """Columns from a call's arguments, some of them arrays, and their length.
+
+        Raises MisuseError.
+        """
         given = self.merged(owner, args, kwargs) if args else kwargs
         count = next((len(value) for value in given.values() if is_array(value)), 0)
         return self.columns(owner, given, count), count

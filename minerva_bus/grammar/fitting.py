@@ -1,6 +1,6 @@
-"""How a value from Python or from a text becomes one of a type; see `types`.
+"""Conversion of values from Python or from texts to a type; see `types`.
 
-Each function gives back the very value where it is in its final form already.
+Each function returns the same object if it is already in its final form.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ from minerva_bus.grammar.units import Quantity
 
 
 class Unfit(MinervaError):
-    """A value is not of a type; the message says what was expected, `attribute` of what."""
+    """A value does not fit a type; the message has what was expected, `attribute` its name."""
 
     attribute: str = ""
 
 
 def to_float(value: Any) -> float | None:
-    """A float64, infinite for an int that none comes near; None for what is no number."""
+    """A float64; infinity for an int beyond its range, None if the value is not a number."""
     if isinstance(value, bool) or not isinstance(value, int | float | np.integer | np.floating):
         return None
     try:
@@ -48,7 +48,7 @@ def to_int(value: Any) -> int:
 
 
 def to_text(value: Any) -> str:
-    """A text that can be written in UTF-8. Raises Unfit."""
+    """A text that can be encoded in UTF-8. Raises Unfit."""
     if not isinstance(value, str):
         raise Unfit(f"a text, not {shown(value)}")
     if not value.isascii():
@@ -61,14 +61,14 @@ def to_text(value: Any) -> str:
 
 
 def to_bool(value: Any) -> bool:
-    """True or False, numpy's too. Raises Unfit."""
+    """A bool, also from numpy. Raises Unfit."""
     if not isinstance(value, bool | np.bool_):
         raise Unfit(f"true or false, not {shown(value)}")
     return bool(cast("bool", value))
 
 
 def to_string(value: Any) -> Scene:
-    """A string of L(M) that may stand in braces. Raises Unfit."""
+    """A string of L(M) that is valid as a value in braces. Raises Unfit."""
     if not isinstance(value, Scene):
         raise Unfit(f"a string in braces, not {shown(value)}")
     return shallow(value)
@@ -78,9 +78,9 @@ _V = TypeVar("_V", bound=Value)
 
 
 def shallow(value: _V) -> _V:
-    """The value, if lists and strings stand in it no deeper than a text may have them.
+    """The value, if lists and strings are nested in it no deeper than a text may nest them.
 
-    Raises Unfit. Such values are printed and compared by recursion, which has to end.
+    Raises Unfit. Values are printed and compared recursively, so their depth is limited.
     """
     level: list[Value] = [value]
     for _ in range(DEPTH):
@@ -132,7 +132,7 @@ def _matrix(value: Any, kinds: str, wanted: str) -> NDArray[Any]:
 
 
 def _frozen(matrix: NDArray[Any]) -> NDArray[Any]:
-    """The very matrix where nobody can write to it any more, or else a copy."""
+    """The same matrix if its memory is read-only, otherwise a copy."""
     # A read-only view can still be changed through the writable array that it views.
     owner: object = matrix
     while isinstance(owner, np.ndarray) and not owner.flags.writeable:
@@ -146,7 +146,7 @@ def _frozen(matrix: NDArray[Any]) -> NDArray[Any]:
 
 
 def shown(value: Any) -> str:
-    """A value as a message may name it."""
+    """A value as shown in messages."""
     if isinstance(value, str | int | float | bool):
         return repr(value)[:40]
     if isinstance(value, Quantity):

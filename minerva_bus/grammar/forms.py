@@ -1,9 +1,9 @@
-"""What a symbol looks like to a geometric system that knows nothing else about it.
+"""Appearance of symbols, for geometric systems without code for them.
 
-A primitive may declare a `Shape`, a transformation a `Motion`. Both are plain data: they travel
-with the vocabulary, so a picture, a window or a web page can draw worlds it has never heard of.
-A measure is a number, or the name of the symbol's parameter that holds it. Lengths are metres,
-angles degrees, counter-clockwise from the x axis.
+A primitive may declare a `Shape`, a transformation a `Motion`. Both are plain data that are sent
+with the vocabulary, so a picture, a window or a web page can draw worlds whose code it lacks. A
+measure is a number, or the name of the symbol's parameter that has it. Lengths are in metres,
+angles in degrees, counter-clockwise from the x axis.
 """
 
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ class Motion:
 
 @dataclass(frozen=True, slots=True)
 class Disc:
-    """A disc about the origin; with `heading` a mark shows where its x axis points."""
+    """A disc around the origin; with `heading`, a mark shows the direction of its x axis."""
 
     radius: Measure = 0.1
     color: str = "#444444"
@@ -34,7 +34,7 @@ class Disc:
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """A line through the points that two `list of real` parameters hold."""
+    """A line through points whose coordinates are two `list of real` parameters."""
 
     xs: str
     ys: str
@@ -45,7 +45,7 @@ class Line:
 
 @dataclass(frozen=True, slots=True)
 class Label:
-    """A text that a parameter holds, on a small pin at the origin."""
+    """The text of a parameter, on a small pin at the origin."""
 
     text: str
     color: str = "#444444"

@@ -1,9 +1,9 @@
 """The ids of many agents as one column.
 
-    Numbered   stem + number for each: fox0, fox1, ...     one int64 an id
-    Spelled    any others, at most 64 characters long      a numpy array of bytes
+    Numbered   a stem and a number: fox0, fox1, ...      one int64 per id
+    Spelled    any others of at most 64 characters       a numpy array of bytes
 
-Both are the same texts: they compare, digest and hash alike.
+The representation does not matter: equal ids compare, digest and hash alike.
 """
 
 from __future__ import annotations
@@ -42,12 +42,12 @@ class Ids(Joinable):
 
     @staticmethod
     def numbered(stem: str, numbers: NDArray[np.integer[Any]] | range) -> Ids:
-        """The stem with each of some whole numbers, from 0, behind it."""
+        """The stem followed by each of these integers, which are at least 0."""
         return Ids(stem, np.array(numbers, np.int64))
 
     @staticmethod
     def of(texts: Sequence[str]) -> Ids:
-        """These very ids."""
+        """The ids with these texts."""
         numbers = _numbered(texts)
         if numbers is not None:
             return Ids(*numbers)
@@ -82,12 +82,12 @@ class Ids(Joinable):
 
     @property
     def stem(self) -> str | None:
-        """What numbered ids begin with; None for spelled ones."""
+        """The common beginning of numbered ids; None for spelled ones."""
         return self._stem
 
     @property
     def data(self) -> NDArray[Any]:
-        """The numbers behind the stem (int64), or the ids as bytes."""
+        """The numbers after the stem (int64), or the ids as bytes."""
         return self._data
 
     def texts(self) -> list[str]:
@@ -101,7 +101,7 @@ class Ids(Joinable):
 
     @cached_property
     def column(self) -> NDArray[Any]:
-        """The ids as texts in an array, shape (n,): made once for all that show them."""
+        """The ids as texts in an array, shape (n,); created once."""
         made = np.empty(len(self), object)
         made[:] = self.texts()
         made.flags.writeable = False
@@ -124,7 +124,7 @@ class Ids(Joinable):
         return taken.sound_like((self,))
 
     def put(self, rows: Rows, others: Ids) -> Ids:
-        """Other ids in some rows."""
+        """These ids with others in some rows."""
         alike = self._stem is not None and self._stem == others._stem
         old, new = (self._data, others._data) if alike else (self.spelled, others.spelled)
         data = old.astype(np.promote_types(old.dtype, new.dtype))
@@ -137,13 +137,13 @@ class Ids(Joinable):
         return made.sound_like((self, others))
 
     def sound_like(self, sources: Sequence[Ids]) -> Ids:
-        """These, made of others: where those are known to be ids of agents, these are too."""
+        """Mark these ids as valid if all ids that they are made of are known to be valid."""
         if all("strange" in source.__dict__ and source.strange is None for source in sources):
             self.__dict__["strange"] = None
         return self
 
     def turned(self, turnover: RowDelta, born: Ids | None) -> Ids:
-        """The ids that are left, and those of the newborn between them."""
+        """The ids after a turnover, with those of newborns in their rows."""
         made = self.take(turnover.source)
         new = born is None or not (self.rows_of(born) >= 0).any()
         if born is not None:
@@ -154,7 +154,7 @@ class Ids(Joinable):
         return made.known()
 
     def since(self, old: Ids) -> RowDelta | None:
-        """What has made these of old ones; None where they are not in their order any more."""
+        """The turnover from old ids to these; None if those that remain are in another order."""
         if self._before is not None and self._before[0]() is old:
             return self._before[1]
         # With a repeated id there is no one old row.
@@ -165,7 +165,7 @@ class Ids(Joinable):
         return turnover
 
     def differs(self, other: Ids) -> Rows | None:
-        """The rows in which as many others are not the same; None where that is not looked at."""
+        """The rows in which these differ from as many others; None if their stems differ."""
         if self._spells(other):
             return np.empty(0, np.intp)
         if self._stem != other._stem:
@@ -173,7 +173,7 @@ class Ids(Joinable):
         return np.flatnonzero(self._data != other._data)
 
     def known(self) -> Ids:
-        """The same ids as somebody has them already, with all that is known of them; or these."""
+        """Equal ids that exist already, with their cached properties; otherwise these."""
         # A cheap key; `_spells` compares everything.
         ends = self._data[:1].tobytes(), self._data[-1:].tobytes()
         key = (self._stem, len(self), *ends)
@@ -184,7 +184,7 @@ class Ids(Joinable):
         return self
 
     def _spells(self, other: Ids) -> bool:
-        """Whether another one is the same, held the same way."""
+        """Whether other ids are equal and have the same representation."""
         if self is other:
             return True
         one, two = self._data, other._data
@@ -205,7 +205,7 @@ class Ids(Joinable):
 
     @staticmethod
     def in_common(columns: Sequence[Ids]) -> str | None:
-        """An id that stands twice in some columns, or None."""
+        """An id that occurs twice in these columns, or None."""
         twice = next((column.duplicate for column in columns if column.duplicate is not None), None)
         if twice is not None or len(columns) == 1:
             return twice
@@ -214,7 +214,7 @@ class Ids(Joinable):
         return Ids.concatenated(columns).duplicate
 
     def text_of(self, rows: slice) -> bytes:
-        """The ids of some rows, each with a line feed behind it."""
+        """The ids of some rows, each followed by a line feed."""
         spelled = np.ascontiguousarray(self.take(rows).spelled)
         width = spelled.dtype.itemsize
         lines = np.empty((len(spelled), width + 1), np.uint8)
@@ -225,12 +225,12 @@ class Ids(Joinable):
 
     @cached_property
     def hashes(self) -> NDArray[np.uint64]:
-        """A polynomial hash of each id's bytes, modulo 2^64; that of `chance.hash_of`."""
+        """A polynomial hash of each id's bytes, modulo 2^64, equal to `world.rng.hash_of`."""
         return hashes_of(self.spelled)
 
     @cached_property
     def distinct(self) -> bool:
-        """Whether it is easily seen that no id stands twice in here."""
+        """Whether a quick test proves that no id occurs twice."""
         if self._stem is not None:
             return bool((self._data[1:] > self._data[:-1]).all())
         # Equal hashes leave the question open: `duplicate` then compares the ids.
@@ -239,7 +239,7 @@ class Ids(Joinable):
 
     @cached_property
     def duplicate(self) -> str | None:
-        """An id that stands twice in here, or None."""
+        """An id that occurs twice, or None."""
         if self.distinct:
             return None
         ordered = np.sort(self._data)
@@ -248,7 +248,7 @@ class Ids(Joinable):
 
     @cached_property
     def strange(self) -> str | None:
-        """One that is no id of an agent, or None."""
+        """One that is not a valid id of an agent, or None."""
         if self._stem is not None:
             # One number stands for all of them, because only a negative one adds another character.
             some = int(self._data.min()) if len(self) else 0
@@ -263,7 +263,7 @@ class Ids(Joinable):
         return None
 
     def rows_of(self, others: Ids) -> Rows:
-        """The row of each of some ids in here, -1 where it is not; shape (len(others),)."""
+        """The row of each of the other ids, -1 if it is not here; shape (len(others),)."""
         # The usual case in a frame without births and deaths.
         if self._spells(others) and self.duplicate is None:
             return np.arange(len(self))
@@ -276,7 +276,7 @@ class Ids(Joinable):
         return self._search(others)
 
     def _apart(self, others: Ids) -> bool:
-        """Whether two stems that differ cannot spell the same id, whatever the numbers are."""
+        """Whether two different stems cannot give the same id with any numbers."""
         one, other = self._stem, others._stem
         if one is None or other is None or one == other:
             return False
@@ -289,7 +289,7 @@ class Ids(Joinable):
 
     @property
     def consecutive(self) -> bool:
-        """Whether these are a stem with one number after another."""
+        """Whether these are a stem with consecutive numbers."""
         return self._stem is not None and len(self) > 0 and self._numbers.consecutive
 
     @cached_property
@@ -300,7 +300,7 @@ class Ids(Joinable):
         return self._numbers.rows_of(numbers) if len(self) else np.full(len(numbers), -1, np.intp)
 
     def _numbered_among(self, others: Ids) -> Rows:
-        """The rows of spelled ids; only those are looked for that may be these numbered ones."""
+        """The rows of spelled ids; only those with this stem and a number are searched."""
         rows = np.full(len(others), -1, np.intp)
         stem = cast("str", self._stem)
         alike = np.flatnonzero(np.strings.startswith(others.spelled, stem.encode()))
@@ -331,7 +331,7 @@ _KNOWN: Final[WeakValueDictionary[tuple[Any, ...], Ids]] = WeakValueDictionary()
 
 
 def _numbered(texts: Sequence[str]) -> tuple[str, NDArray[np.int64]] | None:
-    """The one stem of all these ids and their numbers."""
+    """The common stem of these ids, and their numbers; None if there is none."""
     stem, numbers = None, list[int]()
     for text in texts:
         found = _NUMBERED.fullmatch(text)

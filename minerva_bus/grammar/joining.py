@@ -1,4 +1,4 @@
-"""What is put together of parts again and again, and is made but once."""
+"""Concatenation of the same parts again and again, with a cache of the result."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any, Self
 
 
 class Joinable:
-    """A column of something. The first of some parts remembers what it made with the others."""
+    """Base of columns. The first of several parts caches the result of joining them."""
 
     __slots__ = ("_joined",)
 
@@ -17,7 +17,7 @@ class Joinable:
 
     @classmethod
     def concatenated(cls, parts: Sequence[Self]) -> Self:
-        """What is in several columns, one after another."""
+        """Several columns as one."""
         first, others = parts[0], tuple(parts[1:])
         if not others:
             return first

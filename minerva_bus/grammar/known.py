@@ -1,4 +1,4 @@
-"""Which values the parameters of a symbol have in a string."""
+"""Values that the parameters of a symbol have in a string."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a type says of its values beside their kind: a range, or where a text is known.
+"""Further limits of a type: a range of numbers, or the source of known texts.
 
 | text             | in Python                                    | value                         |
 |------------------|----------------------------------------------|-------------------------------|
@@ -6,8 +6,8 @@
 | `int 1..6`       | `Annotated[int, Range(1, 6)]`                | a number from 1 to 6          |
 | `text of P.name` | `Annotated[str, Of("P", "name")]`            | a `name` of a P in the string |
 
-Both are for the data of event types. A range holds wherever an event is made. What the string
-holds only the coordinator knows: it looks when people give an order.
+Both are for data of event types. A range is checked wherever an event is created. Only the
+coordinator knows the string, so it checks sources, for orders of people.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class Range:
 
     @property
     def words(self) -> str:
-        """As a person reads it."""
+        """The range in words, for messages."""
         if math.isinf(self.most):
             return f"from {_shown(self.least)} up"
         if math.isinf(self.least):
@@ -86,6 +86,6 @@ class Of:
 
 
 def parse_of(text: str) -> Of:
-    """Where a text is known, from `SYMBOL.parameter`. Raises MisuseError."""
+    """The source of texts that `SYMBOL.parameter` names. Raises MisuseError."""
     symbol, _, parameter = text.partition(".")
     return Of(symbol, parameter)

@@ -37,9 +37,9 @@ _VALUE = 'a number, "text", true, false, [list], RxC[matrix] or {string}'
 class Literals:
     """Reads values from a text.
 
-    `skip` passes over blanks and comments; `world` reads the string within braces, at an offset
-    and a depth. Lists and braces may stand in each other `DEPTH` deep, and no deeper: values are
-    the one place where the language is read, printed and compared by recursion.
+    `skip` returns the offset after blanks and comments; `world` reads a string in braces at an
+    offset and a depth. Lists and braces may be nested `DEPTH` deep, because values are the only
+    part of the language that is read, printed and compared recursively.
     """
 
     text: str
@@ -49,7 +49,7 @@ class Literals:
     depth: int = 0
 
     def values(self, at: int) -> tuple[tuple[tuple[str, ...], tuple[Value, ...]], int]:
-        """Names and values of `<name=value, ...>` at an offset, and the offset behind it."""
+        """Names and values of `<name=value, ...>` at an offset, and the offset after it."""
         at = self.skip(at + 1)
         if self.text.startswith(">", at):
             return ((), ()), at + 1
@@ -60,7 +60,7 @@ class Literals:
         return (tuple(found), tuple(found.values())), at
 
     def pair(self, at: int, pairs: dict[str, Value]) -> tuple[int, bool]:
-        """Read `name=value` and the sign behind it: the offset behind that, and if more follows."""
+        """Read `name=value` and the following sign; returns the next offset, and if more follow."""
         # Most values are plain numbers, for which one match reads the whole pair.
         plain = _PLAIN_PAIR.match(self.text, at)
         if plain is not None and plain.group(1) not in pairs:
@@ -83,7 +83,7 @@ class Literals:
         return match.group(), self.expect("=", self.skip(match.end()))
 
     def value(self, at: int) -> tuple[Value, int]:
-        """One value at an offset, and the offset behind it."""
+        """One value at an offset, and the offset after it."""
         first = self.text[at : at + 1]
         if first == '"':
             return self.string(at)
@@ -204,6 +204,6 @@ _A = TypeVar("_A", NDArray[np.int16], NDArray[np.float64])
 
 
 def _shaped(flat: _A, rows: int, columns: int) -> _A:
-    """A matrix over cells that nobody can write to any more."""
+    """A read-only matrix of these cells."""
     flat.flags.writeable = False
     return flat.reshape(rows, columns)

@@ -1,4 +1,4 @@
-"""From a text to a string of L(M), by Table 1 alone.
+"""Parser for strings of L(M), by Table 1 only.
 
     WORLD    → OBJECTS | ε
     OBJECTS  → OBJECT (("·" | ".") OBJECT)*
@@ -9,12 +9,11 @@
     PRIMITIVE → Pname [values]
     values   → "<" [name "=" value ("," name "=" value)*] ">"
 
-Primitives of one figure may stand side by side without a dot (p⁺, rule 6): `PX PY` and `PX · PY`
-are one string, since φ runs both from left to right (equation 1), and print with dots.
-A symbol's first letter says its alphabet, as in the paper: P, T or A. `//` starts a comment.
-An agent without an id gets one from its kind and its place among the nameless ones of that kind;
-ids that the text gives to others are passed over. The parser keeps its own stack, so depth is
-limited by memory only.
+Primitives of one figure may be adjacent without a dot (p⁺, rule 6): `PX PY` and `PX · PY` are the
+same string, because φ runs both from left to right (equation 1); it prints with dots. The first
+letter of a symbol is its alphabet, as in the paper: P, T or A. `//` starts a comment. An agent
+without an id gets one from its kind and a count of such agents of that kind; ids that the text
+gives to others are skipped. The parser has its own stack, so only memory limits the depth.
 """
 
 import re
@@ -46,7 +45,7 @@ _Values: TypeAlias = tuple[tuple[str, ...], tuple[Value, ...]]
 
 @dataclass(slots=True)
 class _Open:
-    """A symbol whose scope is being read, and the nodes read in it so far."""
+    """A symbol whose scope is being read, and the nodes in it so far."""
 
     symbol: str
     id: str
@@ -74,7 +73,7 @@ def parse(text: str, source: str = "") -> Scene:
 
 
 def parse_located(text: str, source: str = "") -> Parsed:
-    """As `parse`, with the place of each node for errors that are found later."""
+    """As `parse`, with the offset of each node, for errors that are found later."""
     reader = _Reader(text, source)
     scene, _ = reader.world(0)
     return Parsed(scene, text, source, reader.offsets)
@@ -82,7 +81,7 @@ def parse_located(text: str, source: str = "") -> Parsed:
 
 @dataclass(slots=True)
 class _Reader:
-    """Reads one string: the whole text, or at `depth` > 0 what stands within braces in it."""
+    """Reads one string: the complete text, or at `depth` > 0 a part of it in braces."""
 
     text: str
     source: str
@@ -132,11 +131,11 @@ class _Reader:
         return self.text.startswith("}", at) if self.depth else at == len(self.text)
 
     def inner(self, at: int, depth: int) -> tuple[Scene, int]:
-        """The string within braces, a world of its own: its ids concern nobody outside."""
+        """A string in braces; its ids are independent of those outside."""
         return _Reader(self.text, self.source, depth, self.offsets, self.given_ids()).world(at)
 
     def symbol(self, at: int, nodes: list[Node]) -> tuple[_Open | None, int]:
-        """Read one symbol; a figure or a scopeless agent is done, others are left open."""
+        """Read one symbol; unless it is a figure or an agent without a scope, it remains open."""
         start = at
         match = _HEAD.match(self.text, at)
         if match is None:
@@ -200,7 +199,7 @@ class _Reader:
                 return name
 
     def given_ids(self) -> frozenset[str]:
-        """Every id that the text gives, before or behind; found once for a whole text."""
+        """All ids in the text, found once for the complete text."""
         if self.given is None:
             self.given = frozenset(_GIVEN_ID.findall(self.text))
         return self.given

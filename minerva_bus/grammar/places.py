@@ -1,4 +1,4 @@
-"""Where some values stand in an array: numbers, and texts by a table of their hashes."""
+"""Search for the rows of values in an array: numbers, and texts by a table of hashes."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def _powers(base: int, count: int) -> Hashes:
 
 @cache
 def _weights(width: int) -> tuple[Hashes, Hashes]:
-    """What each letter of a text counts, and by how much zero bytes behind it are too much."""
+    """The weight of each letter, and by their number the factor that removes zero bytes."""
     return _powers(_FACTOR, width)[::-1].copy(), _powers(pow(_FACTOR, -1, 1 << 64), width + 1)
 
 
@@ -40,14 +40,14 @@ def hashes_of(texts: NDArray[np.bytes_]) -> Hashes:
 
 
 def found_in(column: NDArray[Any], sorter: Rows, wanted: NDArray[Any]) -> Rows:
-    """The row of each of some values in a column that is not empty, -1 where it is not."""
+    """The row of each wanted value in a column that is not empty, -1 if it is not there."""
     places = np.searchsorted(column, wanted, sorter=sorter)
     rows = sorter[np.minimum(places, len(column) - 1)]
     return np.where(column[rows] == wanted, rows, -1)
 
 
 class Numbers:
-    """Where each of n whole numbers stands, n > 0."""
+    """The rows of n integers, n > 0."""
 
     def __init__(self, numbers: NDArray[np.int64]) -> None:
         self._numbers = numbers
@@ -55,10 +55,10 @@ class Numbers:
         span = int(numbers[-1]) - int(numbers[0])
         # The ends are compared first, because that needs no pass over the array.
         self.consecutive = span == len(numbers) - 1 and bool((np.diff(numbers) == 1).all())
-        """Whether each is the one before and one."""
+        """Whether each number is the previous one plus 1."""
 
     def rows_of(self, wanted: NDArray[np.int64]) -> Rows:
-        """A row of each of some numbers, -1 where it is not; shape (len(wanted),)."""
+        """A row of each wanted number, -1 if it is not there; shape (len(wanted),)."""
         numbers = self._numbers
         if self.consecutive:
             rows = wanted - numbers[0]
@@ -73,8 +73,8 @@ class Numbers:
 class Places:
     """The first row of each of n hashes, n > 0.
 
-    A table of at least 4 n slots has most of them at once; the few whose slot another one has are
-    sorted. That is several times quicker than sorting all.
+    A table of at least 4 n slots finds most of them directly; the few whose slot is taken are
+    sorted. This is several times faster than sorting all.
     """
 
     def __init__(self, hashes: Hashes) -> None:
@@ -91,7 +91,7 @@ class Places:
         return ((hashes * _SPREAD) >> self._shift).astype(np.intp)
 
     def rows_of(self, wanted: Hashes) -> Rows:
-        """The row of each of some hashes, -1 where it is not; shape (len(wanted),)."""
+        """The row of each wanted hash, -1 if it is not there; shape (len(wanted),)."""
         rows = self._table[self._slots(wanted)].astype(np.intp)
         missed = np.flatnonzero(self._hashes[rows] != wanted)
         if len(missed) and len(self._others):

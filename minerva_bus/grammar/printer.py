@@ -60,7 +60,7 @@ def value_text(value: Value) -> str:
 
 
 def number_text(number: float) -> str:
-    """The shortest text that reads back as the same number; whole ones without a point."""
+    """The shortest text that is read as the same number; whole numbers have no point."""
     shown = repr(float(number))
     # "-0" would be read as an integer, which has no negative zero.
     return shown if shown[-2:] != ".0" or shown == "-0.0" else shown[:-2]
@@ -80,10 +80,10 @@ def _matrix_text(matrix: Array) -> str:
 
 
 def bits(matrix: Array) -> NDArray[np.integer[Any]]:
-    """A matrix's values as whole numbers that are equal where the values print the same."""
+    """A matrix's values as integers that are equal exactly if the values print the same."""
     return matrix.view(np.int64) if matrix.dtype == np.float64 else matrix.view(np.int16)
 
 
 def shape_text(matrix: Array) -> str:
-    """`2x3`, with an `r` behind it where the values are reals."""
+    """`2x3`, followed by `r` if the values are reals."""
     return f"{matrix.shape[0]}x{matrix.shape[1]}{'r' if matrix.dtype == np.float64 else ''}"

@@ -1,4 +1,4 @@
-"""Agents at rest: what says what they carry out says nothing."""
+"""Agents at rest: their commands are reset to neutral values."""
 
 from __future__ import annotations
 
@@ -30,10 +30,10 @@ Kinds = Mapping[str, AgentKind]
 
 
 def rested(scene: Scene, who: Collection[str], kinds: Kinds) -> Scene:
-    """The string in which agents of some ids are at rest; the very string where they are already.
+    """The string with the agents of these ids at rest; the same object if they already are.
 
     The attributes that a kind declares as `rest` become 0, false, "" or (); a string loses its
-    transformations, so that its primitives are as they are, where they are.
+    transformations, so that its primitives remain without motion.
     """
     if not who or not any(kind.rest for kind in kinds.values()):
         return scene
@@ -80,7 +80,7 @@ def _still(column: Column, rows: Rows) -> Column:
 
 
 def at_rest(value: Value) -> Value:
-    """A value of an attribute of an agent at rest."""
+    """The neutral value for an attribute with this value."""
     if isinstance(value, Scene):
         still = rebuild(value, _without_motion)
         return value if still == value else still

@@ -1,4 +1,4 @@
-"""Which rows of columns were removed, which were added, and where."""
+"""The rows that were removed from columns, and those that were added."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class RowDelta:
     def of(was: Rows, count: int) -> RowDelta | None:
         """From the old row of each new one, -1 for added rows.
 
-        None where the rows are in another order, or none of the old ones is left.
+        None if the remaining rows are in another order, or if no old row remains.
         """
         stays = was[was >= 0]
         if not len(stays) or (stays[1:] <= stays[:-1]).any():

@@ -6,10 +6,10 @@ A `Scene` is a concatenation of nodes, one class for each alternative of rule 3:
     TransformationNode   t(OBJECTS)  rule 5
     AgentNode            a(OBJECTS)  rule 4
 
-A string is held in *pieces*. A piece is a node, or a `Columns` (grammar/columns.py) that stands
-for many nodes of one shape. Both have `symbol`, `count`, `ids`, `still` and `nodes()`, so most code
-need not know which one a piece is.
-A *fragment* is a `Scene` too. Nothing here recurses: strings may be nested as deep as memory goes.
+A string consists of *pieces*. A piece is a node, or a `Columns` (grammar/columns.py) that
+represents many nodes of one shape. Both have `symbol`, `count`, `ids`, `still` and `nodes()`, so
+most code does not distinguish them. A *fragment* is a `Scene`, too. Nothing here recurses: only
+memory limits the depth of a string.
 """
 
 from __future__ import annotations
@@ -38,15 +38,15 @@ AGENT_ID: Final = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_:-]*")
 
 
 class Digested:
-    """Keeps its digest once it is known, and whether it is without agents."""
+    """Caches its digest, and whether it contains no agents."""
 
     __slots__ = ("_digest", "_still")
 
 
 class Scene(Digested):
-    """A string w ∈ L(M): nodes side by side. `EMPTY` is ε. Immutable.
+    """A string w ∈ L(M): a concatenation of nodes. `EMPTY` is ε. Immutable.
 
-    `pieces` is how it is held: nodes, and `Columns` that stand for many. `nodes` is what it is.
+    `pieces` is the representation: nodes, and `Columns` for many nodes. `nodes` is the content.
     """
 
     __slots__ = ("_nodes", "pieces")
@@ -63,7 +63,7 @@ class Scene(Digested):
 
     @property
     def nodes(self) -> tuple[Node, ...]:
-        """Every node, those that stand in columns too."""
+        """All nodes, including those in columns."""
         nodes = self._nodes
         if nodes is None:
             nodes = _plain(self.pieces)
@@ -112,7 +112,7 @@ class Scene(Digested):
 
     @property
     def digest(self) -> bytes:
-        """16 bytes that two strings share exactly when they print the same."""
+        """16 bytes, equal for two strings exactly if they print the same."""
         known: bytes | None = getattr(self, "_digest", None)
         if known is None:
             # Imported here, because the digest imports this module.
@@ -144,13 +144,13 @@ class _SingleNode(Digested):
     __slots__ = ()
 
     count: ClassVar[int] = 1
-    """Number of nodes that a piece stands for."""
+    """Number of nodes that a piece represents."""
 
     ids: ClassVar[None] = None
     """Ids of agents held in columns; None for a node, and for columns of figures."""
 
     def nodes(self) -> tuple[Node]:
-        """The nodes that a piece stands for."""
+        """The nodes that a piece represents."""
         return (cast("Node", self),)
 
     def __eq__(self, other: object) -> bool:
@@ -195,7 +195,7 @@ class TransformationNode(_SingleNode):
 
     @property
     def still(self) -> bool:
-        """Whether there is no agent in the scope; found once, because frames ask it repeatedly."""
+        """Whether there is no agent in the scope; cached, because frames need it repeatedly."""
         known: bool | None = getattr(self, "_still", None)
         if known is None:
             known = next(agents(self.scope), None) is None
@@ -243,7 +243,7 @@ def with_scope(
 def with_scope(
     node: TransformationNode | AgentNode, scope: Scene
 ) -> TransformationNode | AgentNode:
-    """The same node around another scope; the very node where nothing changes."""
+    """The node with another scope; the same object if nothing changes."""
     if scope is node.scope or (not scope.pieces and not node.scope.pieces):
         return node
     if isinstance(node, AgentNode):
@@ -252,14 +252,14 @@ def with_scope(
 
 
 def rescoped(node: Node, scope: Scene) -> Node:
-    """One node around another scope; a figure has none and stays."""
+    """The node with another scope; a figure has none and is returned as it is."""
     return node if isinstance(node, FigureNode) else with_scope(node, scope)
 
 
 def walk(scene: Scene) -> Iterator[tuple[bool, Node]]:
-    """(True, node) where a node opens and (False, node) where its scope ends, left to right.
+    """(True, node) at the start of each node and (False, node) at the end of its scope, in order.
 
-    A figure has no scope: it opens only.
+    A figure has no scope, so it has a start only.
     """
     stack = [iter(scene.nodes)]
     open_nodes: list[Node] = []
@@ -283,8 +283,8 @@ def rebuild(
 ) -> Scene:
     """Rewrite a string from the leaves up: `leave(node, its rewritten scope)` replaces each node.
 
-    Where `leave` gives back the very node, the original is kept and shared. Nodes whose `id()` is
-    in `whole` are replaced as they are, with all that is in them.
+    If `leave` returns the same node, the original is shared. Nodes whose `id()` is in `whole` are
+    passed to `leave` with their scope unchanged.
     """
     # A stack of its own: strings may be nested more deeply than Python recurses.
     nodes, made = iter(scene.nodes), list[Node]()
@@ -315,14 +315,14 @@ def _put(nodes: list[Node], more: Scene | Node) -> None:
 
 
 def shared(old: Scene, nodes: list[Node]) -> Scene:
-    """The string of these nodes; the old one where they are its very own."""
+    """The string of these nodes; the old string if they are the same objects as its nodes."""
     if len(nodes) == len(old.nodes) and all(map(is_, nodes, old.nodes)):
         return old
     return Scene(tuple(nodes)) if nodes else EMPTY
 
 
 def of_pieces(old: Scene, pieces: list[Piece]) -> Scene:
-    """As `shared`, of pieces as they are held: columns are not taken apart to compare them."""
+    """As `shared`, for pieces: columns are compared as objects, not by their rows."""
     if len(pieces) == len(old.pieces) and all(map(is_, pieces, old.pieces)):
         return old
     return Scene(tuple(pieces)) if pieces else EMPTY
@@ -340,9 +340,9 @@ def kind_counts(*pieces: Piece) -> Counter[str]:
 
 
 def agents(scene: Scene, passed_over: Container[int] = ()) -> Iterator[AgentNode]:
-    """Every agent of a string, also those within others, left to right.
+    """All agents of a string, including those within others, from left to right.
 
-    Nodes whose `id()` is in `passed_over` do not count, nor does what is in them.
+    Nodes whose `id()` is in `passed_over` are skipped with their scopes.
     """
     stack = _perhaps_agents(scene)
     while stack:
@@ -355,7 +355,7 @@ def agents(scene: Scene, passed_over: Container[int] = ()) -> Iterator[AgentNode
 
 
 def _perhaps_agents(scene: Scene) -> list[Node]:
-    """The nodes that are agents or may have some, from right to left: no columns of figures."""
+    """The nodes that are agents or may contain some, from right to left."""
     found: list[Node] = []
     for piece in reversed(scene.pieces):
         if isinstance(piece, FigureNode | TransformationNode | AgentNode):
@@ -366,5 +366,5 @@ def _perhaps_agents(scene: Scene) -> list[Node]:
 
 
 def identities(scene: Scene) -> frozenset[int]:
-    """The `id()` of each node of a string, to know it again where it has been put."""
+    """The `id()` of each node of a string, to recognize the nodes in another string."""
     return frozenset(map(id, scene.nodes))

@@ -1,4 +1,4 @@
-"""A string with slots: agents by name only, in whose places other strings are put."""
+"""Strings with slots: agents by name only, which are replaced by other strings."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from minerva_bus.grammar.scene import (
 
 
 def fill(skeleton: Scene, parts: Mapping[str, Scene]) -> Scene:
-    """The skeleton with a string in each fragment's slot; ε where there is none."""
+    """The skeleton with each slot replaced by its fragment, or by ε if there is none."""
     made: list[Piece] = []
     for piece in skeleton.pieces:
         if isinstance(piece, AgentNode):
@@ -32,7 +32,7 @@ def fill(skeleton: Scene, parts: Mapping[str, Scene]) -> Scene:
 
 
 def fill_slots(scene: Scene, part: Callable[[AgentNode], Scene]) -> Scene:
-    """Replace the outermost agents, sharing whatever does not change."""
+    """Replace the outermost agents; unchanged parts are shared."""
     results: list[list[Node]] = [[]]
     inside = 0
     for opens, node in walk(scene):

@@ -59,8 +59,8 @@ class Primitive:
 class Transformation:
     """A transformation t ∈ T; `t(parameters)(string, ...)` gives the string t(OBJECTS).
 
-    With arrays of shape (n,) among the parameters it gives n transformations, each round its row
-    of the scope where that has n rows, and else round all of it.
+    With arrays of shape (n,) among the parameters it gives n transformations, each around its row
+    of the scope if that has n rows, otherwise around all of it.
     """
 
     def __init__(self, name: str, /, motion: Motion | None = None, **parameters: Any) -> None:
@@ -80,7 +80,7 @@ class Transformation:
 
 @dataclass(frozen=True, slots=True)
 class OpenTransformation:
-    """A transformation with its parameters that still waits for its scope."""
+    """A transformation with its parameters, which takes its scope when it is called."""
 
     transformation: Transformation
     values: tuple[Value, ...]
@@ -104,10 +104,10 @@ class OpenTransformation:
 class AgentKind:
     """A kind of agents a^D_ST: its state's attributes and the event types it responds to.
 
-    `subscribes` are the types that its evolution answers, `views` those that its views answer.
-    `chances` are the h of a^{d,h} (section 5): the types that it answers with a probability only,
-    by name, each with a number from 0 to 1 or the name of an attribute that has it. `rest` names
-    the attributes that say what it carries out, and that say nothing while it is at rest.
+    `subscribes` are the event types of its activities, `views` those of its views. `chances` are
+    the h of a^{d,h} (section 5): the types that it responds to with a probability, by name, each
+    with a number from 0 to 1 or the name of an attribute that has it. `rest` names the attributes
+    that are commands, which are neutral while the agent is at rest.
     """
 
     name: str
@@ -152,11 +152,11 @@ class AgentKind:
             )
 
     def chance(self, event_type: str) -> float | str:
-        """The probability with which it answers an event of a type; 1 where nothing is said."""
+        """The probability with which it responds to an event of a type; by default 1."""
         return next((h for answered, h in self.chances if answered == event_type), 1.0)
 
     def sort_of(self, attribute: str) -> str:
-        """What an attribute can be compared with in conditions; empty: with nothing."""
+        """The sort of an attribute in conditions; empty if it cannot be compared."""
         found = [declared.type.kind for declared in self.fields.all if declared.name == attribute]
         return sort_of_kind(found[0]) if found else ""
 
@@ -182,9 +182,9 @@ class EventType:
         condition: str = "",
         **kwargs: Any,
     ) -> Any:
-        """An event; `Events`, a row for each, where data are arrays or receivers are `Ids`.
+        """An event; or `Events` with a row for each, if data are arrays or receivers are `Ids`.
 
-        Raises MisuseError, and VocabularyError for a condition that is none.
+        Raises MisuseError, and VocabularyError for an invalid condition.
         """
         if isinstance(receivers, Ids) or any(map(is_array, (*args, *kwargs.values()))):
             return self._many(args, kwargs, receivers, condition)

@@ -1,4 +1,4 @@
-"""What conditions are made of: names, values, comparisons, and what joins them."""
+"""Terms of conditions: names, values, comparisons and their combinations."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _KINDS: dict[str, str] = {"real": NUMBER, "int": NUMBER, "bool": TRUTH, "text": 
 
 @dataclass(frozen=True, slots=True)
 class Name:
-    """An attribute, and where it stands in the text."""
+    """The name of an attribute, and its offset in the text."""
 
     name: str
     offset: int
@@ -39,14 +39,14 @@ Value: TypeAlias = Name | bool | float | str
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """Two values, compared."""
+    """A comparison of two values."""
 
     left: Value
     sign: str
     right: Value
 
     def truth(self, state: Mapping[str, Any]) -> Any:
-        """Whether it holds; an array of truths where the state has arrays."""
+        """Whether it holds; an array of bools if the state has arrays."""
         left, right = (state[v.name] if isinstance(v, Name) else v for v in (self.left, self.right))
         if type(left) is not type(right):  # whole numbers beyond 2^53, as arrays compare them
             left, right = (float(v) if type(v) is int else v for v in (left, right))
@@ -55,7 +55,7 @@ class Comparison:
 
 @dataclass(frozen=True, slots=True)
 class Not:
-    """What is not so."""
+    """The negation of a term."""
 
     term: Term
 
@@ -67,7 +67,7 @@ class Not:
 
 @dataclass(frozen=True, slots=True)
 class Joined:
-    """Terms of which all must hold (`and`), or one (`or`)."""
+    """Terms of which all must hold (`and`), or at least one (`or`)."""
 
     word: str
     terms: tuple[Term, ...]
@@ -86,17 +86,17 @@ Term: TypeAlias = Comparison | Not | Joined
 
 
 def sort_in(value: Value, sort_of: Callable[[str], str]) -> str:
-    """The sort of a value; that of an attribute is asked for."""
+    """The sort of a value; `sort_of` gives that of an attribute."""
     return sort_of(value.name) if isinstance(value, Name) else value_sort(value)
 
 
 def sort_of_kind(kind: str) -> str:
-    """The sort of values of a type's kind; empty where they cannot be compared."""
+    """The sort of values of a type's kind; empty if they cannot be compared."""
     return _KINDS.get(kind, "")
 
 
 def value_sort(value: object) -> str:
-    """What a value, or those of an array, can be compared with; empty: with nothing."""
+    """The sort of a value, or of an array's values; empty if they cannot be compared."""
     if isinstance(value, np.ndarray):
         array = cast("NDArray[Any]", value)
         return _DTYPES.get(array.dtype.kind, "") if array.ndim == 1 else ""

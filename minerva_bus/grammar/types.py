@@ -1,4 +1,4 @@
-"""Types of parameters, attributes and event data, and how a value becomes one of a type.
+"""Types of parameters, attributes and event data, and conversion of values to them.
 
 | text              | in Python                        | value                                   |
 |-------------------|----------------------------------|-----------------------------------------|
@@ -62,8 +62,8 @@ _KINDS = ("bool", "int", "real", "text", "cells", "matrix", "string")
 class Type:
     """A type of values: its kind, the unit of a real, the items' type of a list.
 
-    `words` are those that a text is one of; none: any. `range` bounds a number, and `of` says which
-    texts the string knows.
+    `words` are the allowed texts; empty allows any. `range` limits a number, and `of` names the
+    source of texts in the string.
     """
 
     kind: str
@@ -80,7 +80,7 @@ class Type:
         return " ".join(part for part in [*parts, str(self.range or "")] if part)
 
     def fit(self, value: Any) -> Value:
-        """The value as one of this type; the very value where it is one already.
+        """The value converted to this type; the same object if it already is of this type.
 
         Raises Unfit.
         """
@@ -129,12 +129,12 @@ class Type:
 
     @property
     def source(self) -> Of | None:
-        """Where in the string its texts, or those of its items, are known."""
+        """The source of its texts, or of those of its items, in the string."""
         return self.of if self.item is None else self.item.source
 
     @property
     def holds_strings(self) -> bool:
-        """Whether strings of L(M) stand in values of this type."""
+        """Whether values of this type may contain strings of L(M)."""
         return self.kind == "string" or (self.item is not None and self.item.holds_strings)
 
 

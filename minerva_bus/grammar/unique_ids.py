@@ -1,4 +1,4 @@
-"""Ids of agents are unique in a string: the check, and what is said where one is not."""
+"""The check that ids of agents are unique in a string, and its messages."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ from minerva_bus.grammar.scene import AGENT_ID
 
 
 def same_id(agent_id: str) -> str:
-    """What is wrong where two agents have this id."""
+    """The message for two agents with the same id."""
     return f"two agents have the id #{agent_id}"
 
 
 def no_id(text: str) -> str:
-    """What is wrong with a text that cannot be an agent's id."""
+    """The message for a text that is not a valid id."""
     return f"{text!r} is no id of an agent: letters, digits and _ : - only"
 
 
 class UniqueIds:
-    """The ids of a string, added one by one or as columns. Raises Unfit at the second of two."""
+    """The ids of a string, added one by one or as columns. Raises Unfit for a repeated one."""
 
     def __init__(self) -> None:
         self._single: set[str] = set()

@@ -1,7 +1,7 @@
-"""Units of measure that a text may use, and how they convert.
+"""Units of measure in texts, and their conversion.
 
-A parameter is declared in one unit and is held in it; a text may give it in another of the same
-dimension (`dist=150cm` for a parameter in metres).
+A parameter is declared and stored in one unit; a text may use another unit of the same dimension
+(`dist=150cm` for a parameter in metres).
 """
 
 import math
@@ -47,13 +47,13 @@ class Unit:
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """A number as a text gave it, with a unit still to be converted."""
+    """A number with a unit as in the text, not converted yet."""
 
     number: float
     unit: str
 
     def into(self, unit: str) -> float | None:
-        """The number in another unit, or None where the dimensions differ."""
+        """The number in another unit, or None if the dimensions differ."""
         mine, wanted = _UNITS.get(self.unit), _UNITS.get(unit)
         if mine is None or wanted is None or mine[0] != wanted[0]:
             return None

@@ -1,4 +1,4 @@
-"""A vocabulary: which symbols and event types a world has, and the check of a string by it."""
+"""Vocabularies: the symbols and event types of a world, and the check of strings."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from minerva_bus.grammar.unique_ids import UniqueIds, no_id
 
 
 class HasKind(Protocol):
-    """A class of agents: it knows its kind."""
+    """A class of agents, which has a kind."""
 
     kind: ClassVar[AgentKind]
 
@@ -78,7 +78,7 @@ class Vocabulary:
         return made
 
     def _check_sources_of(self, event_type: EventType) -> None:
-        """Whether the symbols exist of which the data of an event type are texts."""
+        """Raise MisuseError if a source of an event type's data does not exist."""
         for parameter in event_type.fields.all:
             of = parameter.type.source
             if of is None:
@@ -119,7 +119,7 @@ class Vocabulary:
         return entry.fields
 
     def read(self, text: str, source: str = "") -> Scene:
-        """The string that a text stands for, checked and completed with defaults.
+        """The string that a text represents, checked and completed with defaults.
 
         Raises GrammarError and VocabularyError with line, column and caret.
         """
@@ -129,7 +129,7 @@ class Vocabulary:
     def check(self, scene: Scene, source: str = "", parsed: Parsed | None = None) -> Scene:
         """The string in canonical form: known symbols, typed values in order, defaults filled in.
 
-        Nodes that are so already are shared. Raises VocabularyError; ids must be unique.
+        Nodes that already have this form are shared. Raises VocabularyError, also for repeated ids.
         """
         taken = UniqueIds()
 
@@ -151,7 +151,7 @@ class Vocabulary:
         return rewritten(scene, leave, whole)
 
     def _fits(self, part: Columns) -> bool:
-        """Whether columns are as this vocabulary has them, except for their ids."""
+        """Whether columns conform to this vocabulary, except for their ids."""
         for level in part.levels():
             entry = self._symbols(level.symbol[:1]).get(level.symbol)
             if entry is None or entry.fields.names != level.names:
@@ -195,7 +195,7 @@ class Vocabulary:
     def _inner(
         self, values: tuple[Value, ...], source: str, parsed: Parsed | None = None
     ) -> tuple[Value, ...]:
-        """Values whose strings are in canonical form too; the very ones if they are."""
+        """Values with their strings in canonical form; the same objects if they already are."""
         checked = tuple([self._inner_value(value, source, parsed) for value in values])
         return values if all(map(is_, checked, values)) else checked
 
@@ -224,9 +224,9 @@ class Vocabulary:
         return Event(event.type, names, values, event.condition, event.sender, receivers)
 
     def check_condition(self, event_type: str, text: str, source: str = "") -> None:
-        """Whether some agents that respond to the type can fulfil the condition at all.
+        """Raise VocabularyError, with a caret, if no agent can fulfil a condition of an event type.
 
-        Raises VocabularyError with a caret where none has its attributes, of those sorts.
+        Some kind that responds to the type must have its attributes, with matching sorts.
         """
         where = f"{source}: condition" if source else "condition"
         scopes = [
@@ -237,13 +237,13 @@ class Vocabulary:
         parse_condition(text, where).check(scopes, where)
 
     def check_any(self, event: AnyEvent, source: str = "") -> AnyEvent:
-        """One event or many in canonical form. Raises VocabularyError."""
+        """An event or a batch in canonical form. Raises VocabularyError."""
         if isinstance(event, Events):
             return self.check_events(event, source)
         return self.check_event(event, source)
 
     def check_events(self, events: Events, source: str = "") -> Events:
-        """Many events, if they are as this vocabulary has them. Raises VocabularyError."""
+        """A batch in canonical form. Raises VocabularyError."""
         declared = self.events.get(events.type)
         if (
             declared is None
