@@ -1,17 +1,17 @@
 """Elementary functions with the same bits on every processor, for numbers and for numpy arrays.
 
-Those of Python, numpy and the C library choose their code by what the processor can do, and so
-their last bits differ between machines. These are made of + - * /, of the square root and of exact
-steps (rounding to whole numbers, powers of 2), which IEEE 754 prescribes to the last bit, in one
-order for numbers and for arrays. Use them for whatever gets into the string:
+Python, numpy and the C library select code by the features of the processor, so the last bits of
+their results differ between machines. These functions consist of + - * /, the square root and exact
+steps (rounding to integers, powers of 2), which IEEE 754 defines to the last bit, in the same order
+for numbers and for arrays. Use them for whatever enters the string:
 
     from minerva_bus import portable
 
     self.x += portable.cos(math.radians(self.angle))
 
-Numbers in, a number out; for what is not defined they raise as `math` does (ValueError,
-OverflowError). Arrays of any shape in, a float64 array out; there it is nan or infinite. Angles are
-in radians; `math.radians` and `math.degrees` are one multiplication, and so the same everywhere.
+For numbers they return a number, and raise errors like `math` (ValueError, OverflowError). For
+arrays of any shape they return a float64 array, with nan or infinity in place of errors. Angles are
+in radians; `math.radians` and `math.degrees` are one multiplication and thus the same everywhere.
 """
 
 from minerva_bus.portable.arcs import acos, asin, atan, atan2

@@ -1,4 +1,4 @@
-"""Inverse functions of the circle's.
+"""Inverse trigonometric functions.
 
 Method and coefficients: fdlibm (Sun Microsystems, 1993), s_atan, e_atan2, e_asin and e_acos.
 """

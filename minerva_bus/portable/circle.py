@@ -1,7 +1,7 @@
 """Sine, cosine and tangent.
 
-The angle is reduced to at most π/4 and a quadrant, by parts of π/2 that are exact in products, and
-kept as a sum of two numbers; polynomials do the rest. Method and coefficients: fdlibm (Sun
+The angle is reduced to at most π/4 and a quadrant, by parts of π/2 whose products are exact, and
+held as a sum of two numbers, which polynomials evaluate. Method and coefficients: fdlibm (Sun
 Microsystems, 1993), k_sin, k_cos, k_tan and e_rem_pio2.
 """
 
@@ -21,7 +21,7 @@ _PART_2: Final = 6.07710050630396597660e-11
 _PART_3: Final = 2.02226624871116645580e-21
 _REST: Final = 8.47842766036889956997e-32
 _NEAR: Final = 1.6e6
-"""Below it quarter turns are counted with 20 bits."""
+"""Below this angle, the number of quarter turns has at most 20 bits."""
 
 _QUARTER: Final = 7.85398163397448278999e-01  # π/4 as a sum of two
 _QUARTER_LOW: Final = 3.06161699786838301793e-17
@@ -130,7 +130,7 @@ def _all_near(x: Numbers) -> tuple[Bits, Numbers, Numbers]:
 
 
 def _less(x: F, quarters: F) -> tuple[F, F]:
-    """X less some quarter turns, as a sum of two numbers."""
+    """An angle minus some quarter turns, as a sum of two numbers."""
     # fdlibm uses the further parts only after cancellation. Here they are always used, so that
     # numbers and arrays take the same steps.
     first = x - quarters * _PART_1

@@ -1,7 +1,7 @@
 """The exponential function, the hyperbolic tangent and powers.
 
-An exponent is k ln 2 and at most half of ln 2 more. Method and coefficients: fdlibm (Sun
-Microsystems, 1993), e_exp, s_expm1, s_tanh and e_pow.
+An exponent is split into k ln 2 and a rest of at most half of ln 2. Method and coefficients: fdlibm
+(Sun Microsystems, 1993), e_exp, s_expm1, s_tanh and e_pow.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ def exp_one(x: float) -> float:
 
 
 def expm1_one(x: float) -> float:
-    """E to the power of x, less 1; to all digits where x is small."""
+    """E to the power of x, minus 1; accurate also for small x."""
     if not _NOTHING <= x <= _MOST:
         return -1.0 if x < 0.0 else _far(x)
     k = round(x * _PER_LN2)
@@ -136,7 +136,7 @@ def _exp_kernel(x: F, k: F) -> F:
 
 
 def exp_series(r: F) -> F:
-    """R - r² P(r²), so that e to the power of r is 1 + r + r c / (2 - c); fdlibm's e_exp."""
+    """C = r - r² P(r²), so that e to the power of r is 1 + r + r c / (2 - c); fdlibm's e_exp."""
     t = r * r
     return r - t * (
         1.66666666666666019037e-01
@@ -153,7 +153,7 @@ def exp_series(r: F) -> F:
 
 
 def _expm1_rest(x: F, k: F) -> tuple[F, F]:
-    """Two numbers whose difference is e to the power of x, divided by 2^k, less 1."""
+    """Two numbers whose difference is e to the power of x, divided by 2^k, minus 1."""
     upper, lower = _reduced(x, k)
     r = upper - lower
     lost = (upper - r) - lower

@@ -1,4 +1,4 @@
-"""The reduction of huge angles: exact, with as much of 2/π as they need.
+"""Exact reduction of huge angles, with as many digits of 2/π as they need.
 
 Method: M. Payne and R. Hanek, Radian reduction for trigonometric functions (1983).
 """
@@ -17,14 +17,14 @@ _DIGITS: Final = int(  # 2/π, times 2^1216
 )
 _BITS: Final = 1216
 _KEPT: Final = 180
-"""Bits behind the point: the nearest of all numbers to a quarter turn leaves 62 bits less."""
+"""Bits after the point; the float64 nearest to a multiple of π/2 costs 62 of them."""
 
 _QUARTER: Final = 1.57079632679489655800e00  # π/2 as a sum of two
 _QUARTER_LOW: Final = 6.12323399573676603587e-17
 
 
 def far(x: float) -> tuple[int, float, float]:
-    """The nearest number of quarter turns, modulo 4, and what is left as a sum of two numbers."""
+    """The nearest number of quarter turns, modulo 4, and the rest as a sum of two numbers."""
     part, exponent = math.frexp(x)
     # Integers of any length make the product with 2/π exact.
     whole, exponent = int(math.ldexp(part, 53)), exponent - 53
@@ -50,7 +50,7 @@ def _times_quarter(upper: float, lower: float) -> tuple[float, float]:
 
 
 def _lost(a: float, b: float, product: float) -> float:
-    """What the product of two numbers has lost by rounding; Dekker (1971)."""
+    """The rounding error of a product of two numbers; Dekker (1971)."""
     wide = a * 134217729.0
     a1 = wide - (wide - a)
     wide = b * 134217729.0

@@ -1,4 +1,4 @@
-"""One function for a number and for an array, made of the form for each."""
+"""Functions of numbers and arrays, composed of a form for each."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ Numbers = NDArray[np.float64]
 Bits = NDArray[np.int64]
 
 F = TypeVar("F", float, Numbers)
-"""A kernel works on a number and on an array alike: it uses + - * / only."""
+"""Type of kernels, which accept numbers and arrays, because they use + - * / only."""
 
 _BLOCK: Final = 4096
-"""Arrays are worked on in blocks whose intermediate results stay in the processor's cache."""
+"""Length of blocks of arrays, whose intermediate results fit into the processor's cache."""
 
 _HEAD: Final = 2.0**32 + 1
 
@@ -54,7 +54,7 @@ def unary(scalar: Callable[[float], float], arrays: Callable[[Numbers], Numbers]
 def binary(
     scalar: Callable[[float, float], float], arrays: Callable[[Numbers, Numbers], Numbers]
 ) -> Binary:
-    """The function of two with a form for numbers and a form for arrays of one axis."""
+    """The function of two arguments with a form for numbers and a form for arrays of one axis."""
 
     def function(x: Any, y: Any, /) -> Any:
         if isinstance(x, np.ndarray) or isinstance(y, np.ndarray):

@@ -1,7 +1,7 @@
 """Lengths: square roots of sums of squares.
 
-IEEE 754 prescribes the square root to the last bit. Numbers whose squares would be too large or
-too small are scaled by a power of 2 before, which changes none of their bits.
+IEEE 754 defines the square root to the last bit. Numbers whose squares would be too large or too
+small are first scaled by a power of 2, which is exact.
 """
 
 from __future__ import annotations

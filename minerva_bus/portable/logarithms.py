@@ -53,7 +53,7 @@ def log10_one(x: float) -> float:
 
 
 def log1p_one(x: float) -> float:
-    """The natural logarithm of 1 + x, to all digits where x is small."""
+    """The natural logarithm of 1 + x, accurate also for small x."""
     if not -1.0 < x < math.inf:
         return _unusual(1.0 + x)
     if x == 0.0:
@@ -125,7 +125,7 @@ def _all_log1p(x: Numbers) -> Numbers:
 
 
 def _usual(x: Numbers, kernel: Callable[[Numbers, Numbers], Numbers]) -> Numbers:
-    """What a kernel makes of numbers above 0; -inf of 0, nan of numbers below it."""
+    """A kernel applied to numbers above 0; -inf for 0, and nan for numbers below it."""
     fine = (x >= _NORMAL) & (x < np.inf)
     if fine.all():
         return kernel(*all_parts(x))
@@ -143,7 +143,7 @@ def _unusual_many(x: Numbers) -> Numbers:
 
 
 def series(f: F) -> F:
-    """The logarithm of 1 + f, less f - f²/2."""
+    """The logarithm of 1 + f, minus f - f²/2."""
     s = f / (2.0 + f)
     z = s * s
     w = z * z
@@ -168,7 +168,7 @@ def _log1p_kernel(k: F, f: F, lost: F) -> F:
 
 
 def _halves(f: F) -> tuple[F, F]:
-    """The logarithm of 1 + f as a sum of two, the first of few bits."""
+    """The logarithm of 1 + f as a sum of two numbers, the first with 21 bits."""
     half = 0.5 * f * f
     upper = head(f - half)
     return upper, (f - upper) - half + series(f)

@@ -1,4 +1,4 @@
-"""Normal numbers made of uniform ones; G. Box and M. Muller (1958)."""
+"""Normally distributed numbers from uniform ones; G. Box and M. Muller (1958)."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from minerva_bus.portable.logarithms import log_many, log_one
 
 
 def standard_normal_one(first: float, second: float) -> float:
-    """A standard normal number of two uniform ones in [0, 1)."""
+    """A standard normal number from two uniform ones in [0, 1)."""
     # 1 - u is in (0, 1], so the logarithm is finite.
     return math.sqrt(-2.0 * log_one(1.0 - first)) * cos_turns_one(second)
 
@@ -26,18 +26,19 @@ standard_normal = binary(standard_normal_one, standard_normal_many)
 
 
 def normal(random: np.random.Generator, deviation: float = 1.0) -> float:
-    """A normal number of mean 0; two uniform numbers are drawn for it.
+    """A normal number with mean 0, from two uniform draws.
 
-    A Generator's own `normal` uses the C library's logarithm.
+    The `normal` of a Generator uses the logarithm of the C library.
     """
     first, second = random.random(2).tolist()
     return deviation * standard_normal_one(first, second)
 
 
 def normals(random: np.random.Generator, count: int, deviation: float = 1.0) -> Numbers:
-    """Normal numbers of mean 0, (count,); two uniform numbers are drawn for each.
+    """Normal numbers with mean 0, (count,), from two uniform draws each.
 
-    As many calls of `normal` draw other numbers: these draw the first of all pairs first.
+    They differ from those of repeated calls of `normal`, because the first numbers of all pairs are
+    drawn before the second ones.
     """
     first, second = random.random((2, count))
     return deviation * standard_normal_many(first, second)

@@ -1,8 +1,8 @@
 """Powers of a real number.
 
-The logarithm to base 2 of x as a sum of two numbers, its product with y, and 2 to the power of
-that. Method and coefficients: fdlibm (Sun Microsystems, 1993), e_pow. What the standard (C, annex
-F) says of 0, infinity and nan is exact in every library, and left to Python and numpy.
+Computes the logarithm to base 2 of x as a sum of two numbers, its product with y, and 2 to the
+power of the product. Method and coefficients: fdlibm (Sun Microsystems, 1993), e_pow. The cases of
+0, infinity and nan (C standard, annex F) are exact in every library, so Python and numpy do them.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _LOG2_LOWER: Final = 1.35003920212974897128e-08
 _ROOT_1: Final = float.fromhex("0x1.3988ep0")  # about √(3/2)
 _ROOT_2: Final = float.fromhex("0x1.bb67ap0")  # about √3
 _LARGE: Final = 2.0**66
-"""No y above gives other powers: all are 0 or infinite."""
+"""Larger exponents give no other results: all powers are 0 or infinite."""
 
 
 def power_one(x: float, y: float) -> float:
@@ -44,7 +44,7 @@ def power_one(x: float, y: float) -> float:
 
 
 def _near(part: float, k: int) -> tuple[float, float, float]:
-    """X / 2^k near 1 or 1.5, which of these, and k."""
+    """X / 2^k, which is near 1 or 1.5; the nearer of these; and k."""
     x = 2.0 * part
     if x < _ROOT_1:
         return x, 1.0, k - 1.0
@@ -136,7 +136,7 @@ def _product(upper: F, lower: F, y: F) -> tuple[F, F]:
 
 
 def _power_kernel(z: F, low: F) -> F:
-    """2 to the power of z + low, a number about half of 1 at most."""
+    """2 to the power of z + low, which is at most about 0.5."""
     t = head(low + z)
     u = t * _LN2_UPPER
     v = (low - (t - z)) * _LN2 + t * _LN2_LOWER

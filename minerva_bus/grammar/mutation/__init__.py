@@ -1,1 +1,1 @@
-"""Mutations of strings (the paper's section 5): from L(M) into L(M), a random stream at hand."""
+"""Mutations of strings (section 5): random functions from L(M) to L(M)."""

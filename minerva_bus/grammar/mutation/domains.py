@@ -1,4 +1,4 @@
-"""From which values a parameter may take one: a range, a choice, or all of its type."""
+"""Domains of parameters: a range, a choice, or all values of the type."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from minerva_bus.grammar.types import Type
 
 @dataclass(frozen=True, slots=True)
 class Range:
-    """All numbers from `low` to `high`, in the parameter's unit; both included."""
+    """All numbers from `low` to `high`, inclusive, in the parameter's unit."""
 
     low: float
     high: float
 
     @property
     def width(self) -> float:
-        """How far apart the ends are."""
+        """The distance between the ends."""
         return self.high - self.low
 
     def nearest(self, number: Any) -> Any:
-        """The number of the range that is nearest to one."""
+        """The number of the range that is nearest to a number."""
         return min(max(number, self.low), self.high)
 
 
@@ -62,7 +62,7 @@ def _range(low: Any, high: Any) -> Range:
 
 
 def _values(text: str, kind: Type) -> tuple[Value, ...]:
-    """Values with commas between, as a list in a string has them; texts also without quotes."""
+    """Values separated by commas, as in a list of a string; texts need no quotes."""
     try:
         return tuple([kind.fit(value) for value in _read(f"[{text}]")])
     except SceneError:
@@ -80,7 +80,7 @@ def _value(text: str, kind: Type) -> Value:
 
 
 def _read(text: str) -> Any:
-    """The one value that a text stands for in a string. Raises SceneError."""
+    """The single value that a text represents in a string. Raises SceneError."""
     nodes = parse(f"PAny<any={text}>").nodes
     if len(nodes) != 1 or len(nodes[0].values) != 1:
         raise GrammarError(f"{text!r} is not one value")

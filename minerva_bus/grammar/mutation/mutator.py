@@ -1,4 +1,4 @@
-"""Strings from strings: which operator, how often, and that what comes out is of L(M)."""
+"""Mutation and crossing of strings by weighted operators; the results are valid strings."""
 
 from __future__ import annotations
 
@@ -37,15 +37,15 @@ WEIGHTS: Final[Mapping[str, float]] = {
 LONGEST: Final = Extent(nodes=1000, depth=50)
 TRIES: Final = 16
 NESTED: Final = 3
-"""Strings within values of strings mutate down to this level."""
+"""Maximum nesting level down to which strings in values mutate."""
 
 
 @dataclass(frozen=True, slots=True)
 class Mutator:
-    """Makes valid strings of valid strings, that is, of strings which `targets.vocabulary` checked.
+    """Derives valid strings from strings that `targets.vocabulary` has checked.
 
-    `limit` is how long and deep they grow; a string that is more than that already does not grow.
-    Weights say how often each operator is tried. The same stream makes the same mutants.
+    `limit` is their maximum size and depth; a string that already exceeds it does not grow. The
+    weights are relative frequencies of the operators. Equal streams give equal mutants.
     """
 
     targets: Targets
@@ -53,11 +53,11 @@ class Mutator:
     weights: Mapping[str, float] = field(default_factory=lambda: WEIGHTS)
 
     def mutated(self, scene: Scene, chance: Stream) -> Mutant:
-        """The string with one mutation; the very string where none could be made of it."""
+        """The string with one mutation; the same string if no operator was applicable."""
         return self._mutated(scene, chance, 0)
 
     def crossed(self, scene: Scene, other: Scene, chance: Stream) -> Mutant:
-        """The string with something of another one; the very string where nothing fits."""
+        """The string with a part of another one; the same string if nothing fits."""
         given = self._material(scene, chance, 0)
         for _ in range(TRIES):
             crossing = op.cross if chance.random() < 0.5 else op.blend
@@ -69,7 +69,7 @@ class Mutator:
         return Mutant(scene, "")
 
     def scattered(self, scene: Scene, chance: Stream) -> Mutant:
-        """Any string that mutations of this one lead to: parameters anew, and some mutations."""
+        """A random string: new values of all parameters with domains, and some mutations."""
         made = op.scatter(self._material(scene, chance, 0))
         for _ in range(int(chance.geometric(0.4))):
             made = Mutant(self.mutated(made.scene, chance).scene, made.how)

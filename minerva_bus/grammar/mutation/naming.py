@@ -1,4 +1,4 @@
-"""Ids of agents that a mutation adds: each in a string has one of its own."""
+"""Unique ids for agents that a mutation adds to a string."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ _COPY = re.compile(r"-[0-9]+$")
 
 
 def copy_id(name: str, taken: set[str]) -> str:
-    """The id itself where it is free, or else `name-2`, `name-3`, ... whichever is free first."""
+    """The id itself if it is free, otherwise the first free one of `name-2`, `name-3`, ..."""
     if name not in taken:
         return name
     stem = _COPY.sub("", name) or name
@@ -25,7 +25,7 @@ def new_id(symbol: str, taken: set[str]) -> str:
 
 
 def with_own_ids(nodes: Scene, taken: set[str]) -> Scene:
-    """The string with an id of its own for each agent whose id is taken; they join the taken."""
+    """The string with a new id for each agent whose id is taken; adds its ids to `taken`."""
 
     def leave(node: Node, scope: Scene) -> Node:
         if not isinstance(node, AgentNode):

@@ -1,4 +1,4 @@
-"""Nodes for a mutation: new ones, and ones with another value in them."""
+"""Nodes for mutations: new ones, and copies with another value."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ from minerva_bus.grammar.scene import (
 Stream = np.random.Generator
 
 FRESH: Final = 0.5
-"""So often a number of a new node is drawn, where it has a default."""
+"""Probability with which a number with a default is drawn for a new node."""
 
 
 def new_node(scene: Scene, targets: Targets, scope: Scene, without: Scene, chance: Stream) -> Node:
-    """A node of a symbol that may be new, around a scope if it can have one.
+    """A node of a random symbol, around a scope if it can have one.
 
-    Its id is none of the string's, but for those of `without`, in whose place it comes.
+    Its id is new in the string, except for ids of `without`, which it replaces.
     """
     symbol = one_of(targets.symbols, chance)
     fields = targets.vocabulary.fields(symbol)

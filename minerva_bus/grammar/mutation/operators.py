@@ -1,6 +1,6 @@
-"""The operators: each makes another string of one, or None where it finds nothing to do.
+"""The operators: each derives another string, or returns None if it is not applicable.
 
-What they add has ids of its own; what they take leaves at least one node in the world.
+Added agents have unique ids, and at least one node of the string remains.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ Stream = np.random.Generator
 
 @dataclass(frozen=True, slots=True)
 class Mutant:
-    """A string and how it came to be: `PEye.left 1 → 1.25`."""
+    """A string and a description of its mutation: `PEye.left 1 → 1.25`."""
 
     scene: Scene
     how: str
@@ -32,7 +32,7 @@ class Mutant:
 
 @dataclass(frozen=True, slots=True)
 class Material:
-    """What an operator works on: a string, what may change in it, and by which chance."""
+    """Arguments of an operator: a string, the targets in it, limits and a random stream."""
 
     scene: Scene
     targets: Targets
@@ -41,23 +41,23 @@ class Material:
     inner: Inner
 
     def all(self) -> list[Place]:
-        """Every node that an operator may look at."""
+        """All nodes down to the maximum depth."""
         return places(self.scene, self.limit.depth)
 
     def movable(self) -> list[Place]:
-        """The nodes that may come and go."""
+        """The nodes that may be added, removed and moved."""
         return [field for field in self.all() if self.targets.whole(field)]
 
     def one_of(self, places: Sequence[Place]) -> Place | None:
-        """One of some places, by chance."""
+        """A random one of the places; None if there are none."""
         return one_of(places, self.chance) if places else None
 
     def new(self, scope: Scene = EMPTY, without: Scene = EMPTY) -> Node:
-        """A node of a symbol that may be new here."""
+        """A new node of a random symbol."""
         return new_node(self.scene, self.targets, scope, without, self.chance)
 
     def with_own_ids(self, nodes: Scene, without: Scene = EMPTY) -> Scene:
-        """Nodes from elsewhere, fit to stand here in the place of some others."""
+        """Nodes of another string with ids that are unique here after replacing `without`."""
         return with_own_ids(nodes, ids_of(self.scene) - ids_of(without))
 
 
@@ -65,7 +65,7 @@ Operator: TypeAlias = Callable[[Material], Mutant | None]
 
 
 def perturb(given: Material) -> Mutant | None:
-    """One parameter takes another value near its own, of its type and in its domain."""
+    """Change one parameter to a value near its own, of its type and in its domain."""
     found = [
         (place, n, field, domain)
         for place in given.all()
@@ -83,7 +83,7 @@ def perturb(given: Material) -> Mutant | None:
 
 
 def replace(given: Material) -> Mutant | None:
-    """A new node of any symbol takes the place of one, and its scope where it has one."""
+    """Replace a node by a new one of any symbol, which keeps the scope if it can have one."""
     place = given.one_of(given.movable())
     if place is None or not given.targets.symbols:
         return None
@@ -95,7 +95,7 @@ def replace(given: Material) -> Mutant | None:
 
 
 def insert(given: Material) -> Mutant | None:
-    """A new node comes to stand beside one, within its scope, or around it."""
+    """Insert a new node beside another, into its scope, or around it."""
     if not given.targets.symbols:
         return None
     place = given.one_of(given.movable())
@@ -117,7 +117,7 @@ def insert(given: Material) -> Mutant | None:
 
 
 def delete(given: Material) -> Mutant | None:
-    """A node goes, with its scope or without."""
+    """Delete a node, with or without its scope."""
     place = given.one_of(given.movable())
     if place is None:
         return None
@@ -129,7 +129,7 @@ def delete(given: Material) -> Mutant | None:
 
 
 def duplicate(given: Material) -> Mutant | None:
-    """A node comes to stand beside itself, with all that is in it."""
+    """Place a copy of a node, with its scope, beside it."""
     place = given.one_of(given.movable())
     if place is None:
         return None
@@ -138,7 +138,7 @@ def duplicate(given: Material) -> Mutant | None:
 
 
 def swap(given: Material) -> Mutant | None:
-    """Two nodes change places, neither of them within the other."""
+    """Exchange two nodes, neither of which contains the other."""
     found = given.movable()
     one, other = given.one_of(found), given.one_of(found)
     if one is None or other is None or one is other:
@@ -154,7 +154,7 @@ def swap(given: Material) -> Mutant | None:
 
 
 def cross(given: Material, other: Scene) -> Mutant | None:
-    """A node of another string takes the place of one here, of its symbol if there is one."""
+    """Replace a node by one of another string, with the same symbol if there is one."""
     place = given.one_of(given.movable())
     donors = [item for item in places(other, given.limit.depth) if given.targets.whole(item)]
     if place is None or not donors:
@@ -168,7 +168,7 @@ def cross(given: Material, other: Scene) -> Mutant | None:
 
 
 def blend(given: Material, other: Scene) -> Mutant | None:
-    """Of each parameter that may change, either string's value; where both have such a node."""
+    """Take each changeable parameter from either string, in nodes that both strings have."""
     theirs = {(item.path, item.node.symbol): item.node for item in places(other, given.limit.depth)}
     scene = given.scene
     for place in given.all():
@@ -180,7 +180,7 @@ def blend(given: Material, other: Scene) -> Mutant | None:
 
 
 def scatter(given: Material) -> Mutant:
-    """Every parameter that has a domain is drawn anew from it."""
+    """Draw every parameter with a domain from its domain."""
     scene = given.scene
     for place in given.all():
         for n, field, domain in given.targets.fields(place):

@@ -1,4 +1,4 @@
-"""Where nodes stand in a string, and the string with something else there."""
+"""Places of nodes in a string, and replacement of a node at a place."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from minerva_bus.grammar.scene import (
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Place:
-    """A node of a string: the how manyth it is in the scope of its parent, and how deep."""
+    """A node of a string with its index in the scope of its parent, and its depth."""
 
     node: Node
     index: int
@@ -31,7 +31,7 @@ class Place:
         return tuple([above.index for above in self.upwards()])[::-1]
 
     def upwards(self) -> Iterator[Place]:
-        """The place itself, the one around it, and so on outwards."""
+        """The place itself and the places around it, from inside to outside."""
         one: Place | None = self
         while one is not None:
             yield one
@@ -39,7 +39,7 @@ class Place:
 
 
 def places(scene: Scene, deepest: int) -> list[Place]:
-    """Every node of a string down to a depth, left to right, outer ones before inner ones."""
+    """All nodes of a string down to a depth, from left to right, outer nodes first."""
     found: list[Place] = []
     stack = _within(scene, None, deepest)
     while stack:
@@ -59,7 +59,7 @@ def _within(scene: Scene, parent: Place | None, deepest: int) -> list[Place]:
 
 
 def put(scene: Scene, place: Place, nodes: Sequence[Node]) -> Scene:
-    """The string with these nodes in the place of one; nodes elsewhere are shared."""
+    """The string with these nodes instead of the one at a place; other nodes are shared."""
     # From the place outwards: only the nodes around it are made again.
     for above in place.upwards():
         around = above.parent
@@ -78,17 +78,17 @@ def scope_of(node: Node) -> Scene:
 
 @dataclass(frozen=True, slots=True)
 class Extent:
-    """How many nodes a string has, and how deep they stand."""
+    """The number of nodes of a string, and their maximum depth."""
 
     nodes: int
     depth: int
 
     def within(self, other: Extent) -> bool:
-        """Whether neither is more than the other's."""
+        """Whether neither number exceeds that of the other extent."""
         return self.nodes <= other.nodes and self.depth <= other.depth
 
     def joined(self, other: Extent) -> Extent:
-        """The greater of each."""
+        """The maximum of each number."""
         return Extent(max(self.nodes, other.nodes), max(self.depth, other.depth))
 
 

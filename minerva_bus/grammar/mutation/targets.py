@@ -1,11 +1,11 @@
-"""Which nodes and parameters of a string may mutate, and within which bounds.
+"""Targets: the nodes and parameters of a string that may mutate, and their bounds.
 
-ABug                  every ABug: it may be replaced, deleted, copied; its state may change
-ABug.speed            this attribute of every ABug, and nothing else of it
+ABug                  every ABug: it may be replaced, deleted and copied; its state may change
+ABug.speed            only this attribute of every ABug
 ABug.speed=0:2        from 0 to 2; numbers may have units
-ABug.gait=walk,run    one of these
-ABug#b1.speed=0:2     of one agent; `#b1` alone is it too
-ABug/TMount/PEye      every PEye right within a TMount right within an ABug; `*` is any node
+ABug.gait=walk,run    one of these values
+ABug#b1.speed=0:2     of one agent; `#b1` without a symbol is valid, too
+ABug/TMount/PEye      every PEye directly in a TMount directly in an ABug; `*` is any node
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ ANY: Final = "*"
 
 @dataclass(frozen=True, slots=True)
 class Target:
-    """Nodes, from the outermost step to their own, or one parameter of theirs."""
+    """Nodes, by steps from the outermost to their own, or one of their parameters."""
 
     steps: tuple[str, ...]
     parameter: str = ""
     domain: Domain = None
 
     def meets(self, place: Place) -> bool:
-        """Whether a node stands where this target says."""
+        """Whether a node is at the place that this target describes."""
         around = place.upwards()
         for step in reversed(self.steps):
             one = next(around, None)
@@ -58,25 +58,25 @@ class Targets:
     all: tuple[Target, ...] = ()
 
     def whole(self, place: Place) -> bool:
-        """Whether a node may go, come or move as a whole."""
+        """Whether a complete node may be removed, added or moved."""
         return not self.all or any(not field.parameter and field.meets(place) for field in self.all)
 
     def fields(self, place: Place) -> Iterator[tuple[int, Field, Domain]]:
-        """The parameters of a node that may change, by place, with their domains."""
+        """The parameters of a node that may change: index, field and domain."""
         for n, field in enumerate(self.vocabulary.fields(place.node.symbol).all):
             found = self._domain(place, field.name)
             if found is not None:
                 yield n, field, found.domain
 
     def _domain(self, place: Place, name: str) -> Target | None:
-        """The target that lets a parameter change: the one that says most of it."""
+        """The most specific target that allows a parameter to change."""
         if not self.all:
             return _EVERYTHING
         met = [field for field in self.all if field.parameter in ("", name) and field.meets(place)]
         return max(met, key=_exactness, default=None)
 
     def idle(self, places: Sequence[Place]) -> list[int]:
-        """Which targets, by number, are of none of these nodes, nor of new ones that may come."""
+        """Indexes of targets that match neither these nodes nor nodes that may be added."""
         may_come = set(self.symbols)
         return [
             number
@@ -90,14 +90,14 @@ class Targets:
 
     @property
     def symbols(self) -> Sequence[str]:
-        """The symbols of which new nodes may come."""
+        """The symbols of nodes that may be added."""
         words = self.vocabulary
         every = [*words.primitives, *words.transformations, *words.kinds]
         named = {_symbol(field) for field in self.all if not field.parameter}
         return every if not self.all else [target for target in every if target in named]
 
     def domain(self, symbol: str, name: str) -> Domain:
-        """The domain of a parameter of a new node, wherever it will stand."""
+        """The domain of a parameter of a new node at any place."""
         of_it = [field for field in self.all if (_symbol(field), field.parameter) == (symbol, name)]
         return max(of_it, key=_exactness).domain if of_it else None
 
@@ -116,7 +116,7 @@ def _exactness(target: Target) -> tuple[bool, bool, int]:
 
 
 def parse_targets(texts: Sequence[str], vocabulary: Vocabulary) -> Targets:
-    """Targets as a command line names them; see above. Raises MisuseError."""
+    """Targets from texts as in the module's table. Raises MisuseError."""
     return Targets(vocabulary, tuple([_target(text, vocabulary) for text in texts]))
 
 
@@ -150,7 +150,7 @@ def _check_step(text: str, step: str, vocabulary: Vocabulary) -> None:
 
 
 def _type_of(text: str, step: str, name: str, vocabulary: Vocabulary) -> Field | None:
-    """The field that a target names; None where its symbol stays open."""
+    """The field that a target names; None if it names no symbol."""
     symbol = step.partition("#")[0]
     if symbol in ("", ANY):
         return None

@@ -1,4 +1,4 @@
-"""New values of a type: drawn afresh, or from an old one by a small step."""
+"""New values of a type: random ones, or small changes of an old one."""
 
 from __future__ import annotations
 
@@ -16,27 +16,27 @@ from minerva_bus.portable import normal
 
 Stream = np.random.Generator
 Inner = Callable[[Scene, Stream], Scene]
-"""What becomes of a string that is a parameter's value."""
+"""Mutation of a string that is the value of a parameter."""
 
 _T = TypeVar("_T")
 
 STEP: Final = 0.15
-"""Standard deviation of a step, as a part of the range, or of the value where there is none."""
+"""Standard deviation of a step, as a part of the range, or of the value if it has no range."""
 
 AFRESH: Final = 0.1
-"""So often a parameter with a range is drawn anew: no valley is too wide to be crossed."""
+"""Probability of drawing from the complete range, so that a search leaves local optima."""
 
 _SCALES: Final = {"deg": 15.0, "deg/s": 15.0, "cm": 10.0, "mm": 100.0, "ms": 100.0, "g": 100.0}
 _LEAST, _GREATEST = -(1 << 63), (1 << 63) - 1
 
 
 def one_of(choices: Sequence[_T], chance: Stream) -> _T:
-    """One of some things, by chance."""
+    """A random one of the choices."""
     return choices[int(chance.integers(len(choices)))]
 
 
 def drawn(kind: Type, domain: Domain, chance: Stream) -> Value:
-    """A value of a type, from its domain where it has one, and else a small one."""
+    """A value of a type, from its domain if it has one, otherwise a small value."""
     if isinstance(domain, OneOf):
         return one_of(domain.values, chance)
     if isinstance(domain, Range):
@@ -64,7 +64,7 @@ _DRAWN: dict[str, Callable[[Type, Stream], Any]] = {
 
 
 def perturbed(kind: Type, domain: Domain, value: Any, chance: Stream, inner: Inner) -> Value:
-    """A value of the same type near another one; the very value where there is none."""
+    """A value of the same type near another one; the same value if there is no other."""
     choice = domain.values if isinstance(domain, OneOf) else kind.words
     if choice:
         others = [item for item in choice if not same_values((item,), (value,))]
@@ -106,7 +106,7 @@ def _whole(domain: Domain, value: int, chance: Stream) -> int:
 
 
 def _listed(kind: Type, value: tuple[Any, ...], chance: Stream, inner: Inner) -> tuple[Any, ...]:
-    """One item changes; how many there are stays, for other lists may be as long."""
+    """Change one item; the length remains, because other lists may have to match it."""
     if not value:
         return value
     at = int(chance.integers(len(value)))
@@ -115,7 +115,7 @@ def _listed(kind: Type, value: tuple[Any, ...], chance: Stream, inner: Inner) ->
 
 
 def _matrix(kind: Type, value: Any, chance: Stream) -> Value:
-    """One cell of a matrix of cells takes the value of another; one number takes a step."""
+    """Copy one cell of a matrix of cells to another, or change one number of a matrix."""
     if not value.size:
         return value
     changed = value.copy()
