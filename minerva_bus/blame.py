@@ -30,7 +30,7 @@ TRACEBACK_LENGTH: Final = 60_000
 
 def report(error: BaseException) -> str:
     """A report of an error in at most ten lines: what, where, the source line, the cause."""
-    # A UserCodeError only says where; what happened is its cause.
+    # A UserCodeError has only the place; what happened is its cause.
     main = error.__cause__ if isinstance(error, UserCodeError) and error.__cause__ else error
     head = f"{error.where}: " if main is not error and isinstance(error, UserCodeError) else ""
     # A handler with wrong parameters has never run, so no traceback has a line of it.

@@ -43,9 +43,9 @@ ADVICE: Final = (
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """What came out: the exit code, the difference if both runs ended, or how one of them failed.
+    """The result: the exit code, the difference if both runs ended, or how one of them failed.
 
-    `omitted` are the processes that took no part, and why.
+    `omitted`: the processes that were left out, with the reasons.
     """
 
     code: int

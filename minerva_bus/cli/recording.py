@@ -62,6 +62,7 @@ def draw_plot(file: Path, output: Path | None) -> None:
     from minerva_bus.study.plot import plot
 
     into = output or file.with_suffix(".png")
+    # Before the record is read, which may take long.
     check_output(into, "picture")
     with Record(file) as record:
         plot(record, into)

@@ -40,7 +40,7 @@ class Access:
 def read_access(top: Table, bus: BusSettings, folder: Path) -> Access:
     """The access rules of a world, checked; `folder` has its world file.
 
-    Raises WorldFileError, and BusError for a world that would admit anybody.
+    Raises WorldFileError, and BusError for a world that any process could join.
     """
     # A path in the world file is relative to this file, one on the command line to the current
     # folder.
@@ -56,8 +56,8 @@ def read_access(top: Table, bus: BusSettings, folder: Path) -> Access:
                 " --keys FOLDER, or insist with --insecure"
             )
         check_listening(router, keys=keys is not None, insecure=bus.insecure)
-    # Certificates take effect on TLS links only: with keys and without such a link, nobody would be
-    # checked although the owner expects it.
+    # Certificates take effect on TLS links only: with keys and without such a link, no member would
+    # be checked, although the owner expects it.
     secured = any(check_endpoint(endpoint).secured for endpoint in (bus.listen, *bus.connect))
     if keys is not None and not secured:
         raise BusError(
@@ -121,8 +121,8 @@ def local_endpoint(world: str) -> str:
         status = folder.stat()
     except OSError as error:
         raise BusError(f"cannot use {folder} for running worlds: {error.strerror}") from None
-    # Stricter than `check_runtime_folder`: whoever can search the folder can open the socket, and
-    # the local link has no certificates.
+    # Stricter than `check_runtime_folder`: any user who can search the folder can open the socket,
+    # and the local link has no certificates.
     if status.st_uid != os.getuid() or status.st_mode & 0o077:
         raise BusError(
             f"{folder} is accessible to other users, who could join the world through it; chmod 700"

@@ -63,8 +63,8 @@ def run_member(start: MemberStart) -> int:
     def log(line: str) -> None:
         print(line, flush=True)  # noqa: T201
 
-    # With STARTED_HERE the member never gives up by itself: the launcher knows how many processes
-    # start at the same time, and ends those that are late.
+    # With STARTED_HERE the member waits for its greeting without limit: the launcher knows how many
+    # processes start at the same time, and ends those that are late.
     member = MemberProcess(
         process.participant(), world, start.endpoint, log, shared=start.shared, arrival=STARTED_HERE
     )

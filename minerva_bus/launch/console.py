@@ -15,7 +15,7 @@ from minerva_bus.wording import counted, named_some
 
 SHOWN_NAMES: Final = 8
 PERIOD_SECONDS: Final = 5.0
-"""Time between two lines about progress where there is no terminal for a status line."""
+"""Time between two lines about progress if there is no terminal for a status line."""
 
 _COLORS = (36, 33, 35, 32, 34, 96, 93, 95, 92, 94)
 

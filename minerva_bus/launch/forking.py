@@ -35,7 +35,7 @@ def fork(body: Callable[[], int], keep: Collection[int], lifeline: int) -> Child
     """Run `body` in a child that dies with this process; its result is the exit code.
 
     The child keeps the file descriptors in `keep` and closes all others. If it held the write end
-    of a lifeline, nobody would notice the death of this process.
+    of a lifeline, that would stay open after the death of this process.
     """
     read, write = os.pipe()
     # Otherwise both processes would write what is in the buffers.

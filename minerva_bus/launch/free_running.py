@@ -74,7 +74,7 @@ class FreeRunning:
             self._outlets[member.name].taken()
 
     def pulse(self) -> None:
-        """Call `pulse` of the services for which it is time; one that leaves ends the world."""
+        """Call `pulse` of the services that are due; a service that leaves ends the world."""
         now = time.monotonic()
         for member in self._members:
             service = member.service

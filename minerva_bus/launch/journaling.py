@@ -40,8 +40,8 @@ def next_epoch(past: Journaled | None, now: float) -> int:
 class RunJournal:
     """Writes the journal of a running world; `log` receives a failure to do so.
 
-    A configured journal is deleted when the world has come to its own end; without configuration,
-    it is deleted whenever the run ends. Raises BusError if it cannot be created.
+    A configured journal is deleted when the world has ended by itself; without configuration, it
+    is deleted whenever the run ends. Raises BusError if it cannot be created.
     """
 
     def __init__(

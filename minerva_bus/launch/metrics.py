@@ -99,6 +99,7 @@ def _buckets(durations: Durations) -> list[tuple[str, float]]:
 
 def _members(status: WorldStatus) -> Iterator[Metric]:
     world, members = status.world, status.members
+    # A member has no role before its hello.
     counts = Counter((role, m.state) for m in members for role in m.roles or ("none",))
     text = "Members by role and state."
     roles = sorted(counts.items())

@@ -25,7 +25,7 @@ from minerva_bus.settings.tables import NormSettings
 from minerva_bus.world.norms import REFUSED, Norm, Then, check_condition, sanction_of
 
 PEOPLE: Final = "people"
-"""In `applies`: whoever sends events from a terminal or a window."""
+"""In `applies`: the people who send events from a terminal or a window."""
 
 _MAX_FLOAT = sys.float_info.max
 # The frame algorithm's name for the source of people's events.

@@ -117,7 +117,7 @@ class LineReader:
         """Read what is left, with an unterminated last line, and close the pipe."""
         while self.open and self.read():
             pass
-        # A grandchild may hold the write end open, so the end of the pipe may never come.
+        # A grandchild may hold the write end open, so the pipe may never reach its end.
         self._pipes.forget(self.descriptor)
         self.descriptor = CLOSED
         rest = self._buffer.end()

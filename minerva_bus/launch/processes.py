@@ -134,7 +134,7 @@ def check_members(processes: Iterable[Process], vocabulary: Vocabulary, path: Pa
         seen.add(process.name)
         if process.name == COORDINATOR:
             raise WorldFileError(f"{path}: the process name {COORDINATOR} is reserved")
-        # A command declares itself only when it says hello.
+        # What a command offers is known only from the hello that it sends.
         if not process.command and process.alike in ("", process.name):
             members.append(process.participant())
             reason = incompatibility(members[-1].hello(), vocabulary)

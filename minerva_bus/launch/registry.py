@@ -57,7 +57,7 @@ class WorldLock:
                     " (--name)"
                 ) from None
             # A run that has just ended may have removed the file between opening and locking. A
-            # lock on the removed file would exclude nobody.
+            # lock on the removed file would exclude no other run.
             if _same_file(file, self._path):
                 return file
             file.close()

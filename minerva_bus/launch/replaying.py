@@ -74,6 +74,7 @@ def replay_coordinator(
     cursor.seek(world.past.frame)
     source = partial(RecordedSource, cursor=cursor, kinds=kinds, stay=stay)
     options["algorithm"] = FrameAlgorithm(world, source)
+    # Recorded frames are fixed, so commands that would change them are rejected.
     commands = {**COMMANDS, **dict.fromkeys(("pub", "order", "restart"), _reject), "seek": seek}
     watching = replace(watchers, listening=listening)
     coordinator = Coordinator(world, watching, commands=commands, **options)

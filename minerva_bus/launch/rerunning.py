@@ -28,7 +28,7 @@ from minerva_bus.world.kinds import Kinds
 
 SIDES: Final = ("the record", "this run")
 RECORDED: Final = "~record"
-"""Source of recorded events where the record does not have the inputs of each member."""
+"""Source of recorded events if the record does not have the inputs of each member."""
 
 _HOST: Final = "~host"
 
@@ -37,7 +37,7 @@ _HOST: Final = "~host"
 class Without:
     """Which inputs are not fed: those of `members`, and views that only they request.
 
-    A record without inputs does not tell who sent an event, so there it is left out by `types`.
+    A record without inputs does not name the sender of an event, so `types` are left out.
     """
 
     members: frozenset[str] = frozenset()

@@ -140,7 +140,7 @@ def completed(overrides: Overrides, description: Description) -> Overrides:
 
 
 def _options(description: Description) -> dict[str, str]:
-    """The options of a run that its world file declares, where they are not as it has them."""
+    """The declared options of a run whose values differ from those in its world file."""
     try:
         table = Table(read_toml(description.file), "", description.file, description.path).table(
             "options"
@@ -156,7 +156,7 @@ def _options(description: Description) -> dict[str, str]:
 
 
 def option_text(value: Any) -> str:
-    """An option as a command line would say it: a text as it is, all else as TOML writes it."""
+    """An option as on a command line: a text is unchanged, any other value is in TOML."""
     return value if isinstance(value, str) else toml_value_text(value)
 
 

@@ -163,6 +163,7 @@ def described(spec: str) -> list[tuple[str, str]]:
     Raises WorldFileError if there is no such service.
     """
     cls = find_service(spec)
+    # The docstring of a service describes each option in a line that begins with `name: `.
     documented = re.split(r"^ *(\w+): ", cls.__doc__ or "", flags=re.MULTILINE)
     texts = {
         name: " ".join(text.split("\n\n")[0].split())

@@ -346,11 +346,14 @@ class Supervisor:
 
     def _on_failure(self, process: SupervisedProcess, code: int) -> None:
         spec, name = process.spec, process.name
+        # These codes announce a report, which decides between a restart and the end.
         if code in (RAISED, RAISED_BY_CHANCE):
             self._await_cause(process)
+        # The report has been shown and says more than the exit code.
         how = "failed" if process.cause else how_ended(code)
         delay = process.fail(self._coordinator.frame)
         if delay is not None and self._processes.failures.repeated(spec, code, process.cause):
+            # `fail` has set the time of a restart.
             process.restart_at = None
             again = "failed again with the same error in the same frame"
             self._stop_for(process, f"{again}: a restart would not help")
@@ -363,6 +366,7 @@ class Supervisor:
             self._abandon(process)
         else:
             times = f", {process.failures} times in a row" if process.failures > 1 else ""
+            # The summary names the cause.
             if code > 0:
                 self._await_cause(process)
             self._stop_for(process, f"{how}{times}")

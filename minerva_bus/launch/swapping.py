@@ -84,6 +84,7 @@ def replay_swapped(
     Raises RecordError and WorldFileError; MisuseError if the member or its replacement cannot be
     used; WorldStopped if user code fails.
     """
+    # The new record would replace the file while it is read.
     if into and Path(into).resolve() == path.resolve():
         raise MisuseError(f"--record {into}: it is the record that is replayed; name another file")
     with Record(path) as record:
@@ -171,7 +172,7 @@ def _drawn(process: Process) -> tuple[str, ...]:
 def _check_alone(types: frozenset[str], others: list[Process], member: str) -> None:
     """Raises MisuseError if another member generates the same events.
 
-    Records of format 1 do not tell who sent an event.
+    Records of format 1 do not name the sender of an event.
     """
     for process in others:
         for event in sorted(types.intersection(_generated(process))):
@@ -223,10 +224,12 @@ def _run(
     try:
         _run_to_end(rerun, runner)
     finally:
+        # Services may hold files or devices, so they are closed after a failure, too.
         sink.close()
         for member in members:
             if member.service is not None:
                 member.service.close()
+    # The run and its comparison are complete, but the record that was asked for is not.
     if problems:
         raise MinervaError(problems[0])
     ended = runner.ended

@@ -100,6 +100,7 @@ class WorldSettings:
     dt: float = _world(
         0.1,
         "Simulated seconds per frame.",
+        # Limits are inclusive, and 0 is not allowed.
         number(1e-9),
         form="number above 0",
         shown="1/rate, or 0.1 if the rate is 0",

@@ -26,7 +26,7 @@ REPEAT_RATE: Final = 0.3
 """Probability that another mutation follows a mutation."""
 
 TOURNAMENT: Final = 3
-"""Individuals of which the best one becomes a parent."""
+"""Number of individuals of which the best one becomes a parent."""
 
 Evaluate = Callable[[Sequence[Scene], Sequence[Scene]], Sequence[Score]]
 """Scores of the children, followed by those of the strings of random search."""

@@ -26,6 +26,8 @@ class Palette:
         self._own = frozenset(own)
         self._moving = frozenset(map(self._name, movers))
         self._sizes = Counter(track.kind for track in tracks)
+        # Moving agents come first: the colours repeat, and those with tracks need different ones
+        # most.
         names = [self._name(track) for track in movers]
         names += [self._name(track) for track in tracks]
         names += story.counts

@@ -116,6 +116,8 @@ def _frame_times(axis: Any, story: Story, palette: Palette) -> None:
         axis.text(0.5, 0.5, "not measured", transform=axis.transAxes, ha="center", color=FAINT)
         return
     frames = np.arange(1, len(times) + 1)
+    # Rasterized, because a vector file with a mark for each of many frames is large and slow to
+    # draw.
     axis.plot(frames, times, ".", color="#9fb3c1", markersize=2.5, alpha=0.6, rasterized=True)
     middle = float(np.median(times))
     axis.axhline(middle, color=INK, linewidth=1)

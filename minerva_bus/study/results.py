@@ -37,7 +37,7 @@ class Row:
 
 @dataclass(frozen=True, slots=True)
 class ResultTable:
-    """Rows with the names of their columns; None where a run has no such value."""
+    """Rows with the names of their columns; None if a run has no such value."""
 
     keys: tuple[str, ...]
     columns: tuple[str, ...]

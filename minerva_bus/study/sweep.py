@@ -56,7 +56,7 @@ class Sweep:
         }
 
     def _content(self) -> bytes:
-        """What the world is, as far as it can be told: its file, or its initial string."""
+        """What identifies the world: its file, or the digest of its initial string."""
         if self.read is None:
             return self.path.read_bytes()
         return self.read(self.given).world.scene.digest

@@ -193,6 +193,7 @@ class Dashboard(App[None]):
     def action_faster(self) -> None:
         """Increase the frame rate."""
         wanted = self._status.rate if self._status is not None else 0.0
+        # Without a limit (0) there is nothing faster.
         faster = [rate for rate in RATES if rate > wanted > 0]
         self._operate(self._operator.set_rate, faster[0] if faster else 0.0)
 
