@@ -270,6 +270,7 @@ class FrameAlgorithm:
 
     def on_end(self, end: s.End) -> None:
         """End the world now; a second request does not wait for reports."""
+        # An interrupt may still arrive after the end.
         if self.phase is Phase.ENDED:
             return
         self.shutdown.failed |= end.failed

@@ -41,6 +41,7 @@ def apportion(rows: int, weights: Sequence[float], capacities: Sequence[float]) 
     sizes = shares(rows, weights)
     excess = 0
     for place, capacity in enumerate(capacities):
+        # Only a finite capacity can be exceeded, so `int` cannot fail.
         if sizes[place] > capacity:
             excess += sizes[place] - int(capacity)
             sizes[place] = int(capacity)

@@ -92,6 +92,8 @@ class CollectionStep:
         """Ask generators that do not depend on the world before the frame begins, once each."""
         algorithm, members = self._algorithm, self._algorithm.members.index.ahead
         for member in algorithm.inbox.early.ask(members, frame) if members else ():
+            # To each member by name: a generator that is ahead does
+            # not subscribe to the tick of all.
             algorithm.out.send(member, m.TickRequest(frame))
 
     # --- replies ---
@@ -104,6 +106,8 @@ class CollectionStep:
         ahead = reply.frame == early.last_asked(reply.member)
         # An answer to an early request that arrives after its frame has begun is one of that frame.
         is_early = ahead and not (algorithm.in_frame and reply.frame == algorithm.frame)
+        # A reply of a skipped or replaced process, or a second one, must not count. It is no
+        # violation, because the member cannot know.
         if not member.active or not (in_time or is_early) or reply.member in early.replies:
             member.late += 1
             return
@@ -178,6 +182,7 @@ class CollectionStep:
         # The log needs the orders too: a recomputed frame hands them over again.
         events.taken = {**taken, HANDED_OVER: events.orders} if events.orders else taken
         events.due = due
+        # A copy, because the log needs `taken` as it was, before norms and rights remove events.
         sources: dict[str, Sequence[AnyEvent]] = {**taken}
         if emitted:
             sources[AGENTS] = emitted

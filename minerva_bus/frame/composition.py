@@ -99,6 +99,7 @@ class Composition:
         known = [_ids(part) for part in self.parts.values()]
         if not known:
             return
+        # Single agents have no columns to compare with, so their ids are gathered here.
         if self._home:
             known.append(Ids.of(list(self._home)))
         twice = Ids.in_common(known)
@@ -282,6 +283,8 @@ class Composition:
     def divide(self, population: Sequence[str], sizes: Sequence[int]) -> None:
         """Divide a population into parts of these sizes; they get new names."""
         parts = self._as_strings()
+        # All rows stand in the place of the first part, so their
+        # order in the string does not change.
         divided = _in_place_of(population, self._pieces(population, sizes))
         self._take_apart(fill(self.skeleton, {**parts, **divided}), parts)
 

@@ -45,6 +45,7 @@ class DeviceSide:
                 self._pictures[shown.event_type] = picture
                 self._changed(shown)
             return True
+        # Deltas cannot be applied after a gap; a keyframe makes up for all that was missed.
         if picture is None or shown.sequence > picture.sequence + 1:
             return False
         # A delta with a lower number is contained in the keyframe that arrived before it.

@@ -73,6 +73,7 @@ class EvolutionStep:
         placement.outdated = False
         placement.arrange(algorithm.offers())
         rules = bool(algorithm.world.placement.rules)
+        # Agents without a host stand still without any error, so the log must mention them.
         placement.log.count(placement.unassigned_agents, rules=rules, out=algorithm.out)
         offers = algorithm.members.offers().values()
         placement.log.kinds(offers, placement.unassigned.values(), algorithm.out)
@@ -230,6 +231,7 @@ class EvolutionStep:
                 in_flight.trial = norms.agents(algorithm.frame, result.changed, result.sent)
                 norms.publish(algorithm.out, algorithm.inbox, algorithm.members.saved)
             if in_flight.trial is not None:
+                # A generator, because further stages are needed only while agents are rejected.
                 in_flight.stages = norms.stages(in_flight.trial, in_flight.events.evolving)
         elif in_flight.trial is not None:
             norms.reconsider(in_flight.trial, result.changed, result.sent)
@@ -311,6 +313,7 @@ class EvolutionStep:
 
 def frame_record(algorithm: FrameAlgorithm) -> Callable[[], m.FrameRecord]:
     """Makes the record of the frame in flight; the digest is computed only when asked for."""
+    # Read now, because `commit` increments the frame, and the next frame replaces `in_flight`.
     frame, composition = algorithm.frame, algorithm.composition
     events = algorithm.in_flight.events.ordered
     changed = algorithm.in_flight.result.changed

@@ -109,6 +109,8 @@ class GeneratorSide:
 
     def _answer(self, frame: Frame, vocabulary: Vocabulary) -> Iterator[Outgoing]:
         service = self._service
+        # A coupled device without events answers as well: the frame
+        # waits until it has acted on its view.
         if not isinstance(service, Generator) or not service.lockstep:
             if isinstance(service, Device) and service.coupled:
                 yield m.TickReply(self._name, frame.number)
@@ -143,6 +145,7 @@ class GeneratorSide:
 
     def _ordered(self, frame: int) -> tuple[AnyEvent, ...]:
         """People's orders for a frame, and for earlier ones in which it was not asked."""
+        # Orders for a frame in which the member was away must not be lost.
         due = {n: self._orders.pop(n) for n in sorted(self._orders) if n <= frame}
         self._obeyed = {frame: len(due.get(frame, ()))}
         return tuple([event for events in due.values() for event in events])

@@ -44,6 +44,8 @@ class WorldGoal:
         """Reason for the end: every agent has sent `until` or has given up; empty before that."""
         given_up = self._given_up()
         done = self.reached.union(given_up)
+        # Kinds count once one of their agents has sent an event. Before that no agent strives for
+        # the goal, and the empty set would seem complete.
         if not (self._until and done and done.issuperset(self._striving_agents())):
             return ""
         reasons = [f"#{agent} has given up: {given_up[agent]}" for agent in sorted(given_up)]
@@ -80,6 +82,7 @@ class WorldGoal:
         given_up = self._given_up()
         if event.type == self._until:
             self.reached = self.reached.union(senders)
+            # Reaching the goal later counts more than having given up.
             given_up = {name: why for name, why in given_up.items() if name not in senders}
         else:
             why = event.type if batch else f"{event.type}<{event.data_text()}>"

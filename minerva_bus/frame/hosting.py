@@ -78,6 +78,7 @@ class Host:
         Without events agents keep their state; under the literal policy they vanish.
         """
         concerned = request.only or tuple(self.fragments)
+        # Checked before anything evolves, since a fragment may evolve only once in a frame.
         missing = [name for name in concerned if name not in self.fragments]
         if missing:
             raise ProtocolError(f"frame {request.frame} is about #{missing[0]}, never given here")
@@ -137,6 +138,8 @@ class Host:
             if shown is not None and shown.piece is piece and shown.events == events.events:
                 continue
             view = visualize(Scene((piece,)), events, self.kinds, frame.number)
+            # Stored even if the view has not changed: the next
+            # frame compares fragments by identity.
             self._shown[event_type, fragment] = _Shown(piece, events.events, view)
             patch = _view_patch(shown, piece, view) if shown is not None else None
             # An empty patch means that the fragment has changed and its
@@ -165,6 +168,7 @@ def _view_patch(shown: _Shown, piece: Fragment, view: Scene) -> Delta | None:
     old, new = shown.piece, piece
     turnover = None
     if old.ids is not None and new.ids is not None:
+        # Only if each agent has exactly one piece of view do the rows of both correspond.
         whole = size(shown.view.pieces) == old.count and size(view.pieces) == new.count
         if old.ids is not new.ids and whole:
             turnover = new.ids.since(old.ids)

@@ -119,6 +119,7 @@ class FrameResult:
 
     def count_answers(self) -> None:
         """Note how many replies the latest request received."""
+        # Succession feeds the replies stage by stage, so their number in each stage must be logged.
         self.answers.append(len(self.replies) - sum(self.answers))
 
 

@@ -94,6 +94,7 @@ class FrameInbox:
         held = self._counts.get(source)
         if held is None:  # The first since the last frame, or since the world was resumed.
             held = sum(map(len, waiting))
+        # Whole messages are accepted or dropped, so the limit may be exceeded by one message.
         if held >= self.max_waiting:
             return False
         self._counts[source] = held + sum(map(len, events))
@@ -118,6 +119,7 @@ class FrameInbox:
 
         Orders that a generator takes stay: they arrived after it was asked.
         """
+        # The counts start again with the queues; held-back events are counted by the next `add`.
         taken, self.events, self._counts = self.events, {}, {}
         late = [event for event in taken.get(PEOPLE, ()) if is_taken(event.type)]
         if late:

@@ -60,6 +60,8 @@ class MemberLifecycle:
         algorithm = self._algorithm
         self._blame(member, f"may not join: {reason}")
         algorithm.out.send(member.name, m.Refused(reason))
+        # The world would wait forever: a process of the world file that
+        # does not fit will not fit later.
         if member.expected and algorithm.phase is Phase.WAITING:
             algorithm.fail(f"{member.name} cannot take part: {reason}")
 
@@ -71,6 +73,7 @@ class MemberLifecycle:
 
     def _admit(self, member: MemberEntry, hello: m.Hello) -> None:
         algorithm, world = self._algorithm, self._algorithm.world
+        # First of all, because what follows looks at the active members.
         algorithm.members.change(member, MemberChange.ADMITTED)
         # A newcomer has not seen the string, so the world is not at
         # rest even if nothing has changed.
@@ -84,6 +87,7 @@ class MemberLifecycle:
                 world.policy.value, saved,
             ),
         )  # fmt: skip
+        # Rules may place agents near this member, whose machine is known only now.
         near = member.name in world.placement.neighbours
         algorithm.placement.outdated |= near or bool(hello.kinds)
         self._send_publishers(member)
@@ -125,6 +129,7 @@ class MemberLifecycle:
         if member.state in (MemberState.LOST, MemberState.LEFT):
             return
         if algorithm.phase is Phase.STOPPING:
+            # Not lost yet: the token's disappearance may overtake the report.
             algorithm.shutdown.depart(member.name)
         elif algorithm.phase is not Phase.ENDED:
             # The change precedes the log line, so that the offers are without this host. `_lose`

@@ -41,6 +41,8 @@ class Load:
     def imbalanced(self, rows: Mapping[str, int]) -> bool:
         """Whether other shares would be much faster than this number of rows per host."""
         speeds = [self._speed(host) for host in rows]
+        # With few rows the time does not depend on their number. A host with fewer rows would then
+        # seem slower, receive fewer still, and end with none.
         if len(rows) < 2 or not all(speeds) or not _enough(sum(rows.values()), rows):
             return False
         slowest = max(count / speed for count, speed in zip(rows.values(), speeds, strict=True))

@@ -158,6 +158,8 @@ class Member:
 
         Raises WorldRestarted if it is from another run, or from before this member's frame.
         """
+        # A restarted world has the same name, so only the seed, the
+        # step and the frame distinguish runs.
         same = (before.seed, before.dt) == (welcome.seed, welcome.dt)
         # Answers are kept for two frames. From an earlier frame the member can
         # continue only with the data saved then.
@@ -182,6 +184,7 @@ class Member:
         if self.service is not None:
             with blamed(self.service.report):
                 reported = self.service.report() or {}
+        # The protocol allows finite numbers only, and a rejected report would exclude the member.
         figures = {name: value for name, value in reported.items() if _is_figure(value)}
         if self._generating.buffer.dropped:
             figures["dropped"] = self._generating.buffer.dropped

@@ -147,6 +147,8 @@ class Members:
             name: MemberEntry(name, expected=True, state=MemberState.LOST)
             for name in sorted(expected)
         }
+        # The processes of the world file, kept apart because
+        # `expected` changes while the world runs.
         self._named = frozenset(self._entries)
         self._departed: dict[str, None] = {}
         self._index: MemberIndex | None = None
@@ -267,6 +269,7 @@ class Members:
         """The kinds that each active host offers; of a drained host, only those without another."""
         hosts = {m.name: _kinds(m.hello) for m in self.active() if m.hello is not None}
         kept = [kinds for name, kinds in hosts.items() if not self._entries[name].drained]
+        # A drained host keeps the kinds that nobody else offers, or their agents would stand still.
         elsewhere = frozenset[str]().union(*kept)
         offers = {
             name: kinds - elsewhere if self._entries[name].drained else kinds

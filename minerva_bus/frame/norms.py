@@ -215,6 +215,7 @@ class Norms:
             )
         if is_agent:
             sanctions = self._sanctions_of(norm)
+            # Only agents can be sanctioned: generators and people receive no events.
             self._sanctions += [replace(event, receivers=(who,)) for event in sanctions]
         return True
 

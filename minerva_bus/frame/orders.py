@@ -32,6 +32,7 @@ def refusal_of_order(world: FrameAlgorithm, event_type: str) -> str:
             ' process with service = "orders"'
         )
     unknown = [member.name for member in members if member.expected and member.hello is None]
+    # A generator that joins later may make events of this type by itself.
     if unknown and world.phase is Phase.WAITING:
         return (
             f"whether people may send {event_type} depends on members that have not joined yet:"
@@ -54,6 +55,7 @@ def unknown_value(world: FrameAlgorithm, event: Event) -> str:
         value: object = event.data[field.name]
         texts = cast("tuple[str, ...]", value if isinstance(value, tuple) else (value,))
         for text in texts:
+            # No agent could carry out an order with an unknown name, such as a misspelt marker.
             if known and text not in known:
                 return (
                     f"{event.type}: {field.name} is {text!r}, but no {source.symbol} of the world"

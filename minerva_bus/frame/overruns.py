@@ -52,6 +52,7 @@ class Overruns:
         self.behind += elapsed - self._period
         if self.count < self._next_report:
             return ""
+        # A world that is too slow is late in every frame, so the log must not have a line for each.
         self._next_report *= 2
         return (
             f"frame {frame} took {elapsed:.3f} s instead of {self._period:.3f} s{self._lasts()};"

@@ -32,6 +32,7 @@ class Pace:
         After a late frame the rhythm starts again; the following frames do not catch up.
         """
         if self.paused:
+            # A pause is no delay: after it the rhythm starts again.
             self._next = None
             return None
         if self.rate <= 0:

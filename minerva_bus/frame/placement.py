@@ -67,6 +67,8 @@ class Placement:
                 if host in offers and part in preferred
             }
         self._host, self.unassigned = {}, {}
+        # Made from scratch: whatever a host lacks follows from what
+        # it holds, whoever has gone since.
         self._stale = {host: set() for host in offers}
         kinds_on: dict[str, set[str]] = {host: set() for host in offers}
         for fragment, node in self._composition.fragments.items():
@@ -118,6 +120,7 @@ class Placement:
         able = sorted(host for host, kinds in offers.items() if symbol in kinds)
         able = capacity.with_room(able, 1)
         chosen = able[: max(1, rows // MIN_AGENTS)]
+        # With a limit, a population may need more hosts than its size justifies.
         while len(chosen) < len(able) and sum(map(capacity.left, chosen)) < rows:
             chosen.append(able[len(chosen)])
         return chosen
@@ -188,6 +191,7 @@ class Placement:
             hosts = capacity.with_room(_able(kinds, offers), count)
             if not hosts:
                 return False
+            # An approximation for the log: the arrangement itself prefers certain hosts.
             capacity.take(hosts[0], count)
         return True
 

@@ -49,6 +49,7 @@ def foreign_sender(
     `senders` are the ids under which the agent may send.
     """
     part = composition.parts.get(name)
+    # A host reports events by the agent, or by the name of a part for agents in columns.
     if (name if part is not None else composition.home(name)) not in asked:
         return f"it sent events of #{name}, not its own"
     if not all(_is_from(event, senders, part) for event in events):
@@ -67,6 +68,7 @@ def duplicate_agent(
     for fragment, scene in sorted(reply.changed.items()):
         for agent in agents(Scene(tuple(_single(scene)))):
             home = composition.home(agent.id) or fragment
+            # The agent is in another fragment already, in the string or in an earlier reply.
             if known.get(agent.id, home) != fragment:
                 return f"it made a second agent #{agent.id}"
             known[agent.id] = fragment

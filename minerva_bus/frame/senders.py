@@ -41,6 +41,7 @@ class SenderRights:
                 continue
             wrong = ~self._may(senders, allowed)
             if allowed:
+                # Only existing agents that the member does not speak for are a violation.
                 wrong &= self.composition.kinds(senders) != ""
             if wrong.any():
                 sender = senders[int(np.argmax(wrong))]
@@ -65,6 +66,7 @@ class SenderRights:
 
     def _may(self, senders: Ids, allowed: Sequence[str]) -> NDArray[np.bool_]:
         kinds = self.composition.kinds(senders)
+        # A sender outside of the string has an empty kind, which no entry names.
         may = np.isin(kinds, [name for name in allowed if not name.startswith(ID)])
         ids = [name.removeprefix(ID) for name in allowed if name.startswith(ID)]
         if ids:

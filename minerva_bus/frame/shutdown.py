@@ -52,6 +52,7 @@ class Shutdown:
     def total(self) -> Figures:
         """The figures of all members; numbers of the same name are added."""
         total: dict[str, bool | int | float | str] = {}
+        # Sorted, because floating-point sums and the texts that remain depend on the order.
         for _, figures in sorted(self._figures.items()):
             for name, value in figures.items():
                 old = total.get(name)

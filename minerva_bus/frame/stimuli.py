@@ -171,6 +171,7 @@ class FrameDone:
     events: tuple[AnyEvent, ...] = ()
     inputs: FrameInputs | None = None
 
+    # Several sinks read the record, and the digest is computed once for all of them.
     @cached_property
     def record(self) -> FrameRecord:
         """The result of the frame; access it before the next stimulus."""

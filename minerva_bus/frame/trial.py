@@ -84,6 +84,8 @@ class Trial:
             kind for name in self._open for kind in kind_counts(self._composition.fragments[name])
         }
         met = frozenset[str]().union(*(vocabulary.kinds[kind].subscribes for kind in kinds))
+        # In the order of the frame. Types that none of the agents subscribes to cannot have caused
+        # the forbidden state, so they need no stage.
         types = list(dict.fromkeys(event.type for event in events if event.type in met))
         before = frozenset(types)
         for last in range(len(types) - 1, -1, -1):
@@ -117,6 +119,8 @@ class Trial:
                 if not (self._leniently and self._was_forbidden(norm, other, who))
             }
             self._settle(name, old, other, refused.keys() - wrong)
+            # Kept even if units of it were rejected: accepted ones have
+            # sent their events in this stage.
             self._later.append((name, other, sent))
 
     def _settle(self, name: str, old: Fragment, other: FragmentOutcome, units: set[str]) -> None:

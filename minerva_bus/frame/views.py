@@ -49,6 +49,7 @@ class ViewStream:
         # The composition makes a new skeleton whenever fragments change: identity is sufficient.
         if skeleton is not self.skeleton:
             self.skeleton = skeleton
+            # Views of fragments that are gone must not appear in the keyframe.
             self.parts = {name: view for name, view in self.parts.items() if name in alive}
             return self.keyframe()
         return ViewShown(
@@ -74,6 +75,8 @@ class Views:
     def __init__(self, world: World) -> None:
         self._streams = {
             view.event_type: ViewStream(
+                # A resumed world continues the sequence, because its
+                # devices may still hold these views.
                 view.event_type, view.sequence, view.frame, view.skeleton or EMPTY,
                 dict(view.parts), view.halted,
             )
@@ -147,6 +150,7 @@ def _send(
 ) -> None:
     devices = members.devices(view.event_type)
     for member, hello in devices:
+        # A member that declines columns cannot apply patches to them.
         shown = stream.unpatched(view) if hello.plain else view
         if hello.coupled:
             out.send(member.name, shown)
