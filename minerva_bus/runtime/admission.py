@@ -131,6 +131,7 @@ class Admission:
             with log_read(rejections):
                 yield
             return
+        # Only an audit needs the level `trace`, which costs a line for each message.
         begin_logging(LEVELS, audit.LEVELS)
         audited = audit.Audit(put, self._keys.kind)
         with log_read(lambda lines: rejections(audited.read(lines)), audit.POLL_SECONDS):
@@ -174,6 +175,8 @@ class Admission:
             self._say_once(STRANGERS, f"a connection was rejected: the other side {item.reason}")
             return
         name = item.name
+        # TLS accepts every certificate of the authority, but Zenoh's rules do not mention this one.
+        # The member would be connected and receive nothing, without knowing why.
         if name not in self._known:
             self.rules.count(name)
             self._say_once(
@@ -195,6 +198,7 @@ class Admission:
 
     def keeps_out(self, member: str) -> bool:
         """Whether all messages of a member are ignored; each is counted."""
+        # A name from the key may contain anything; it must not get into keys, logs or tables.
         if not is_name(member):
             self._misnamed(member)
             return True

@@ -45,6 +45,8 @@ class _Allowance:
             return  # In a flood, refilling would cost more than everything else.
         self._at = now
         for what, full in self._full.items():
+            # Up to one second's worth: a member that was silent for long
+            # may not send a burst without limit.
             self._left[what] = min(self._left[what] + passed * full, full)
 
     def left(self, what: str) -> float:

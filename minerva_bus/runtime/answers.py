@@ -80,6 +80,7 @@ class Answers:
         finally:
             self._admitted.pop()
             now = self._clock()
+            # In proportion to the answer, so that expensive questions are answered less often.
             self._next_at = now + PAUSE_FACTOR * (now - began)
 
     def answer_local(self, asked: LocalQuestion) -> None:

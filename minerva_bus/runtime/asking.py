@@ -38,6 +38,7 @@ def ask(
         replies = session.get(key, payload=pack({"ask": question, **details}), timeout=seconds)
     except zenoh.ZError as error:
         raise BusError(f"the question cannot be sent: {error}") from None
+    # A key for any world may have several answers; the first one counts.
     for reply in replies:
         if reply.ok is not None:
             answer = as_map(unpack(reply.ok.payload.to_bytes()), "an answer")

@@ -68,6 +68,7 @@ class Client:
         keys, inbox = Keys(self.world), Watch()
         decoder = Decoder(self.vocabulary())
         coordinator = keys.alive(COORDINATOR)
+        # Before the records, so that the end of the world cannot be missed.
         watching = self._session.liveliness().declare_subscriber(coordinator, inbox.handler())
         subscriber = self._session.declare_subscriber(keys.record, inbox.handler())
         while True:

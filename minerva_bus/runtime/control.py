@@ -167,6 +167,7 @@ def _scene(running: Operated, _: Mapping[str, Any]) -> dict[str, Any]:
 def _fragment(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
     """The outermost agent of an id, or one of a population."""
     composition, agent = running.algorithm.composition, as_text(asked.get("agent"), "the agent")
+    # Names of parts are internal, and change when hosts join or leave.
     node = composition.agent(agent) if not agent.startswith(PART) else None
     if node is None:
         raise ProtocolError(f"there is no agent #{agent[:64]}")
@@ -176,6 +177,7 @@ def _fragment(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
 def _order(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
     reader = Reader(running.algorithm.world.vocabulary)
     event = reader.event(asked.get("event"))
+    # Agents trust the sender of an event, so a person must not choose one.
     if not isinstance(event, Event) or event.sender:
         raise ProtocolError("an order is one event, of people: it has no sender")
     return _send(running, event)
@@ -250,6 +252,7 @@ def _drain(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
         hosts = ", ".join(offers) or "none"
         raise ProtocolError(f"{member[:64]!r} hosts no agents now; hosts are {hosts}")
     others = {name: kinds for name, kinds in offers.items() if name != member}
+    # The host would have to keep these agents, so it could not be stopped.
     alone = sorted(offers[member].difference(*others.values()))
     if alone:
         raise ProtocolError(
@@ -288,6 +291,7 @@ def _pub(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
             f"the world has no event type {name}; it has {', '.join(vocabulary.events)}"
         )
     condition = as_text(asked.get("condition", ""), "if")
+    # A condition that no agent can fulfil is an error of the person, not an event for nobody.
     vocabulary.check_condition(name, condition, "pub")
     try:
         fitted = declared.fields.values(name, values)

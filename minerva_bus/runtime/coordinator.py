@@ -225,6 +225,8 @@ class Coordinator(Sink):
         """Block for the next item of the inbox and handle it."""
         if self.transport.has_output:
             self._use_idle_time()
+        # A blocking receive is the fastest, but with a question in
+        # the queue it could last too long.
         item = self._next_before_answer() if self._answers.queue else self.inbox.wait()
         # As in `handle`, without the call: this line runs for each message of a member.
         self._handlers.get(item.__class__, self.runner.handle)(item)
@@ -242,6 +244,7 @@ class Coordinator(Sink):
 
         What arrives during the sleep is handled in the next turn.
         """
+        # Bounded: a flood of messages must not delay the frame that is due.
         for _ in range(MAX_MESSAGES_AT_ONCE):
             item = self.inbox.ready()
             if item is None:

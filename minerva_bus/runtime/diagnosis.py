@@ -86,6 +86,7 @@ def obstacle(endpoint: Endpoint, own: Credentials | None, patience: float) -> st
         trouble = _trouble_with_tls(endpoint, own, patience) if endpoint.kind == "tls" else ""
     except BusError as error:
         return str(error)
+    # The TLS link itself works, so the port is the right one.
     if trouble in ("", _NO_ZENOH):
         return f"something listens at {endpoint.text}, but the world is not there"
     return f"{endpoint.text}: {trouble}"

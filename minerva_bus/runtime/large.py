@@ -77,6 +77,7 @@ class LargeMessages:
 
     def _begin(self, member: str) -> None:
         large, self._busy = self._waiting[member][0], True
+        # One message at a time: several threads would compete for the interpreter with the frames.
         self._system.aside(lambda: self._put(self._decoded(large)))
 
     def _decoded(self, large: LargeMessage) -> Decoded:

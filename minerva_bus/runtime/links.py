@@ -45,6 +45,7 @@ class Links:
 
     def _on_event(self, event: Any) -> None:
         name, address = event.link.auth_identifier, str(event.link.dst)
+        # A link within this machine has no certificate.
         if name is None:
             return
         if event.kind == zenoh.SampleKind.PUT:
@@ -63,6 +64,8 @@ def cut(linked: Linked) -> bool:
     """Shut down a link's socket; False if it has none of its own, as with QUIC."""
     for connection in sockets_to(linked.address):
         with suppress(OSError):
+            # Not `close`: this is a copy of Zenoh's descriptor, and
+            # closing it would leave the link open.
             connection.shutdown(socket.SHUT_RDWR)
             return True
     return False

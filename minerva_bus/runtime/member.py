@@ -41,6 +41,8 @@ SHOWN_WITHIN: Final = 0.25
 ANSWERED_WITHIN: Final = 1.0
 """Seconds in which the coordinator answers a question of a member."""
 
+# Longer than the lease, and shorter than the time that a successor waits for its guests
+# (`monitor.BACK_WITHIN`): a member that still runs is back before it is given up.
 BACK_WITHIN: Final = 5.0
 """Seconds after which a member gives up a world that it has lost."""
 
@@ -143,6 +145,8 @@ class MemberProcess:
             self.member.name, connect.endpoint, shared=connect.shared, own=connect.own
         )
         with client as session:
+            # The name must be free before anything is declared, or messages for
+            # its holder would arrive here, too.
             for _ in self._arrive(session):
                 system.sleep(POLL_SECONDS)
                 yield
@@ -254,6 +258,7 @@ class MemberProcess:
         An observer that is slower than the world shows the newest view instead of each.
         """
         item = self.inbox.ready()
+        # The newest view is known once the inbox is empty.
         if item is None:
             self._show()
             return self.inbox.wait()
@@ -305,6 +310,7 @@ class MemberProcess:
 
     def _on_ungreeted(self, _: Ungreeted) -> None:
         """Give up: a coordinator that answers but does not greet never will, a busy one may."""
+        # The time-out and the greeting may have crossed.
         if self.member.world is not None:
             return
         if not self._greeting.expired and not self._is_answered():

@@ -175,6 +175,7 @@ class Metrics(Sink):
         """Measure how long a reply was awaited."""
         self._phase, self._began = self._algorithm.phase, perf_counter()
         replies = isinstance(stimulus, m.TickReply | m.EvolveReply)
+        # A reply that arrived early, or late, was not awaited in this frame.
         if replies and stimulus.frame == self._algorithm.frame:
             waited = MICRO * (self._began - self._asked_at)
             self._figures.add(f"wait for {stimulus.member}", waited)
@@ -211,4 +212,5 @@ class Metrics(Sink):
             self.wanted = False
             if not self._keep:
                 self._switch(on=False)
+                # Means over frames from before the pause would be misleading.
                 self._figures.clear()

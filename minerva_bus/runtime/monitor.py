@@ -23,12 +23,15 @@ STATUS_EVERY: Final = 0.1
 GREETED_AGAIN: Final = 1.0
 """Seconds after which a member that has not answered its greeting is greeted once more."""
 
+# Longer than the time after which such a member ends by itself (`member.BACK_WITHIN`).
 BACK_WITHIN: Final = 6.0
 """Seconds that members of the previous coordinator have to return to its successor."""
 
 REPORTS_WITHIN: Final = 10.0
 """Seconds that members have after the last frame to show their last view and to report."""
 
+# Shorter than the launcher waits before it kills the coordinator, which
+# still has to send its final report.
 HURRIED_REPORTS_WITHIN: Final = 0.5
 """The same where a person ends the world, or a failure."""
 
@@ -123,6 +126,7 @@ class Monitor:
             guests = [name for name in late if not algorithm.members.get(name).expected]
             for name, text in self._waits.describe(late, guests, now):
                 self._log.warn(name or COORDINATOR, f"{frame} for {text}")
+        # The journal names guests of the predecessor, but some may have left with it.
         if self._meter.waited >= BACK_WITHIN and self._guests:
             self._give_up_guests(waiting)
         for name, action in self._waits.overdue(now):
@@ -160,6 +164,7 @@ class Monitor:
             self._log.warn(name, f"{silence}; the world stops")
             self.end(s.End(f"{name} {silence}", failed=True))
         else:
+            # The next process gets the full time, whatever the previous one used up.
             self._waits.restart(name, now)
             self._watchers.stalled(name, waited)
             # Nothing restarts a guest, so it is excluded; it may join again.

@@ -128,10 +128,12 @@ class OwnThreads:
             service.run(self.outlet, self._stop)
             if self._ends and not self._stop.is_set():
                 self._notify(f"{self._name}: no more events; leaving the world")
+                # The last figures are sent before the member leaves.
                 self._put(ReportFigures())
                 self._put(Leave())
         except MinervaError as error:
             self._put(Unready(f"{self._name} cannot continue: {error}"))
+        # Raised in the main thread, which reports failures. SystemExit would end only this thread.
         except (Exception, SystemExit) as error:
             failure = UserCodeError(handler_name(service.run), service.run)
             failure.__cause__ = error

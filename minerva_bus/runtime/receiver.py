@@ -58,8 +58,10 @@ class Receiver:
             return
         if self._admission.keeps_out(member):
             return
+        # Every message is charged, even one that then passes whatever is left.
         room = self._admission.rules.has_room(self._known(member), len(data))
         wire = declaration(data, len(self._transport.stamp))
+        # A stranger's message is not even decoded.
         if room and data and not self._members.knows(member):
             self._handle(m.Leaving(member))  # Counts a stranger, whatever the message is.
             return
@@ -83,6 +85,7 @@ class Receiver:
         self._large.taken(decoded)
         self._metrics.add("decode", MICRO * decoded.seconds)
         members = self._members
+        # A message of the former process must not count for the new one.
         if not members.knows(large.member) or members.get(large.member).joins != large.joins:
             return
         if decoded.message is None:
@@ -146,6 +149,7 @@ class Receiver:
             message = replace(message, received=body)
         reason = ""
         if isinstance(message, m.Hello):
+            # A hello is a sign of life of the process, even if its roles are rejected.
             self._arrived(member)
             reason = self._admission.rules.objection(message)
         self._handle(s.Violation(member, reason) if reason else message)

@@ -109,6 +109,8 @@ class Rejoin:
         """Take part again under the same name. Raises BusError if another member has it."""
         if not self.monitor.away:
             return
+        # The hub may still hold the member's own former token, whose
+        # link has not timed out there yet.
         if not self.name.is_taken(session):
             self.name.declare(session)
             self.monitor.restored()

@@ -38,6 +38,7 @@ class Restraint:
         """Whether a line may be logged; one that may not is counted."""
         known = self._subjects.get(subject)
         if known is None:
+            # Names may be invented, so the table must not grow without limit.
             if len(self._subjects) >= MAX_SUBJECTS:
                 self._forget(now)
             known = self._subjects.setdefault(subject, _Subject(AT_ONCE, now))

@@ -125,6 +125,7 @@ class Runner:
         processes what is queued so far.
         """
         queue = self._queue
+        # Called from a delivery: stimuli that arrived before this one are processed first.
         if queue:
             queue.append(stimulus)
             stimulus = queue.popleft()
@@ -146,6 +147,8 @@ class Runner:
 
     def _execute(self, instruction: s.Instruction) -> None:
         if isinstance(instruction, s.Send):
+            # Queued instead of handled at once: all instructions of a
+            # stimulus are executed before the next.
             self._queue.extend(self.transport.send(instruction.to, instruction.message))
             return
         if isinstance(instruction, s.Show):

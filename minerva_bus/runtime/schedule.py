@@ -68,6 +68,7 @@ class FrameSchedule(Sink):
     def begin(self) -> s.Begin:
         """The stimulus that begins the frame that is due."""
         now = self._clock()
+        # No frame is due until the algorithm reports that this one is over.
         self.due, self._ready = None, False
         self.pace.began()
         period = real_period(self.pace.rate, self._algorithm.world)

@@ -47,6 +47,8 @@ def let_dead_links_go(session: zenoh.Session, lease: float) -> None:
     def new_link(event: Any) -> None:
         if event.kind != zenoh.SampleKind.PUT:
             return
+        # The first match is the new link. Comparing all sockets would take quadratic time
+        # in a world of a thousand members.
         for connection in islice(sockets_to(str(event.link.dst)), 1):
             with suppress(OSError, AttributeError):
                 connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _AT_ONCE)

@@ -44,6 +44,7 @@ class StatusMeter(Sink):
         """The status at a monotonic time; the rate is that since the last one."""
         algorithm, paused = self._algorithm, self._pace.paused
         rate = (algorithm.frame - self._frame) / max(now - self.at, 1e-9)
+        # A paused world has no frames, which an average would show only after a while.
         self.hz = rate if paused else self.hz + SMOOTHING * (rate - self.hz)
         self.at, self._frame = now, algorithm.frame
         active = len(algorithm.members.active())

@@ -30,6 +30,7 @@ class Durations:
 
     def add(self, seconds: float) -> None:
         """Count one duration."""
+        # Bounds are inclusive, as in Prometheus.
         self.counts[bisect_left(BOUNDS, seconds)] += 1
         self.seconds += seconds
 

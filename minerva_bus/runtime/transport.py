@@ -81,8 +81,10 @@ class ZenohTransport:
             if not message.part:
                 self.evolving_since = self._clock()
         elif isinstance(message, m.ViewShown):
+            # A coupled device must receive every view, unlike observers.
             self._metrics.timed("view", self._put, key, message, _BLOCK)
             return ()
+        # Refusals and greetings have one recipient; messages to groups need not be looked at.
         elif to not in _GROUPS:
             self._notify(to, message)
         self._put(key, message, _BLOCK)

@@ -107,6 +107,8 @@ class Waits:
         since = self._starting.pop(member, None)
         if since is None:
             return False
+        # A machine that is slow for one start is slow for the others,
+        # so their time-outs grow with it.
         self._slowest = max(self._slowest, now - since)
         self._waits.pop(member, None)  # The time of its start does not count for the frame.
         return True
@@ -185,6 +187,8 @@ class Waits:
         overdue: list[tuple[str, str]] = []
         for name, wait in self._waits.items():
             patience = self.patience(name)
+            # Once per step: a restarted member gets a new wait, and a
+            # skipped one is no longer awaited.
             late = now - wait.since >= patience.hard and not wait.done
             if late and patience.then != "wait":
                 wait.done = True

@@ -57,6 +57,7 @@ class WorldLink:
         elif self.stamp:
             self._replies.put(self.stamp + encode(message))
         else:
+            # Only events are lost: replies belong to a frame that is asked for again.
             self.unsent += isinstance(message, m.Emitted)
 
     def joined(self, vocabulary: Vocabulary) -> None:
@@ -75,6 +76,7 @@ class WorldLink:
         Raises ProtocolError and SceneError for a message that cannot be decoded: a member that has
         missed one cannot take part any longer.
         """
+        # The usual case, decided without decoding the epoch.
         if self.stamp and data.startswith(self.stamp):
             body = data[len(self.stamp) :]
         elif (body := self._first_of_epoch(data)) is None:
@@ -108,6 +110,8 @@ class WorldLink:
             # for example after it was frozen.
             if epoch <= self._epoch:
                 return None
+            # Decoded before the epoch is accepted: bytes that are no message
+            # must not displace a coordinator.
             message = self._decoder.to_member(body)
         except (ProtocolError, SceneError):
             return None

@@ -44,6 +44,7 @@ class WorldLog(Sink):
         """Log and show a warning about a member; `details` are for the log only."""
         members = self._algorithm.members
         guest = members.knows(member) and not members.get(member).expected
+        # Guests share one bucket, because they may join under any number of names.
         if self._restraint.lets(GUESTS if guest else member, self._system.monotonic()):
             self._write(member, text, details)
 

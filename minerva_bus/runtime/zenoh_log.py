@@ -31,6 +31,7 @@ def begin_logging(levels: str, required: str = "") -> None:
     """
     if required:
         os.environ[_CHOSEN] = f"{os.environ.get(_CHOSEN) or levels},{required}"
+        # Zenoh escapes colour sequences within keys, so only coloured lines cannot be forged.
         os.environ.pop(_PLAIN, None)
     zenoh.init_log_from_env_or(levels)
 
