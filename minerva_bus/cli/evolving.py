@@ -77,6 +77,7 @@ def _save(file: WorldFile, wanted: EvolveOptions, console: Console, cache: Evalu
     for path in wanted.outputs if cache.best is not None else ():
         assert cache.best is not None
         save(cache.best.scene, path, file, wanted.given)
+        # The modules that a world file names are found in its folder.
         away = path.suffix == ".toml" and path.resolve().parent != file.path.parent
         where = f"; to run it, move it to the folder of {file.path.name}" if away else ""
         console.note(f"best string saved to {path}{where}")

@@ -55,6 +55,7 @@ def _opener(file: Path, passed: PassOver) -> Callable[[], Recording]:
     """Open the recording by its suffix; report skipped data only the first time."""
     if not file.exists():
         raise WorldFileError(f"there is no file {file}; expected a recording: check its name")
+    # A bag of ROS 2 is a folder.
     suffix = "db3" if file.is_dir() else file.name.removesuffix(".gz").rpartition(".")[2].lower()
     read = load(_installed(RECORDINGS, suffix, f"{file}: reader of recordings"))
     # The mapper reads the recording several times.

@@ -159,6 +159,8 @@ class Takes:
             return _LISTS[name]
         setting = OPTIONS[name]
         python: Any = list[str] if setting.kind.repeats else setting.kind.python
+        # With the negative form, a command line can also switch off what the world file switches
+        # on.
         flag = f"{setting.flag}/--no-{setting.flag[2:]}" if python is bool else setting.flag
         return Annotated[python | None, typer.Option(flag, help=setting.help.replace("`", ""))]
 

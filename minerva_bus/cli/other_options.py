@@ -64,5 +64,6 @@ class OtherOptionsCommand(TyperCommand):
         try:
             return super().invoke(ctx)
         except UnknownOption as error:
+            # The parser passes on a misspelt option of the command as one of the world.
             own = tuple(option for parameter in self.params for option in parameter.opts)
             raise error.beside(own) from None

@@ -75,6 +75,7 @@ def check_capacity(processes: int) -> None:
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     needed = processes + BASE_FILES
     if soft != resource.RLIM_INFINITY and soft < needed:
+        # `shortage` has compared it with the hard limit.
         resource.setrlimit(resource.RLIMIT_NOFILE, (needed, hard))
 
 

@@ -228,6 +228,7 @@ class _Reporter:
             digest=algorithm.scene.digest.hex(),
             reached=algorithm.reached,
             last_frame_at=coordinator.schedule.last_frame_at,
+            # The most at any time, because some have left before the end.
             members=max(self._members, coordinator.status.most_members),
             figures=dict(ended.figures),
             profile=coordinator.metrics.profile(),

@@ -69,6 +69,7 @@ class Console:
             return
         shown = name
         if self.terminal:
+            # Colours go by first appearance, so the first ten names have different ones.
             color = _COLORS[self._names.setdefault(name, len(self._names)) % len(_COLORS)]
             shown = f"\x1b[{color}m{name}\x1b[0m"
         self._above("".join(f"{shown} │ {text}\n" for text in line.rstrip("\n").split("\n")))

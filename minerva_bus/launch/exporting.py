@@ -133,6 +133,7 @@ class Exporter:
         try:
             status, totals = self._status(), read_totals(self._ask("totals").get("totals"))
         except MinervaError:
+            # `/metrics` always replies; `minerva_up` reports a world that does not answer.
             return down_metrics(self.world)
         return world_metrics(status, totals)
 

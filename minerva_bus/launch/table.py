@@ -160,6 +160,7 @@ class Table:
         if self.name:
             header = re.search(rf"^[ \t]*\[[ \t]*{re.escape(self.name)}[ \t]*\]", self._text, re.M)
             start = header.end() if header else 0
+        # The key may be assigned, begin a dotted key, or be a part of a table's name.
         pattern = rf"^[ \t]*(\[([\w.]*\.)?)?(?P<key>\"?{re.escape(key)}\"?)\s*[=\].]"
         match = re.compile(pattern, re.M).search(self._text, start)
         return match.start("key") if match else -1
