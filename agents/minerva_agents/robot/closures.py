@@ -203,6 +203,7 @@ def _fits(
     back = between(pose, np.zeros(3))
     fits = walls.fit(moved(points, pose))
     again = others.fit(moved(first.points, back))
+    # Either scan may look through the walls of the other.
     through = max(
         seen_through(moved(second.points, pose), first.reach),
         seen_through(moved(first.points, back), second.reach),

@@ -59,6 +59,7 @@ def doubled_walls(scans: Sequence[Scan], places: Sequence[Pose]) -> tuple[list[D
             continue
         visits += 1
         step = between(poses[first], poses[later])
+        # Either scan may look through the walls of the other.
         through = max(
             seen_through(moved(keys[later].points, step), keys[first].reach),
             seen_through(moved(keys[first].points, between(step, np.zeros(3))), keys[later].reach),

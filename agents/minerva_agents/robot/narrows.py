@@ -39,12 +39,14 @@ def passable_width(radius: float, cell: float) -> float:
 
     The robot's width with a margin, rounded up to whole cells, plus one cell.
     """
+    # Rounding removes errors such as that of 3 * 0.1.
     return round((math.ceil(2.0 * _room_of_points(radius, cell)) + 1) * cell, 9)
 
 
 def is_passable(grid: Cells, way: Sequence[Position], radius: float, cell: float) -> bool:
     """True if the robot's body stays clear of all obstacle cells along straight lines."""
     reach = _room_of_body(radius, cell) + 1.0
+    # Only the surroundings of the path are refined, because it is tested in every frame.
     top, left = (max(0, math.floor(min(axis) - reach)) for axis in zip(*way, strict=True))
     bottom, right = (math.ceil(max(axis) + reach) for axis in zip(*way, strict=True))
     fine = _fine(grid[top:bottom, left:right])
@@ -73,6 +75,8 @@ class Narrows:
     @property
     def closed_cells(self) -> Mask:
         """Cells of the robot's grid without any open point."""
+        # The centre of a cell has odd indices; its corners and edges are the eight points around
+        # it.
         near = grown(~self.closed)
         return ~near[1::2, 1::2]
 
@@ -80,6 +84,7 @@ class Narrows:
         """Path to the nearest target cell of the robot's grid, or None."""
         fine = np.zeros(self.closed.shape, np.bool_)
         fine[1::2, 1::2] = targets
+        # Each of the nine points of a target cell counts.
         path = nearest(self.closed, cell_of(self.at), grown(fine) & ~self.closed)
         if path is None:
             return None

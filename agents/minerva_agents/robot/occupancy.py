@@ -28,6 +28,7 @@ class Marker:
     y: float
 
 
+# Without slots, because `room` is cached in the instance.
 @dataclass(frozen=True, eq=False)
 class OccupancyMap:
     """A floor, cell by cell, as in nav_msgs/OccupancyGrid.

@@ -49,6 +49,7 @@ def _go_straight_there(robot: ARobot) -> bool:
         return True
     marker = centre_of(place)
     part = 1.0 - STOP / (portable.dist(marker, robot.position) * robot.cell)
+    # Closer than STOP already, so the path would lead backwards.
     if part <= 0.0:
         return False
     row, column = robot.position

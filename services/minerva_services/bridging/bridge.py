@@ -88,6 +88,7 @@ class Bridge(Generator, lockstep=False):
     def report(self) -> Mapping[str, bool | int | float | str]:
         """Counts, and the state of the source."""
         with self._lock:
+            # A copy, because other threads count meanwhile.
             counts = dict(self._counts)
         return {**counts, "source": self._source_state()}
 

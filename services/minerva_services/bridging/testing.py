@@ -45,6 +45,7 @@ class RunningBridge:
     ) -> None:
         self._stop.set()
         self._thread.join(STOP_TIMEOUT_SECONDS)
+        # An error of the block must not be replaced by this one.
         if error is None and not self.ended():
             raise AssertionError(f"the bridge has not stopped within {STOP_TIMEOUT_SECONDS:.0f} s")
 

@@ -98,6 +98,7 @@ class PhysicalGeometry(Geometry):
         """α: a body and its command."""
         if name in self.robots:
             raise PhysicsError(f"body {name!r} appears twice in the view; make the names unique")
+        # Not at `_here()`: moves around a body are its command, not its position.
         self.robots[name] = Robot(self._place, radius, self._command)
 
     @contextmanager
@@ -105,6 +106,7 @@ class PhysicalGeometry(Geometry):
         """β: set the position and reset commands; δ: restore both."""
         outside = self._place, self._command
         self._place, self._command = _within(self._here(), x, y, angle), DriveCommand()
+        # Without `finally`: an error ends the interpretation, and this geometry is not used again.
         yield
         self._place, self._command = outside
 

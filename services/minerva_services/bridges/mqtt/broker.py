@@ -66,6 +66,7 @@ class Broker:
         url = address if "://" in address else f"mqtt://{address}"
         try:
             parts = urlsplit(url)
+            # Raises ValueError for a number above 65535.
             port = parts.port
         except ValueError:
             raise _bad_address(address) from None

@@ -39,6 +39,7 @@ class FramePacer:
     def begin(self, seconds: float, now: float) -> float:
         """The time left for a command that begins now, of its nominal duration."""
         late = now - self.due
+        # A late command gets the rest of its time, at least 0 s; a pause starts a new schedule.
         self.due = (
             max(self.due + seconds, now) if late < _MAX_DELAY_FRAMES * seconds else now + seconds
         )

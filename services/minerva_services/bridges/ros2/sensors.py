@@ -103,6 +103,7 @@ class Ros2(Bridge):
         self._time_offset = checked_offset(time_offset)
         self._frames = Frames()
         self._wanted = self._makers(scan, odometry, image, compressed, battery, detections)
+        # Invalid names must fail here, not in the thread that connects.
         for name, _, _ in self._wanted.values():
             self._network.name(name)
         self._map, self._map_event = map, map_event

@@ -52,6 +52,7 @@ class OdometryTrack:
                 self._times.clear()
                 self._poses.clear()
                 self.restarts += 1
+            # The time is limited, because after a long gap any distance could have been driven.
             jumped = self._jumps(before.seen(pose), min(max(0.0, elapsed), _MAX_GAP_SECONDS))
         if jumped:
             self._times.clear()

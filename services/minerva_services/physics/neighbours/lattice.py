@@ -74,6 +74,7 @@ class Lattice:
             return self._counted(cells)[cells] - 1
         inside = np.bincount(cells, values, self._size[0] * self._size[1])
         total = self._summed(inside.reshape(self._size))
+        # The values in the agent's own cell count, except its own.
         return total.reshape(-1)[cells] + (inside[cells] - values)
 
     def like(self, cells: Array, kinds: Array) -> tuple[Array, Array]:

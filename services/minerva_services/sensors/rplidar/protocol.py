@@ -101,11 +101,13 @@ def read_descriptor(data: bytes) -> Descriptor | None:
     if len(data) < DESCRIPTOR_SIZE or not data.startswith(ANSWER):
         return None
     size, kind = struct.unpack_from("<IB", data, 2)
+    # The two upper bits are the send mode; 1 announces several packets.
     return Descriptor(size & 0x3FFFFFFF, size >> 30 == 1, kind)
 
 
 def read_info(data: bytes) -> LidarInfo:
     """Parse the 20 bytes of GET_INFO."""
+    # The minor version precedes the major one.
     model, minor, major, hardware = data[:4]
     return LidarInfo(model, (major, minor), hardware, data[4:].hex().upper())
 

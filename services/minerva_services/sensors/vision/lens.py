@@ -65,6 +65,7 @@ class Lens:
             self,
             fx=self.fx * scale,
             fy=self.fy * scale,
+            # 0 stands for the centre, which is known only with an image.
             cx=self.cx * scale or width / 2,
             cy=self.cy * scale or height / 2,
             width=width,

@@ -87,6 +87,7 @@ class Video:
         self._video: Any = cv2.VideoCapture(str(self._path), cv2.CAP_FFMPEG)
         if not self._video.isOpened():
             raise RecordingError(f"{self._path} is not a readable video")
+        # Some containers do not state their number of images.
         self._count = max(1, int(self._video.get(cv2.CAP_PROP_FRAME_COUNT)))
         own = float(self._video.get(cv2.CAP_PROP_FPS))
         # Some files state no rate, or the time base of their stream instead.

@@ -102,6 +102,7 @@ class GLPainter:
         self._moved = True
         if button == 1 and not _shift_held():
             self.camera = self.camera.orbited(-_DEGREES_PER_PIXEL * dx, _DEGREES_PER_PIXEL * dy)
+            # The target stays, so an agent is still followed.
             return False
         self.camera = self.camera.panned(dx, dy, self._canvas.size[1])
         return True

@@ -78,6 +78,7 @@ def drum(segments: int, rounded: bool) -> Mesh:
     out = np.stack([np.cos(turn), np.sin(turn)], axis=1)
     foot, wall = (0.0, 0.0, 0.0, 1.0, 0.0), (0.0, 1.0, 1.0, 1.0, 0.0)
     lid = (1.0, 0.0, 1.0, 0.0, 1.0) if rounded else (0.0, 0.0, 1.0, 0.0, 1.0)
+    # Only a rounded drum has a bevel between wall and lid; the others save its triangles.
     profile = [foot, wall, lid] if rounded else [foot, (0.0, 0.0, 1.0, 1.0, 0.0), lid]
     rings = [np.hstack([out, np.tile(ring, (segments, 1))]) for ring in profile]
     here, there = np.arange(segments), (np.arange(segments) + 1) % segments

@@ -85,6 +85,7 @@ class Sound(Device, draws=("ePicture",)):
 
 
 def _tuning(high: float, low: float, octave: float, samples: int) -> Tuning:
+    # The overtone at twice the pitch must stay below half the sample rate (Nyquist).
     if not 20.0 <= low <= high <= samples / 4:
         raise MisuseError(
             f"sound: low is {low:g} and high is {high:g}; expected 20 <= low <= high <="

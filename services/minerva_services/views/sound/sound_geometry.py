@@ -56,6 +56,7 @@ def roles(world: WorldInfo, voices: Collection[str], aims: Collection[str]) -> S
             f" {', '.join(sorted(world.vocabulary.primitives)) or 'no primitives'}"
         )
     aimed = _known(world, "aim", aims) or _goals(world) or _discs(world, heading=False)
+    # A figure cannot be the aim of its own voice: its distance would always be 0.
     return SoundRoles(named, aimed - named)
 
 
@@ -120,6 +121,7 @@ class SoundGeometry(BoundingGeometry):
             self._poses[self._name(figure)] = self.pose
         elif plays(figure, self._roles.aims):
             self._aims.append((self.pose.x, self.pose.y))
+        # For the bounds, within which voices are panned.
         super().other_figure(figure)
 
     def voices(self) -> dict[str, Voice]:

@@ -87,6 +87,7 @@ def extent(picture: Picture, before: Bounds | None = None) -> Bounds | None:
     bounds = _around([_of_points(x, y) for x, y in points if len(x)])
     if bounds is None:
         return before
+    # Compared without the margin, so that the view changes only when an item leaves it.
     if before is not None and before.around(bounds) == before:
         return before
     side = max(bounds.right - bounds.left, bounds.top - bounds.bottom)

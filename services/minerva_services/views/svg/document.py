@@ -37,11 +37,13 @@ def svg_document(
             f"<title>{title}, {subtitle}</title>",
             f'<rect width="{width}" height="{height}" fill="{PAPER}"/>',
             f'<rect {_place(page)} fill="{PANEL}"/>',
+            # Metres with y up, only for this group; everything after it is in pixels.
             f'<g transform="translate({exact(left)} {exact(bottom)}) scale({scale} -{scale})">',
             *drawing.elements,
             "</g>",
             _grid(page),
             _margins(page),
+            # After the margins, which would hide labels at the border.
             *drawing.labels,
             _caption(page, title, subtitle),
             "</svg>\n",

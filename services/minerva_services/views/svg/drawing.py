@@ -87,6 +87,7 @@ class Drawing(PlaneGeometry):
         cell = resolve(raster.cell, parameters)
         paths = self._tracer.paths(parameters[raster.cells], raster.colors)
         self.elements += [
+            # Without anti-aliasing, so that no seams appear between neighbouring rectangles.
             f'<g transform="translate({exact(corner.x)} {exact(corner.y)})'
             f' rotate({exact(corner.angle)}) scale({exact(cell)})"'
             f' fill-opacity="{short(raster.opacity)}" shape-rendering="crispEdges">',

@@ -88,6 +88,7 @@ class _DrawnBounds(BoundingGeometry):
 
     def shape(self, shape: Shape, figure: FigureNode) -> None:
         if isinstance(shape, Raster):
+            # From the first raster on, only rasters count.
             if not self.has_raster:
                 self.has_raster, self.bounds = True, None
         elif self.has_raster:
@@ -110,6 +111,7 @@ def frame_of(scene: Scene, vocabulary: Vocabulary, before: Bounds | None = None)
     drawn = _sized(extent.bounds)
     if extent.has_raster:
         return _within_aspect(drawn)
+    # Compared without the margin, so that the frame changes only when something leaves it.
     if before is not None and before.around(drawn) == before:
         return before
     side = max(drawn.right - drawn.left, drawn.top - drawn.bottom)

@@ -54,6 +54,7 @@ def notice(text: str) -> str:
 def problem(text: str) -> str:
     """An error line."""
     line = " ".join(text.split())
+    # Cut before it is escaped, or an entity could be cut in two.
     return _block(f'<span style="color:{_BAD}">{escape(_cut(line, 300))}</span>')
 
 

@@ -79,6 +79,7 @@ def _around(profile: tuple[tuple[float, float], ...], sides: int) -> Solid:
         for start in range(sides):
             end = (start + 1) % sides
             here, there = first + start, first + end
+            # At the axis, where the radius is 0, a quad is a single triangle.
             if low:
                 faces.append((here, there, there + sides))
             if high:

@@ -105,6 +105,8 @@ class Composer:
             self._lists[view.event_type].picture(view.skeleton, view.parts) for view in views
         ]
         items = chain.from_iterable(picture.items for picture in pictures)
+        # A single view keeps its picture, by whose identity painters notice that nothing has
+        # changed.
         self.picture = pictures[0] if len(pictures) == 1 else Picture(tuple(items))
         time = max((view.frame for view in views), default=0) * self._world.dt
         return Sight(

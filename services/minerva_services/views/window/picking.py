@@ -48,6 +48,7 @@ def _agent(picture: Picture, project: Projection, at: tuple[float, float]) -> st
                 # Discs behind the camera are NaN, for which the comparison is false.
                 touched = away <= discs.radius * scale + TOLERANCE
             for row in np.flatnonzero(touched)[np.argsort(away[touched], kind="stable")]:
+                # Rows are in ascending distance.
                 if away[row] >= best:
                     break
                 if discs.agent(int(row)):

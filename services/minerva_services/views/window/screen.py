@@ -64,6 +64,7 @@ def open_window(service: str, title: str, size: tuple[int, int], flags: int = 0)
         pygame.display.quit()
         raise _no_window(service, error) from None
     pygame.display.set_caption(title)
+    # A held arrow key changes a number repeatedly (milliseconds).
     pygame.key.set_repeat(350, 60)
     return surface
 
