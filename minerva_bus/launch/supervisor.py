@@ -213,6 +213,7 @@ class Supervisor:
         self._note(f"a new coordinator listens at {self._context.endpoint}")
         if self._ending.reason is not None:  # Only the launcher knows it, not the journal.
             self._coordinator.command(f"end {self._ending.reason}")
+        # The journal has neither the processes that will not return nor those that are starting.
         for process in self._processes:
             if process.abandoned or (self._ending.reason is not None and process.child is None):
                 self._abandon(process)
