@@ -45,6 +45,7 @@ def access_control(
     `local`: the link protocols of processes on this machine, which may do everything. `carrier`:
     the rules are for a router between networks, to which the coordinator connects, too.
     """
+    # One rule for those who are trusted: the processes of this machine, and routers.
     rules = [_rule(_OPEN, (_IN, _OUT), _ALL, ["**"])]
     open_to = [{"id": f"by {kind}", "link_protocols": [kind]} for kind in sorted(local)]
     trusted = {HUB, ROUTER} if carrier else {ROUTER}
@@ -84,6 +85,8 @@ def _rules(keys: Keys, holder: Rights) -> list[Rule]:
     received, asked = _received(keys, holder, own), [asking_key(ANY_WORLD, own)]
     if holder.may(OPERATOR):
         asked.append(control_key(ANY_WORLD, own))
+    # A member needs its own token to check that its name is free, and the coordinator's to detect
+    # that it is gone; it does not learn who else takes part.
     tokens = [keys.alive(COORDINATOR), keys.alive(own)]
     sent = [keys.sent_by("*"), f"{keys.base}/topic/*/*"]
     return [
@@ -107,6 +110,7 @@ def _own_chunk(holder: Rights) -> str:
 
 
 def _sent(keys: Keys, holder: Rights, own: str) -> list[str]:
+    # Zenoh must enforce restrictions of topics, because readings bypass the coordinator.
     topics = (sorted(holder.topics) or ["*"]) if holder.may(GENERATOR) else []
     return [keys.sent_by(own), *(f"{keys.base}/topic/{topic}/{own}" for topic in topics)]
 

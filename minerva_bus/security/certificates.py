@@ -95,6 +95,7 @@ class Authority:
         """An authority that can issue certificates of members, but none of other authorities."""
         key = ec.generate_private_key(ec.SECP256R1())
         name = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, "Minerva Bus authority")])
+        # The authority's key signs certificates and lists only, never a connection.
         usage = _usage(key_cert_sign=True, crl_sign=True)
         made = (
             _builder(name, name, key.public_key(), now, days)
@@ -237,7 +238,9 @@ def _builder(
         subject_name=subject,
         public_key=key,
         serial_number=x509.random_serial_number(),
+        # Otherwise a machine whose clock is a little behind would reject a new certificate.
         not_valid_before=now - _SKEW,
+        # A certificate that outlives its authority cannot be verified.
         not_valid_after=ends if latest is None else min(ends, latest),
     )
 
@@ -257,6 +260,7 @@ def _subject(name: str, wanted: Wanted) -> x509.Name:
 
 
 def _alternative_names(wanted: Wanted) -> list[x509.GeneralName]:
+    # Clients compare the host they connect to with these names.
     own = (*_HERE, socket.gethostname()) if wanted.serves else ()
     hosts = [_host(host) for host in dict.fromkeys([*wanted.hosts, *own])]
     limits = (("kind", wanted.kinds), ("event", wanted.events), ("topic", wanted.topics))

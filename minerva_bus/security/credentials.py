@@ -46,6 +46,7 @@ class Rights:
 
     def may(self, *roles: str) -> bool:
         """Whether it has one of these roles."""
+        # Revocation is part of this check, so that no caller can forget it.
         return not self.revoked and not self.roles.isdisjoint(roles)
 
 

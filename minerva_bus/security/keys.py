@@ -90,6 +90,7 @@ class KeyFolder:
         if there is not None and there.rights.name != common:
             given = "with" if family_start(there.rights.name) else "without"
             raise KeysError(f"{there.rights.name} is renewed {given} --family")
+        # A name in two certificates would have two sets of rights.
         others = [other.rights.name for other in issued.values() if other is not there]
         _check_alone(common, others, "choose another name")
         certificate, key = self._authority().issue(common, wanted, self.now)
@@ -104,6 +105,7 @@ class KeyFolder:
         if issued.rights.revoked:
             raise KeysError(f"{name} has been revoked already")
         authority, path = self._authority(), self._path(_REVOKED, "pem")
+        # The former list is verified first: a damaged one must not be replaced by a shorter one.
         serials = read_revoked(path, authority.certificate) | {issued.serial}
         _put(path, authority.revocations(serials, self.now), 0o644)
         return self._named(name)
@@ -129,6 +131,7 @@ class KeyFolder:
 
         Raises KeysError, also without a revocation list and for overlapping names.
         """
+        # For the coordinator a missing list is an error, not an empty list.
         if not self._has(_REVOKED):
             raise KeysError(f"{self.folder} lacks crl.pem: without it, revoked members could join")
         rights = {issued.rights.name: issued.rights for issued in self.issued().values()}

@@ -29,6 +29,8 @@ Rows = NDArray[np.intp]
 
 def plain_array(array: NDArray[Any]) -> Any:
     """An array; integers in the narrowest type that holds them all."""
+    # Most columns of integers are small numbers, so the narrowest type saves up to seven of eight
+    # bytes. Reals are never narrowed: their bits enter the digest.
     letter = {"f": "d", "b": "?"}.get(array.dtype.kind) or _narrowest(array)
     data = array.astype(_DTYPES[letter], copy=False)
     return msgpack.ExtType(ARRAY, letter.encode() + data.tobytes())
@@ -52,6 +54,7 @@ def read_array(plain: Any) -> NDArray[Any]:
     if dtype is None:
         raise ProtocolError(f"a column of type {plain.data[:1]!r}; expected one of dbhiq?")
     size = np.dtype(dtype).itemsize
+    # numpy would raise an error of its own for a rest of bytes.
     if (len(plain.data) - 1) % size:
         raise ProtocolError(f"a column of {size} bytes a value has {len(plain.data) - 1} bytes")
     array = np.frombuffer(plain.data, dtype, offset=1)
@@ -83,6 +86,7 @@ def plain_ids(ids: Ids | None) -> Any:
     """Ids of agents."""
     if ids is None:
         return None
+    # Three values, however many agents there are; common for generated populations.
     if len(ids) >= MANY and ids.consecutive:
         return [ids.stem, int(ids.data[0]), len(ids)]
     if ids.stem is not None:
@@ -116,6 +120,8 @@ def read_ids(plain: Any, count: int) -> Ids:
 
 def _spelled(items: list[Any], count: int) -> Ids:
     width, data = as_int(items[1], "the width of ids", 1), items[2]
+    # The product is compared before numpy sees the bytes, so the
+    # count cannot be larger than the data.
     if width > LONGEST or not isinstance(data, bytes) or len(data) != width * count:
         raise ProtocolError(f"{count} ids of {width} bytes are {count * width} bytes in all")
     return Ids(None, np.frombuffer(data, f"S{width}"))

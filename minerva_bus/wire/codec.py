@@ -47,6 +47,7 @@ def encode(message: m.Message) -> bytes:
 
 def declaration(data: bytes, offset: int = 0) -> Wire:
     """Declaration of the member's message at an offset, found by its name without decoding it."""
+    # An unknown message gets the strictest limits until the decoder rejects it.
     codec = FROM_MEMBER.get(name_in(data, offset))
     return _UNKNOWN if codec is None else codec.wire
 
@@ -112,6 +113,8 @@ class Decoder:
             raise ProtocolError(
                 f"no message {name[:40]!r} is sent here; expected {', '.join(codecs)}"
             )
+        # A name has one number of items in a version; messages are not distinguished by
+        # length (PROTOCOL.md, section 16).
         if len(plain) - 1 != codec.size:
             raise ProtocolError(f"{name} has {codec.size} items, not {len(plain) - 1}")
         self._reader.columns.rows = self._limits.rows  # The budget is per message.

@@ -110,6 +110,7 @@ class ColumnsReader:
             return Column.of_ids(read_ids(plain, count))
         if isinstance(plain, list):
             texts = as_texts(plain, "a column")
+            # numpy would make a fixed-width array of a list of texts.
             array: NDArray[Any] = np.empty(len(texts), object)
             array[:] = texts
         else:
@@ -222,6 +223,8 @@ class ColumnsReader:
 
     def _turnover(self, count: int, gone: Any, born: Any, ids: Any) -> tuple[RowDelta, Ids | None]:
         gone = read_rows(gone, count)
+        # The number of rows after the change follows from these rows,
+        # so only the general limit applies.
         born = read_rows(born, self._limits.nodes)
         turnover = RowDelta(count, gone, born)
         if len(born) and int(born[-1]) >= turnover.after:

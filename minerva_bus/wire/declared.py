@@ -122,6 +122,8 @@ def _values(
             alone.append((place, write))
 
     def values(message: Any) -> list[Any]:
+        # One call of `attrgetter` for all attributes: only fields
+        # that are not plain cost a call each.
         plain = list(get(message))
         for place, write in alone:
             plain[place] = write(plain[place])
@@ -147,6 +149,7 @@ def _decoder(
         for of, place, read in plan:
             try:
                 values.append(read(reader, plain[place]))
+            # Readers of values do not know the field they read, so the place is added here.
             except ProtocolError as error:
                 raise _located(error, of) from None
         return make(*key, *values)

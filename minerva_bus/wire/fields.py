@@ -266,6 +266,7 @@ def _events_by_sender(of: DeclaredField) -> FieldCodec:
     def read(reader: Reader, plain: Any) -> m.SentBy:
         senders = as_map(plain, of.what)
         if of.has(Mark.EMITTED) and senders:
+            # A total, because a host may have any number of agents that send a few events each.
             count = sum(len(_single(events, of.what)) for events in senders.values())
             check(of.message, count, reader.limits.host_events, "single events", _ADVICE)
         return {name: reader.events(events) for name, events in senders.items()}
@@ -283,6 +284,7 @@ def _write_parts(parts: m.Parts, patches: m.Patches = _NO_PATCHES) -> dict[str, 
     plain: dict[str, Any] = {}
     if parts:
         plain = {name: plain_scene(scene) for name, scene in parts.items()}
+    # Encoded in one map with whole strings: a fragment or view is either changed or patched.
     if patches:
         plain.update((name, plain_patch(patch)) for name, patch in patches.items())
     return plain

@@ -68,6 +68,7 @@ class Keys:
     def kind(self, key: str) -> str:
         """The part of a key after the world, such as `from`; empty for keys of other worlds."""
         root, world, kind, *_ = [*key.split("/", 3), "", ""]
+        # Keys of attempts may contain anything; only known kinds are counted separately.
         return kind if (root, world) == (ROOT, self.world) and kind in _KINDS else ""
 
     @property

@@ -49,7 +49,10 @@ class Limits:
     )
     items: Annotated[int, Note("values of any message, including the coordinator's")] = 64 << 20
     nodes: Annotated[int, Note("symbols of a string; rows of columns")] = 5_000_000
+    # Scopes are read without recursion, so this is far beyond Python's own limit.
     depth: Annotated[int, Note("nesting of the scopes of a string")] = 100_000
+    # Beside the limits for bytes and values, because a row of a kind
+    # without attributes takes no byte.
     rows: Annotated[int, Note("rows of all columns of a message")] = 20_000_000
     events: Annotated[
         int, Note("events of a list, including those in columns"), Configurable(1)
@@ -123,6 +126,7 @@ ON_DISK: Final = Limits(
     small_bytes=1 << 31,
     values=1 << 31,
     answer_values=1 << 31,
+    # Lower than on the bus: a file may be of unknown origin, and each item takes memory.
     items=16_000_000,
     nodes=50_000_000,
     rows=500_000_000,

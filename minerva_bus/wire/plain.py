@@ -33,6 +33,7 @@ def unpack(data: bytes, limits: Limits = DEFAULT) -> Any:
     size = len(data)
     if size > limits.message_bytes:
         raise ProtocolError(f"{size} bytes at once, over {limits.message_bytes}")
+    # A value has at least one byte, so shorter data need no count.
     if size > limits.items and values_in(data, limits.items) > limits.items:
         raise ProtocolError("this is no msgpack: too many items")
     paused = size > COLLECTED and gc.isenabled()
@@ -61,6 +62,7 @@ def _unpacked(data: bytes) -> Any:
             value = unpacker.unpack()
         except msgpack.OutOfData:
             continue
+        # A second value behind the first would be ignored silently.
         if unpacker.tell() != len(data):
             raise ValueError("data follows the message's end")
         return value

@@ -82,6 +82,7 @@ def _scan(robot: str, time: float, items: Sequence[Any]) -> Scan:
         raise ProtocolError("the ranges of a scan are float32 as bytes")
     first, step, most = (as_number(item, "a number of a scan") for item in items[1:4])
     ranges = np.frombuffer(data, "<f4")
+    # The protocol defines values for beams without a hit, so a NaN is an error of the sensor.
     if np.isnan(ranges).any():
         raise ProtocolError("a range of a scan is not a number; 0 means that nothing was hit")
     return Scan(robot, ranges, first, step, most, time, mount.x, mount.y, mount.angle)
@@ -91,6 +92,7 @@ def _sweep(robot: str, time: float, items: Sequence[Any]) -> Scan:
     beam_time = as_number(items[5], "the time of a beam")
     path = tuple([_displacement(place) for place in as_list(items[6], "the path of a scan")])
     seconds = [place.seconds for place in path]
+    # Positions between two places are interpolated, which needs distinct ascending times.
     if sorted(set(seconds)) != seconds:
         raise ProtocolError("the seconds of the path of a scan must rise")
     return replace(_scan(robot, time, items), beam_time=beam_time, path=path)

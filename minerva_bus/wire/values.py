@@ -81,6 +81,7 @@ def plain_scene(scene: Scene) -> list[Any]:
                 flat.append(plain_columns(piece))
                 continue
             flat.append(_plain_node(piece))
+            # The iterator of this level stays on the stack and continues after the scope.
             if not isinstance(piece, FigureNode) and piece.scope.pieces:
                 stack.append(iter(piece.scope.pieces))
                 break
@@ -175,6 +176,7 @@ class Reader:
 
     def skeleton(self, plain: Any) -> Scene:
         """A string whose agents are slots: without state and scope."""
+        # Slots are accepted in skeletons only: anywhere else an agent without state is an error.
         self._slots = True
         try:
             return self.scene(plain)
@@ -282,6 +284,7 @@ class Reader:
             given = [self.value(item) for item in as_list(plain, f"the values of {owner}")]
             if len(given) != len(fields.names):
                 raise Unfit(f"{owner} has {len(given)} values; expected {len(fields.names)}")
+            # Values are fitted to the declared types here, so whatever is decoded is typed.
             return fields.refit(owner, fields.names, tuple(given))
         except Unfit as unfit:
             raise VocabularyError(str(unfit)[:_MAX_ERROR_CHARS], source="fragment") from None
@@ -303,6 +306,7 @@ class Reader:
             condition, sender = as_text(items[2], "a condition"), as_text(items[3], "a sender")
             self.vocabulary.check_condition(name, condition, "event")
             ids = [self._id(item) for item in as_list(items[4], "receivers")]
+            # Sorted and unique, because equal events must compare equal whoever has sent them.
             receivers = tuple(sorted(set(ids)))
         if len(given) != len(declared.fields.names):
             wanted = ", ".join(declared.fields.names) or "no data"
@@ -345,6 +349,7 @@ def _matrix(data: bytes) -> Any:
     if kind not in (b"i", b"r"):
         raise ProtocolError(f"a matrix of kind {kind!r}; expected b'i' or b'r'")
     dtype = np.dtype("<i2" if kind == b"i" else "<f8")
+    # Python's integers cannot overflow, so sizes near 2^64 do not pass.
     if len(data) - _HEADER.size != rows * columns * dtype.itemsize:
         raise ProtocolError(f"a matrix of {rows}x{columns} has {len(data) - _HEADER.size} bytes")
     return np.frombuffer(data, dtype, offset=_HEADER.size).reshape(rows, columns)

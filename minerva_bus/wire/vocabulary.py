@@ -28,6 +28,7 @@ from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.wire.plain import as_bool, as_list, as_map, as_number, as_text, as_texts
 
 _MAX_ERROR_CHARS = 300
+# Forms travel by the names of their classes; their measures are the fields in order.
 _FORMS: dict[str, type[Form]] = {
     form.__name__.lower(): form for form in (Disc, Line, Label, Raster, Motion)
 }
@@ -100,6 +101,7 @@ def _primitive(plain: Any) -> Primitive:
     declared = Primitive(as_text(name, "a primitive's name"))
     declared.fields = _fields(fields)
     form = _form(shape)
+    # Forms share one namespace on the wire, but a motion draws nothing.
     if isinstance(form, Motion):
         raise ProtocolError(f"{declared.name} is a primitive and cannot be a motion")
     declared.shape = form

@@ -25,6 +25,7 @@ _LENGTHS: Final = {
 
 def _step(first: int) -> int:
     """Bytes up to the next value; 0 if a length field determines it."""
+    # Short texts have their length in the first byte.
     if 0xA0 <= first < 0xC0:
         return 1 + (first & 31)
     return 0 if first in _LENGTHS else _FIXED.get(first, 1)
@@ -66,6 +67,7 @@ def name_in(data: bytes, offset: int = 0) -> str:
 def check_weight(data: bytes, wire: Wire, limits: Limits) -> None:
     """Raise ProtocolError if a member's message is larger than its declaration allows."""
     size = len(data)
+    # The name is read without decoding, so that the error can mention it.
     name = wire.name or name_in(data)
     if size > limits.message_bytes:
         raise ProtocolError(f"{size} bytes at once, over {limits.message_bytes}")
