@@ -93,6 +93,7 @@ class Conversation:
             self,
             state=state,
             deadline=message.reply_by,
+            # Kept in the state, because the agent may answer in a later frame.
             content=message.content,
             reply_with=message.reply_with,
             to=answered_to(message),

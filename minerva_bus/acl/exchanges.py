@@ -55,6 +55,7 @@ class Said:
     @property
     def label(self) -> str:
         """The act, its content, cut to LONGEST letters, and its deadline."""
+        # Line ends would end the statement in Mermaid and the label in SVG.
         content = " ".join(self.content.split())
         if len(content) > LONGEST:
             content = content[: LONGEST - 1] + "…"
@@ -114,6 +115,7 @@ class Exchange:
             if message.frame != frame:
                 frame = message.frame
                 yield f"    Note over {over}: frame {frame}"
+            # Mermaid has no arrow to several participants.
             for receiver in message.receivers:
                 yield f"    {ids[message.sender]}->>{ids[receiver]}: {_escaped(message.label)}"
 

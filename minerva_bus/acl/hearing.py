@@ -41,11 +41,13 @@ def hear(conversations: Conversations, me: str, message: Event, frame: int) -> H
     known = conversations.find(message.conversation_id, message.sender)
     if known is None:
         return _first(conversations, me, message)
+    # Checked here as well as by `expire`, which an agent may not call in each frame.
     if known.expired(frame):
         return _late(conversations.drop(known), known, message)
     after = known.heard(message)
     if after is not None:
         return Heard(conversations.keep(after), after)
+    # Both sides end the conversation: after an act that is not allowed their states differ.
     broken = replace(known, state=NOT_UNDERSTOOD, content=message.content)
     why = f"{message.performative} where {known.protocol} is {known.state}"
     return Heard(conversations.keep(broken), broken, _not_understood(message, why))
@@ -54,6 +56,8 @@ def hear(conversations: Conversations, me: str, message: Event, frame: int) -> H
 def _first(conversations: Conversations, me: str, message: Event) -> Heard:
     """A message that belongs to no conversation: it may begin one."""
     name: str = message.protocol
+    # Without a protocol there is nothing to check. `not-understood` is never answered, or two
+    # agents could answer each other forever.
     if not name or message.performative == Act.NOT_UNDERSTOOD:
         return Heard(conversations)
     if name not in PROTOCOLS:

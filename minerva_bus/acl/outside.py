@@ -23,6 +23,8 @@ eMail = EventType("eMail", visual=True)  # noqa: N816 - event types begin with e
 TOutside = Transformation("TOutside", id=str)
 
 _parameters: dict[str, Any] = {
+    # All parameters of a message are parameters of the figure, so that
+    # the bridge can send it as it is.
     field.name: field.type if field.default is None else Default(field.type, field.default)
     for field in eMessage.fields.all
 }
@@ -38,6 +40,8 @@ class Outside(Agent, symbol="AOutside"):
     @on("eMessage")
     def take(self, message: Event, moment: Context) -> None:
         """Keep a message until there is another frame with messages."""
+        # Messages from outside have the representative as sender;
+        # without receivers they reach it, too.
         if message.sender == self.id:
             return
         # The first message of a frame replaces those of the last frame with messages.

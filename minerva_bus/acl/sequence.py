@@ -42,6 +42,7 @@ def draw(exchange: Exchange) -> str:
     """The diagram as the text of an SVG file."""
     rows = list(_rows(exchange))
     columns = {name: LEFT + COLUMN * (n + 0.5) for n, name in enumerate(exchange.agents)}
+    # Labels may extend beyond the last lifeline.
     right = max(_right_end(said, columns) for said, _, _ in rows)
     width = max(LEFT + COLUMN * len(columns), right, _wide(exchange.title, 10)) + MARGIN
     height = rows[-1][1] + 2 * MARGIN
@@ -98,6 +99,7 @@ def _arrow(said: Said, y: float, columns: dict[str, float]) -> Iterator[str]:
         )
     for end in ends:
         back = 7 if end < x else -7
+        # A message to the sender itself has no arrow.
         if end == x:
             yield f'<circle cx="{x:.0f}" cy="{y:.0f}" r="4" fill="{color}"/>'
             continue

@@ -77,8 +77,10 @@ class Talker(Agent):
         """
         # Sorted, because the conversations are part of the string.
         receivers = sorted(set(to))
+        # A message to itself changes no conversation, so this one would never continue.
         if not receivers or self.id in receivers:
             raise MisuseError(f"#{self.id} opens a {protocol.name} with others, at least one")
+        # A counter in the state: ids of conversations must not depend on time or placement.
         self.opened += 1
         name, first = numbered(self.id, self.opened), str(act) or protocol.opening
         begun = [
@@ -138,6 +140,7 @@ class Talker(Agent):
     ) -> None:
         """Accept the best of the proposals of a contract net, and reject the others."""
         for bid in bids:
+            # By peer, because states of conversations change with each act.
             if bid.peer == best.peer:
                 self.say(moment, bid, Act.ACCEPT_PROPOSAL, content, **parameters)
             else:

@@ -39,6 +39,8 @@ TOPICS: Final = "topics/"
 TRANSFORMS: Final = "transforms"
 """Poses of the robots whose sensor data are shown."""
 
+# New channels are appended: if all lists of channels in a file are damaged, a
+# reader takes the ids from this order.
 OWN: Final = (WORLD, KEYFRAME, FRAME, CHECKPOINT, SENSED, TIMING, LOG, MAP, INPUTS)
 """Channels of every record, with the ids 1, 2, ... (format 1 has no `INPUTS`)."""
 

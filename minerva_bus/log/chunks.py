@@ -88,6 +88,7 @@ class Chunks:
         """Topic and message of some topics in one chunk, in order; None if it is damaged."""
         wanted = {number: topic for number, topic in self.topics.items() if topic in topics}
         place = self.places[chunk]
+        # A chunk that was found to be damaged is not unpacked again.
         if place.begin in self._damage:
             return None
         known = self._summary.channels.get(place.begin)
@@ -120,11 +121,14 @@ class Chunks:
             raise RecordError(f"{self.path}: it was cut off before anything was in it")
         self._summary = read_summary(self._file, self.size)
         self.places, self.indexed = scanned.places, self._summary.sound
+        # An intact summary proves that the file was finished, even
+        # if the end of the data is damaged.
         self.complete = scanned.complete or self.indexed
         self.cut = 0 if self.complete else scanned.cut
         if scanned.cut and self.complete:
             self._note(Damage(self.size - scanned.cut, self.size, "no record of an MCAP file"))
         begins = [place.begin for place in self.places]
+        # With the index, only chunks that are listed and were not found are lost.
         lay = self._summary.channels.keys() - {*begins} if self.indexed else self._damage.keys()
         self._torn = {bisect(begins, at) for at in lay}
         self.topics = self._topics()
@@ -185,6 +189,7 @@ def _unpacked(file: IO[bytes], place: ChunkLocation) -> bytes:
 
 def _decompressed(packed: bytes, place: ChunkLocation) -> bytes:
     """At most one byte more than the declared size."""
+    # Enough to detect a chunk that unpacks to more, however large it is.
     most = place.unpacked + 1
     if place.packing == "zstd":
         import zstandard

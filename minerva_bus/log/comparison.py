@@ -125,6 +125,8 @@ def compare(a: Record, b: Record) -> Difference:
         if in_a is None or in_b is None:
             return Difference(None, count, before, _ended(in_a, count))
         same = in_a.number == in_b.number and in_a.digest == in_b.digest
+        # Digests come first, because they are compared without decoding strings. Events are
+        # compared as well: different events may lead to the same string.
         if not same or not same_events(in_a.events, in_b.events):
             return _apart(a, b, in_a, in_b, count, before)
         count += 1
@@ -176,6 +178,7 @@ def _apart(
         return Difference(first, count, (*before, f"frame {first} is missing in {missing}"))
     strings = None
     if in_a.digest != in_b.digest:
+        # Strings are decoded only here, for the one frame that differs.
         strings = a.string(in_a.number + 1), b.string(in_a.number + 1)
     vocabulary = a.description.world.vocabulary
     difference = apart(vocabulary, in_a, strings, (in_a.events, in_b.events))
@@ -224,6 +227,7 @@ def _changes(
             for attribute, p, q in zip(x.names, x.values, y.values, strict=True):
                 if not same_values((p,), (q,)):
                     yield AttributeDifference(_named(x), *_values(attribute, p, q), received)
+    # The order of agents is part of the string; with missing agents it differs anyway.
     if list(in_a) != list(in_b) and in_a.keys() == in_b.keys():
         yield AttributeDifference(
             "the agents", "order", _short(" ".join(in_a)), _short(" ".join(in_b))

@@ -84,6 +84,7 @@ class Cursor:
 
     def skip_to(self, number: int) -> None:
         """Move before the first frame of at least this number."""
+        # From the last keyframe, so that at most the frames since then are applied.
         self.start(*self._record.keyframe(number))
         while self.ahead is not None and self.ahead.number < number:
             self.advance()
@@ -107,6 +108,7 @@ class Cursor:
             raise RecordError(f"{self._record.path}: the record ends before frame {self.number}")
         # After a tear a change of the checkpoint may be missing; the next whole one restores it.
         checkpoint = None if ahead.torn else self.checkpoint
+        # Frames before this one are lost, but a keyframe has the state from which it starts.
         if ahead.base is not None:
             self.scene, checkpoint = ahead.base.scene, ahead.base.checkpoint
         self.scene = self._record.after(self.scene, ahead.frame)

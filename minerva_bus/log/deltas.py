@@ -160,6 +160,7 @@ def _changed(old: Piece, new: Piece, depth: int) -> Any:
     patch = difference(old, new)
     if patch is not None:
         return plain_patch(patch)
+    # Bounded, because deltas of scopes are computed and applied recursively.
     if not isinstance(old, Scoped) or not isinstance(new, Scoped) or depth >= DEEPEST:
         return None
     if type(old) is not type(new) or old.symbol != new.symbol or old.values is not new.values:
@@ -181,6 +182,7 @@ def apply_delta(old: Scene, plain: Any, reader: Reader, depth: int = 0) -> Scene
     made: list[Piece] = []
     for step in steps:
         if type(step) is int:
+            # A step beyond the string is an error and not ignored: the delta is for another string.
             passed = _next(left, abs(step))
             made += passed if step > 0 else []
         elif is_patch(step):

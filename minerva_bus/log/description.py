@@ -77,6 +77,7 @@ def encode_description(description: Description, *, string: bool = True) -> byte
     plain = {
         "name": world.name,
         "vocabulary": plain_vocabulary(world.vocabulary),
+        # The second copy of the description omits it: the first keyframe contains it, too.
         "string": plain_scene(world.scene) if string else None,
         "seed": world.seed,
         "dt": world.dt,

@@ -56,4 +56,5 @@ class Display:
             topic = f"{c.TOPICS}{message.topic}/{message.member}/{schema.partition('.')[2]}"
             self._file.register(topic, schema)
             self._file.put(topic, data, frame, seconds, frame)
+        # Only robots that sense need transforms: other tools place sensor data by them.
         self._robots.update(reading.robot for reading in message.readings)

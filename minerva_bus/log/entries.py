@@ -72,6 +72,7 @@ def encode_inputs(inputs: FrameInputs) -> bytes:
         # An empty reply has no effect on the frame, and most replies are empty.
         if reply.events or reply.saved is not None
     ]
+    # In an in-process run messages are objects, so there are no received bytes.
     replies = [[reply.member, reply.received or encode(reply)] for reply in inputs.replies]
     taken, waiting = plain_by_source(inputs.taken), plain_by_source(inputs.waiting)
     head = ["inputs", inputs.frame, inputs.due, ticked, taken, inputs.layout]
@@ -104,6 +105,7 @@ class EntryDecoder:
         if items[:1] != ["keyframe"] or len(items) != 5:
             raise ProtocolError("a keyframe has 5 items and begins with its name")
         _, number, scene, saved, views = items
+        # A keyframe contains a whole checkpoint, so nothing before it is needed.
         checkpoint = decode_checkpoint(saved, self.reader).new if saved else None
         decoded = [self._decoder.to_member(view) for view in as_list(views, "views")]
         return Keyframe(

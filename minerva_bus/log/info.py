@@ -104,6 +104,7 @@ def info_of(record: Record, check: bool = False) -> Info:
         size=record.size,
         complete=record.complete,
         frames=count,
+        # Frames are numbered from 0, so dropped and lost ones leave gaps.
         missing=reached - count,
         seconds=reached * world.dt,
         wall_seconds=last.seconds if last is not None else 0.0,

@@ -44,6 +44,7 @@ class IntactMessages:
             self._note(torn=torn)
             # A tear before the first chunk precedes the keyframe from which the iteration starts.
             self.tears -= torn and chunk == self._range.start
+            # Frames and keyframes are always read, because they tell which strings are known.
             messages = self._chunks.messages_in(chunk, {*topics, c.KEYFRAME, c.FRAME})
             self._note(torn=messages is None)
             for topic, message in messages or ():
@@ -66,6 +67,7 @@ class IntactMessages:
     def _restart(self, data: bytes) -> None:
         keyframe = self._decode(data)
         self.open = False
+        # Otherwise no frame is missing, and the damaged bytes contained something else.
         if keyframe.number > self.reached:
             self.lost.append(range(self.reached, keyframe.number))
             self._base = keyframe
@@ -82,6 +84,8 @@ class IntactMessages:
             return self._base is None
         if topic != c.FRAME:
             return True
+        # The frame after the last known one follows without a gap,
+        # so nothing was lost between them.
         self.open = self.open and number > self.reached
         if not self.open:
             self.reached = max(self.reached, number + 1)

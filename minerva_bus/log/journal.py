@@ -107,6 +107,7 @@ class Journal:
         # A reader deducts the frame in the same way. The frame has consumed the waiting events, so
         # equal ones after it are new and must be noted again.
         self._noted |= {"pace": [rate, left and left - 1], "waiting": [{}]}
+        # A small world would rewrite its journal every few frames without a minimum.
         if self._since > max(MIN_REWRITE_BYTES, REWRITE_RATIO * self._key_bytes):
             self._rewrite()
 
@@ -144,11 +145,14 @@ class Journal:
             raise Followed(self._complaint())
         old = self._file
         try:
+            # The new file takes the name only when it is complete: a process that is killed
+            # meanwhile leaves the former journal.
             with replacing(self.path, mode=0o600) as file:
                 # `replacing` closes its own descriptor when it gives the file its name.
                 self._file = os.dup(file.fileno())
                 self._put_beginning()
         except BaseException:
+            # The former journal is still in place and valid.
             new, self._file = self._file, old
             if new != old:
                 os.close(new)
@@ -167,6 +171,8 @@ class Journal:
             self._put(pack([name, *self._noted[name]]))
 
     def _put(self, data: bytes) -> None:
+        # Checked before each entry: a frozen coordinator that wakes up
+        # must not act after its successor.
         if self._key_bytes and self._is_followed():
             raise Followed(self._complaint())
         entry = _HEAD.pack(len(data), zlib.crc32(data)) + data
@@ -214,6 +220,7 @@ def read_journal(path: Path, world: World) -> Journaled | None:
         raise
     except (MinervaError, ValueError, LookupError, TypeError, RecursionError) as error:
         raise RecordError(f"{path}: this journal is damaged: {error}") from None
+    # A world that is begun again over a damaged journal would lose its state.
     if journaled is None and data:
         raise RecordError(
             f"{path}: the beginning of this journal is damaged, so its world cannot continue; move"
@@ -253,6 +260,7 @@ def _journaled(entries: Iterator[bytes], world: World, path: Path) -> Journaled 
         )
     decoder = EntryDecoder(world.vocabulary)
     keyframe = decoder.keyframe(state)
+    # Only keyframes of records may lack one.
     if keyframe.checkpoint is None:
         raise RecordError(f"{path}: this journal is damaged: its keyframe has no checkpoint")
     before = replace(world, scene=keyframe.scene, past=keyframe.checkpoint, shown=keyframe.views)
@@ -295,4 +303,5 @@ def resume_from(
                 watch(instruction)
     if journaled.waiting is not None:
         algorithm.wait_with(journaled.waiting)
+    # Guests keep their sessions and reconnect by themselves.
     algorithm.expect(journaled.members)

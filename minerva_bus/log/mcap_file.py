@@ -89,6 +89,7 @@ class McapFile:
 
     def flush(self) -> None:
         """Write everything to the disk."""
+        # Each flush ends a chunk, and small chunks compress badly.
         if self._is_dirty:
             self.end_chunk()
             _sync(self._stream)
@@ -153,6 +154,7 @@ def take_name(path: Path, *, keep_old: bool) -> None:
 
 
 def _keep_old(path: Path) -> None:
+    # Only files that carry the mark of a record are renamed, never a user's own.
     check_replaceable(path, "record")
     if path.is_file():
         old = path.with_name(f"{path.stem}.old{path.suffix}")

@@ -99,6 +99,7 @@ class Surveyor:
 
 
 def _of_columns(piece: Columns, names: frozenset[str], most: int) -> Positions:
+    # Rounded up, so that at most this many are taken.
     step = -(-piece.count // most) if most else 1
     sample = piece.take(slice(0, None, step)) if step > 1 else piece
 
@@ -165,6 +166,7 @@ def _of_agents(
 
     x, y, angle = _place(names, get)
     ids = [node.id for node in nodes]
+    # Most agents are not inside of transformations.
     if all(pose is _ORIGIN for _, pose in posed):
         return Positions(kind, ids, x, y, angle)
     at = np.array([(pose.x, pose.y, pose.angle) for _, pose in posed])

@@ -61,6 +61,8 @@ class FrameQueue:
 
         While the queue is stuck, that is after a drop, `put` does not wait.
         """
+        # After a drop the disk is known to be slow, and the world must
+        # not wait a second for each frame.
         until = 0.0 if self.is_stuck else time.monotonic() + PATIENCE
         while len(self._items) >= WAITING:
             self._wake.set()
@@ -143,6 +145,7 @@ class Backlog:
     def put(self, sensed: Sensed) -> None:
         """Queue data, if there is room."""
         with self._lock:  # Readings arrive on threads of the bus.
+            # Two limits, because a message may be an image or a few numbers.
             if len(self._waiting) >= MESSAGES or self._bytes + sensed.size > BYTES:
                 self.dropped += 1
             else:

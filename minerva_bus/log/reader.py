@@ -167,6 +167,8 @@ class Record:
         while before:
             keyframe, before = self.keyframe(_END, before)
             cursor.start(keyframe, before)
+            # A tear may have made the checkpoints after this keyframe unknown,
+            # so an earlier one may be needed.
             known = _last_state(cursor)
             if known is not None:
                 return known
@@ -191,6 +193,7 @@ class Record:
         last = b""
         for _, message in self._chunks.messages_in(chunk, (c.KEYFRAME,)) or ():
             with self._explained("a keyframe"):
+                # Only the number is decoded here; the string of a keyframe may be large.
                 if entry_number(message.data) <= number:
                     last = message.data
         return self.decoded_keyframe(last) if last else None

@@ -83,6 +83,7 @@ class Recorder:
         self._is_reported = False
         stream, self._writer = _opened(path, description, past, keep_old=keep_old)
         self._work = _RecordingThread(stream, self._writer, flush_seconds, durable=durable)
+        # The shorter of both, because the embedding program may have chosen its own.
         sys.setswitchinterval(min(TURN, sys.getswitchinterval()))
 
     @property
@@ -152,6 +153,7 @@ class Recorder:
             return
         self._work.close()
         self._report_failure()
+        # Reported at the end, since a message for each dropped frame would fill the log.
         if self.lost:
             self._say(
                 f"{self.path}: {self.lost} frames are not in the record: the disk was too slow"
@@ -176,6 +178,8 @@ class Recorder:
                 )
         elif self._durable:
             work.queue.wait_until_flushed()
+        # A caller that helps encodes small frames itself; waking the
+        # thread for each would cost more.
         elif not self._is_helped or len(work.queue) > HELPED_WITHIN:
             work.wake.set()
 
@@ -276,6 +280,7 @@ class _RecordingThread:
     def _run(self) -> None:
         while not self.is_closed:
             rest = max(REST, self._flush_at - time.monotonic())
+            # A durable record is flushed by each frame, so nothing is due without one.
             self.wake.wait(None if self._durable else rest)
             self.wake.clear()
             self._write_all()
@@ -310,6 +315,7 @@ class _RecordingThread:
     def _write_sensed(self) -> None:
         """Write queued readings, unless the world waits for the queue of frames."""
         backlog, seconds = self.backlog, 0.0
+        # As many as wait now: with a fast sensor the loop would otherwise never end.
         for _ in range(backlog.waiting):
             taken = backlog.take() if self.queue.has_room else None
             if taken is None:
@@ -330,6 +336,7 @@ class _RecordingThread:
             work()
         except OSError as error:
             self.fail(error.strerror or str(error))
+        # Whatever is wrong with a record, its world continues.
         except Exception as error:
             self.fail(f"{type(error).__name__}: {error}")
 

@@ -54,6 +54,7 @@ def recover(path: Path, into: Path) -> Recovered:
         check_new(into, "record")
         losses = record.losses()
         try:
+            # A recovery that fails leaves no half-written record.
             with replacing(into) as stream:
                 writer = RecordWriter(stream, record.description, record)
                 writer.finish()

@@ -102,10 +102,12 @@ def scan(file: IO[bytes], size: int) -> ScannedFile:
         at = len(MAGIC)
     while at < size and not scanned.complete:
         head = _Head.read(file, at, size)
+        # Invalid bytes: the length cannot be trusted, so the next record has to be searched.
         if head is None:
             at = _next_record(file, at, size, scanned)
             continue
         place = head.place()
+        # The chunk is skipped without being unpacked; the scan continues behind it.
         if place is not None and place.unpacked > min(left, CHUNK_FLOOR + RATIO * place.size):
             scanned.damage.append(Damage(at, head.end, "it unpacks to more than a file may hold"))
         elif place is not None:
@@ -232,6 +234,7 @@ def read_summary(file: IO[bytes], size: int) -> FileSummary:
     if opcode != FOOTER or not 0 < begin <= end:
         return FileSummary(False)
     data = _read(file, begin, end - begin)
+    # The checksum covers the summary and the footer up to the checksum itself.
     if zlib.crc32(footer[: _FOOTER.size - 4], zlib.crc32(data)) != crc:
         return FileSummary(False)
     return _summarized(data)

@@ -67,6 +67,8 @@ def shown_readings(message: Readings, time: int) -> Iterator[tuple[str, bytes]]:
         shown = _shown(reading, time)
         if shown is not None:
             schema, plain = shown
+            # `allow_nan=False`, because NaN and Infinity are not JSON, and
+            # other tools would reject the file.
             yield schema, json.dumps(plain, separators=(",", ":"), allow_nan=False).encode()
 
 

@@ -46,6 +46,7 @@ def encode_log(time: int, member: str, text: str, warning: bool) -> bytes:
 
 def encode_poses(time: int, places: Positions) -> bytes:
     """Poses of the agents of a kind: `foxglove.PosesInFrame`."""
+    # A rotation about z by an angle is the quaternion (0, 0, sin, cos) of half the angle.
     half = np.radians(places.angle) / 2
     rows = np.column_stack((places.x, places.y, np.sin(half), np.cos(half))).tolist()
     poses = ",".join([_POSE % tuple(row) for row in rows])

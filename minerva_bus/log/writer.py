@@ -49,6 +49,7 @@ class RecordWriter:
         self._put_description()
         if past is None:
             self._put_keyframe(0, 0.0, None)
+            # What is outside of all agents never changes, so its maps are written once.
             self._display.maps()
             self._display.poses(self._scene, 0, 0.0)
         else:
@@ -106,6 +107,7 @@ class RecordWriter:
         self._scene, self._checkpoint = scene, checkpoint
         self.frames += 1
         self._since_key += len(data) + len(change)
+        # Keyframes then take an eighth of the record at most, and a seek reads a bounded amount.
         if self._since_key > KEY_AFTER * self._key_bytes:
             self._put_keyframe(after, seconds, checkpoint)
         self._display.poses(scene, after, seconds)
@@ -117,6 +119,7 @@ class RecordWriter:
 
     def sensed(self, readings: Readings, frame: int, seconds: float) -> None:
         """Write readings of a sensor topic that arrived during this frame."""
+        # Readings in step have the time of their frame; free ones that of the frame in progress.
         number = readings.frame if readings.frame >= 0 else frame
         self._file.put(c.SENSED, encode_readings(readings), number, seconds, number)
         self._display.readings(readings, number, seconds)
@@ -139,6 +142,7 @@ class RecordWriter:
     def has_room(self) -> bool:
         """Whether a small frame, and a keyframe if one is due, stay in memory."""
         due = self._since_key + SMALL > KEY_AFTER * self._key_bytes
+        # The next keyframe is assumed to be as long as the last one.
         keyframe = self._key_bytes if due else 0
         return keyframe <= SMALL and self._file.in_chunk + keyframe < CHUNK - SMALL
 
