@@ -197,6 +197,7 @@ class _Here:
         try:
             self._run.advance(frames)
         except BaseException as error:
+            # The interrupt may have come in the middle of a frame, so the world cannot continue.
             if isinstance(error, KeyboardInterrupt):
                 self._run.end("interrupted")
             self._run.close()
@@ -327,6 +328,7 @@ def start(world: World, *, bus: bool = False, **settings: Any) -> Live:
         client = _awaited(launched, request.file.world.name)
         stack.callback(client.__exit__)
         backend = _OnBus(client, launched)
+        # Until all members have joined.
         while backend.operator.status().phase != BETWEEN_FRAMES:
             launched.check_running()
             time.sleep(POLL_SECONDS)
@@ -364,6 +366,7 @@ def connect(world: str = "", endpoint: str = "", *, agents: Iterable[type[Agent]
 
     """
     if not endpoint:
+        # The registry of this machine has the endpoints of its worlds.
         entry = find(world)
         world, endpoint = entry.world, entry.endpoint
     client = Client(endpoint, world)

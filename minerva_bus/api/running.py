@@ -86,6 +86,7 @@ def pick_table(tables: Mapping[str, DataTable], name: str, into: str = "") -> Da
         return tables.get(FRAMES) or next(iter(tables.values()))
     if name in tables:
         return tables[name]
+    # An entry of `collect` is a column of some table.
     for table in tables.values():
         if name in table.columns and name not in ("frame", "time", "id"):
             return table
@@ -156,6 +157,7 @@ def run(
         until=until,
         rate=rate,
     )
+    # An endless run has to be asked for: a call that never returns is usually a mistake.
     if not request.file.world.frames and not request.file.world.until and frames is None:
         raise MisuseError(f"{request.world.name} has no end: run(world, frames=300); 0: no limit")
     console = Console(quiet=quiet, world=request.file.world.name)
@@ -184,6 +186,7 @@ def request_of(
     **values: Any,
 ) -> Request:
     """The settings of one run, checked. Raises MinervaError."""
+    # Processes of a family share one name in settings.
     hosts = [process.alike or process.name for process in world.read().processes if process.agents]
     if processes is not None and processes < 1:
         raise MisuseError(f"processes is {processes}; expected at least 1")
@@ -234,6 +237,7 @@ def run_file(file: WorldFile, began: float, console: Console | None = None) -> R
     counts = EventCounts()
     here = InProcessRun(file, console or Console(quiet=True), began, counts)
     summary = here.run()
+    # As an exception, so that a loop around `run` stops as well.
     if summary.ended == "interrupted":
         raise KeyboardInterrupt
     if here.algorithm.failed:

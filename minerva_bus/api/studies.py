@@ -160,6 +160,7 @@ def _grid(grid: Mapping[str, Iterable[Any]], seeds: int | Iterable[int]) -> Grid
         if isinstance(given, str) or not isinstance(given, Iterable):  # pyright: ignore[reportUnnecessaryIsInstance]
             raise MisuseError(f"{key}: expected a list of values, not {given!r:.60}")
         texts = tuple(option_text(_python(value)) for value in given)
+        # The texts identify runs in the journal.
         if len(set(texts)) < len(texts):
             raise MisuseError(f"{key}: a value stands there twice: {', '.join(texts)}")
         values[key] = texts
@@ -191,6 +192,7 @@ def _with_keys(names: Sequence[str], keys: Sequence[Combination], table: DataTab
     types: dict[str, str] = {}
     columns: dict[str, NDArray[Any]] = {}
     for at, name in enumerate(names):
+        # An option may have the name of a collected column.
         own = f"{name}_" if name in table.columns else name
         types[own], columns[own] = _typed([_value(combination[at]) for combination in keys])
     return DataTable(table.name, types | table.types, columns | table.to_dict())
@@ -210,6 +212,7 @@ def _typed(values: Sequence[Any]) -> tuple[str, NDArray[Any]]:
     kinds: set[type[Any]] = {type(value) for value in values}
     known: Mapping[type[Any], str] = {int: "int64", float: "float64", bool: "bool", str: "text"}
     kind = known.get(kinds.pop(), "text") if len(kinds) == 1 else "text"
+    # A figure that some runs lack is nan for them.
     if kinds <= {int, float, type(None)} and len(kinds) > 1:
         values = [np.nan if value is None else float(value) for value in values]
         kind = "float64"

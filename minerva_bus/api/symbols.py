@@ -116,6 +116,7 @@ class SymbolFinder:
 
     def _walk_class(self, cls: type, root: type) -> None:
         for base in cls.__mro__:
+            # Code of this package uses no symbols of the world.
             if base is root or base.__module__.partition(".")[0] == _OWN:
                 continue
             for value in vars(base).values():
@@ -127,7 +128,9 @@ class SymbolFinder:
         if id(function) in self._walked:
             return
         self._walked.add(id(function))
+        # As Python resolves names: variables of an enclosing function hide those of the module.
         names = {**function.__globals__, **_closure(function)}
+        # Event types are also named in strings, which are looked up in every module met.
         if all(function.__globals__ is not known for known in self._namespaces):
             self._namespaces.append(function.__globals__)
         used = list(_names_in(function.__code__))
@@ -151,6 +154,7 @@ class SymbolFinder:
 def _names_in(code: CodeType) -> Iterator[str]:
     yield from code.co_names
     yield from code.co_freevars
+    # Nested functions, lambdas and comprehensions are constants of the code around them.
     for constant in code.co_consts:
         if isinstance(constant, CodeType):
             yield from _names_in(constant)
@@ -229,6 +233,7 @@ def _variable_of(symbol: Any) -> str:
         for variable, value in list(vars(module).items())
         if value is symbol
     ]
+    # Another module than the main program, which other processes cannot import.
     others = [home for home in homes if not home.startswith(f"{MAIN}:")]
     return (others or homes or [""])[0]
 

@@ -172,6 +172,7 @@ class World:
 
     def read(self, overrides: Overrides = AS_WRITTEN) -> WorldFile:
         """The world with some settings replaced, checked. Raises WorldFileError and SceneError."""
+        # Settings of a run take precedence over the options of `load`.
         overrides = overrides.over(self._given)
         if self._made is not None:
             path = Path.cwd() / f"{self._made.name}.toml"
@@ -290,6 +291,7 @@ class _Made:
             own = spec.service if isinstance(spec.service, str) else self._keep(cls)
             processes[process] = {"service": own, **spec.options}
         vocabulary = finder.vocabulary()
+        # Found in the string and in code, after services have added the event types that they use.
         if agents is None:
             given = {"agents": list(finder.agents().values())}
         hosts = {
@@ -311,6 +313,7 @@ class _Made:
             if "${" not in string:
                 self._finder.add_scene(parse(string, f"{self.name}: the string"))
         elif isinstance(string, Scene):
+            # World files name a function that takes the options.
             world["scene"] = self._keep(partial(_same, string), MAKE)
             self._finder.add_scene(string)
         elif callable(string):  # pyright: ignore[reportUnnecessaryComparison]
@@ -369,6 +372,7 @@ class _Made:
         ]
         world["vocabulary"] = [spec_of(entry, _shown(entry)) for entry in entries]
         if isinstance(self._string, Scene):
+            # The text can be written to a file, the function in this process cannot.
             del world["scene"]
             world["string"] = str(self._string)
         elif "scene" in world:

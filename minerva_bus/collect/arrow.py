@@ -76,6 +76,7 @@ _numbers = count(1)
 
 
 def _keep(*things: Any) -> int:
+    # Structures of ctypes have addresses only, so their Python objects are kept here.
     number = next(_numbers)
     _exported[number] = things
     return number
@@ -86,6 +87,7 @@ def _released(pointer: Any) -> None:
     structure = pointer.contents
     for n in range(getattr(structure, "n_children", 0)):
         child = structure.children[n]
+        # A consumer that has taken a child over has set its `release` to null.
         if child and child.contents.release:
             child.contents.release(child)
     _exported.pop(structure.private_data, None)

@@ -90,6 +90,7 @@ def plans_of(entries: Entries, vocabulary: Vocabulary) -> list[TablePlan]:
         # Aggregates select rows column by column, so they share a table whatever their conditions
         # are.
         key = (about, entry.condition if not entry.function else "", entry.interval)
+        # One table for each kind of rows: the same agents or events, in the same frames.
         plan = plans.get(key)
         if plan is None:
             plan = plans[key] = _plan(_table_name(about, entry, name, taken), about, entry)
@@ -191,6 +192,7 @@ class Collector:
         for plan, writer in self._tables:
             if frame % plan.interval:
                 continue
+            # Aggregates of events are added at the end of the frame.
             if not plan.symbol:
                 row: dict[str, Any] = {"frame": frame, "time": frame * self._dt}
                 for name, entry in plan.entries.items():
@@ -242,6 +244,7 @@ class Collector:
         read = self._conditions[condition]
         if read.term is None or not rows.count:
             return None
+        # Only the columns that the condition names.
         state = {name: rows.column(name) for name in read.names}
         return read.holds_of_many(state, rows.count)
 
@@ -281,4 +284,5 @@ class Collector:
             return {f"{name}_{number}": count for number, count in enumerate(counts)}
         if entry.function == "sum":
             return {name: values.sum().item()}
+        # numpy raises an error for the minimum of no values, and warns for their mean.
         return {name: float(getattr(values, entry.function)()) if len(values) else NAN}

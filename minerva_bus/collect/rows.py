@@ -74,6 +74,7 @@ def _gather(scene: Scene, kind: str, parts: list[Columns | Events | list[Any]]) 
             if piece.ids is not None and piece.symbol == kind:
                 parts.append(piece)
             continue
+        # These contain no agents.
         if isinstance(piece, FigureNode) or (isinstance(piece, TransformationNode) and piece.still):
             continue
         if isinstance(piece, AgentNode) and piece.symbol == kind:
@@ -132,6 +133,7 @@ def _receivers(part: Columns | Events | list[Any]) -> Ids | list[str]:
 
 def _texts(parts: Sequence[Ids | list[str]]) -> Data:
     if len(parts) == 1 and isinstance(parts[0], Ids):
+        # Ids are spelled only if a writer needs texts.
         return parts[0]
     texts = [text for part in parts for text in part]
     return _array(texts, object)

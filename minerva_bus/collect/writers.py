@@ -54,6 +54,7 @@ class _FileWriter:
     def row(self, values: Mapping[str, Any]) -> None:
         """Add one row."""
         self._single.append(values)
+        # Memory is bounded, however many frames a run has.
         if len(self._single) >= BUFFERED_ROWS:
             self._flush()
 
@@ -135,6 +136,7 @@ class ParquetWriter(_FileWriter):
         if known is not None and known[0] is data:
             return known[1]
         if isinstance(data, Ids):
+            # From bytes, without a Python text for each id.
             made = self._pa.array(data.spelled, self._pa.binary()).cast(self._pa.string())
             self._known[name] = data, made
             return made

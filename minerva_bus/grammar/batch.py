@@ -161,6 +161,7 @@ class Events:
         hashes = self._hashes()
         order = np.argsort(hashes, kind="stable")
         same = np.concatenate(([False], hashes[order[1:]] == hashes[order[:-1]], [False]))
+        # Events whose hash occurs more than once, in their order.
         doubtful = np.sort(order[same[1:] | same[:-1]])
         if not len(doubtful):
             return self
@@ -197,6 +198,7 @@ class Events:
             found = _mixed(found, word)
         for ids in (self.senders, self.receivers):
             if ids is not None:
+                # Numbered ids are mixed by their numbers: hashes would first spell each id.
                 found = _mixed(found, ids.data.view(np.uint64) if ids.stem else ids.hashes)
         return found
 

@@ -48,6 +48,7 @@ class Column(Joinable):
     def of(values: Sequence[Value]) -> Column:
         """A column of scalars."""
         kinds = set(map(type, values))
+        # Values of several types remain Python objects: 1, 1.0 and true are different values.
         kind = kinds.pop() if len(kinds) == 1 else object
         array: NDArray[Any] = np.empty(len(values), _DTYPES.get(kind, object))
         if kind is tuple or kind is np.ndarray:

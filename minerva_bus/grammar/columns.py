@@ -197,6 +197,7 @@ def shape_of(node: Piece) -> Shape | None:
             return None
         return ((node.symbol, node.names),)
     shape: list[Level] = []
+    # From outside to inside: nested transformations that end with a figure or an empty scope.
     while len(shape) < CHAIN:
         if not _scalar(node.values):
             return None
@@ -207,6 +208,7 @@ def shape_of(node: Piece) -> Shape | None:
         inner = scope[0]
         if len(scope) > 1 or isinstance(inner, AgentNode):
             return None
+        # A single row of columns counts as the node that it represents.
         if inner.count > 1 or inner.ids is not None:
             return None
         node = cast("FigureNode | TransformationNode", inner.nodes()[0])
@@ -336,9 +338,11 @@ def around_each(transformations: Columns, inside: Scene) -> Scene:
         return Scene((transformations,))
     inner = pieces[0]
     if len(pieces) == 1 and isinstance(inner, Columns):
+        # Row by row around another column: one level more.
         if inner.count == transformations.count and inner.ids is None and len(inner.shape) < CHAIN:
             return Scene((replace(transformations, scope=inner),))
     elif len(pieces) == 1 and isinstance(inner, FigureNode) and shape_of(inner):
+        # The same figure in each row.
         every = Columns.of([inner]).take(np.zeros(transformations.count, np.intp))
         return Scene((replace(transformations, scope=every),))
     return Scene(

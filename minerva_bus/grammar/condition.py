@@ -112,6 +112,7 @@ class Condition:
         found = [(scope, problem) for scope, problem in wrong if problem is not None]
         if not found or len(found) < len(wrong):
             return
+        # The further to the right the first problem is, the more names the scope has.
         scope, (offset, name, other) = max(
             found, key=lambda item: (item[1][0], item[0].near(item[1]))
         )
@@ -216,6 +217,7 @@ class _Reader:
             self._wrong("the condition cannot be read", "< <= > >= == or !=", self._at)
         self._at, at = token.end(), self._at
         found = Comparison(left, token["sign"], self._value())
+        # A comparison of two constants is probably a mistake: it would not depend on the agent.
         if not (isinstance(left, Name) or isinstance(found.right, Name)):
             self._wrong("the condition asks for no attribute", "one beside the value", at)
         self._found.append(found)

@@ -87,12 +87,15 @@ def _changed_rows(old: Column, new: Column) -> Rows | None:
 
 def _rows_after(turnover: RowDelta, old: Column, new: Column) -> Rows | None:
     """The rows with new values after a turnover, including all added rows."""
+    # Ids differ by the turnover only, so they need no comparison.
     if old.ids is not None and new.ids is not None and new.ids.since(old.ids) is turnover:
         return turnover.born
     rows = old.take(turnover.source).differs(new)
     if rows is None or not len(turnover.born):
         return rows
     changed = np.zeros(turnover.after, np.bool_)
+    # Added rows count as changed even if their values equal those of row 0, from which `source`
+    # takes them for want of an old row.
     changed[rows] = changed[turnover.born] = True
     return np.flatnonzero(changed)
 
@@ -107,6 +110,7 @@ def check(old: Piece, delta: Delta) -> Columns:
     turnover = delta.turnover
     if turnover is None:
         return old
+    # Columns have at least one row.
     if not turnover.after or turnover.count != old.count:
         raise Unfit(f"a patch that leaves nothing of {old.count} {old.symbol}")
     born = 0 if delta.born is None else len(delta.born)
@@ -141,6 +145,7 @@ def _turned(old: Columns, turnover: RowDelta, born: Ids | None) -> Columns:
     if old.ids is None:
         return turned
     ids = old.ids.turned(turnover, born)
+    # A newborn must not have the id of another agent.
     if ids.duplicate is not None:
         raise Unfit(f"a patch by which {same_id(ids.duplicate)}")
     return replace(turned, ids=ids)

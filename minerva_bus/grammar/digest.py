@@ -61,6 +61,8 @@ def scene_digest(scene: Scene) -> bytes:
         tuple[TransformationNode | AgentNode, Iterator[Piece | list[Columns]], list[bytes]]
     ] = []
     while True:
+        # `parts` has the digests of the current scope, `opened` the nodes around it with theirs. A
+        # node is digested when its scope is complete.
         for node in nodes:
             digest = _known(node)
             if digest:
@@ -106,6 +108,8 @@ def _grouped(pieces: tuple[Piece, ...]) -> Iterator[Piece | list[Columns]]:
         elif size(group) >= MANY:
             yield merged(group)
         else:
+            # Fewer than `MANY` are digested one by one, also if they are held in columns: the
+            # digest must not depend on the representation.
             yield from Scene(tuple(group)).nodes
 
 
@@ -160,6 +164,7 @@ def _digest_of_chunk(values: NDArray[Any]) -> bytes:
         return _hash_two(b"n", values.astype("<f8", copy=False))
     if kind == "b":
         return _hash_two(b"b", values.view(np.uint8))
+    # Texts, and columns with values of several types.
     listed = cast("list[Value]", values.tolist())
     types = set(map(type, listed))
     if types == {bool}:
@@ -174,6 +179,7 @@ def _exact(number: Any) -> bool:
 
 
 def _hash_two(kind: bytes, values: NDArray[Any]) -> bytes:
+    # In two steps, because joining kind and values would copy the values.
     hashing = blake2b(kind, digest_size=SIZE)
     hashing.update(np.ascontiguousarray(values).data)
     return hashing.digest()

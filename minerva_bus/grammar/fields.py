@@ -82,6 +82,7 @@ class Fields:
         object.__setattr__(self, "names", tuple([parameter.name for parameter in self.all]))
         holds = any(parameter.type.holds_strings for parameter in self.all)
         object.__setattr__(self, "hold_strings", holds)
+        # Fields whose finite floats need no conversion, determined once for all occurrences.
         reals = [
             parameter.type.kind == "real" and parameter.type.range is None for parameter in self.all
         ]
@@ -129,6 +130,7 @@ class Fields:
         """
         if len(names) != len(values) or len(set(names)) != len(names):
             raise Unfit(f"{owner} needs one value for each name, and each name once")
+        # Another order of names, or missing ones with defaults.
         if names is not self.names and names != self.names:
             return self.names, self.values(owner, dict(zip(names, values, strict=True)))
         fitted = self.fitted(owner, values)

@@ -26,6 +26,7 @@ class Unfit(MinervaError):
 
 def to_float(value: Any) -> float | None:
     """A float64; infinity for an int beyond its range, None if the value is not a number."""
+    # A bool is an int in Python, but not a number here.
     if isinstance(value, bool) or not isinstance(value, int | float | np.integer | np.floating):
         return None
     try:
@@ -105,6 +106,7 @@ def to_cells(value: Any) -> Array:
     if matrix.dtype == np.int16:
         return _frozen(matrix)
     cells = matrix.astype(np.int16)
+    # Values beyond 16 bits have changed.
     if not (cells == matrix).all():
         raise Unfit("a matrix of whole numbers of 16 bits")
     return _frozen(cells)

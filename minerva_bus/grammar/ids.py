@@ -94,6 +94,7 @@ class Ids(Joinable):
         """The ids as texts."""
         if self._stem is None:
             try:
+                # numpy decodes ASCII for all rows at once; other bytes need Python's decoder.
                 return self._data.astype("U").tolist()
             except UnicodeDecodeError:
                 return [item.decode() for item in self._data.tolist()]
@@ -125,6 +126,7 @@ class Ids(Joinable):
 
     def put(self, rows: Rows, others: Ids) -> Ids:
         """These ids with others in some rows."""
+        # With another stem, or none, the result can only be spelled.
         alike = self._stem is not None and self._stem == others._stem
         old, new = (self._data, others._data) if alike else (self.spelled, others.spelled)
         data = old.astype(np.promote_types(old.dtype, new.dtype))
@@ -145,6 +147,7 @@ class Ids(Joinable):
     def turned(self, turnover: RowDelta, born: Ids | None) -> Ids:
         """The ids after a turnover, with those of newborns in their rows."""
         made = self.take(turnover.source)
+        # If no newborn has an old id, the result is distinct without another search.
         new = born is None or not (self.rows_of(born) >= 0).any()
         if born is not None:
             made = made.put(turnover.born, born)
@@ -281,6 +284,7 @@ class Ids(Joinable):
         if one is None or other is None or one == other:
             return False
         longer, shorter = (one, other) if len(one) > len(other) else (other, one)
+        # `fox` and `fox1` can both give fox12; `fox` and `hen` cannot give the same id.
         return not longer.startswith(shorter) or not longer[len(shorter) :].isdigit()
 
     def row_of(self, agent_id: str) -> int:

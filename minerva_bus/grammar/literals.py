@@ -94,6 +94,7 @@ class Literals:
         word = _WORD.match(self.text, at)
         if word is not None:
             return word.group() == "true", word.end()
+        # Before numbers: `2x3[...]` begins with one.
         matrix = _MATRIX.match(self.text, at)
         if matrix is not None:
             return self.matrix(matrix), matrix.end()
@@ -135,6 +136,7 @@ class Literals:
         return value, match.end()
 
     def nested(self, at: int, read: Callable[[int], tuple[Value, int]]) -> tuple[Value, int]:
+        # Bounds the recursion of reading, printing and comparing values.
         if self.depth >= DEPTH:
             raise self.wrong(at, f"values nested at most {DEPTH} deep")
         self.depth += 1

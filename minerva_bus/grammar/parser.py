@@ -107,11 +107,13 @@ class _Reader:
             start = at
             opened, at = self.symbol(at, nodes)
             end = at
+            # The scope of this symbol becomes the current one; it may be empty.
             if opened is not None:
                 stack.append(opened)
                 nodes = opened.nodes
                 if not self.text.startswith(")", at):
                     continue
+            # Close every scope that ends here, and skip blanks between the parentheses.
             while stack and self.text.startswith(")", at):
                 outer = stack[-2].nodes if len(stack) > 1 else top
                 self.close(stack.pop(), outer)
@@ -152,6 +154,7 @@ class _Reader:
                 raise self.wrong(f"the primitive {name} has no scope", at, "'·', ')' or the end")
             nodes.append(self.figure(name, values, start))
             return None, at
+        # Rules 4 and 5: a transformation always has a scope, an agent may omit an empty one.
         if name[0] == "T" and not scoped:
             raise self.wrong(f"the transformation {name} needs a scope", at, "'('")
         agent_id = self.agent_id(name, agent_id, start) if name[0] == "A" else ""

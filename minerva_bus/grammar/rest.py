@@ -43,6 +43,7 @@ def rested(scene: Scene, who: Collection[str], kinds: Kinds) -> Scene:
 def _piece(piece: Piece, who: Collection[str], kinds: Kinds) -> tuple[Piece, ...]:
     if piece.ids is not None:
         return (_columns(piece, who, kinds),)
+    # Nothing to do, so the piece remains the same object and is not sent again.
     if not any(agent.id in who and kinds[agent.symbol].rest for agent in agents(Scene((piece,)))):
         return (piece,)
 
@@ -65,6 +66,7 @@ def _columns(part: Columns, who: Collection[str], kinds: Kinds) -> Columns:
     if not rest or part.ids is None:
         return part
     rows = part.ids.rows_of(Ids.of(sorted(who)))
+    # Ids that are not in these columns have the row -1.
     rows = np.sort(rows[rows >= 0])
     columns = [
         _still(column, rows) if name in rest else column

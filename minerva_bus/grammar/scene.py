@@ -290,6 +290,8 @@ def rebuild(
     nodes, made = iter(scene.nodes), list[Node]()
     opened: list[tuple[TransformationNode | AgentNode, Iterator[Node], list[Node]]] = []
     while True:
+        # `made` has the new nodes of the current scope; `opened` the nodes around it, with the
+        # siblings that are still to come and those that are done.
         for node in nodes:
             if isinstance(node, FigureNode):
                 _put(made, leave(node, EMPTY))

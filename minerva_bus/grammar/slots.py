@@ -24,6 +24,7 @@ def fill(skeleton: Scene, parts: Mapping[str, Scene]) -> Scene:
     for piece in skeleton.pieces:
         if isinstance(piece, AgentNode):
             made += parts.get(piece.id, EMPTY).pieces
+        # Columns of agents cannot be slots, which are single nodes.
         elif piece.still or piece.ids is not None:
             made.append(piece)
         else:
@@ -33,6 +34,7 @@ def fill(skeleton: Scene, parts: Mapping[str, Scene]) -> Scene:
 
 def fill_slots(scene: Scene, part: Callable[[AgentNode], Scene]) -> Scene:
     """Replace the outermost agents; unchanged parts are shared."""
+    # One list of new nodes for each transformation that is open.
     results: list[list[Node]] = [[]]
     inside = 0
     for opens, node in walk(scene):
@@ -40,6 +42,7 @@ def fill_slots(scene: Scene, part: Callable[[AgentNode], Scene]) -> Scene:
             inside += 1 if opens else -1
             if opens and inside == 1:
                 results[-1].extend(part(node).nodes)
+        # Within an outermost agent, which is replaced as a whole.
         elif inside:
             continue
         elif isinstance(node, FigureNode):

@@ -207,6 +207,7 @@ def type_of(annotation: Any) -> Type:
         return annotation
     if isinstance(annotation, str):
         return parse_type(annotation)
+    # An unhashable annotation would raise TypeError in the lookup.
     if isinstance(annotation, Hashable) and annotation in _BY_ANNOTATION:
         return _BY_ANNOTATION[annotation]
     arguments = get_args(annotation)

@@ -28,6 +28,7 @@ class UniqueIds:
         """Add the id of one agent. Raises Unfit."""
         if AGENT_ID.fullmatch(agent_id) is None:
             raise Unfit(no_id(agent_id))
+        # Columns stay columns: an id is searched in them without creating a text for each agent.
         if agent_id in self._single or any(ids.row_of(agent_id) >= 0 for ids in self._columns):
             raise Unfit(same_id(agent_id))
         self._single.add(agent_id)

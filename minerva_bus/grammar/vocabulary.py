@@ -131,6 +131,8 @@ class Vocabulary:
 
         Nodes that already have this form are shared. Raises VocabularyError, also for repeated ids.
         """
+        # For the complete string; strings within values are checked apart, because their ids are
+        # their own.
         taken = UniqueIds()
 
         def leave(node: Node, scope: Scene) -> Node:
@@ -176,6 +178,7 @@ class Vocabulary:
         return part
 
     def _node(self, node: Node, scope: Scene, source: str, parsed: Parsed | None) -> Node:
+        # User code can create nodes directly, also of the wrong class.
         if type(node) is not _NODES.get(node.symbol[:1], type(node)):
             raise Unfit(f"{node.symbol} stands where its alphabet has no place")
         fields = self.fields(node.symbol)

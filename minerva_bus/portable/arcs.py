@@ -87,6 +87,7 @@ def acos_one(x: float) -> float:
 def atan_many(x: Numbers) -> Numbers:
     """`atan` of each."""
     size = np.minimum(np.abs(x), _HUGE)
+    # nan sorts behind all borders and is limited to the last row.
     place = np.searchsorted(_BORDERS, size, "right")
     a, b, c, d, upper, lower = _TABLE[:, np.minimum(place, 4)]
     made = _atan_kernel((a * size - b) / (c + d * size), upper, lower)

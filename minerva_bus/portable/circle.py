@@ -46,6 +46,7 @@ def cos_one(x: float) -> float:
 def tan_one(x: float) -> float:
     """The tangent of an angle in radians."""
     quarter, y, low = _reduced(x)
+    # The sign of -0.0 remains.
     if y == 0.0:
         return y
     if abs(y) >= _STEEP:
@@ -90,6 +91,7 @@ def tan_many(x: Numbers) -> Numbers:
     quarters, y, low = _all_reduced(x)
     odd = quarters & 1
     rest = _tan_rest(y, low)
+    # y itself where it is 0, because y + rest would lose the sign of -0.0.
     value = np.where(odd, _minus_inverse(y, rest), np.where(y == 0.0, y, y + rest))
     steep = np.abs(y) >= _STEEP
     if steep.any():

@@ -76,6 +76,7 @@ def _unusual(x: float) -> float:
 
 def parts(x: float) -> tuple[float, float]:
     """The k and f of 2^k (1 + f), for a number above 0."""
+    # frexp gives a part from ½ to 1; below √½ it is doubled, so that 1 + f is near 1.
     part, k = math.frexp(x)
     if part < _LEAST:
         return k - 1.0, 2.0 * part - 1.0

@@ -38,6 +38,7 @@ def power_one(x: float, y: float) -> float:
         raise ValueError("math domain error")
     part, k = math.frexp(size)
     upper, lower = _log2(*_near(part, k))
+    # Clipped, so that the product with a huge exponent does not overflow.
     z, low = _product(upper, lower, max(-_LARGE, min(y, _LARGE)))
     value = _power_of_2(z, low)
     return -value if x < 0.0 and y % 2.0 != 0.0 else value
@@ -67,6 +68,7 @@ def power_many(x: Numbers, y: Numbers) -> Numbers:
     """`power` of each."""
     size = np.abs(x)
     usual = (size > 0.0) & (size < np.inf) & np.isfinite(y) & (y != 0.0) & (size != 1.0)
+    # Other elements are replaced by 2 to the power of 1, and left to numpy below.
     value = _all_powers(np.where(usual, size, 2.0), np.where(usual, y, 1.0))
     # A negative base has the sign of an odd exponent; with a fraction there is no real power.
     value = np.where((x < 0.0) & (y % 2.0 != 0.0), -value, value)
@@ -131,6 +133,7 @@ def _log2(x: F, base: F, k: F) -> tuple[F, F]:
 
 
 def _product(upper: F, lower: F, y: F) -> tuple[F, F]:
+    # The product of the two heads is exact.
     y_upper = head(y)
     return y_upper * upper, (y - y_upper) * upper + y * lower
 

@@ -45,6 +45,7 @@ class ByParts(Generic[_T]):
 
     def items(self, skeleton: Scene, parts: Mapping[str, Scene]) -> list[_T]:
         """The items of a view in order: static ones, and those of the parts in its slots."""
+        # The skeleton is the same object for as long as static parts and slots do not change.
         if skeleton is not self._skeleton:
             self._skeleton, self._static = skeleton, {}
             # Parts of agents that no longer exist would otherwise stay in memory.
@@ -53,6 +54,7 @@ class ByParts(Generic[_T]):
         return list(chain.from_iterable([self._piece(at, piece, parts) for at, piece in pieces]))
 
     def _piece(self, at: int, piece: Piece, parts: Mapping[str, Scene]) -> list[_T]:
+        # A slot; then a transformation with slots inside; then a static piece.
         if isinstance(piece, AgentNode):
             return self._part(piece, parts.get(piece.id))
         if piece.ids is None and not piece.still:

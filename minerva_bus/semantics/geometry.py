@@ -53,6 +53,7 @@ class Geometry:
             scope = self.other_transformation(transformation)
         else:
             scope = method(**transformation.parameters)
+        # A method without the decorator returns a generator, whose code would never run.
         if not isinstance(scope, AbstractContextManager):
             raise MisuseError(
                 f"{type(self).__name__}.{transformation.symbol} must be a context manager"

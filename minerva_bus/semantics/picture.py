@@ -175,6 +175,7 @@ class _PictureGeometry(ItemGeometry[Row | Item]):
         shape = primitive.shape
         if shape is None:
             return True
+        # Lines and rasters have lists or matrices as parameters, which columns do not hold.
         if not isinstance(shape, Disc | Label):
             return False
         x, y, angle = self.poses(levels[:-1], columns.count)
@@ -219,6 +220,7 @@ def _points(line: Line, figure: FigureNode, at: Pose) -> Floats:
         np.asarray(figure.parameters[coordinates], np.float64) for coordinates in (line.xs, line.ys)
     )
     n, turn = min(len(xs), len(ys)), np.radians(at.angle)
+    # Functions of numpy suffice: a picture does not enter the string.
     x, y, cos, sin = xs[:n], ys[:n], np.cos(turn), np.sin(turn)
     return np.stack([at.x + x * cos - y * sin, at.y + x * sin + y * cos], axis=1)
 
@@ -237,6 +239,7 @@ class Lists:
 
     def picture(self, skeleton: Scene, parts: Mapping[str, Scene]) -> Picture:
         """The picture of a view: its static skeleton, and its parts in their slots."""
+        # Single discs are tuples until here; neighbours become one `Discs`.
         items: list[Item] = batched(self._views.items(skeleton, parts), tuple, _discs)
         return Picture(tuple(items))
 

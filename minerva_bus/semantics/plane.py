@@ -95,6 +95,7 @@ class PlaneGeometry(Geometry):
         before = self.pose
         self.pose = after(motion, parameters, before)
         yield
+        # Restored, because the inverse motion would differ by rounding.
         self.pose = before
 
     def shape(self, shape: Shape, figure: FigureNode) -> None:
@@ -112,6 +113,7 @@ class PlaneGeometry(Geometry):
             motion = self._motion(level.symbol)
             dx, dy = resolve_all(motion.x, level), resolve_all(motion.y, level)
             cos, sin = _direction(angle, dx, dy)
+            # Each step rounds in the same places as `Pose.then`.
             x, y = x + dx * cos - dy * sin, y + dx * sin + dy * cos
             angle = angle + resolve_all(motion.turn, level)
             forward = resolve_all(motion.forward, level)

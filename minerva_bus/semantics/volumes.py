@@ -79,6 +79,8 @@ class Volumes:
         if not len(self):
             return np.zeros((0, 2)), np.zeros((0, 2))
         margin = self.radius[:, None]
+        # Each core has at least one point, without which `reduceat` would take a point of the next
+        # one.
         lower: Floats = np.minimum.reduceat(self.points, self.first[:-1], axis=0)
         upper: Floats = np.maximum.reduceat(self.points, self.first[:-1], axis=0)
         return lower - margin, upper + margin
@@ -108,6 +110,7 @@ class BoundingVolumes(ItemGeometry["_Volume | Volumes"]):
 
     def enter(self, transformation: TransformationNode) -> None:
         super().enter(transformation)
+        # Parallel to the open transformations: the owner that applies within each.
         self._named.append(_text(transformation.parameters, self._who) or self._innermost())
 
     def leave(self, transformation: TransformationNode) -> None:
@@ -129,6 +132,7 @@ class BoundingVolumes(ItemGeometry["_Volume | Volumes"]):
         primitive = self.vocabulary.primitives.get(inner.symbol)
         shape = primitive.shape if primitive is not None else None
         if not isinstance(shape, Disc):
+            # Labels and primitives without a shape have no volume. Others are passed one by one.
             return not isinstance(shape, Line | Raster)
         x, y, _ = self.poses(levels[:-1], count)
         self.items.append(
@@ -144,6 +148,7 @@ class BoundingVolumes(ItemGeometry["_Volume | Volumes"]):
         return True
 
     def _owners(self, levels: Sequence[Columns], count: int) -> Texts:
+        # From inside to outside: the innermost name applies.
         for level in reversed(levels):
             if self._who in level.names:
                 named = level.column(self._who)
@@ -202,6 +207,7 @@ def _cores(
 def _boxes(raster: Raster, parameters: Mapping[str, Any], at: Pose) -> list[tuple[Point, ...]]:
     corner, cell = raster_corner(raster, parameters, at), resolve(raster.cell, parameters)
     boxes = mask_rectangles(parameters[raster.cells] >= raster.colors[-1][0])
+    # From sizes to the row and column after the last.
     boxes[:, 2:] += boxes[:, :2]
     # Sorted by last row and first column: contacts list the boxes of a wall in this order.
     boxes = boxes[np.lexsort((boxes[:, 1], boxes[:, 2]))] * cell

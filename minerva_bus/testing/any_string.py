@@ -42,6 +42,7 @@ def symbols(letter: str) -> SearchStrategy[str]:
 def ids() -> SearchStrategy[str]:
     """Ids of agents."""
     first = st.sampled_from(LETTERS)
+    # Any form that the grammar allows, including those of newborns (`a:3`) and copies (`a:7-2`).
     return st.builds(str.__add__, first, st.text(LETTERS + ":-", max_size=8))
 
 

@@ -160,8 +160,11 @@ class MemoryBus:
         if successor is None:
             successor = FrameAlgorithm(before.world)
             for inputs in self.inputs:
+                # As from a journal: the inputs of each frame give the same string again.
                 successor.receive(s.Begin(inputs=inputs))
+        # Members that were active are awaited, so that no frame begins without them.
         successor.expect(member.name for member in before.members.active())
+        # The queues belong to the sessions of the former coordinator.
         self._transport.queues.clear()
         self._run(successor)
         self.trace.append("the coordinator was killed")
@@ -318,11 +321,13 @@ class MemoryBus:
             self.vanish(name)
             return
         except Exception as error:
+            # The report of the failure is queued before the member disappears.
             self.put(m.Failed(name, member.frame, f"{type(error).__name__}: {error}"))
             self.vanish(name)
             return
         for answer in answers:
             self.put(answer)
+        # After its last replies, which are still delivered.
         if member.stopped:
             self.vanish(name)
 

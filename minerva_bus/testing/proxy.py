@@ -66,6 +66,7 @@ class Proxy:
     def close(self) -> None:
         """Accept no more connections, and break the open ones."""
         with suppress(OSError):
+            # Wakes the thread that waits in `accept`; closing alone would leave it there.
             self._server.shutdown(socket.SHUT_RDWR)
         self._server.close()
         self.cut()
@@ -77,6 +78,8 @@ class Proxy:
                 try:
                     far = socket.create_connection(self._to)
                 except OSError:
+                    # The client sees a closed connection, as from a port where nothing listens any
+                    # more.
                     near.close()
                     continue
                 with self._lock:

@@ -157,6 +157,7 @@ def strings_of(
     vocabulary: Vocabulary, depth: int = 1, max_leaves: int = 8
 ) -> SearchStrategy[Scene]:
     """Checked strings of one vocabulary."""
+    # Strings within values are smaller, and nested to this depth only.
     inner = strings_of(vocabulary, depth - 1, 3) if depth else None
 
     def data(owner: str) -> SearchStrategy[dict[str, Value]]:
@@ -177,6 +178,7 @@ def strings_of(
 
     figures = _one(vocabulary.primitives, lambda s: st.builds(figure_node, st.just(s), data(s)))
     strings = grown(figures, lambda scopes: living(scopes) | moved(scopes), max_leaves)
+    # In canonical form, so that equal strings have equal nodes.
     return strings.map(vocabulary.check)
 
 
@@ -187,6 +189,7 @@ def _one(names: Iterable[str], make: Callable[[str], SearchStrategy[Node]]) -> S
 
 def worlds() -> SearchStrategy[tuple[Vocabulary, Scene]]:
     """A vocabulary and a string of it."""
+    # The string depends on the vocabulary that is drawn.
     return vocabularies().flatmap(lambda v: st.tuples(st.just(v), strings_of(v)))
 
 
@@ -238,6 +241,7 @@ def family_events(scene: Scene, visual: bool = False) -> SearchStrategy[list[Eve
         if event_type.visual is visual
     ]
     present = [agent.id for agent in agents(scene)]
+    # Always, for some kinds, for some states, and never.
     conditions = ("", "energy > 0", "x < 3 and energy >= 1", "nothing == 1")
     one = events_of(FAMILY_VOCABULARY, present, conditions, names)
     return st.lists(one, max_size=5, unique=True)

@@ -67,6 +67,7 @@ def _sent(message: m.ToMember) -> str:
             whose = f" ({_ids(only)} only)" if only else ""
             return f"evolve {frame} on {', '.join(asked)}{whose}: {_events((*events, *visual))}"
         case m.ViewShown(event_type, frame, sequence, parts, skeleton):
+            # A view with a skeleton is a keyframe.
             whole = "all of " if skeleton is not None else ""
             return f"view {frame} of {event_type}, number {sequence}: {whole}{_ids(parts)}"
         case m.Orders(_, events):

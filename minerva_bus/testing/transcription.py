@@ -122,6 +122,7 @@ def collect(generators: Generators, t: int) -> tuple[Event, ...]:
     *rest, last = generators
     z = collect(rest, t)
     for e in last(t):
+        # e(z, e^i) of equation 6.
         z = z if e in z else (*z, e)
     return z
 

@@ -159,6 +159,7 @@ def cross(given: Material, other: Scene) -> Mutant | None:
     donors = [item for item in places(other, given.limit.depth) if given.targets.whole(item)]
     if place is None or not donors:
         return None
+    # A node of the same symbol is more likely to make sense in its new place.
     alike = [item for item in donors if item.node.symbol == place.node.symbol]
     donor = given.one_of(alike or donors)
     assert donor is not None

@@ -88,6 +88,7 @@ def _real(kind: Type, domain: Domain, value: float, chance: Stream) -> float:
     if isinstance(domain, Range):
         return float(domain.nearest(value + STEP * domain.width * normal(chance)))
     moved = value + max(STEP * abs(value), STEP * _scale(kind)) * normal(chance)
+    # A step from a huge number may overflow.
     return float(moved) if math.isfinite(moved) else value
 
 
@@ -102,6 +103,7 @@ def _whole(domain: Domain, value: int, chance: Stream) -> int:
     moved = value + (step if chance.random() < 0.5 else -step)
     if isinstance(domain, Range):
         moved = int(domain.nearest(moved))
+    # An int of the language has 64 bits.
     return min(max(moved, _LEAST), _GREATEST)
 
 

@@ -46,6 +46,7 @@ def _wrong_summary(played: Played) -> Iterator[str]:
     result, frames = played.result, played.observed.frames
     assert result is not None
     stopped = any(asked.act.ask == "stop" and asked.sent for asked in played.observed.asked)
+    # A person may have stopped the world before its last frame.
     if result.frames != played.history.frames and not stopped:
         yield f"it ended after {result.frames} frames: {result.ended}"
     if result.frames != len(frames):
@@ -75,6 +76,7 @@ def _wrong_answers(observed: Observed) -> Iterator[str]:
         ]
         for reply in stale:
             yield f"a reply of {reply.member} to frame {reply.frame} counts in frame {frame.number}"
+        # A fragment that two hosts have changed would have two futures.
         changed = Counter(chain.from_iterable(reply.changed for reply in inputs.replies))
         twice = sorted(name for name, times in changed.items() if times > 1)
         if twice:
@@ -84,6 +86,7 @@ def _wrong_answers(observed: Observed) -> Iterator[str]:
 def _wrong_strings(played: Played) -> Iterator[str]:
     """Strings, events and views are those of the undisturbed run with the same orders."""
     observed = played.observed
+    # Reported by `_wrong_frames`; without consecutive frames there is nothing to compare.
     if [frame.number for frame in observed.frames] != list(range(len(observed.frames))):
         return
     ordered = ((frame.number, orders_in(_single(frame))) for frame in observed.frames)

@@ -47,6 +47,7 @@ class Faults:
     def _do_to(self, process: SimulatedProcess, fault: Fault) -> None:
         if fault.kind == "kill":
             process.kill()
+        # Takes effect when the process sends its next messages; see `Network._may_speak`.
         elif fault.kind == "crash":
             self._network.crash_after[process.name] = fault.count
         elif fault.kind == "freeze":

@@ -81,6 +81,7 @@ def drawn(seed: int) -> History:
     chance = Random(f"history {seed}")  # noqa: S311
     frames = chance.randint(*FRAMES)
     rate = chance.choice(RATES)
+    # About the duration of a frame, so that faults fall into the frame that they name.
     span = 1 / rate if rate else 2e-3
     faults: list[Fault] = []
     for _ in range(chance.randint(0, MAX_FAULTS)):
@@ -105,6 +106,7 @@ def _fault(chance: Random, frames: int, span: float) -> Fault:
     target = _target(chance, kind)
     seconds = 0.0
     if kind in ("freeze", "stall", "lose views of", "cut", "echo"):
+        # From a few messages up to twice the lease of a link.
         seconds = chance.choice((0.003, 0.05, 0.5, 2.0, 6.0)) * chance.uniform(0.5, 1.0)
     count = chance.randint(0, 30) if kind == "crash" else 0
     return Fault(frame, delay, kind, target, seconds, count)
@@ -131,6 +133,7 @@ def _target(chance: Random, kind: str) -> str:
         return ""
     if kind in ("stall", "cut", "echo"):
         return chance.choice((*MEMBERS, *GUESTS))
+    # The repetition is a weight: three in ten of these faults concern the coordinator.
     return chance.choice((*MEMBERS, *GUESTS, *(COORDINATOR,) * 4))
 
 

@@ -87,6 +87,7 @@ class Launcher:
     def _take_turn(self) -> None:
         self._next = None
         self._in_turn = True
+        # The first wait of a turn is the idle time, which the timeline has spent already.
         self.machine.pipes().waits = False
         self._supervisor.turn()
         self._in_turn = False
@@ -96,5 +97,6 @@ class Launcher:
             return
         soon = self._rng.uniform(*SOON)
         waits = bool(self.machine.ended) or self.machine.pipes().readable()
+        # As the real launcher: at once if there is news, otherwise at the next deadline.
         delay = soon if waits else max(soon, self._supervisor.patience())
         self._at(self._timeline.now + delay)

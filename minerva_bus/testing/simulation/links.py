@@ -55,6 +55,7 @@ class Link:
     def hears(self, patterns: dict[str, None]) -> None:
         """Send the client's subscriptions to the hub."""
         self.heard.update(patterns)
+        # The cache of matches is no longer valid.
         self.listens.clear()
 
     def up(self, call: Callable[[], None]) -> None:
@@ -81,6 +82,7 @@ class Link:
         self._timeline.at(at, lambda: self._arrive(way, call))
 
     def _arrive(self, way: _Way, call: Callable[[], None]) -> None:
+        # Messages in transit on a cut link, or to a dead process, are lost.
         if self.cut or not way.to.alive:
             return
         later = max(way.stalled_until, way.to.frozen_until)

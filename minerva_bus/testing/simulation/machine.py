@@ -79,6 +79,7 @@ class SimulatedPipes(Pipes):
     def read(self, descriptor: int) -> bytes | None:
         """Available data; None after the end."""
         data = bytes(self._data.get(descriptor, b""))
+        # Data that arrived before the end are read first.
         if data or descriptor not in self._over:
             if data:
                 self._data[descriptor].clear()
@@ -261,6 +262,7 @@ class _Obeyed:
             # The launcher may write as soon as the pipe exists.
             self._before.append(data)
         else:
+            # A frozen process executes commands when it continues.
             self._process.system.call(lambda: self._obey(data))
 
     def begin(self, coordinator: Coordinator) -> None:

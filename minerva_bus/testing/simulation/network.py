@@ -87,6 +87,7 @@ class Network:
         for link in [known for known in self.links if known.hub is hub]:
             self.links.remove(link)
             chance = self.timeline.stream("resets")
+            # Messages that the hub has sent before its end still arrive first.
             link.down(lambda link=link: self._lost(link))
             self.timeline.after(chance.uniform(*RESET), lambda: None)
 
@@ -100,6 +101,7 @@ class Network:
         self.links.append(link)
         chance = self.timeline.stream(f"links of {session.process.name}")
         steps = [lambda: self._tell_subscribers(session), lambda: self._tell_tokens(session, link)]
+        # The order of the two is not defined, and members must cope with both.
         if chance.random() < TOKENS_FIRST:
             steps.reverse()
         for step in steps:
@@ -152,6 +154,7 @@ class Network:
     def _lost(self, link: Link) -> None:
         """Let a client notice that its link and the tokens that it knew are gone."""
         session = link.client
+        # A newer link has replaced this one.
         if session.link is not link:
             return
         session.link = None
@@ -172,6 +175,7 @@ class Network:
     def freeze(self, process: SimulatedProcess, seconds: float) -> None:
         """Freeze a process; after a lease it loses its links."""
         process.freeze(seconds)
+        # Shorter than a lease: nothing but a delay is noticed.
         if seconds <= LEASE:
             return
         self.timeline.after(LEASE, lambda: self._lease_over(process))
@@ -224,6 +228,7 @@ class Network:
         session = link.client
 
         def told() -> None:
+            # From a former link, or known already: watchers see changes only.
             if session.link is not link or (key in session.known) is there:
                 return
             if there:
@@ -280,6 +285,7 @@ class Network:
 
     def _carried(self, link: Link, key: str, data: bytes) -> None:
         link.hub.hear(key, data)
+        # Not back to the sender, whose own subscribers have received it in `Session.publish`.
         self._spread(link.hub, link, key, data, droppable=False)
         echoes = self.timeline.now < self.echoes_until.get(link.client.process.name, 0.0)
         # Only replies may arrive twice; the other messages are sent once on an ordered link.
@@ -323,6 +329,7 @@ class Network:
         if left > 0:
             self.crash_after[process.name] = left - 1
             return True
+        # The crash happens instead of this message, so a history can end between any two messages.
         del self.crash_after[process.name]
         self.crash(process)
         return False

@@ -89,6 +89,7 @@ class _FrameSink(Sink):
     def received(self, stimulus: s.Stimulus) -> None:
         """A frame begins."""
         algorithm = self.coordinator.algorithm
+        # A frame begins only in this phase; in others the stimulus has no effect.
         ready = algorithm.phase is Phase.READY
         if isinstance(stimulus, s.Begin) and ready and self._lives:
             self._timeline.note("coordinator", f"begins frame {algorithm.frame}")

@@ -39,7 +39,9 @@ def _wrong_orders(observed: Observed) -> Iterator[str]:
             continue
         effects = times.pop((event_type, asked.act.number), 0)
         answer = asked.answer or {}
+        # A confirmed order belongs to the frame of its answer, if the world has run it.
         due = asked.confirmed and int(answer["frame"]) < last
+        # Without an answer it may or may not have arrived.
         at_most = 0 if not asked.sent or "error" in answer else 1
         if effects > at_most or (due and not effects):
             yield f"{asked.act.ask} {asked.act.number} took effect {effects} times: {_said(asked)}"
@@ -66,6 +68,7 @@ def _wrong_pace(observed: Observed, frames: int) -> Iterator[str]:
     for asked, then in zip_longest(paced, paced[1:]):
         until = float("inf") if then is None else then.at
         before = {frame for at, frame in observed.begun if at <= asked.done}
+        # Without frames that had begun before: a successor begins them again.
         begun = {frame for at, frame in observed.begun if asked.done < at < until} - before
         ended = {frame.number for frame in observed.frames if frame.time < until}
         if not asked.confirmed or asked.answer is None:

@@ -83,6 +83,7 @@ class Person:
         waits = [True]
 
         def answered(data: bytes | None) -> None:
+            # Either the answer or the time-out counts, whichever comes first.
             if not waits:
                 return
             waits.clear()
@@ -96,6 +97,7 @@ class Person:
         said = "no answer" if asked.answer is None else asked.answer.get("error", "done")
         self._timeline.note("person", f"{asked.act.ask}: {said}")
         self._heard(asked)
+        # A confirmed `resume` is enough; the others are there for lost ones.
         if asked.confirmed and self._next > self._unpausing:
             return
         self._go_on()

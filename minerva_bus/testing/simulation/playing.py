@@ -70,12 +70,14 @@ class Play:
 
     def run(self) -> Played:
         """Play it to its end."""
+        # Faults of frame -1 count from the start of the world.
         self._faults.begin(-1)
         self.launcher.begin()
         self.timeline.run(MAX_SECONDS, lambda: self.launcher.over)
         over, waits, left = self.launcher.over, "", ()
         if over:
             self._person.leave()
+            # Processes have this time to notice the end and to exit.
             self.timeline.run(self.timeline.now + AFTERWARDS, lambda: False)
             left = tuple(process.name for process in self._processes() if process.alive)
         else:
@@ -178,6 +180,8 @@ class Play:
     def _bury(self) -> None:
         """Close the coroutines of killed processes without effects."""
         for process in self._processes():
+            # Dead before their coroutines are closed: what these do in `finally` has no effect any
+            # more.
             process.alive = False
         lives: list[Generator[None, None, int] | None] = list(self.network.graveyard)
         lives += [process.life for process in self._processes()]

@@ -78,6 +78,7 @@ class SimulatedProcess:
     def wake(self) -> None:
         """Run a turn because of new input."""
         self._blocked = False
+        # At most one turn is pending: it handles all input that has arrived by then.
         if self._next is None and self.alive and self.life is not None:
             at = max(self.timeline.now, self._wake_at) + self._chance.uniform(*TURN)
             self._next = self.timeline.at(max(at, self.frozen_until), self._turn)
@@ -98,9 +99,11 @@ class SimulatedProcess:
             next(self.life)
         except StopIteration as end:
             self._end(end.value)
+        # `after_turn` undoes what a killed process has written, however its turn ends.
         finally:
             if self.after_turn is not None:
                 self.after_turn()
+        # A life that is not blocked has more to do; otherwise the next input wakes it.
         if self.alive and not self._blocked:
             self.wake()
 

@@ -45,6 +45,7 @@ def undisturbed(frames: int, orders: Orders) -> Undisturbed:
     runner = InProcessRunner(FrameAlgorithm(world(frames)), members, watch)
     runner.start()
     while runner.ended is None:
+        # The number of finished frames is the number of the next one.
         for event_type, number in due.get(len(digests), ()):
             runner.handle(s.Order(ORDERS[event_type](number)))
         runner.handle(s.Begin())

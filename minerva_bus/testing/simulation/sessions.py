@@ -87,6 +87,8 @@ class Channel:
         """The next message."""
         if self._queue:
             return self._queue.popleft()
+        # No turn runs until a message arrives; a spurious wake-up lets the caller continue
+        # meanwhile.
         self._process.block()
         return self._spurious
 
@@ -230,6 +232,7 @@ class Session:
         chance, last = timeline.stream(f"callbacks of {process.name}"), [0.0]
 
         def hear(item: Any) -> None:
+            # At equal times calls keep their order, so callbacks do, too.
             last[0] = max(last[0], timeline.now + chance.uniform(*CALLBACK))
             timeline.at(last[0], lambda: process.system.call(lambda: call(item)))
 
@@ -262,6 +265,7 @@ class Session:
     def hear(self, key: str, data: bytes) -> None:
         """Deliver a message."""
         sample = Sample(key, Bytes(data), HERE)
+        # A copy, because a callback may add or remove subscriptions.
         for subscriber in list(self.subscribers):
             if matches(subscriber.pattern, key):
                 subscriber.hear(sample)

@@ -64,11 +64,13 @@ class Timeline:
         """Execute calls in order, up to a time or until the end."""
         while self._heap and self._heap[0][0] <= until and not over():
             time, _, alarm = heapq.heappop(self._heap)
+            # Taken out, so that cancelling a call that has happened has no effect.
             call, alarm.call = alarm.call, None
             self.now = time
             if call is not None:
                 call()
         if not over():
+            # Without calls, too, the clock reaches the time asked for.
             self.now = max(self.now, until)
 
     def note(self, who: str, text: str) -> None:

@@ -44,6 +44,7 @@ def tried(history: History) -> Tried:
     with tempfile.TemporaryDirectory(prefix="minerva-simulation-", dir=folder) as name:
         try:
             played = play(history, Path(name))
+        # The launcher runs in this process, so its errors would end the search.
         except Exception as error:
             return Tried(None, (f"{type(error).__name__}: {error}",), history)
     return Tried(played, tuple(wrong(played)), history)

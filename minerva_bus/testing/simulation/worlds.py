@@ -75,6 +75,7 @@ class Heron(Agent, symbol="AHeron"):
 
     @on("eCall")
     def listen(self, call: Event, moment: Context) -> Scene | None:
+        # Calls of other herons only.
         self.heard += call.sender != self.id
         return EMPTY if self.heard > 16 else None
 
