@@ -152,6 +152,7 @@ def _plan_narrow(
     if not goal.cells:
         return _plan_look(robot, goal)
     robot.news = goal.news
+    # The search has planned over whole cells; only the destination of its path counts here.
     way = narrows.way_to_cell(goal.cells[-1])
     return way is not None and _go_along(robot, way, SEARCH, is_narrow=True)
 

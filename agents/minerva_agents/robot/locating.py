@@ -130,6 +130,7 @@ class _Matcher:
     def take(self, scan: Scan, published: Posed | Unposed, wheels: Posed | Unposed) -> Posed:
         """Match a scan and draw it; the result is its pose."""
         scan = self._motion.corrected(scan)
+        # There is no map yet to match the first scan with, so its given pose counts.
         if self._canvas is None:
             known = [posed for posed in (published, wheels) if isinstance(posed, Posed)]
             here = place_of(known[0]) if known else self._here

@@ -69,6 +69,7 @@ def draw_map(open: Callable[[], Recording], choice: MapChoice, progress: Progres
     """Draw the map of a recording, which is opened twice. Raises MinervaError."""
     extent, located, uncorrected = MapExtent(), _Trajectory(), 0
     posed_all: list[Posed] = []
+    # First pass: estimate the poses, and find the extent of the map.
     with closing(open()) as recording:
         for posed in located.first(recording, choice, lambda part: progress(part / 2)):
             extent.take(posed)
@@ -76,6 +77,7 @@ def draw_map(open: Callable[[], Recording], choice: MapChoice, progress: Progres
                 posed_all.append(posed)
             uncorrected += needs_path(posed.scan)
     canvas = canvas_of(extent, choice.cell)
+    # Second pass: draw, now that the size of the grid is known.
     with closing(open()) as recording:
         for posed in located.again(recording, choice, lambda part: progress(0.5 + part / 2)):
             if isinstance(posed, Posed):

@@ -85,6 +85,7 @@ def _far_cells(
     blocks = _blocks(room, side).max(axis=(1, 3))
     roomy = blocks > 2 * _in_cells(floor, radius_m)
     candidates = roomy if roomy.any() else blocks > 0
+    # Paths may lead through narrow blocks in which no position may lie.
     distances = np.where(blocks > 0, np.inf, -1.0)
     source = (start[0] // side, start[1] // side)
     while True:

@@ -58,6 +58,7 @@ def posed_scans(
         elif item.topic == CORRECTION:
             wheels.corrected(item.reading)
         else:
+            # Odometry jumps where a log has been corrected, which the wheels have not measured.
             measured = wheels.measured(item.reading) if odometry else item.reading
             yield from assigner.moved(measured)
     yield from assigner.rest()

@@ -146,6 +146,7 @@ class _Choice:
         kinds = kinds_of(grid)
         self._prospects = Prospects(kinds, state.sight / state.cell, state.cell)
         self._bounds = _bounds(kinds, self._side, state)
+        # Specks of unknown cells, which lie between beams, are passable.
         passable = ~state.closed[window] & ~expanses(grid == UNKNOWN)
         self._passable = passable
 

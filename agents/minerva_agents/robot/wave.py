@@ -29,6 +29,7 @@ class Wave:
     """
 
     def __init__(self, passable: Mask, start: Cell) -> None:
+        # With a blocked border, steps to neighbours need no checks of bounds.
         rows, self._width = passable.shape[0] + 2, passable.shape[1] + 2
         padded = np.zeros((rows, self._width), np.bool_)
         padded[1:-1, 1:-1] = passable

@@ -134,6 +134,7 @@ class Physics(Device, Generator, draws=("eRepresent",), coupled=True, events=("e
         if self._shown is None:
             return ()
         outcomes = self._drive(tick)
+        # The order of these loops is part of the result, because noise draws from one stream.
         for name in self._stage.arena.bodies:
             tick.publish("scan", self._scan(name, tick))
         for name in self._stage.arena.bodies:

@@ -100,6 +100,7 @@ class Traffic:
 
     def _events(self, message: MQTTMessage) -> Iterator[Event]:
         for rule in self._event_rules:
+            # A retained message is a state from before the subscription (MQTT 3.1.1, 3.3.1.3).
             if message.retain and not rule.rule.retained:
                 self._count("passed over")
                 continue

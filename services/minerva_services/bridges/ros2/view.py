@@ -132,6 +132,7 @@ class Ros2View(Device, draws=("ePicture",)):
         for topic in (*self._out.values(), goal):
             if topic:
                 self._network.name(topic)
+        # Each objective that is published would come back as an order.
         if goal and goal == objective:
             raise MisuseError("ros2_view: goal and objective must be different topics")
         self._robot, self._goal, self._radius = robot, goal, radius

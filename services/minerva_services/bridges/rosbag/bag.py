@@ -167,6 +167,7 @@ class Bag:
             if kind not in CONVERSIONS:
                 continue
             here = CONVERSIONS[kind].topic
+            # Two topics of one kind would mix their readings in one topic of the world.
             if here in chosen.values():
                 line = f"{self.path}: {topic} skipped; add it to the option topics to play it"
                 self.pass_over(_SKIPPED_TOPICS, line)

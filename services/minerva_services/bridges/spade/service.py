@@ -133,6 +133,7 @@ class Spade(Bridge, Device, events=("eMessage",), draws=("eMail",), lockstep=Fal
 
     def _receive(self, letter: XmppMessage) -> Event | None:
         sender, receiver = self._outside.id(letter.sender), self._inside.id(letter.to)
+        # Anybody can write to an XMPP account; only agents that the world shows may send events.
         if sender not in self._there or not receiver:
             self._report("strangers", f"{letter.sender} has no AOutside agent")
             return None

@@ -131,6 +131,7 @@ class FloorMeshes:
         where, height = (tiles.cell, tiles.pose), tiles.form.height
         colors = painted(tiles)
         opaque = bool((colors[..., 3] == 255).all())
+        # Only an opaque matrix has a slab below it.
         ground = np.full(wall.shape, opaque)
         return FloorMesh(
             tiles,

@@ -139,6 +139,7 @@ class GLPainter:
         return nullcontext() if self._window else self._gl
 
     def _draw(self, sight: Sight) -> None:
+        # Only new pictures are uploaded; camera, selection and texts change more often.
         if self._sight is None or sight.picture is not self._sight.picture:
             self._take(sight)
         self._sight = sight

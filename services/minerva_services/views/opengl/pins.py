@@ -40,6 +40,7 @@ class PinMeshes:
                 by,
                 [(vertices, *fitting(by, *shape)), (self._feet.buffer, "2f 3f /i", "foot", "paint")]
                 if by is self._program
+                # Shadows skip the colours.
                 else [(vertices, *fitting(by, *shape)), (self._feet.buffer, "2f 12x /i", "foot")],
                 index_buffer=triangles,
             )

@@ -100,6 +100,7 @@ def _band(here: NDArray[np.int64], there: NDArray[np.int64]) -> NDArray[np.int64
 def pin() -> Mesh:
     """A pin of height 1 with a ball of radius 1: x, y in radii, height, offset, normal."""
     around, along = 16, 9
+    # The ball: rings of points from its lowest to its highest.
     turn = np.linspace(0, 2 * np.pi, around, endpoint=False)
     tilt = np.linspace(-np.pi / 2, np.pi / 2, along)
     flat, up = np.cos(tilt)[:, None], np.sin(tilt)[:, None]
@@ -107,6 +108,7 @@ def pin() -> Mesh:
     z = np.broadcast_to(up, x.shape)
     ones = np.ones(x.shape)
     ball = np.stack([x, y, ones, z, x, y, z], axis=2).reshape(-1, 7)
+    # The stick: a ring at its foot and one in the ball.
     u, v = 0.16 * np.cos(turn), 0.16 * np.sin(turn)
     stick = np.concatenate(
         [

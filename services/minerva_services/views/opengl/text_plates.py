@@ -75,6 +75,7 @@ class TextPlates:
     def _made(self, rows: tuple[tuple[str, str], ...]) -> Plate:
         import pygame
 
+        # pygame's own font looks the same on all machines.
         font = pygame.font.Font(None, round(22 * self.scale))
         columns = [
             [font.render(_shown(row[at]), True, color) for row in rows]
@@ -94,6 +95,7 @@ class TextPlates:
                 plate.blit(letters, (left, inset // 2 + row * line + line // 8))
         data = pygame.image.tobytes(plate, "RGBA")
         texture = self._gl.texture(size, 4, data)
+        # Plates lie on whole pixels, so filtering would only blur them.
         texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
         return Plate(texture, *size)
 

@@ -34,6 +34,7 @@ def draw_grid(canvas: pygame.Surface, camera: MapCamera) -> None:
     step, shade = grid_step(camera), pygame.Color(INK)
     left, top = camera.to_world(0, 0)
     right, bottom = camera.to_world(width, height)
+    # As surfaces, because pygame draws lines without transparency.
     upright = pygame.Surface((1, height), pygame.SRCALPHA, 32)
     level = pygame.Surface((width, 1), pygame.SRCALPHA, 32)
     for line in (upright, level):

@@ -60,6 +60,7 @@ def dashes(points: Floats, length: float) -> list[Floats]:
     parts: list[Floats] = []
     for start in np.arange(0.0, total, 2 * length):
         end = min(start + length, total)
+        # A dash bends at the corners that lie within it.
         inner = points[(along > start) & (along < end)]
         ends = [
             np.array([np.interp(at, along, points[:, 0]), np.interp(at, along, points[:, 1])])

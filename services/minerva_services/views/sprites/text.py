@@ -65,6 +65,7 @@ def pin(color: tuple[int, int, int], size: float) -> pygame.Surface:
     width, height = 20 * unit, 28 * unit
     fine = pygame.Surface((round(width), round(height)), pygame.SRCALPHA, 32)
     middle, tip = (width / 2, height - 17 * unit), (width / 2, height - 0.5 * unit)
+    # First in white and larger, as an outline.
     for paint, edge in (((255, 255, 255), 1.3), (color, 0.0)):
         reach = (8 + edge) * unit
         pygame.draw.circle(fine, paint, middle, reach)
@@ -102,6 +103,7 @@ def _draw_label(
     left, top = x - sign.get_width() / 2, y - sign.get_height()
     canvas.blit(sign, (round(left), round(top)), special_flags=pygame.BLEND_PREMULTIPLIED)
     begin = x + 10 * ui
+    # Without space on the right, the text is placed to the left of the pin.
     if begin + letters.get_width() > canvas.get_width() - 4 * ui:
         begin = x - 10 * ui - letters.get_width()
     line = y - 17 * ui - letters.get_height() / 2

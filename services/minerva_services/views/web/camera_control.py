@@ -52,6 +52,7 @@ def camera_pose(bounds: Bounds, height: float, aspect: float) -> CameraPose:
         for y in (-depth / 2, depth / 2):
             for z in (0.0, height):
                 corner = np.array([x, y, z])
+                # A corner is visible if its offset is within the field of view at its own depth.
                 needed = max(abs(x) / wide, abs(float(corner @ above)) / tall)
                 distance = max(distance, needed - float(corner @ ahead))
     place = middle - ahead * distance * _MARGIN

@@ -60,6 +60,7 @@ class FloorNodes:
         pose, form = tiles.pose, tiles.form
         nodes: _Nodes = []
         for number, color in enumerate(_ranges(tiles)):
+            # A mesh has one colour, and walls and ground are of different height.
             for stands in (False, True):
                 mask = color[1] & ((tiles.cells > 0) == stands)
                 if not mask.any():

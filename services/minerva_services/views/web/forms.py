@@ -46,6 +46,7 @@ class Form:
         self._inputs: dict[str, Any] = {}
         self._lock = threading.Lock()
         fields = declared.fields.all
+        # A slider sends while it moves, so it needs no button.
         if kinds_of_data(declared) == ("real",) and fields[0].type.unit in _RANGES:
             self._add_slider(fields[0])
             return

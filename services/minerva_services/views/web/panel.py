@@ -149,6 +149,7 @@ class Panel:
         wanted = [name for name in types if name in known and can_be_asked(known[name])]
         wanted.sort(key=lambda name: len(known[name].fields.all))
         for name, form in tuple(self._forms.items()):
+            # A text input cannot become a selection of labels, so its form is built again.
             if name not in wanted or form.outgrown(labels):
                 self._forms.pop(name).remove()
         for name in wanted:
@@ -179,6 +180,7 @@ class Panel:
 
         @self._rate.on_update
         def _(event: GuiEvent[Any]) -> None:
+            # `show_status` moves the slider as well, which is no action of a user.
             if by_person(event):
                 actions.set_rate(self._rate.value)
 
@@ -193,6 +195,7 @@ class Panel:
 
         @self._agent.on_update
         def _(event: GuiEvent[Any]) -> None:
+            # `offer_agents` sets the value as well, which is no selection by a user.
             if by_person(event):
                 chosen = self._agent.value
                 actions.select("" if chosen == EVERYBODY else chosen)

@@ -38,6 +38,7 @@ def clicked(
         np.stack([discs.x, discs.y, discs.height / 2], axis=1),
         np.maximum(discs.radius, discs.height / 2),
     )
+    # A pin is picked as a ball around its upper part.
     places = [
         (x, y, 0.7 * height) for batch in texts for x, y in zip(batch.x, batch.y, strict=True)
     ]

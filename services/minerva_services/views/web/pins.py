@@ -24,6 +24,7 @@ class PinNodes:
     def show(self, texts: list[Texts], height: float) -> None:
         """Show exactly these, on pins of a height in metres."""
         before, high = self._shown
+        # Pins rarely change, and sending them costs far more than this comparison.
         if high == height and len(before) == len(texts) and all(map(_is, before, texts)):
             return
         self._shown = texts, height

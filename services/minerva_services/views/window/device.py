@@ -56,6 +56,7 @@ class WindowDevice(Device):
     def joined(self, world: WorldInfo) -> None:
         """Open the window or file. Raises MisuseError."""
         options = self.options
+        # Wrong options must fail before a window opens.
         check_named(options.service, world.vocabulary, options.click, options.slide)
         self._composer = Composer(world, self.draws)
         self.controls = WindowControls(
