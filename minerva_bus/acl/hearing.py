@@ -22,7 +22,7 @@ TOO_LATE = "too late"
 class Heard:
     """The effect of a message: all conversations after it, and the one that it belongs to, if any.
 
-    `answer` is to be sent at once. `told` is whether the agent's own method is called.
+    `answer` must be sent immediately. `told` is whether the agent's own method is called.
     """
 
     conversations: Conversations
@@ -37,7 +37,7 @@ def hear(conversations: Conversations, me: str, message: Event, frame: int) -> H
     if message.sender == me:
         return Heard(conversations, told=False)
     if not message.sender:
-        return Heard(conversations)  # From outside of the string, so there is no one to answer.
+        return Heard(conversations)  # From outside of the string, so it cannot be answered.
     known = conversations.find(message.conversation_id, message.sender)
     if known is None:
         return _first(conversations, me, message)

@@ -58,7 +58,7 @@ class Protocol:
         }
         turns: dict[str, frozenset[Role]] = {}
         for before, by, _, _ in (*self.own, *_CANCELLED):
-            # `cancel` and `not-understood` are possible at any time and nobody's turn.
+            # `cancel` and `not-understood` are possible at any time, so they do not define turns.
             turns[before] = turns.get(before, frozenset()) | {by}
         for state in turns:
             # Before the first act there is nothing to cancel, and a

@@ -107,7 +107,7 @@ class CollectionStep:
         # An answer to an early request that arrives after its frame has begun is one of that frame.
         is_early = ahead and not (algorithm.in_frame and reply.frame == algorithm.frame)
         # A reply of a skipped or replaced process, or a second one, must not count. It is no
-        # violation, because the member cannot know.
+        # violation: the reply may have been sent before the member was skipped.
         if not member.active or not (in_time or is_early) or reply.member in early.replies:
             member.late += 1
             return

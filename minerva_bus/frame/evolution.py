@@ -73,7 +73,7 @@ class EvolutionStep:
         placement.outdated = False
         placement.arrange(algorithm.offers())
         rules = bool(algorithm.world.placement.rules)
-        # Agents without a host stand still without any error, so the log must mention them.
+        # Agents without a host do not evolve, which is no error, so the log must mention them.
         placement.log.count(placement.unassigned_agents, rules=rules, out=algorithm.out)
         offers = algorithm.members.offers().values()
         placement.log.kinds(offers, placement.unassigned.values(), algorithm.out)
@@ -252,8 +252,10 @@ class EvolutionStep:
             result.changed, result.sent = verdict.changed, verdict.sent
             result.rejected = verdict.rejected
             halted.update(verdict.halted)
+        # Devices get this list instead of a corrected view, which would cost another round trip,
+        # and which nothing could compute for an agent whose host is away.
         result.halted = tuple(sorted(halted))
-        if halted:  # A resumed world must know it, because its devices act on the last view.
+        if halted:  # A resumed world needs this, because its devices act on the last view.
             halted_state = {"frame": algorithm.frame, "agents": list(result.halted)}
             algorithm.members.saved[HALTED] = halted_state
 

@@ -269,7 +269,8 @@ class Members:
         """The kinds that each active host offers; of a drained host, only those without another."""
         hosts = {m.name: _kinds(m.hello) for m in self.active() if m.hello is not None}
         kept = [kinds for name, kinds in hosts.items() if not self._entries[name].drained]
-        # A drained host keeps the kinds that nobody else offers, or their agents would stand still.
+        # A drained host keeps the kinds that no other host offers,
+        # or their agents would not evolve.
         elsewhere = frozenset[str]().union(*kept)
         offers = {
             name: kinds - elsewhere if self._entries[name].drained else kinds

@@ -67,8 +67,7 @@ class Placement:
                 if host in offers and part in preferred
             }
         self._host, self.unassigned = {}, {}
-        # Made from scratch: whatever a host lacks follows from what
-        # it holds, whoever has gone since.
+        # Made from scratch: what a host lacks follows from what it holds.
         self._stale = {host: set() for host in offers}
         kinds_on: dict[str, set[str]] = {host: set() for host in offers}
         for fragment, node in self._composition.fragments.items():
@@ -270,8 +269,8 @@ class Placement:
         host = self._host.get(fragment)
         if host is not None and fragment in self._composition.fragments:
             self._stale[host].add(fragment)
-            # None stands for an unknown state: no fragment is identical with it, and the host is
-            # still told to drop the fragment when it moves.
+            # None stands for an unknown state: no fragment is identical with it, and the host still
+            # receives a request to drop the fragment when it moves.
             self._held.setdefault(host, {})[fragment] = None
 
 

@@ -88,6 +88,8 @@ class Trial:
         # the forbidden state, so they need no stage.
         types = list(dict.fromkeys(event.type for event in events if event.type in met))
         before = frozenset(types)
+        # By type and not by event: each stage costs a round trip, and a frame has few types
+        # but may have hundreds of events.
         for last in range(len(types) - 1, -1, -1):
             stage = frozenset(types[:last]) | always.intersection(types)
             if not self._open or not stage:
@@ -139,6 +141,7 @@ class Trial:
         rejected = {n: outcome for n, outcome in self._outcomes.items() if outcome.rejected}
         halted = {who for outcome in rejected.values() for who in outcome.halted}
         for name, outcome in rejected.items():
+            # At rest, because λ would take the action for executed in the next frame.
             self._changed[name] = rested(outcome.scene, outcome.halted, vocabulary.kinds)
         self._count_sent(rejected)
         return NormVerdict(self._changed, self._sent, tuple(rejected), tuple(sorted(halted)))

@@ -59,7 +59,7 @@ class ListenConfig:
 
 
 class Admission:
-    """Admission to one world. Without security everybody may join.
+    """Admission to one world. Without security every process may join.
 
     `say` logs a warning about a member. `listens_at` is the endpoint for other machines, once there
     is a session.
@@ -264,7 +264,7 @@ class Admission:
                     name: replace(holder, revoked=True) for name, holder in self._rights.items()
                 }
                 self._rights, self._stamp = {**gone, **security.rights()}, stamp
-        # A folder that cannot be read must neither admit nor exclude anybody.
+        # A folder that cannot be read must neither admit nor exclude a member.
         except (KeysError, OSError) as error:
             self._say_once(
                 COORDINATOR, f"cannot read the keys; the previous ones stay valid: {error}"

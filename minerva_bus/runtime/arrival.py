@@ -26,7 +26,7 @@ class Arrival:
 ARRIVAL: Final = Arrival()
 # Hundreds of processes may start at once, so the coordinator may be slow to greet them.
 STARTED_HERE: Final = Arrival(60.0, 60.0, inf, inf)
-"""For members that the launcher started: it knows that the world exists, and ends late members."""
+"""For members that the launcher started: the world exists, and the launcher ends late members."""
 
 
 @dataclass(frozen=True, slots=True)

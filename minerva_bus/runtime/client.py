@@ -27,7 +27,7 @@ ANSWER_WITHIN = 5.0
 class Client:
     """A connection to the world of some name at an endpoint; without a name, to the one there.
 
-    `own` shows who asks. Raises BusError where nobody answers.
+    `own` are the credentials of the caller. Raises BusError if no world answers.
     """
 
     def __init__(self, endpoint: str, world: str = "", own: Credentials | None = None) -> None:
@@ -38,7 +38,7 @@ class Client:
         self._control = question_key(world, own)
         try:
             self.world = world or self.operator.status().world
-        except BaseException:  # Nobody else closes it, and the process would not end before.
+        except BaseException:  # Else its threads keep the process alive.
             self._session.close()
             raise
 

@@ -274,7 +274,7 @@ def _vocabulary(running: Operated, _: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _pub(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
-    """Send an event: data as texts of the language, for a type that the world must know."""
+    """Send an event: data as texts of the language, of a type in the world's vocabulary."""
     algorithm = running.algorithm
     name = as_text(asked.get("type"), "the type")
     values = {
@@ -291,7 +291,7 @@ def _pub(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
             f"the world has no event type {name}; it has {', '.join(vocabulary.events)}"
         )
     condition = as_text(asked.get("condition", ""), "if")
-    # A condition that no agent can fulfil is an error of the person, not an event for nobody.
+    # A condition that no agent can fulfil is an error of the person who sends it.
     vocabulary.check_condition(name, condition, "pub")
     try:
         fitted = declared.fields.values(name, values)

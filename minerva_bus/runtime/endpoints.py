@@ -58,7 +58,7 @@ def check_endpoint(endpoint: str) -> Endpoint:
 
 
 def check_listening(endpoint: str, *, keys: bool, insecure: bool) -> None:
-    """Reject an endpoint at which anybody could join a world. Raises BusError."""
+    """Reject an endpoint at which any process could join a world. Raises BusError."""
     asked = check_endpoint(endpoint)
     if asked.secured and not keys:
         raise BusError(

@@ -204,7 +204,7 @@ class Metrics(Sink):
             self._asked_at = perf_counter()
 
     def frame_done(self, notice: s.FrameDone) -> None:
-        """Count the events of a frame; stop measuring if nobody has asked for a while."""
+        """Count the events of a frame; stop measuring some time after the last question."""
         if not self.on:
             return
         self._figures.totals.count(notice.events)

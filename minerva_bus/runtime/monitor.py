@@ -60,17 +60,17 @@ class Monitor:
         self._waits.started(member, self._clock())
 
     def greeted(self, member: str) -> None:
-        """A greeting was sent to a member."""
+        """Note that a greeting was sent to a member."""
         self._greeted[member] = self._clock()
 
     def arrived(self, member: str) -> None:
-        """A member said hello."""
+        """Note the `hello` of a member."""
         self._greeted.pop(member, None)
         if self._waits.arrived(member, self._clock()):
             self._watchers.came(member)
 
     def end(self, end: s.End) -> None:
-        """End the world; members have less time for their reports if somebody waits for it."""
+        """End the world; members have less time for reports if its owner waits for the end."""
         if end.failed or end.hurried:
             self._reports_within = HURRIED_REPORTS_WITHIN
         self._runner.handle(end)

@@ -34,7 +34,7 @@ class ZenohTransport:
     Messages to members wait for room on the link. Views, and frames for observers, are dropped
     where there is none: a slow observer must not slow down the world.
 
-    `observed` is whether anybody subscribes to the frames. `has_output`: something was sent, or a
+    `observed` is whether the frames have a subscriber. `has_output`: something was sent, or a
     frame ended, since the flag was last cleared. `ticked` is the last frame whose tick was sent,
     `empty_reply` the bytes of a reply to it without events, and `evolving_since` when its evolution
     was requested. `notify` is called with each message to a single member but views.

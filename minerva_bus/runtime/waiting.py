@@ -96,14 +96,14 @@ class Waits:
         self._last_report = float("-inf")
 
     def started(self, member: str, now: float) -> None:
-        """A member's process starts: wait for it from now on."""
+        """Note the start of a member's process: wait for it from now on."""
         # A process that has not been started yet is not slow, so waiting begins with its start.
         self._queued.discard(member)
         self._starting[member] = now
         self._waits.pop(member, None)
 
     def arrived(self, member: str, now: float) -> bool:
-        """A member said hello; returns whether its process was known to start."""
+        """Note the `hello` of a member; returns whether its process was known to start."""
         since = self._starting.pop(member, None)
         if since is None:
             return False
@@ -116,7 +116,7 @@ class Waits:
     def update(self, step: object, in_frame: bool, waiting: Iterable[str], now: float) -> float:
         """Note which members a step waits for; returns the longest waiting time in seconds."""
         self._in_frame = in_frame
-        # A new step asks everybody again, so earlier waiting does not count.
+        # A new step has requests of its own, so earlier waiting does not count.
         if step != self._step:
             self._step, self._waits = step, {}
         names = sorted(set(waiting) - self._queued)

@@ -47,7 +47,7 @@ class Watchers:
     listening: Callable[[str], None]
     stalled: Callable[[str, float], None]
     came: Callable[[str], None] = field(default=lambda _: None)
-    """A member whose process the launcher has started said hello."""
+    """A member whose process the launcher has started sent its `hello`."""
     frame_done: Callable[[s.FrameDone], None] = field(default=lambda _: None)
     idle: Callable[[], None] = field(default=lambda: None)
     """The coordinator is about to wait for members: deferred work may be done."""

@@ -51,7 +51,7 @@ class WorldLink:
         return [self._replies, *self._publishers.values()]
 
     def send(self, message: m.FromMember | m.Readings) -> None:
-        """Send a message; without a coordinator's greeting nobody could receive it."""
+        """Send a message; before a coordinator's greeting it has no recipient and is dropped."""
         if isinstance(message, m.Readings):
             self._publishers[message.topic].put(encode(message))
         elif self.stamp:

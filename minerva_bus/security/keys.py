@@ -77,8 +77,8 @@ class KeyFolder:
         self._check(name, wanted)
         common, issued = name + FAMILY * wanted.family, self.issued()
         there = issued.get(name)
-        # Access rules know names only. With the name, the holder of the revoked
-        # certificate would be admitted again.
+        # Access rules contain names only: a new certificate of this name would admit the
+        # holder of the revoked one again.
         if there is not None and there.rights.revoked:
             raise KeysError(
                 f"{name} was revoked, and its name cannot be used again; choose another name"
@@ -263,7 +263,7 @@ def _put(path: Path, data: bytes, mode: int) -> None:
     """Write a file atomically, with its mode from the first byte on."""
     beside = path.with_suffix(f".{os.getpid()}.new")
     try:
-        # O_EXCL, so that no link that somebody else has put there is followed.
+        # O_EXCL, so that a link at this path is not followed.
         descriptor = os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode)
         with os.fdopen(descriptor, "wb") as file:
             file.write(data)

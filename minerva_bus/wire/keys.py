@@ -42,7 +42,7 @@ def is_name(text: str) -> bool:
 
 
 def checked_name(name: str, what: str) -> str:
-    """A name that can stand in a key. Raises MisuseError."""
+    """The name, if it is valid as part of a key. Raises MisuseError."""
     if not is_name(name):
         raise MisuseError(
             f"{name!r} cannot name {what}: use up to 64 letters, digits and _ . ~ -,"

@@ -30,7 +30,7 @@ _DEPTHS: Final = {"rgb8": 3, "mono8": 1}
 def plain_reading(reading: Reading) -> list[Any]:
     """A reading as plain data: its kind, robot and time, and its measurements."""
     kind, write = _WRITERS[type(reading)]
-    # Without a beam time a sweep is a scan, which every reader knows.
+    # A scan with a beam time of 0 is sent as `scan` (PROTOCOL.md, section 11).
     if isinstance(reading, Scan) and reading.beam_time:
         return ["sweep", reading.robot, reading.time, *_write_sweep(reading)]
     return [kind, reading.robot, reading.time, *write(reading)]

@@ -306,7 +306,7 @@ class Reader:
             condition, sender = as_text(items[2], "a condition"), as_text(items[3], "a sender")
             self.vocabulary.check_condition(name, condition, "event")
             ids = [self._id(item) for item in as_list(items[4], "receivers")]
-            # Sorted and unique, because equal events must compare equal whoever has sent them.
+            # Sorted and unique, because equal events must compare equal whichever member sent them.
             receivers = tuple(sorted(set(ids)))
         if len(given) != len(declared.fields.names):
             wanted = ", ".join(declared.fields.names) or "no data"
