@@ -120,14 +120,14 @@ def test_unknown_targets_are_distinguished_from_future_ones():
     [
         ("ABut", "did you mean 'ABug'"),
         ("ABug.leg", "has no 'leg'; did you mean 'legs'"),
-        ("ABug=3", "values are of a parameter"),
+        ("ABug=3", "values need a parameter"),
         ("ABug.legs=9:2", "the lower end before the upper"),
         ("ABug.legs=2.5", "a whole number"),
         ("ABug.gait=walk,swim", "one of walk, run, hop"),
         ("TAim.angle=1m:2m", "a number in deg"),
         ("TAim.angle=x:y", "a value of the type real deg"),
-        ("*.legs=1:2", "of which symbol"),
-        ("ABug#a b", "is no id"),
+        ("*.legs=1:2", "bounds need the symbol"),
+        ("ABug#a b", "not a valid agent id"),
         ("", "no "),
         ("/PEye", "no "),
     ],
@@ -178,7 +178,7 @@ def test_crossing_takes_a_node_of_the_same_symbol():
     chance = np.random.default_rng(0)
     given = op.Material(BUGS, targets("ABug"), LIMIT, chance, lambda w, _: w)
     made = op.cross(given, other)
-    assert made.how == "ABug#a of another"
+    assert made.how == "ABug#a from the other parent"
     assert 6 in values(made.scene, "ABug", "legs")
     assert VOCABULARY.check(made.scene) == made.scene
     blended = op.blend(given, other)

@@ -90,8 +90,8 @@ def replace(given: Material) -> Mutant | None:
     kept = scope_of(place.node)
     node = given.new(kept, scene_of(place.node))
     if isinstance(node, FigureNode) and kept:
-        return None  # That would be more of a deletion.
-    return Mutant(put(given.scene, place, [node]), f"{_name(place.node)} becomes {_name(node)}")
+        return None  # The whole scope would be lost: that is a deletion, not a replacement.
+    return Mutant(put(given.scene, place, [node]), f"{_name(place.node)} replaced by {_name(node)}")
 
 
 def insert(given: Material) -> Mutant | None:
@@ -102,14 +102,15 @@ def insert(given: Material) -> Mutant | None:
     if place is None:
         node = given.new()
         free = not given.targets.all
-        return Mutant(given.scene + scene_of(node), f"{_name(node)} is new") if free else None
+        return Mutant(given.scene + scene_of(node), f"{_name(node)} inserted") if free else None
     choice = given.chance.integers(3)
     if choice == 0:
         around = given.new(scene_of(place.node))
         if not isinstance(around, FigureNode):
-            return Mutant(put(given.scene, place, [around]), f"{_name(around)} round a node")
+            told = f"{_name(around)} inserted around {_name(place.node)}"
+            return Mutant(put(given.scene, place, [around]), told)
     node = given.new()
-    told = f"{_name(node)} is new"
+    told = f"{_name(node)} inserted"
     if choice == 1 and not isinstance(place.node, FigureNode):
         inside = with_scope(place.node, place.node.scope + scene_of(node))
         return Mutant(put(given.scene, place, [inside]), told)
@@ -122,10 +123,10 @@ def delete(given: Material) -> Mutant | None:
     if place is None:
         return None
     kept = scope_of(place.node).nodes if given.chance.random() < 0.5 else ()
-    # The string would be ε, with which a world ends.
+    # The string would become ε, which ends a world.
     if place.parent is None and not kept and len(given.scene) == 1:
         return None
-    return Mutant(put(given.scene, place, kept), f"{_name(place.node)} goes")
+    return Mutant(put(given.scene, place, kept), f"{_name(place.node)} deleted")
 
 
 def duplicate(given: Material) -> Mutant | None:
@@ -134,7 +135,8 @@ def duplicate(given: Material) -> Mutant | None:
     if place is None:
         return None
     copy = given.with_own_ids(scene_of(place.node))
-    return Mutant(put(given.scene, place, [place.node, *copy.nodes]), f"{_name(place.node)} twice")
+    told = f"{_name(place.node)} duplicated"
+    return Mutant(put(given.scene, place, [place.node, *copy.nodes]), told)
 
 
 def swap(given: Material) -> Mutant | None:
@@ -144,12 +146,13 @@ def swap(given: Material) -> Mutant | None:
     if one is None or other is None or one is other:
         return None
     first, second = sorted((one, other), key=lambda place: place.path)
-    # One lies within the other.
+    # The first node contains the second.
     if second.path[: first.depth] == first.path:
         return None
-    there = put(given.scene, second, [first.node])  # The later first: the earlier path stays.
+    # The later place first, because replacing it leaves the path of the earlier one valid.
+    there = put(given.scene, second, [first.node])
     again = next(p for p in places(there, first.depth) if p.path == first.path)
-    told = f"{_name(first.node)} and {_name(second.node)} change places"
+    told = f"{_name(first.node)} and {_name(second.node)} swapped"
     return Mutant(put(there, again, [second.node]), told)
 
 
@@ -164,7 +167,7 @@ def cross(given: Material, other: Scene) -> Mutant | None:
     donor = given.one_of(alike or donors)
     assert donor is not None
     taken = given.with_own_ids(scene_of(donor.node), scene_of(place.node))
-    told = f"{_name(donor.node)} of another"
+    told = f"{_name(donor.node)} from the other parent"
     return Mutant(put(given.scene, place, taken.nodes), told)
 
 
@@ -177,7 +180,7 @@ def blend(given: Material, other: Scene) -> Mutant | None:
         for n, _, _ in given.targets.fields(place) if donor is not None else ():
             if donor is not None and given.chance.random() < 0.5:
                 scene = with_value_at(scene, place.path, n, donor.values[n])
-    return None if scene is given.scene else Mutant(scene, "values of another")
+    return None if scene is given.scene else Mutant(scene, "values from the other parent")
 
 
 def scatter(given: Material) -> Mutant:
@@ -187,7 +190,7 @@ def scatter(given: Material) -> Mutant:
         for n, field, domain in given.targets.fields(place):
             if domain is not None:
                 scene = with_value_at(scene, place.path, n, drawn(field.type, domain, given.chance))
-    return Mutant(scene, "drawn anew")
+    return Mutant(scene, "resampled")
 
 
 def _name(node: Node) -> str:

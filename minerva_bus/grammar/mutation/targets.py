@@ -128,20 +128,20 @@ def _target(text: str, vocabulary: Vocabulary) -> Target:
         _check_step(text, step, vocabulary)
     if not dot:
         if equals:
-            raise MisuseError(f"{text!r}: values are of a parameter, as in {path}.NAME={values}")
+            raise MisuseError(f"{text!r}: values need a parameter, as in {path}.NAME={values}")
         return Target(steps)
     kind = _type_of(text, steps[-1], name.strip(), vocabulary)
     if not equals:
         return Target(steps, name.strip())
     if kind is None:
-        raise MisuseError(f"{text!r}: say of which symbol {name} is, to bound it: SYMBOL.{name}")
+        raise MisuseError(f"{text!r}: bounds need the symbol that has {name}: SYMBOL.{name}=...")
     return Target(steps, name.strip(), parse_domain(values, kind.type, place))
 
 
 def _check_step(text: str, step: str, vocabulary: Vocabulary) -> None:
     symbol, mark, name = step.partition("#")
     if mark and AGENT_ID.fullmatch(name) is None:
-        raise MisuseError(f"{text!r}: #{name} is no id of an agent")
+        raise MisuseError(f"{text!r}: #{name} is not a valid agent id")
     if symbol not in (("", ANY) if mark else (ANY,)):
         try:
             vocabulary.fields(symbol)

@@ -98,7 +98,7 @@ def _scale(kind: Type) -> float:
 
 def _whole(domain: Domain, value: int, chance: Stream) -> int:
     width = domain.width if isinstance(domain, Range) else abs(value)
-    # Bounded, so that the step is an integer of 64 bits.
+    # Bounded, so that the step fits into 64 bits.
     step = int(chance.geometric(1.0 / (1.0 + min(STEP * width, 1e15))))
     moved = value + (step if chance.random() < 0.5 else -step)
     if isinstance(domain, Range):
