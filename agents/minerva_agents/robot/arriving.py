@@ -23,6 +23,7 @@ from minerva_bus import portable
 if TYPE_CHECKING:
     from minerva_agents.robot.robot import ARobot
 
+# Metres to the marker of a robot that has arrived, and of one that can come no closer.
 REACH: Final = 0.5
 NEAR: Final = 1.2
 APPROACH: Final = "approach"
@@ -34,7 +35,9 @@ STOP: Final = 0.4
 Leaves a margin for errors of a few centimetres.
 """
 
+# In metres, in the order in which they are tried.
 _DISTANCES: Final = (STOP, 0.6, 0.8, 1.0, NEAR)
+# Each try is a search for a path.
 _MAX_TRIES: Final = 5
 _MAX_DISTANCE: Final = 3.0
 """Maximum path length for clearing the way, in metres."""

@@ -30,6 +30,7 @@ Reals: TypeAlias = NDArray[np.float64]
 _fft: Any = scipy.fft
 _spatial: Any = scipy.spatial
 
+# Side of a cell of the correlation in metres.
 _CELL: Final = 0.2
 _MAX_POINTS: Final = 400
 _AROUND: Final = 4
@@ -37,9 +38,12 @@ _AROUND: Final = 4
 
 # Odometry error in metres per metre travelled, and the resulting window's limit in metres.
 _DRIFT, _MAX_WINDOW = 0.05, 12.0
+# Largest rotation that is tried to each side, and the step between rotations.
 _DEGREES: Final = 18.0
 _STEP_DEGREES: Final = 3.0
 _NEAR: Final = 0.15
+# A closure has at least _MIN_FIT of its points on walls, and sees at most _MAX_SEEN_THROUGH of them
+# through walls.
 _MIN_FIT: Final = 0.6
 _MAX_SEEN_THROUGH: Final = 0.15
 _SEARCH_METRES: Final = 2.0

@@ -12,6 +12,7 @@ from minerva_bus import portable
 if TYPE_CHECKING:
     from minerva_agents.robot.robot import ARobot
 
+# A corner at this distance, in cells, has been reached.
 _TOLERANCE: Final = 1e-4
 
 

@@ -21,6 +21,7 @@ from minerva_bus.world.recordings import MapChoice, Progress, Recording
 if TYPE_CHECKING:
     from PIL.ImageDraw import ImageDraw as Pen
 
+# The shades that the map_server's own map_saver writes.
 _BLACK, _GREY, _WHITE = 0, 205, 254
 _WIDTH: Final = 1400
 _MAX_PIXELS: Final = 6000

@@ -24,6 +24,7 @@ from minerva_agents.robot.grids import MapError
 from minerva_agents.robot.occupancy import FREE, OCCUPIED, UNKNOWN, MapPose, Marker, OccupancyMap
 from minerva_bus.outputs import note_read
 
+# Limits of the memory that a damaged or hostile file can take.
 _MAX_CELLS = 100_000_000
 _MAX_IMAGE_BYTES = 800_000_000
 _MAX_YAML_BYTES = 1_000_000

@@ -72,10 +72,12 @@ class Uncertainty:
         return Uncertainty(moved, portable.hypot(math.degrees(rotation), _MIN_DEGREES))
 
 
+# The α of the motion model, as standard deviations per radian or metre.
 _TURN_BY_TURN: Final = 0.15
 _TURN_BY_DIST: Final = 0.1
 _DIST_BY_DIST: Final = 0.15
 _DIST_BY_TURN: Final = 0.1
+# The floor of both deviations.
 _MIN_METRES: Final = 0.02
 _MIN_DEGREES: Final = 0.5
 

@@ -56,6 +56,7 @@ BLOCK: Final = 0.5
 _RING: Final = 8.0
 """Initial search radius along paths in metres; doubled as needed."""
 
+# Candidates per ray casting: enough to use numpy well, few enough to stop early.
 _BATCH_SIZE: Final = 32
 _ARCS: Final = (0.0, 60.0, 120.0, 300.0)
 """Angles in degrees that the robot sweeps at a viewpoint."""

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
 WANDER: Final = "wander"
 
+# Length of a straight path in metres.
 _MIN_LEG: Final = 0.3
 _MAX_LEG: Final = 6.0
 _MAX_TRIES: Final = 12

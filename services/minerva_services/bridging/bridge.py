@@ -21,6 +21,7 @@ from minerva_bus.world.readings import Reading
 from minerva_bus.world.services import Emit, Generator
 
 MIN_WAIT_SECONDS, MAX_WAIT_SECONDS = 0.25, 5.0
+# Time without an item after which an open source is reported as silent.
 SILENT_SECONDS = 3.0
 
 SourceItem: TypeAlias = "tuple[str, Reading] | AnyEvent"

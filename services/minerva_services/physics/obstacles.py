@@ -17,6 +17,7 @@ from minerva_services.physics.sweep import Point, Segment, offset
 
 Ray = Callable[[Point, Point], float]
 
+# Categories of shapes, one bit each, from which the masks of queries are composed.
 _PLAIN_WALL: Final = 1
 _OUTLINE: Final = 2
 _DISC: Final = 4

@@ -20,6 +20,7 @@ from minerva_services.bridges.mqtt.rule import checked_qos
 
 _KEYS: Final = ("topic", "payload", "retain", "qos", "gone")
 _NAME = re.compile(r"\{(\w+)\}")
+# Maximum length of a topic (MQTT 3.1.1, 1.5.3).
 _MAX_BYTES = 65535
 
 

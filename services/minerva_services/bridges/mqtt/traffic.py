@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 MAX_QUEUED: Final = 10_000
 """Maximum number of queued messages; the oldest are dropped."""
 
+# Longest wait for the network, without and with something to send.
 POLL_SECONDS, FLUSH_SECONDS = 0.2, 0.02
 
 

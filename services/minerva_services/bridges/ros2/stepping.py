@@ -27,7 +27,9 @@ BEGIN: Final = NANOSECONDS
 ROUNDING: Final = 1e-6
 """Metres and degrees below which a deviation counts as rounding."""
 
+# 50 steps per second, where the driver steers by odometry.
 _STEP_NANOSECONDS: Final = NANOSECONDS // 50
+# Seconds after which a missing answer is logged.
 _SILENT_AFTER: Final = 3.0
 
 

@@ -29,6 +29,7 @@ from minerva_bus.semantics.poses import Pose
 NO_HIT_RANGE: Final = 80.0
 """Range in metres from which a SICK laser means no hit: it then reads about 81.9."""
 
+# No laser has as many: a larger number means a damaged line.
 _MAX_BEAMS: Final = 100_000
 
 

@@ -20,6 +20,7 @@ BOOT_SECONDS: Final = 5.0
 FIRST_PACKET_SECONDS: Final = 4.0
 """Time in seconds within which a scan must start and continue: motors need one or two."""
 
+# Maximum length of the samples of a previous scan that may precede a response.
 MAX_PREAMBLE_BYTES: Final = 4096
 
 

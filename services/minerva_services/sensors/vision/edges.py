@@ -20,6 +20,7 @@ Reals: TypeAlias = NDArray[np.float64]
 _ALONG: Final = np.linspace(0.12, 0.88, 48)
 """Positions along a side at which the edge is sampled; not at the corners, where edges meet."""
 
+# Samples on each side of an edge.
 _STEPS: Final = 12
 _MAX_REACH: Final = 4.0
 """Maximum search distance in pixels on each side of an edge."""

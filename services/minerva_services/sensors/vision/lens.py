@@ -16,6 +16,7 @@ from minerva_services.sensors.vision.library import opencv
 MAX_FILE_BYTES: Final = 1 << 20
 _MATRIX: Final = ("camera_matrix", "cameraMatrix", "camera_Matrix", "K")
 _DISTORTION: Final = ("distortion_coefficients", "dist_coeffs", "distCoeffs", "dist_coeff", "D")
+# Relative difference up to which two aspect ratios are those of one camera.
 _SAME_ASPECT: Final = 0.01
 
 

@@ -12,7 +12,9 @@ from minerva_services.views.window.painter import Pixels
 from minerva_services.views.window.screen import begin
 
 _PACKAGES = "libegl1, libgl1 and libgl1-mesa-dri"
+# Samples per pixel for smooth edges.
 _SAMPLES = 4
+# OpenGL 3.3, as the shaders require.
 _VERSION = 330
 _SOFTWARE = "llvmpipe", "softpipe", "swrast"
 

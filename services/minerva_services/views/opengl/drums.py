@@ -21,6 +21,7 @@ _DETAILS = ((300, (40, True)), (3000, (16, True)), (1 << 62, (6, False)))
 _OVERLAP_HEIGHT = 0.04
 """Extra height of a disc that overlaps another, as a fraction of its height."""
 _MAX_OVERLAPS = 12
+# Number of discs up to which all pairs are compared.
 _MAX_COMPARED = 400
 
 

@@ -21,6 +21,7 @@ from minerva_services.views.opengl.solids import Mesh
 from minerva_services.views.window.painter import Beams
 from minerva_services.views.window.picking import Spot
 
+# High in the south-west, so that shadows fall to the upper right of a map.
 TO_SUN = np.array([-0.46, -0.36, 0.81]) / np.linalg.norm([-0.46, -0.36, 0.81])
 SHADOW_STRENGTH = 0.9
 _SHADOW_PIXELS = 2048
@@ -68,6 +69,7 @@ _IN_ITS_LIGHT = (
     *(moderngl.ZERO, moderngl.ONE),
 )
 """Blending: transparent surfaces take the brightness below them; colours are premultiplied."""
+# Number of discs above which a software renderer does without smooth edges.
 _MANY_DISCS = 3000
 _GROUND_EXTENT = 4.0
 """Extent of the ground as a multiple of half the picture's diagonal."""

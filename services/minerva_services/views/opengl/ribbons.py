@@ -18,6 +18,7 @@ from minerva_services.views.window.picking import Spot
 
 Single = NDArray[np.float32]
 
+# Height of beams, and half the diagonal of the mark at a hit (_DOT), in metres.
 _BEAM_LEVEL = 0.2
 _FAN, _END = (0.86, 0.20, 0.16, 0.13), (0.80, 0.12, 0.10, 0.9)
 _DOT = 0.035

@@ -22,7 +22,9 @@ _OVERTONES = ((1, 0.8), (2, 0.2))
 """Multiples of a voice's pitch and their shares: a pure sine is hard to localise."""
 _FADE_SECONDS = 0.01
 """Minimum fade time between silence and a tone, in seconds."""
+# Loudness below which a voice that is no longer shown is removed.
 _SILENCE = 1e-5
+# In Hz, seconds, seconds, and as a fraction of full scale.
 _CLICK_PITCH, _CLICK_LENGTH, _CLICK_DECAY, _CLICK_LOUDNESS = 3000.0, 0.02, 0.003, 0.4
 
 

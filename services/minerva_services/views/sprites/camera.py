@@ -14,9 +14,11 @@ from minerva_services.views.layout import extremes
 from minerva_services.views.window.painter import Floats
 
 Number = TypeVar("Number", float, Floats)
+# Factor of the scale per step of the wheel.
 _STEP = 1.2
 _MIN_SCALE, _MAX_SCALE = 1e-6, 1e5
 """Limits of the scale in pixels per metre."""
+# Metres beyond which an item does not extend the view.
 _MAX_COORDINATE = 1e8
 _DISC_MARGIN = 3.0
 """Margin in radii of the largest disc, so that a single robot does not fill the picture."""

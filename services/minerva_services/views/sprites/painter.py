@@ -19,6 +19,7 @@ from minerva_services.views.window.picking import spot_of
 from minerva_services.views.window.screen import close_window, open_window
 
 _PADDING = 22
+# Pixels of a window in which the overlay has its nominal size.
 _REFERENCE_SIZE = 1200, 800
 _MAX_ZOOM_OUT, _MAX_ZOOM_IN = 50.0, 200.0
 """Zoom limits relative to showing the whole world."""

@@ -18,6 +18,7 @@ _MAX_RADIUS = 160
 """Radius in pixels above which discs are drawn directly."""
 _MAX_SMOOTH, _MAX_EDGE = 4000.0, 400_000.0
 """Radius in pixels up to which edges are smoothed, and up to which edges are drawn at all."""
+# In pixels, so that discs stay visible on a map of a city.
 _MIN_RADIUS = 3.0
 _DIRECTIONS = 128
 """Number of directions for which sprites are drawn."""

@@ -27,6 +27,7 @@ from minerva_bus.outputs import open_itself
 
 _LOCAL: Final = frozenset(("localhost", "127.0.0.1", "::1"))
 _WILDCARDS: Final = ("0.0.0.0", "::")  # noqa: S104
+# 144 bits, too many to be guessed.
 _TOKEN_BYTES: Final = 18
 
 

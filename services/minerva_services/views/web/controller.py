@@ -18,6 +18,7 @@ from minerva_services.views.web.panel import EventFeed, Panel
 from minerva_services.views.web.picking import Clicked
 
 POLL_SECONDS = 0.1
+# Polls between two queries of the status, and between two of the selected agent's state.
 _STATUS_POLLS = 3
 _STATE_POLLS = 10
 _SLIDER_SECONDS = 1.5

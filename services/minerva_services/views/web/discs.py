@@ -13,6 +13,7 @@ from minerva_bus.semantics.picture import Discs
 from minerva_services.views.web.batch import MANY_COPIES, Batch, upright
 from minerva_services.views.web.solids import arrow, cylinder
 
+# Relative growth of the height per disc, and at most over all discs.
 _HEIGHT_STEP, _MAX_HEIGHT = 0.01, 0.5
 _MARK = (255, 255, 255)
 

@@ -14,7 +14,9 @@ from minerva_services.views.web.batch import upright
 from minerva_services.views.web.solids import flat, walls
 
 _Nodes: TypeAlias = "list[MeshHandle | ImageHandle]"
+# Approximate size in pixels to which small images are scaled up.
 _MIN_PIXELS = 400
+# Distance of images that lie on each other in metres.
 _LAYER_HEIGHT = 0.004
 
 

@@ -8,6 +8,7 @@ from viser import LineSegmentsHandle, SceneApi
 
 from minerva_bus.semantics.picture import Polyline, rgb
 
+# Metres above the floor; the length of a dash (_DASH) is in line widths.
 _LEVEL = 0.06
 _DASH = 3.0
 _MAX_DASHES = 400

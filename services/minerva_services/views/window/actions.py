@@ -72,8 +72,10 @@ class SentNumbers:
     )
 
 
+# Change per key press: of some units, and of all others.
 _STEPS = {"deg": 5.0}
 _STEP = 0.1
+# Speeds and durations cannot be negative.
 _MINIMA = {"m/s": 0.0, "s": 0.0}
 
 

@@ -14,6 +14,7 @@ from minerva_services.views.window.painter import Pixels
 _MAX_RATES = {".mp4": 60.0, ".gif": 25.0}
 _MIN_RATE = 10.0
 """Minimum views per second: slower worlds are sped up, or the video would be a series of stills."""
+# Maximum denominator of the frame rate.
 _MAX_RATIO = 1000
 _ENCODERS = {"mp4": "libx264", "gif": "gif"}
 # Fragments keep an unfinished file playable; closing turns it into an ordinary MP4.
