@@ -26,7 +26,7 @@ from minerva_bus.world.expressions import read_expression
 
 
 def main() -> None:
-    """Run the world of a configuration, and leave what came out in the file that it names."""
+    """Run the world of a configuration, and write its result to the file that it names."""
     from minerva_bus.api.running import write_result
 
     config: dict[str, Any] = json.loads(Path(sys.argv[1]).read_text(encoding="utf-8"))
@@ -76,7 +76,7 @@ def _file(config: dict[str, Any]) -> WorldFile:
 
 
 def _witnesses(last: Path, paused: bool) -> Any:
-    """Makes coordinators that leave the last string and the counts of events in a file."""
+    """A factory of coordinators that write the last string and the counts of events to a file."""
 
     def make(world: World, watchers: Watchers, **settings: Any) -> Coordinator:
         from minerva_bus.api.running import EventCounts, write_result

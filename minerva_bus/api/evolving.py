@@ -117,7 +117,7 @@ def evolve_strings(
             `figures`) that returns a number.
         population: strings per generation.
         generations: after the first.
-        mutable: what may mutate: SYMBOL, #ID, A/B.NAME=LOW:HIGH; default: everything.
+        mutable: targets that may mutate: SYMBOL, #ID, A/B.NAME=LOW:HIGH; default: everything.
         frames: per run; default: the world's own.
         seed: of the worlds and of the evolution; default: the world's own.
         minimise: whether less is better.

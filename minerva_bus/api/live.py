@@ -1,4 +1,4 @@
-"""Worlds that run frame by frame: in this process, in processes of their own, or elsewhere."""
+"""Worlds that run frame by frame: in this process, in other processes, or elsewhere."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ from minerva_bus.world.views import visualize
 POLL_SECONDS: Final = 0.002
 START_SECONDS: Final = 60.0
 EXIT_SECONDS: Final = 0.2
-"""Within this time a connection that nobody has closed notices that the program ends."""
+"""Interval at which an open connection checks whether the program ends."""
 BETWEEN_FRAMES: Final = "between frames"
 
 _T = TypeVar("_T")
@@ -61,10 +61,10 @@ class _Backend(Protocol):
 
 
 class Live:
-    """A running world: the same whether it is in this process, in others or elsewhere.
+    """A running world, with one interface for worlds in this process, in others or elsewhere.
 
-    `World.start` and `connect` make one; leave its context, or call `close`, to end it. A world
-    that was connected to goes on.
+    `World.start` and `connect` return one; leaving its context, or `close`, ends it. A world of
+    `connect` continues to run.
     """
 
     def __init__(self, backend: _Backend, agents: Iterable[type[Agent]]) -> None:
@@ -80,7 +80,7 @@ class Live:
         self.close()
 
     def step(self, frames: int = 1) -> int:
-        """Run this number of frames and pause; fewer where the world ends before.
+        """Run this number of frames and pause; fewer if the world ends before.
 
         Returns:
             The number of the next frame.
@@ -97,7 +97,7 @@ class Live:
 
     @property
     def frame(self) -> int:
-        """The number of the next frame, which is that of the frames that have run."""
+        """The number of the next frame, which equals the number of completed frames."""
         return self._backend.frame
 
     @property
@@ -117,28 +117,28 @@ class Live:
 
     @property
     def status(self) -> WorldStatus:
-        """How the world is doing: members, events per second, pace."""
+        """The state of the world: members, events per second, pace."""
         return self._backend.operator.status()
 
     @property
     def operator(self) -> AskingOperator:
-        """Everything else that people may do: `pause`, `resume`, `set_rate`, `restart`, `logs`."""
+        """Further operations: `pause`, `resume`, `set_rate`, `restart`, `logs`."""
         return self._backend.operator
 
     def publish(self, event: AnyEvent) -> None:
-        """Send an event as people do; it belongs to the next frame.
+        """Send an event as a person; it belongs to the next frame.
 
-        Raises BusError where people may not send events of its type; see docs/worlds.md, `people`.
+        Raises BusError if people may not send events of its type; see docs/worlds.md, `people`.
         """
         self._backend.operator.order(event)
 
     def view(self, event: Event | EventType | str) -> Scene:
-        """What the agents show of themselves: the view π of the string for a visual event.
+        """The view π of the string for a visual event.
 
         Args:
             event: an event, or the type of one without data: `live.view("ePicture")`.
 
-        Raises MisuseError where the type is not visual, or the agents' classes are not known here.
+        Raises MisuseError if the type is not visual, or if the agents' classes are unknown here.
 
         """
         if not isinstance(event, Event):
@@ -159,11 +159,11 @@ class Live:
         return visualize(self.scene, [event], self._agents, self.frame)
 
     def table(self, name: str = "") -> DataTable:
-        """What was collected so far, as for `Run.table`; of a world in this process only."""
+        """The data collected so far, as for `Run.table`; of a world in this process only."""
         return pick_table(self._backend.tables, name)
 
     def close(self) -> None:
-        """End the world, or leave one that runs elsewhere."""
+        """End the world, or disconnect from one that runs elsewhere."""
         self._backend.close()
 
 
@@ -210,7 +210,7 @@ class _Here:
 
 
 class _OnBus:
-    """A world in other processes, asked over the bus; `launched` if they were started here."""
+    """A world in other processes, queried over the bus; `launched` if they were started here."""
 
     def __init__(self, client: Client, launched: Launched | None = None) -> None:
         self.vocabulary = client.vocabulary()
@@ -279,7 +279,7 @@ class _OnBus:
         return 0 if status is None else status.frame
 
     def _status(self) -> WorldStatus | None:
-        """How the world is doing; None where it has ended."""
+        """The state of the world; None if it has ended."""
         try:
             status = self.operator.status()
             # A launched world may end with the next frame; no process could then be queried for its
@@ -338,7 +338,7 @@ def start(world: World, *, bus: bool = False, **settings: Any) -> Live:
 
 
 def _awaited(launched: Launched, name: str) -> Client:
-    """A connection to the world of a launcher, once it listens."""
+    """A connection to the world of a launcher, as soon as it listens."""
     until = time.monotonic() + START_SECONDS
     while time.monotonic() < until:
         launched.check_running()
@@ -357,8 +357,8 @@ def connect(world: str = "", endpoint: str = "", *, agents: Iterable[type[Agent]
         endpoint: where it listens, such as tcp/HOST:PORT; "": it is on this machine.
         agents: the classes of its agents, for `view`.
 
-    `step` pauses the world after its frames; `operator.resume()` lets it go on. Raises BusError
-    where there is no such world.
+    `step` pauses the world after its frames; `operator.resume()` resumes it. Raises BusError if
+    there is no such world.
 
     Example:
         >>> with connect("garden") as live:
@@ -421,11 +421,11 @@ class AsyncLive:
         await self._call(partial(self._world.publish, event))
 
     async def view(self, event: Event | EventType | str) -> Scene:
-        """What the agents show of themselves; see `Live.view`."""
+        """The view π of the string; see `Live.view`."""
         return await self._call(partial(self._world.view, event))
 
     async def table(self, name: str = "") -> DataTable:
-        """What was collected so far; see `Live.table`."""
+        """The data collected so far; see `Live.table`."""
         return await self._call(partial(self._world.table, name))
 
     async def scene(self) -> Scene:

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 POLL_SECONDS: Final = 0.02
 END_SECONDS: Final = 15.0
-"""Time in which a world that is asked to end must do so."""
+"""Time-out for the regular end of a world."""
 
 
 class Launched:
@@ -34,10 +34,10 @@ class Launched:
         request: the world with the settings of the run.
         folder: for files that are passed between the processes.
         into: the file for collected data; "": none.
-        paused: begin no frame until an operator wants it.
+        paused: begin no frame until an operator resumes or steps the world.
         quiet: show errors only.
 
-    Raises MisuseError where code of the world is not in a module.
+    Raises MisuseError if code of the world is not in a module.
 
     """
 
@@ -98,7 +98,7 @@ class Launched:
             raise WorldStopped(self._why())
 
     def result(self) -> dict[str, Any]:
-        """What came out, once the world has ended. Raises MinervaError where it could not run."""
+        """The result, after the end of the world. Raises MinervaError if it could not run."""
         # Not in one wait: another thread may take the signal of Ctrl-C, which would not end it.
         while not self.ended:
             time.sleep(POLL_SECONDS)

@@ -27,7 +27,7 @@ from minerva_bus.wording import counted
 
 @dataclass(frozen=True, slots=True)
 class Checked:
-    """What a file is, in words; warnings; and the code that it names if none was run."""
+    """Result of a check: a description, warnings, and the code that was named but not run."""
 
     what: str
     warnings: list[str] = field(default_factory=list[str])
@@ -95,7 +95,7 @@ def _size(scene: Any) -> str:
 
 
 def diff(a: str | Path, b: str | Path) -> Difference:
-    """The first frame in which two records differ, and why; `same` where none does.
+    """The first frame in which two records differ, and why; `same` if none does.
 
     Raises RecordError.
     """
@@ -108,14 +108,14 @@ def replay(
     world: World | str | Path = "",
     progress: Callable[[int, int], None] | None = None,
 ) -> Difference:
-    """Run the agents of a record again and compare each frame; `same` where all are the same.
+    """Run the agents of a record again and compare each frame; `same` if all are equal.
 
     Args:
         record: the file, .mcap.
         world: the world with the agents' code; "": the world file that the record names.
-        progress: called with the number of frames that are done, and that of all.
+        progress: called with the number of completed frames and the total.
 
-    Raises RecordError, WorldFileError and MinervaError, also where the record is of another world.
+    Raises RecordError, WorldFileError and MinervaError, also if the record is of another world.
 
     Example:
         `assert replay("run.mcap").same`
@@ -138,15 +138,15 @@ def resume(
     frames: int | None = None,
     until: str | None = None,
 ) -> Run:
-    """Continue a recorded run after its last whole frame, in this process, with the same future.
+    """Continue a recorded run after its last complete frame, in this process, deterministically.
 
     Args:
-        record: the file, .mcap; the new frames are added to it.
+        record: the file, .mcap; new frames are appended.
         world: the world with the agents' code; "": the world file that the record names.
         frames: the last frame; default: as recorded.
         until: the event type that ends the world; default: as recorded; "": none.
 
-    Raises RecordError and MinervaError, also where the run is over.
+    Raises RecordError and MinervaError, also if the run is over.
 
     Example:
         `resume("run.mcap", frames=600)`

@@ -41,9 +41,9 @@ class Run:
         frames: the number of frames; `digest` is that of the string after them, in hexadecimal.
         events: the number of events, by type.
         ended: why it ended; `reached`: whether every agent has sent the event `until`.
-        figures: what its members reported, by name.
+        figures: metrics that its members reported, by name.
         seconds: from the end of the first frame to the end of the last one, wall time.
-        tables: what was collected, by the names of tables; see `table`.
+        tables: collected data, by the names of tables; see `table`.
 
     """
 
@@ -65,7 +65,7 @@ class Run:
             name: of the table (`frames`, an agent kind, an event type) or of an entry of `collect`;
                 "": that with a row for each frame, or the only one.
 
-        Raises MisuseError where nothing was collected, or no table has this name.
+        Raises MisuseError if nothing was collected, or if no table has this name.
 
         Example:
             `run.table().to_pandas()`, `run.table("APerson")["x"]`
@@ -133,7 +133,7 @@ def run(
         options: the world's own options.
 
     Returns:
-        The run, with its last string and what was collected.
+        The run, with its last string and collected data.
 
     Raises:
         WorldStopped: code of the world failed.
@@ -225,14 +225,14 @@ class EventCounts:
             self.counts[event.type] += len(event) if isinstance(event, Events) else 1
 
     def sorted(self) -> dict[str, int]:
-        """The counts, by type in order."""
+        """The counts by type, sorted."""
         return dict(sorted(self.counts.items()))
 
 
 def run_file(file: WorldFile, began: float, console: Console | None = None) -> Run:
     """Run a world in this process. Raises WorldStopped and KeyboardInterrupt.
 
-    `began` is when the program started to, on the monotonic clock, seconds.
+    `began` is the start time of the program on the monotonic clock, seconds.
     """
     counts = EventCounts()
     here = InProcessRun(file, console or Console(quiet=True), began, counts)
@@ -291,7 +291,7 @@ def _run_on_bus(request: Request, console: Console) -> Run:
 def read_spool(
     path: Path, entries: Mapping[str, Expression], file: WorldFile
 ) -> dict[str, DataTable]:
-    """The tables that a coordinator has left in a folder."""
+    """The tables that a coordinator has written to a folder."""
     plans = plans_of(entries, file.world.vocabulary)
     several = len(plans) > 1
     return {

@@ -46,16 +46,16 @@ class SweepProgress:
 
 
 def run_sweep(sweep: Sweep, journal: Path, workers: int, limit: float, console: Console) -> bool:
-    """Run what is left of a sweep, which its journal knows; returns whether it was interrupted.
+    """Run the remaining runs of a sweep, according to its journal; returns whether interrupted.
 
     Args:
         sweep: the runs.
-        journal: the file that has the finished runs, and gets each that ends.
+        journal: the file with the finished runs, to which each further run is added.
         workers: the number of parallel runs.
         limit: seconds that a run may take; 0: no limit.
         console: shows the progress.
 
-    Raises MisuseError where the journal is of another sweep.
+    Raises MisuseError if the journal is of another sweep.
 
     """
     interrupted = False
@@ -90,11 +90,11 @@ def sweep(
     Args:
         world: a `World`, a world file, or the name of an installed world.
         grid: values by option of the world, or by PROCESS.KEY: `{"birds": [100, 1000]}`.
-        seeds: how many seeds, from 0, or which.
+        seeds: the number of seeds, from 0, or the seeds.
         frames: per run; default: the world's own.
         collect: as for `run`; without it, the table has the outcome of each run.
         table: which table of collected data; "": that of frames, or the only one.
-        folder: keeps what is finished: the same call goes on after a kill. "": nothing is kept.
+        folder: stores finished runs, so that the same call continues after a kill. "": none.
         workers: parallel runs; 0: one per core.
         limit: seconds that a run may take; 0: no limit. A run that takes longer fails.
         quiet: show no progress, only failures.
@@ -106,9 +106,9 @@ def sweep(
 
     Raises:
         MisuseError: an argument is wrong, or all runs failed.
-        KeyboardInterrupt: after Ctrl-C; what is finished is in the folder.
+        KeyboardInterrupt: after Ctrl-C; finished runs are in the folder.
 
-    Each run is in a process forked from this one, so nothing of the world needs to be in a module.
+    Each run is in a process forked from this one, so the world need not be in a module.
 
     Example:
         >>> curves = sweep(world, {"people": [100, 200]}, seeds=20, frames=300,
@@ -174,7 +174,7 @@ def _grid(grid: Mapping[str, Iterable[Any]], seeds: int | Iterable[int]) -> Grid
 
 
 def _python(value: Any) -> Any:
-    """A number of numpy as Python has it."""
+    """A number of numpy as a Python object."""
     return cast("Any", value).item() if isinstance(value, np.generic) else value
 
 
@@ -208,7 +208,7 @@ def _value(text: str) -> Any:
 
 
 def _typed(values: Sequence[Any]) -> tuple[str, NDArray[Any]]:
-    """Values of one column with its type: whole numbers, numbers, truths, or else texts."""
+    """Values of one column with its type: int64, float64, bool, or otherwise text."""
     kinds: set[type[Any]] = {type(value) for value in values}
     known: Mapping[type[Any], str] = {int: "int64", float: "float64", bool: "bool", str: "text"}
     kind = known.get(kinds.pop(), "text") if len(kinds) == 1 else "text"

@@ -1,4 +1,4 @@
-"""Finds the symbols that a world uses: in its string, its agents' code and its services."""
+"""Search for the symbols that a world uses: in its string, its agents' code and services."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ class SymbolFinder:
     """Collects symbols by name, from the code that uses them.
 
     Names in code are looked up as Python does: in the variables of the function, then in its
-    module. Names in strings, as event types in `@on("eRain")`, are looked up among all symbols of
-    the modules met so far and of `names`, the variables where the world is made.
+    module. Names in strings, such as event types in `@on("eRain")`, are looked up among all symbols
+    of the modules visited so far and of `names`, the variables of the calling code.
     """
 
     def __init__(self, names: Mapping[str, Any]) -> None:
@@ -75,7 +75,7 @@ class SymbolFinder:
             self._wanted |= {node.symbol: None for opens, node in walk(scene) if opens}
 
     def add_function(self, function: object) -> None:
-        """Add what a function uses."""
+        """Add the symbols that a function uses."""
         if isinstance(function, FunctionType):
             self._walk_function(function)
 
@@ -84,7 +84,7 @@ class SymbolFinder:
         self._wanted |= dict.fromkeys(names)
 
     def vocabulary(self) -> Vocabulary:
-        """All symbols. Raises MisuseError where an agent responds to an unknown event type."""
+        """All symbols. Raises MisuseError if an agent responds to an unknown event type."""
         self._resolve()
         return Vocabulary.of(*self._symbols.values())
 
@@ -98,7 +98,7 @@ class SymbolFinder:
         }
 
     def _resolve(self) -> None:
-        """Look up names until none is new: an agent that is found may want others."""
+        """Look up names until none is new, because each agent may use further ones."""
         known: set[str] = set()
         while wanted := [name for name in self._wanted if name not in known]:
             known.update(wanted)
@@ -173,7 +173,7 @@ def _is_filled(cell: Any) -> bool:
 
 
 def _is_near(module: str) -> bool:
-    """Whether a module is the user's: what the standard library and packages use is no symbol."""
+    """Whether a module is the user's, not of this package or an installed one."""
     file = getattr(sys.modules.get(module), "__file__", None)
     own = module.partition(".")[0] == _OWN
     return not own and (file is None or "site-packages" not in file)
@@ -198,7 +198,7 @@ def _name(symbol: Any) -> str:
 def spec_of(thing: Any, what: str) -> str:
     """The `module:attribute` by which other processes find a class, function or symbol.
 
-    Raises MisuseError where they cannot.
+    Raises MisuseError if they cannot.
     """
     module = getattr(thing, "__module__", "")
     if isinstance(thing, type | FunctionType):
@@ -224,7 +224,7 @@ def _attribute(module: str, qualname: str) -> Any:
 
 
 def _variable_of(symbol: Any) -> str:
-    """Where a symbol is a variable of a module: the module that defines it, if it can be told."""
+    """The `module:variable` of a symbol, preferably not in the main program; "" if none."""
     homes = [
         f"{name}:{variable}"
         for name, module in list(sys.modules.items())

@@ -53,7 +53,7 @@ def service(service: str | type[Service], name: str = "", **options: Any) -> Ser
     Args:
         service: an installed name, such as "neighbours", or a class.
         name: of its process; default: that of the service.
-        options: arguments of its constructor. An event type stands for its name.
+        options: arguments of its constructor. An event type is replaced by its name.
 
     Example:
         `service("neighbours", radius=2.0, event=eNear)`
@@ -81,18 +81,19 @@ class World:
         string: the initial string, as a text of the language, as a `Scene`, or as a function that
             takes the options and returns either.
         agents: agent classes, or a mapping from names of processes to them; default: those of the
-            string that are known where the world is made.
+            string that the calling code can access.
         services: generators and devices: classes, installed names, `service(...)` and `each(...)`,
             or a mapping from names of processes to them.
         name: of the world; letters, digits and `_ . ~ -`.
         options: the world's own options with their defaults; a function `string` takes them.
-        symbols: further symbols that code cannot show, or a whole `Vocabulary`.
-        collect: what each run collects, by name: `{"sick": count(Person, "sick == true")}`.
+        symbols: further symbols that cannot be found in code, or a complete `Vocabulary`.
+        collect: expressions that each run collects, by name, such as
+            `{"sick": count(Person, "sick == true")}`.
         norms, placement: tables of the world file, by name; see docs/norms.md, docs/fleet.md.
         settings: the settings of [world] in docs/worlds.md: `seed`, `frames`, `dt` (seconds),
             `rate` (frames per second), `order` (event types or their names), `until`, ...
 
-    Raises MisuseError, WorldFileError and SceneError where the world cannot be read.
+    Raises MisuseError, WorldFileError and SceneError if the world cannot be read.
 
     Example:
         >>> world = World("ASnail#anna · ASnail#bert<x=2>", services=[each(eSun)], order=[eSun])
@@ -136,7 +137,7 @@ class World:
     def load(cls, path: str | Path, **options: Any) -> World:
         """The world of a world file or an installed name, with its own options.
 
-        Raises WorldFileError and SceneError where it cannot be read.
+        Raises WorldFileError and SceneError if it cannot be read.
 
         Example:
             `World.load("garden.toml")`, `World.load("robot", robots=3)`
@@ -183,8 +184,8 @@ class World:
     def save(self, path: str | Path) -> None:
         """Write the world as a world file, for `minerva run` and for other processes.
 
-        Raises MisuseError where a class or symbol is in no module that other processes can import,
-        and where the file cannot be written.
+        Raises MisuseError if a class or symbol is not in a module that other processes can import,
+        or if the file cannot be written.
         """
         target = Path(path)
         if target.suffix != ".toml":
@@ -199,7 +200,7 @@ class World:
 
     @property
     def path(self) -> Path | None:
-        """Its world file; None where it was made in Python."""
+        """Its world file; None if it was made in Python."""
         return self._path
 
     @property
@@ -211,10 +212,10 @@ class World:
         """Start the world, paused, to run it frame by frame; see `Live`.
 
         Args:
-            bus: start processes; otherwise everything is in this one.
+            bus: start processes; otherwise everything runs in this one.
             settings: as for `run`: `seed`, `collect`, `into`, `processes`, `record`, and options.
 
-        Raises MinervaError where it cannot start.
+        Raises MinervaError if it cannot start.
 
         Example:
             >>> with world.start(seed=7) as live:
@@ -242,7 +243,7 @@ class _Made:
     """A world that was made in Python, as the tables of a world file.
 
     Its classes are attributes of a module that exists in this process only, so that they are found
-    as those of a world file are.
+    like those of a world file.
     """
 
     def __init__(
@@ -424,7 +425,7 @@ def _listed(classes: Any) -> list[Any]:
 
 
 def _plain(value: Any) -> Any:
-    """A setting or option as a world file has it: event types and classes by their names."""
+    """A setting or option as in a world file: event types by their names, paths as texts."""
     if isinstance(value, EventType):
         return value.name
     if isinstance(value, list | tuple):

@@ -71,7 +71,7 @@ _Stream._fields_ = [
 ]
 
 _exported: dict[int, Any] = {}
-"""What consumers still use, by `private_data`."""
+"""Objects that consumers still use, by `private_data`."""
 _numbers = count(1)
 
 
@@ -209,7 +209,7 @@ def stream_capsule(types: Mapping[str, str], columns: Mapping[str, NDArray[Any]]
         return 0
 
     def get_error(_: Any) -> None:
-        """No text: no call fails."""
+        """None, because no call fails."""
 
     calls = _GET_SCHEMA(get_schema), _GET_NEXT(get_next), _GET_ERROR(get_error)
     # The callbacks must live for as long as the consumer may call them.

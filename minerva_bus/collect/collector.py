@@ -48,7 +48,7 @@ class TablePlan:
 
 
 def read_entries(given: object) -> dict[str, Expression]:
-    """What is to be collected, by name: of a mapping, or of a list of attributes.
+    """The expressions to collect, by name, from a mapping or from a list of attributes.
 
     Values are expressions or their texts. Raises MisuseError and VocabularyError.
     """
@@ -81,7 +81,7 @@ def _expression(value: object, source: str) -> Expression:
 
 
 def plans_of(entries: Entries, vocabulary: Vocabulary) -> list[TablePlan]:
-    """The tables that some expressions need. Raises VocabularyError and MisuseError."""
+    """The tables for these expressions. Raises VocabularyError and MisuseError."""
     plans: dict[tuple[Any, ...], TablePlan] = {}
     taken: set[str] = set()
     for name, entry in entries.items():
@@ -185,7 +185,7 @@ class Collector:
         self._frame = 0
 
     def begin(self, frame: int, scene: Scene) -> None:
-        """Collect of the string with which a frame begins."""
+        """Collect data of the string with which a frame begins."""
         self._frame = frame
         # Expressions about the same agents share their columns within a frame.
         known: dict[str, Rows] = {}
@@ -204,7 +204,7 @@ class Collector:
                 self._write(plan, writer, frame, self._agents(scene, plan.symbol, known))
 
     def done(self, frame: int, events: Iterable[AnyEvent], scene: Scene) -> None:
-        """Collect of a frame's events, and of the string with which the next frame begins."""
+        """Collect data of a frame's events, and of the string with which the next frame begins."""
         self._end(frame, tuple(events))
         self.begin(frame + 1, scene)
 

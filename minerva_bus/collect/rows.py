@@ -27,7 +27,7 @@ DTYPES: Final[Mapping[str, Any]] = {
 
 
 class Rows:
-    """Columns of `count` agents or events; those that nobody asks for are never made."""
+    """Columns of `count` agents or events, created on demand."""
 
     def __init__(self, fields: Fields, parts: Sequence[Columns | Events | list[Any]]) -> None:
         self._fields = fields
@@ -45,11 +45,11 @@ class Rows:
         return _texts([_ids(part) for part in self._parts])
 
     def senders(self) -> Data:
-        """The senders of events, "" where a generator sent them."""
+        """The senders of events; "" for those of generators."""
         return _texts([_senders(part) for part in self._parts])
 
     def receivers(self) -> Data:
-        """The receivers of events, with blanks between several; "": all that subscribe."""
+        """The receivers of events, separated by blanks; "": all that subscribe."""
         return _texts([_receivers(part) for part in self._parts])
 
 
@@ -59,7 +59,7 @@ def len_of(part: Columns | Events | list[Any]) -> int:
 
 
 def agent_rows(scene: Scene, kind: str, fields: Fields) -> Rows:
-    """The agents of a kind in a string, also those within others, in its order."""
+    """The agents of a kind in a string, including those within others, in its order."""
     parts: list[Columns | Events | list[Any]] = []
     _gather(scene, kind, parts)
     return Rows(fields, parts)

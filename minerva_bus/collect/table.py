@@ -90,23 +90,23 @@ class DataTable:
         return dict(self._columns)
 
     def to_arrow(self) -> Any:
-        """A `pyarrow.Table`. Raises MisuseError where pyarrow is not installed."""
+        """A `pyarrow.Table`. Raises MisuseError if pyarrow is not installed."""
         return needed("pyarrow", "parquet").table(self)
 
     def to_pandas(self) -> Any:
-        """A `pandas.DataFrame`. Raises MisuseError where pandas is not installed."""
+        """A `pandas.DataFrame`. Raises MisuseError if pandas is not installed."""
         return needed("pandas", "pandas").DataFrame(self._columns)
 
     def to_polars(self) -> Any:
-        """A `polars.DataFrame`. Raises MisuseError where polars is not installed."""
+        """A `polars.DataFrame`. Raises MisuseError if polars is not installed."""
         return needed("polars", "polars").DataFrame(self)
 
     def to_csv(self, path: str | Path) -> None:
-        """Write a .csv file. Raises MisuseError where it cannot be written."""
+        """Write a .csv file. Raises MisuseError if it cannot be written."""
         self._write(Path(path))
 
     def to_parquet(self, path: str | Path) -> None:
-        """Write a .parquet file. Raises MisuseError, also where pyarrow is not installed."""
+        """Write a .parquet file. Raises MisuseError, also if pyarrow is not installed."""
         self._write(Path(path))
 
     def _write(self, path: Path) -> None:
@@ -119,7 +119,7 @@ class DataTable:
 
 
 class Gathered:
-    """Rows of one table in memory, in the order in which they come."""
+    """Rows of one table in memory, in order of arrival."""
 
     def __init__(self, name: str, types: Mapping[str, str]) -> None:
         self._name = name
@@ -136,7 +136,7 @@ class Gathered:
         self._chunks.append(columns)
 
     def close(self) -> None:
-        """Nothing is open."""
+        """Do nothing: there is no file."""
 
     @property
     def table(self) -> DataTable:

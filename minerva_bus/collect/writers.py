@@ -1,8 +1,8 @@
-"""Files that tables are written to while a world runs, in bounded memory.
+"""Files of tables, written in bounded memory while a world runs.
 
 .csv        texts, for any program
 .parquet    needs pyarrow
-.columns    arrays of numpy, one after another; how a coordinator passes tables on
+.columns    arrays of numpy in sequence, in which a coordinator passes tables to its caller
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from minerva_bus.outputs import check_output
 
 ENDINGS: Final = (".csv", ".parquet", ".columns")
 BUFFERED_ROWS: Final = 1 << 16
-"""Rows that are gathered before they are written, so that a Parquet file has large groups."""
+"""Rows that are buffered before they are written, so that a Parquet file has large groups."""
 
 
 class Writer(Protocol):
@@ -200,7 +200,7 @@ _WRITERS: Final[Mapping[str, Any]] = {
 
 
 def check_ending(path: Path) -> None:
-    """Raise MisuseError where tables cannot be written to a file of this name."""
+    """Raise MisuseError if tables cannot be written to a file of this name."""
     if path.suffix not in ENDINGS:
         raise MisuseError(f"{path}: expected a file name that ends with .parquet or .csv")
     if not path.parent.is_dir():
@@ -208,7 +208,7 @@ def check_ending(path: Path) -> None:
 
 
 def open_writer(path: Path, name: str, types: Mapping[str, str]) -> Writer:
-    """A writer of one table; the ending of the file says the format. Raises MisuseError."""
+    """A writer of one table; the suffix selects the format. Raises MisuseError."""
     check_ending(path)
     check_output(path, f"the table {name}")
     try:
@@ -218,5 +218,5 @@ def open_writer(path: Path, name: str, types: Mapping[str, str]) -> Writer:
 
 
 def path_of(path: Path, table: str, several: bool) -> Path:
-    """The file of one table: `run.parquet`, or `run-APerson.parquet` where there are several."""
+    """The file of one table: `run.parquet`, or `run-APerson.parquet` if there are several."""
     return path.with_name(f"{path.stem}-{table}{path.suffix}") if several else path

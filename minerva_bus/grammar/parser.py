@@ -65,7 +65,7 @@ class Parsed:
 
 
 def parse(text: str, source: str = "") -> Scene:
-    """The string that a text stands for.
+    """The string that a text represents.
 
     Raises GrammarError with line, column, caret and what was expected.
     """
@@ -254,5 +254,5 @@ class _Reader:
 
 
 def parse_value(text: str, source: str = "") -> Value:
-    """The value that a text such as `0.5`, `"red"` or `{PFox}` stands for. Raises GrammarError."""
+    """The value of a text such as `0.5`, `"red"` or `{PFox}`. Raises GrammarError."""
     return parse(f"P<value={text}>", source).nodes[0].values[0]

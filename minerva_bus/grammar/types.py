@@ -199,9 +199,9 @@ _BY_ANNOTATION: dict[Any, Type] = {
 
 
 def type_of(annotation: Any) -> Type:
-    """The type that a Python annotation stands for (see the table above).
+    """The type that a Python annotation represents (see the table above).
 
-    Raises MisuseError for an annotation that stands for none.
+    Raises MisuseError for any other annotation.
     """
     if isinstance(annotation, Type):
         return annotation

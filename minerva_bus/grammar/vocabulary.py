@@ -131,8 +131,9 @@ class Vocabulary:
 
         Nodes that already have this form are shared. Raises VocabularyError, also for repeated ids.
         """
-        # For the complete string; strings within values are checked apart, because their ids are
-        # their own.
+        # In an in-process run this is the only check of what leaves a member, including nodes that
+        # user code has built by hand. Strings within values have ids of their own, so each has its
+        # own set.
         taken = UniqueIds()
 
         def leave(node: Node, scope: Scene) -> Node:

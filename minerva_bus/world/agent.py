@@ -199,6 +199,8 @@ class Agent:
         Raises MisuseError if an attribute has a value of a wrong type, or if an attribute was added
         or deleted.
         """
+        # Attributes are checked here, after a method, so that the error names the method and the
+        # event.
         fields, state, old = self.kind.fields, self.__dict__, self._node
         values = [state[name] for name in fields.names if name in state]
         # Names are compared only if their number differs: this runs for every agent and event.

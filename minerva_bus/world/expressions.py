@@ -1,4 +1,4 @@
-"""Expressions: what is collected of a run, in Python or as text in a world file.
+"""Expressions for data that a run collects, in Python or as text in a world file.
 
     Person.x                                    APerson.x
     Person.x.where("x > 3").every(10)           APerson.x where x > 3 every 10
@@ -32,7 +32,7 @@ MAX_BINS: Final = 10_000
 
 @dataclass(frozen=True, slots=True)
 class Expression:
-    """Something to collect in each frame, of all agents of a kind or all events of a type.
+    """Data to collect in each frame, of all agents of a kind or all events of a type.
 
     Args:
         symbol: the agent kind, such as `APerson`, or the event type, such as `eBite`.
@@ -72,11 +72,11 @@ class Expression:
         return self.symbol.startswith("e")
 
     def where(self, condition: str) -> Expression:
-        """The same of the agents or events that fulfil a condition."""
+        """The expression for agents or events that fulfil a condition only."""
         return replace(self, condition=condition)
 
     def every(self, frames: int) -> Expression:
-        """The same in each n-th frame, beginning with frame 0. Raises MisuseError below 1."""
+        """The expression for each n-th frame, from frame 0. Raises MisuseError below 1."""
         return replace(self, interval=frames)
 
     def sum(self, where: str = "") -> Expression:
@@ -104,7 +104,7 @@ class Expression:
         return self._of("quantiles", where, *numbers)
 
     def histogram(self, low: float, high: float, bins: int = 10, where: str = "") -> Expression:
-        """How many values are in each of some bins of equal width, in each frame.
+        """The number of values in each of `bins` bins of equal width, in each frame.
 
         `high` belongs to the last bin; values outside do not count. Raises MisuseError.
         """
@@ -120,7 +120,7 @@ class Expression:
         return replace(self, function=function, condition=condition, arguments=numbers)
 
     def checked(self, vocabulary: Vocabulary, source: str = "collect") -> Condition:
-        """Its condition, read, if the vocabulary has what it names. Raises VocabularyError."""
+        """Its parsed condition. Raises VocabularyError if the vocabulary lacks what it names."""
         fields, owner = self._fields(vocabulary, source), self.symbol
         types = {field.name: field.type for field in fields.all}
         for name in (self.name,) if self.name else ():
@@ -231,7 +231,7 @@ class ClassAttribute:
 
 
 def expose_attributes(cls: type[Any], names: Iterable[str]) -> None:
-    """Let a class give an expression for each of these attributes of its agents."""
+    """Make each of these attributes of a class an expression, as `ClassAttribute`."""
     for name in names:
         # Looked up without `getattr`, which would call the descriptor instead of returning it.
         homes = [base for base in cls.__mro__ if name in vars(base)]
@@ -241,7 +241,7 @@ def expose_attributes(cls: type[Any], names: Iterable[str]) -> None:
 
 
 def default_of(cls: type[Any], name: str) -> Any:
-    """The default that a class itself gives an attribute; NO_DEFAULT where it gives none."""
+    """The default that a class itself gives an attribute; NO_DEFAULT if it gives none."""
     value = vars(cls).get(name, NO_DEFAULT)
     return value.default if isinstance(value, ClassAttribute) else value
 
@@ -264,7 +264,7 @@ _EXPECTED: Final = "KIND.ATTRIBUTE, EVENT.DATUM, or a function of one, such as c
 
 
 def read_expression(text: str, source: str = "collect") -> Expression:
-    """The expression that a text stands for. Raises VocabularyError with a caret."""
+    """The expression that a text represents. Raises VocabularyError with a caret."""
     # From the end of the text, because conditions and names may contain "every" as well.
     every = _EVERY.search(text)
     body = text[: every.start()] if every else text
@@ -302,7 +302,7 @@ def read_expression(text: str, source: str = "collect") -> Expression:
 
 
 def in_double_quotes(condition: str) -> str:
-    """A condition with texts in single quotes rewritten, as the language has them."""
+    """A condition with texts in single quotes rewritten to double quotes."""
     return _QUOTED.sub(lambda match: match[1] or f'"{match[2]}"', condition)
 
 

@@ -16,7 +16,7 @@ from minerva_bus.testing.simulation.timeline import Timeline
 
 LATENCY: Final = 20e-6, 150e-6
 SLOW: Final = 1e-3, 40e-3
-"""Seconds on the way: as a rule, and where a scheduler or a network has something else to do."""
+"""Latency in seconds: usually, and if a scheduler or a network is busy."""
 
 MIN_SECONDS: Final = 1e-9
 

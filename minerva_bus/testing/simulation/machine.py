@@ -28,7 +28,7 @@ PIPE: Final = 20e-6, 200e-6
 """Seconds until what is written to a pipe is read."""
 
 LAST: Final = 1.0
-"""Seconds within which the death of a killed process is known."""
+"""Seconds within which the end of a killed process is reported."""
 
 
 class SimulatedPipes(Pipes):

@@ -13,21 +13,21 @@ from minerva_bus.wire.codec import declaration
 from minerva_bus.wire.epochs import stamp
 
 LEASE: Final = 3.0
-"""Seconds of silence after which a link is given up, as in `runtime/session.py`."""
+"""Seconds of silence after which a link is closed, as in `runtime/session.py`."""
 
 RETRY: Final = 0.02, 0.5
 RESET: Final = 1e-4, 20e-3
 """Seconds until a side learns that the other one has closed a link."""
 
 TOKENS_FIRST: Final = 0.2
-"""How often a link that comes back tells of tokens before it tells of subscribers."""
+"""Probability that a new link announces tokens before subscribers."""
 
 ECHO: Final = 1e-4, 2e-2
-"""Seconds after which an answer that comes twice comes again."""
+"""Seconds until a repeated reply arrives for the second time."""
 
 _STAMP: Final = len(stamp(int(EPOCH)))
 LOST: Final = 0.5
-"""Of the messages that may be dropped, so many are while there is no room for them."""
+"""Share of droppable messages that are lost while views are being dropped."""
 
 
 class Network:

@@ -1,8 +1,7 @@
 """Checks that operations of a person took effect: once if confirmed, else at most once.
 
-A single person acts in sequence, so possible orders of operations differ
-only in unconfirmed ones; while such a one could still take effect, nothing is
-claimed about the pace.
+A single person acts in sequence, so possible orders of operations differ only in unconfirmed ones.
+While one of these could still take effect, the pace is not checked.
 """
 
 from __future__ import annotations

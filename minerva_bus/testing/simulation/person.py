@@ -19,7 +19,7 @@ from minerva_bus.wire.plain import as_map, pack, unpack
 UNPAUSED: Final = Act(0.5, "resume")
 TRIES: Final = 60
 SETTLED: Final = 20.0
-"""Simulated seconds within which frames that were asked for have ended, whatever goes wrong."""
+"""Simulated seconds within which requested frames must have ended in spite of all faults."""
 
 _HALTING: Final = ("pause", "step")
 

@@ -26,10 +26,10 @@ from minerva_bus.testing.simulation.timeline import Timeline
 from minerva_bus.testing.simulation.worlds import GUESTS, NAME, world_file
 
 MAX_SECONDS: Final = 400.0
-"""Simulated seconds within which a world has ended, whatever goes wrong."""
+"""Simulated seconds within which a world must have ended in spite of all faults."""
 
 AFTERWARDS: Final = 15.0
-"""Simulated seconds within which nothing is left of a world that has ended."""
+"""Simulated seconds within which all processes of an ended world must have exited."""
 
 
 @dataclass(frozen=True, slots=True)

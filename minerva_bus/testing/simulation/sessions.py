@@ -178,7 +178,7 @@ class Session:
     watches: list[Declared] = field(default_factory=list[Declared])
     tokens: list[Token] = field(default_factory=list[Token])
     known: dict[str, None] = field(default_factory=dict[str, None])
-    """The tokens of others that a client knows of."""
+    """Tokens of other sessions that a client knows."""
 
     # --- as Zenoh's ---
 
@@ -203,7 +203,7 @@ class Session:
         return Liveliness(self)
 
     def close(self) -> None:
-        """Be there no more."""
+        """Close the session."""
         self.network.leave(self)
 
     def __enter__(self) -> Session:

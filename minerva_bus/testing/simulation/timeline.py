@@ -10,7 +10,7 @@ from random import Random
 from typing import Final
 
 EPOCH: Final = 1_700_000_000.0
-"""What the simulated clock shows at the beginning, seconds since 1970."""
+"""Initial time of the simulated clock, seconds since 1970."""
 
 
 @dataclass(slots=True)
@@ -24,7 +24,7 @@ class Alarm:
         self.call = None
 
     def join(self) -> None:
-        """Nothing runs beside, so nothing is waited for."""
+        """Return at once: there are no threads."""
 
 
 class Timeline:

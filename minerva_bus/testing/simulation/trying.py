@@ -16,7 +16,7 @@ LINES: Final = 20
 """Lines of a failure's report."""
 
 MEMORY: Final = Path("/dev/shm")  # noqa: S108
-"""Where journals are written, if it is there: they are no use afterwards."""
+"""Folder for journals, if it exists: in memory, because they are temporary."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,8 +1,8 @@
 """The simulated world: small, but with every kind of member.
 
-Herons stride, call and breed at random; eels flee and die; a bed of reeds is an agent around
-others. The tide has a memory; the water is coupled and publishes what it sees, of which the lookout
-makes events. A clerk takes people's orders, and gulls cry whenever they like.
+Herons stride, call and breed at random; eels flee; a bed of reeds is an agent around others. The
+tide has state; the water is coupled and publishes readings of its view, from which the lookout
+creates events. A clerk accepts orders of people, and gulls run freely.
 """
 
 from __future__ import annotations
@@ -220,13 +220,13 @@ VOCABULARY: Final = Vocabulary.of(
     PDot, TAt, eTide, eCall, eSeen, eMark, eNote, eCry, eShow, Heron, Eel, Reeds
 )
 ORDERS: Final = {event_type.name: event_type for event_type in (eMark, eNote)}
-"""The event types that people send: one through the clerk, one by themselves."""
+"""The event types that people send: one through the clerk, one directly."""
 
 GUESTS: Final[Mapping[str, tuple[type[Agent], ...]]] = {
     "egret": (Heron, Eel),
     "stork": (Heron, Eel, Reeds),
 }
-"""Hosts that come by from elsewhere, and what they host."""
+"""Hosts that are attached during a run, with their agent classes."""
 
 
 def processes(shown: dict[int, str], numbers: Iterator[int]) -> tuple[Process, ...]:
