@@ -135,6 +135,7 @@ class Conversations:
         return Conversations(Scene(tuple([node for node in self.scene if node is not old])))
 
     def _with(self, conversation: Conversation) -> Conversations:
+        # Conversations that are over are removed, so that the state of an agent does not grow.
         if conversation.over:
             return self.drop(conversation)
         old = self._figure(conversation.id, conversation.peer)

@@ -52,6 +52,7 @@ class Talker(Agent):
     def listen(self, message: Event, moment: Context) -> Scene | None:
         """Update the conversation of a message, answer errors, and call `heard`."""
         effect = hear(Conversations(self.talks), self.id, message, moment.number)
+        # Before `heard`, whose answers continue from this state.
         self.talks = effect.conversations.scene
         if effect.answer is not None:
             moment.emit(effect.answer)
@@ -83,6 +84,7 @@ class Talker(Agent):
         # A counter in the state: ids of conversations must not depend on time or placement.
         self.opened += 1
         name, first = numbered(self.id, self.opened), str(act) or protocol.opening
+        # A protocol has two sides, so each receiver gets a conversation; the message is sent once.
         begun = [
             _said(Conversation(name, protocol.name, Role.INITIATOR, peer), first, reply_by)
             for peer in receivers

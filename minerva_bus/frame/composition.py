@@ -47,6 +47,7 @@ class Composition:
         # By identity, because a comparison of columns would read all their rows.
         self._names = {id(part): name for name, part in kept.items() if part is not None}
         self._scene: Scene | None = scene
+        # In the order of the string, on which `places` relies.
         self.fragments: dict[str, Fragment] = {}
         self._home: dict[str, str] = {}
         self._kind: dict[str, str] = {}
@@ -305,6 +306,7 @@ class Composition:
         """Divide all populations into parts of these names and rows. Raises Unfit."""
         if layout == self.layout:
             return
+        # Names and cuts may differ, but the populations must be the same.
         if [_rows(parts) for parts in layout] != [_rows(parts) for parts in self.layout]:
             raise Unfit("parts of other populations")
         whole, named = dict[str, Scene](), dict[str, Scene]()

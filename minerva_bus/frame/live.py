@@ -107,6 +107,7 @@ class LiveSource(FrameSource):
             return "the string is empty"
         if algorithm.goal.finished:
             return algorithm.goal.finished
+        # Last, because an empty string or a reached goal says more about the end.
         if algorithm.world.frames and algorithm.frame >= algorithm.world.frames:
             return "the frames are over"
         return ""

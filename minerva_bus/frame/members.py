@@ -57,6 +57,7 @@ TRANSITIONS: Final[Mapping[tuple[MemberState, MemberChange], MemberState]] = {
     (MemberState.LATE, MemberChange.WENT): MemberState.LEFT,
     (MemberState.LOST, MemberChange.APPEARED): MemberState.JOINING,
     (MemberState.LOST, MemberChange.GAVE_UP): MemberState.LEFT,
+    # The token vanished first and `Leaving` arrives after it.
     (MemberState.LOST, MemberChange.WENT): MemberState.LEFT,
     (MemberState.LEFT, MemberChange.APPEARED): MemberState.JOINING,
 }
@@ -186,6 +187,7 @@ class Members:
         """Apply the transition table to a member; False where it has no such transition."""
         self._index = None
         if change is MemberChange.APPEARED:
+            # The hello of a former process must not answer the greeting of this one.
             member.greeted = False
         moved = member.change(change)
         self._note_departed(member)
@@ -309,6 +311,7 @@ class Members:
         """
         named, active = self._named, self.active()
         return frozenset(
+            # Only processes of the world file are trusted to be sensors or clocks.
             m.name
             for m in active
             if m.name not in named or (m.hello is not None and m.hello.people)

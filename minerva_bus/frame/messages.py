@@ -40,6 +40,8 @@ _NO_FRAME: Final = AtLeast(-1)
 class Hello:
     """Name, roles and capabilities of a member; the answer to `Greet`."""
 
+    # A map, so that keys can be added without a new version of the
+    # protocol (PROTOCOL.md, section 16).
     WIRE: ClassVar = Wire("hello", ("from",), "what it is: a map, see below", "greet", keyed=True)
 
     member: Sender
@@ -133,6 +135,7 @@ class TickReply:
     frame: int
     events: GeneratedEvents = ()
     saved: Saved = None
+    # Not compared: in an in-process run the same message has no bytes.
     received: Received = field(default=b"", compare=False, repr=False)
 
 
@@ -224,6 +227,7 @@ class MemberMetrics:
     """A member's current metrics, for displays."""
 
     WIRE: ClassVar = Wire(
+        # The name on the wire differs from the class, because another one would need a new version.
         "doing",
         ("from",),
         "the member's metrics, for displays; sent when they have changed, at most once per second",

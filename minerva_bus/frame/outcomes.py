@@ -132,6 +132,7 @@ class ColumnsOutcome(PopulationOutcome):
         self._kept = np.ones(old.count, np.bool_)
         self._other = _changed_rows(old, new)
 
+    # Columns are judged without nodes for all rows; `was` makes the few that are needed.
     def _agents_before(self) -> Mapping[str, AgentNode]:
         return {}
 
@@ -206,6 +207,8 @@ class MixedOutcome(PopulationOutcome):
     def _note_births(self, before: AgentNode, now: AgentNode) -> None:
         first, last = before.state.get("births"), now.state.get("births")
         if isinstance(first, int) and isinstance(last, int):
+            # Ids of newborns follow from the id of the parent and its
+            # counter, so no list of births is needed.
             for birth in range(first + 1, last + 1):
                 self._parents[child_id(now.id, birth)] = now.id
 
@@ -237,6 +240,7 @@ def outcome_of(old: Fragment, new: Scene) -> FragmentOutcome:
     if old.ids is None:
         return FragmentOutcome(old, new)
     now = new.pieces[0] if len(new.pieces) == 1 else None
+    # With the same rows, attributes can be compared and replaced column by column.
     if now is None or now.ids is None or now.symbol != old.symbol or now.ids != old.ids:
         return MixedOutcome(old, new)
     return ColumnsOutcome(old, now)

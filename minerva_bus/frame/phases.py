@@ -53,6 +53,7 @@ TRANSITIONS: Final[Mapping[tuple[Phase, Awaited], Phase]] = {
     (Phase.TICK, Awaited.END): Phase.STOPPING,
     (Phase.EVOLVE, Awaited.END): Phase.STOPPING,
     (Phase.CLOSING, Awaited.END): Phase.STOPPING,
+    # A second interrupt does not wait for reports.
     (Phase.STOPPING, Awaited.END): Phase.ENDED,
 }
 

@@ -86,6 +86,8 @@ class Placement:
             # that the host's reply contained.
             if self._held.get(host, {}).get(fragment) is not node:
                 self._stale[host].add(fragment)
+        # Computed here, so that a frame finds the hosts of an event
+        # type without looking at fragments.
         self._types = {host: self._types_of(kinds) for host, kinds in kinds_on.items()}
         self._unwanted = {host: self._unwanted_on(host) for host in offers}
 

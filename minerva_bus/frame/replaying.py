@@ -83,6 +83,7 @@ class RecordedSource(FrameSource):
 
     def begin(self) -> None:
         """Continue with the frame before which the cursor stands."""
+        # Frames may be missing in the record, so the number is read and not counted.
         if self._cursor.ahead is not None:
             self._algorithm.frame = self._cursor.ahead.number
 
@@ -149,12 +150,14 @@ class RecordedSource(FrameSource):
         self._slots.become(self._cursor.seek(frame))
         algorithm.frame = frame
         self._look()
+        # A seek to the end may close the replay; one away from it begins frames again.
         algorithm.continue_or_close()
 
     def _look(self) -> None:
         """Show the current string to all devices."""
         algorithm = self._algorithm
         algorithm.in_flight = FrameInFlight()
+        # As at the end of a world, all devices get a view, whatever their rate.
         algorithm.in_flight.events.visual = self._visual(closing=True)
         self.evolve()
         algorithm.show()

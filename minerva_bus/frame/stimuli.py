@@ -12,6 +12,7 @@ from minerva_bus.frame.messages import Figures, FrameRecord, FromMember, ToMembe
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.events import Event
 
+# No member's name begins with ~, so these cannot be names of members.
 EVERYONE: Final = "~all"
 TICKED: Final = "~tick"
 HOSTS: Final = "~hosts"
@@ -158,6 +159,7 @@ class Ready:
     frame: int
 
 
+# Without slots, which `cached_property` does not support.
 @dataclass(frozen=True)
 class FrameDone:
     """A frame is complete. `record` is computed on first access, before the next stimulus or never.

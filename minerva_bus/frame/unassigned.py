@@ -42,6 +42,7 @@ class UnassignedLog:
 
         Where a host offered them and is gone, its loss has been logged.
         """
+        # Also of hosts that are gone: their loss has been logged already.
         self._offered.update(offers)
         missing = {
             kinds for kinds in unassigned if not any(kinds <= offered for offered in self._offered)

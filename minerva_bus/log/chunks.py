@@ -117,6 +117,7 @@ class Chunks:
         _check_profile(self.path, scanned.header)
         for damage in scanned.damage:
             self._note(damage)
+        # The description is in the first chunk, so nothing can be read without one.
         if not scanned.places:
             raise RecordError(f"{self.path}: it was cut off before anything was in it")
         self._summary = read_summary(self._file, self.size)

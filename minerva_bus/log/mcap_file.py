@@ -54,6 +54,7 @@ class McapFile:
 
     def register(self, topic: str, schema: str = "") -> None:
         """Add a channel: JSON with this schema, for other tools, or else msgpack."""
+        # Called again for each message of a channel for other tools.
         if topic in self._channels:
             return
         if schema and schema not in self._schemas:

@@ -159,6 +159,7 @@ def _of_agents(
             return np.full(len(nodes), default)
         usual = nodes[0].names
         at = usual.index(name)
+        # Agents of one kind share the tuple of names, so its index is looked up once.
         values = [
             node.values[at if node.names is usual else node.names.index(name)] for node in nodes
         ]

@@ -161,6 +161,8 @@ class Backlog:
         """The next item and its readings, or None if the queue is empty."""
         while True:
             with self._lock:
+                # Decoding follows outside of the lock, so that
+                # threads of the bus never wait for it.
                 if not self._waiting:
                     return None
                 sensed = self._waiting.popleft()

@@ -108,6 +108,7 @@ def read_ruling(text: bytes) -> Ruling | None:
     if match["un"]:
         described = OPERATIONS.get(operation, "")
     else:
+        # Permitted by the rules, so only the low-pass filter for readings can have dropped it.
         described = TOO_LARGE if operation == b"Put" else ""
     return Ruling(match["link"], name, operation, described if match["flow"] == b"in" else "")
 
@@ -177,6 +178,7 @@ class Audit:
         """Count a drop of a member; declarations of Zenoh's own session do not count."""
         # Cached rulings name the link only; an earlier line had its certificate.
         name = self._names.get(ruling.link, STRANGERS)
+        # An empty name is a process of this machine, which may do everything.
         if not name or (
             ruling.operation in _OF_ZENOH and key.startswith(b"@/" + ruling.link + b"/")
         ):

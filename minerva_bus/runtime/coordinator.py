@@ -165,6 +165,7 @@ class Coordinator(Sink):
             for declaration in declared:
                 declaration.undeclare()
         ended = self.runner.ended
+        # Overruns are measured by the clock, so the algorithm cannot know them.
         return replace(ended, figures={**ended.figures, **self.schedule.overruns.figures()})
 
     def handle(self, item: Any) -> None:
@@ -274,6 +275,7 @@ class Coordinator(Sink):
     # --- what it observes ---
 
     def _note_sent(self, to: str, message: m.ToMember) -> None:
+        # A refusal counts as a rejection, like one of a certificate.
         if isinstance(message, m.Refused):
             self.admission.rules.count(to)
         elif isinstance(message, m.Greet):

@@ -38,6 +38,7 @@ def deliver(
 ) -> Iterable[m.FromMember | m.Readings]:
     """Let a member process a message and draw; returns its answers."""
     answers = member.receive(message)
+    # On the bus an observer draws when its inbox is empty, which it always is here.
     member.show()
     return answers
 

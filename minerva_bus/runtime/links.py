@@ -35,6 +35,7 @@ class Links:
     def __init__(self, session: zenoh.Session, notify: Callable[[Linked], None]) -> None:
         self._notify = notify
         self._linked: dict[str, Linked] = {}
+        # With history, because links may exist before the listener is declared.
         self._listener: Any = session.info.declare_link_events_listener(
             Callback(self._on_event, indirect=True), history=True
         )

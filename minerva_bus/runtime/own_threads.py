@@ -71,6 +71,7 @@ class Outlet:
     def _add(self, item: Any) -> None:
         # A generator that is faster than the bus blocks here; otherwise memory would fill up.
         while not self._room.acquire(timeout=POLL_SECONDS):
+            # Otherwise the thread of a generator would block for ever after the end.
             if self._stop.is_set():
                 return
         self._put(item)
@@ -106,6 +107,7 @@ class OwnThreads:
         """Start the threads of a service that has joined a world."""
         if service is None:
             return
+        # A thread, because the code of a free-running generator may block, for example on a device.
         if isinstance(service, Generator) and not service.lockstep:
             self._system.aside(lambda: self._generate(service))
         report = ReportFigures()

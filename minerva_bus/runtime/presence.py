@@ -22,6 +22,7 @@ def presence(sample: zenoh.Sample) -> s.Appeared | s.Vanished | None:
     Also None when a token without a valid name disappears: its member was never admitted.
     """
     member, there = last_part(str(sample.key_expr)), sample.kind == HERE
+    # An appearance under an invalid name is passed on, so that it is counted and logged.
     if member == COORDINATOR or not (there or is_name(member)):
         return None
     return s.Appeared(member) if there else s.Vanished(member)

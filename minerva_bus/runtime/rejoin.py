@@ -114,6 +114,8 @@ class Rejoin:
         if not self.name.is_taken(session):
             self.name.declare(session)
             self.monitor.restored()
+            # Events have no recipient while the link is lost, and a
+            # generator cannot know which were lost.
             if self._link.unsent:
                 self._notify(f"{self._member}: {self._link.unsent} events were lost meanwhile")
                 self._link.unsent = 0

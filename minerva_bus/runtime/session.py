@@ -120,6 +120,7 @@ def open_hub(
     `routers` are Zenoh routers to join. Raises BusError if it cannot listen or reach a router.
     """
     check_port_free(check_endpoint(listen))
+    # A value that the user has set has priority.
     os.environ.setdefault("ZENOH_RUNTIME", _HUB_THREADS)
     # Processes of this machine have no certificates and use a Unix
     # socket that only their user reaches.
@@ -213,6 +214,7 @@ def closed_in_time(session: zenoh.Session) -> Generator[None]:
         closing.start()
         closing.join(_CLOSED_WITHIN)
         if closing.is_alive():
+            # `end_at_once` needs these threads: the process would wait for them.
             _still_closing.append(closing)
 
 
