@@ -122,6 +122,8 @@ class _Search:
     ) -> None:
         self._dist, angle = hits
         headings = np.radians(angle)
+        # Directions of the beams are computed once. Each heading then needs four products per beam
+        # instead of a sine and a cosine.
         self._ahead = self._dist * portable.cos(headings)
         self._aside = self._dist * portable.sin(headings)
         self._guess = guess

@@ -116,6 +116,7 @@ class ARobot(Agent, symbol="ARobot", rest=("action",)):
     @on("eLaser", together=True, population=False)
     def sense_obstacle(self, laser: EventBatch | Event, moment: Context) -> None:
         """g': obstacles at (r + dist cos(ang + angle), c + dist sin(ang + angle)), in order."""
+        # All beams of a scan at once: a call for each would take several times as long.
         grid, part = self.writable("grid"), clearing_part(moment.number)
         for end in self.ends(laser):
             clear_beam(grid, self.row, self.column, *end, part)

@@ -72,6 +72,7 @@ class Bridge(Generator, lockstep=False):
     """Whether the bridge has given up its source."""
 
     def __init__(self) -> None:
+        # Constructors of bridges open nothing, because they also run when a world file is read.
         self._counts: dict[str, int] = {}
         self._state = "not open yet"
         self._received_at = 0.0

@@ -141,6 +141,7 @@ class MotionModel:
 
         """
         turn = math.radians(turn_deg)
+        # As in `Noise`, portable numbers instead of the generator's own.
         first, way, second = normals(rng, 3).tolist()
         # IEEE 754 defines the square root exactly, so `math.sqrt` gives the same bits on every
         # machine.

@@ -67,6 +67,8 @@ class Noise:
     def hits(self, distances: Distances, range_max: float, rng: np.random.Generator) -> Distances:
         """Distances with the normal error of hits; arguments as in `scan`."""
         if self.laser_m:
+            # Not by the generator's own `normal`, which ends in the C library's log1p: its last
+            # bits depend on the machine. The same holds for the other draws of this class.
             noisy = distances + normals(rng, len(distances), self.laser_m)
             noisy = np.clip(noisy, 0.0, range_max)
             distances = np.where(distances < range_max, noisy, distances)

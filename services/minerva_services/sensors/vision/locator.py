@@ -37,6 +37,7 @@ class VisionOptions:
 
     """
 
+    # Required and never guessed: a wrong dictionary yields false markers.
     dictionary: str
     size: float
     names: Mapping[str, Any] | None = None
