@@ -70,6 +70,7 @@ class EvolutionStudy:
             try:
                 for generation in evolution.run():
                     console.note(_line(generation, evolution.random))
+            # Strings that have been evaluated are a valid result.
             except KeyboardInterrupt:
                 interrupted = True
         console.end()
@@ -137,11 +138,13 @@ def evolve_strings(
         >>> best.scene, best.fitness
 
     """
+    # Without pacing: a study runs as fast as possible.
     request = request_of(world_of(world, {}), options, frames=frames, seed=seed, rate=0.0)
     file = prepared(request.file)
     plan = Plan(population, generations, file.world.seed, minimise)
     study = EvolutionStudy(fitness, plan, mutable, nodes, trials)
     ran = study.run(file, workers, limit, Console(quiet=quiet, world=file.world.name))
+    # `minerva evolve` reports the partial result; a function either returns or raises.
     if ran.interrupted:
         raise KeyboardInterrupt
     best = ran.cache.best

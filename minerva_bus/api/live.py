@@ -150,6 +150,7 @@ class Live:
         assert isinstance(event, Event)
         if not self._backend.vocabulary.events[event.type].visual:
             raise MisuseError(f"{event.type} is not visual: no agent has a view for it")
+        # Views are code, and a remote world sends its vocabulary only.
         known = {cls.kind.name for cls in self._agents}
         for kind in self._backend.vocabulary.kinds.values():
             if event.type in kind.views and kind.name not in known:

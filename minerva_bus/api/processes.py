@@ -45,6 +45,7 @@ class Launched:
         self, request: Request, folder: Path, *, into: str, paused: bool = False, quiet: bool = True
     ) -> None:
         world, self._end = request.world, folder / "end.json"
+        # A world made in Python reaches the new process as a world file.
         path = world.path
         if path is None:
             path = folder / f"{world.name}.toml"
@@ -52,6 +53,7 @@ class Launched:
         overrides = request.overrides.over(world.given)
         config = {
             "world": str(path),
+            # An empty entry means the current folder, which is given by its name instead.
             "folders": [entry for entry in sys.path if entry] + [str(Path.cwd())],
             "options": dict(overrides.options),
             "settings": list(overrides.settings),

@@ -53,6 +53,7 @@ def check(world: World | str | Path, *, vocabulary: str = "", code: bool = True)
         file = world.read()
         return Checked(_world_shown(len(file.processes), file.world.scene), restless(file))
     path = Path(world)
+    # Neither a file nor a name with a suffix: an installed world.
     if not path.suffix and not path.exists():
         path = find_world(str(world))
     if path.suffix != ".toml":

@@ -58,6 +58,7 @@ def read_entries(given: object) -> dict[str, Expression]:
         pairs = [(str(name), value) for name, value in named.items()]
     elif isinstance(given, list | tuple):
         listed = cast("Iterable[object]", given)
+        # A list gives no names, so the attributes name the columns.
         expressions = [_expression(value, "collect") for value in listed]
         pairs = [(expression.name or expression.symbol, expression) for expression in expressions]
     else:
@@ -258,6 +259,7 @@ class Collector:
         else:
             made |= {"sender": rows.senders(), "receiver": rows.receivers()}
         made |= {column: rows.column(name) for column, name in plan.names.items()}
+        # Selected at the end: ids, numbers and texts by the same rows.
         if chosen is not None and not chosen.all():
             where = np.flatnonzero(chosen)
             made = {

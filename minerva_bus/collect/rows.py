@@ -78,6 +78,7 @@ def _gather(scene: Scene, kind: str, parts: list[Columns | Events | list[Any]]) 
         if isinstance(piece, FigureNode) or (isinstance(piece, TransformationNode) and piece.still):
             continue
         if isinstance(piece, AgentNode) and piece.symbol == kind:
+            # Neighbouring nodes form one part, so that columns and nodes stay in their order.
             if parts and isinstance(parts[-1], list):
                 parts[-1].append(piece)
             else:

@@ -145,6 +145,7 @@ class Gathered:
             self._chunks.append(columns_of(self._single, self._types))
             self._single = []
         made = {
+            # The empty array gives the type if there are no rows.
             column: np.concatenate(
                 [np.empty(0, ARRAY_TYPES[kind]), *[texts(chunk[column]) for chunk in self._chunks]]
             )
@@ -158,6 +159,7 @@ def columns_of(rows: list[Mapping[str, Any]], types: Mapping[str, str]) -> dict[
     made: dict[str, NDArray[Any]] = {}
     for column, kind in types.items():
         made[column] = np.empty(len(rows), ARRAY_TYPES[kind])
+        # Assigned, because numpy would make texts an array of fixed width.
         made[column][:] = [row[column] for row in rows]
     return made
 

@@ -54,6 +54,7 @@ def difference(old: Piece, new: Piece, turnover: RowDelta | None = None) -> Delt
     """
     if not isinstance(old, Columns) or not isinstance(new, Columns) or old.shape != new.shape:
         return None
+    # The same object has no turnover; others are compared.
     if old.ids is not None and new.ids is not None and old.ids is not new.ids:
         turnover = new.ids.since(old.ids)
         if turnover is None:

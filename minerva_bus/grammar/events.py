@@ -55,6 +55,7 @@ class Event:
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Event):
             return NotImplemented
+        # Values by `same_values`: matrices have no single truth value, and 0.0 and -0.0 differ.
         return (
             self.type == other.type
             and self.receivers == other.receivers

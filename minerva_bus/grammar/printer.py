@@ -44,6 +44,7 @@ def value_text(value: Value) -> str:
     """The canonical text of one value."""
     if isinstance(value, str):
         return json.dumps(value, ensure_ascii=False)
+    # Before int, because a bool is an int.
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, int):

@@ -35,6 +35,7 @@ class RowDelta:
         old = np.ones(self.after, np.bool_)
         old[self.born] = False
         rows = np.zeros(self.after, np.intp)
+        # The remaining rows keep their order, so both sides have them in the same one.
         rows[old] = np.flatnonzero(stays)
         return rows
 

@@ -204,6 +204,7 @@ class EventType:
         given = self.fields.merged(self.name, args, kwargs)
         to = receivers if isinstance(receivers, Ids) else None
         lengths = [len(value) for value in given.values() if is_array(value)]
+        # Ids or an array give the number of events; other arrays must have the same length.
         count = len(to) if to is not None else lengths[0]
         columns = self.fields.columns(self.name, given, count)
         if condition:

@@ -159,6 +159,7 @@ def parse_type(text: str) -> Type:
         raise MisuseError(f"lists are nested at most {DEPTH} deep")
     if words[:2] == ["list", "of"]:
         return Type("list", item=parse_type(" ".join(words[2:])))
+    # A range is the last word; without it, the rest is a type as well.
     if len(words) > 1 and words[0] in ("real", "int") and (limits := parse_range(words[-1])):
         return replace(parse_type(" ".join(words[:-1])), range=limits)
     if words[:2] == ["text", "of"] and len(words) == 3:

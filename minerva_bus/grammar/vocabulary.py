@@ -67,6 +67,7 @@ class Vocabulary:
             _named(AgentKind, plain),
             _named(EventType, plain),
         )
+        # Checked when all tables are complete, because entries refer to each other in any order.
         for kind in made.kinds.values():
             made._check_events_of(kind)
         for symbol in (*made.primitives.values(), *made.transformations.values()):

@@ -134,6 +134,7 @@ def _turned(angle: F) -> F:
 def _atan_kernel(x: F, upper: F, lower: F) -> F:
     z = x * x
     w = z * z
+    # Even and odd terms apart, as in fdlibm: another order would round differently.
     even = z * (
         3.33333333333329318027e-01
         + w

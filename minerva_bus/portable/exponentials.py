@@ -109,6 +109,7 @@ def expm1_many(x: Numbers) -> Numbers:
 
 def tanh_many(x: Numbers) -> Numbers:
     """`tanh` of each."""
+    # Bounded, because e to the power of large arguments is infinite.
     size = np.minimum(np.abs(x), _ONE)
     large = size > 0.25541281188299536
     power = expm1_many(np.where(large, 2.0, -2.0) * size)
@@ -156,6 +157,7 @@ def _expm1_rest(x: F, k: F) -> tuple[F, F]:
     """Two numbers whose difference is e to the power of x, divided by 2^k, minus 1."""
     upper, lower = _reduced(x, k)
     r = upper - lower
+    # The rounding error of r.
     lost = (upper - r) - lower
     half = 0.5 * r
     square = r * half

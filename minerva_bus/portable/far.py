@@ -34,6 +34,7 @@ def far(x: float) -> tuple[int, float, float]:
     half = 1 << (_KEPT - 1)
     number = (quarters + half) >> _KEPT
     rest = quarters - (number << _KEPT)
+    # The upper 53 bits of the rest, and the next ones.
     upper = float(rest)
     lower = float(rest - int(upper))
     upper, lower = math.ldexp(upper, -_KEPT), math.ldexp(lower, -_KEPT)

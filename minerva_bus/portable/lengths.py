@@ -43,6 +43,7 @@ def hypot_many(x: Numbers, y: Numbers) -> Numbers:
     made = np.sqrt(x * x + y * y)
     if (((most > _SMALL) | (most == 0.0)) & (most < _LARGE)).all():
         return made
+    # As in `hypot_one`: only elements out of range are scaled.
     large, small = most >= _LARGE, most <= _SMALL
     up, down = np.where(small, _UP, np.where(large, _DOWN, 1.0)), np.where(small, _DOWN, 1.0)
     x, y = x * up, y * up

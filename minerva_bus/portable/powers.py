@@ -96,6 +96,7 @@ def _log2(x: F, base: F, k: F) -> tuple[F, F]:
     u = x - base
     v = 1.0 / (x + base)
     s = u * v
+    # s is u/(x + base) as a sum of two: the heads have exact products.
     s_upper = head(s)
     t_upper = head(x + base)
     t_lower = x - (t_upper - base)
@@ -117,6 +118,7 @@ def _log2(x: F, base: F, k: F) -> tuple[F, F]:
             )
         )
     ) + s_lower * (s_upper + s)
+    # From here on 3 + s² + r, whose upper part is exact, times s.
     square = s_upper * s_upper
     t_upper = head(3.0 + square + r)
     t_lower = r - ((t_upper - 3.0) - square)

@@ -82,6 +82,8 @@ class ByParts(Generic[_T]):
         geometry.items = []
         for opens, node in walk_pieces(Scene((piece,)), geometry.many):
             if isinstance(node, AgentNode):
+                # The part is interpreted in its place, with the pose of the transformations around
+                # it.
                 if opens and node.id in parts:
                     geometry.owner, geometry.kind = node.id, node.symbol
                     interpret(parts[node.id], geometry)

@@ -54,6 +54,7 @@ class Pose:
         turn = math.radians(self.angle)
         cos, sin = portable.cos(turn), portable.sin(turn)
         x, y = self.x + inner.x * cos - inner.y * sin, self.y + inner.x * sin + inner.y * cos
+        # The remainder is exact in IEEE 754, so it is portable.
         return Pose(x, y, math.remainder(self.angle + inner.angle, 360.0))
 
     def seen(self, other: HasPose) -> Pose:

@@ -58,6 +58,7 @@ def eta(w: Scene, events: Sequence[Event], lam: Lambda) -> Scene:
         return s
     if isinstance(node, TransformationNode):
         return Scene((around(node, eta(node.scope, events, lam)),))
+    # The scope first: the equation applies λ to a^d_st(η(v)).
     agent = around(node, eta(node.scope, events, lam))
     result = EMPTY
     for f in events:

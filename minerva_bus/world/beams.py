@@ -43,6 +43,7 @@ def no_returns(scan: Scan, most: float, every: int = 1) -> tuple[Reals, Reals]:
 
 def _ends(scan: Scan, beams: NDArray[np.intp], dist: Reals) -> tuple[Reals, Reals]:
     """End points, as for `hits`, of beams with lengths `dist` in metres from the sensor."""
+    # The usual case of a sensor in the centre: its polar coordinates are those of the robot.
     if not (scan.mount_x or scan.mount_y or scan.path):
         return dist, _bearings(scan, beams)
     x, y, degrees = origins(scan, beams)

@@ -138,6 +138,7 @@ class Context(InFrame):
 
     def batch(self, population: Population) -> BatchContext:
         """The context of a population that consists of this agent, with the same streams."""
+        # Streams that were made for this agent only have no other rows.
         alone = self.streams is None or self.streams.alone
         rows = None if alone else np.array([self.row], np.intp)
         streams, self._rng = self.shared_streams(), None  # its stream moves on in the batch

@@ -123,6 +123,7 @@ class Expression:
         """Its parsed condition. Raises VocabularyError if the vocabulary lacks what it names."""
         fields, owner = self._fields(vocabulary, source), self.symbol
         types = {field.name: field.type for field in fields.all}
+        # The attribute must exist, fit into a column, and be a number if there is a function.
         for name in (self.name,) if self.name else ():
             if name not in types:
                 near = nearest(name, list(types))

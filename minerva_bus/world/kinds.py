@@ -22,6 +22,7 @@ class ActivityError(UserCodeError):
         self, handler: Callable[..., Any] | None, node: AgentNode, event: Event, frame: int
     ) -> None:
         shown = str(event)
+        # Data such as matrices make texts of any length.
         cut = shown if len(shown) <= _SHOWN else shown[:_SHOWN] + "…"
         what = "the state" if handler is None else handler_name(handler)
         super().__init__(f"{what} of {node.symbol}#{node.id} at {cut}", handler)
@@ -29,6 +30,7 @@ class ActivityError(UserCodeError):
         self.frame = frame
 
     def __str__(self) -> str:
+        # The frame goes between the place and the cause of the message.
         where, _, cause = super().__str__().partition(self.where)
         return f"{where}{self.where} in frame {self.frame}{cause}"
 

@@ -145,6 +145,7 @@ class Population:
         array = self._state.array(name)
         if self._rows is not None:
             array[self._rows] = fitted
+        # Otherwise the method has changed the array in place.
         elif fitted is not array:
             array[:] = fitted
 

@@ -29,10 +29,13 @@ def as_one(activity: Activity) -> Callable[[Any, Event, Context], Scene | None]:
         given = EventBatch(Events.repeated(event, 1)) if together else event
         returns_nothing(activity(population, given, moment.batch(population)))
         for name, array in state.arrays.items():
+            # As a Python object: attributes have exactly the types of the language, not those of
+            # numpy.
             setattr(agent, name, array.tolist()[0])
         for _, sent in state.sent:
             moment.emit(sent)
         young = [node for birth in state.born for node in birth.newborn.nodes()]
+        # The agent has died; its newborns take its place.
         if state.away is not None:
             return Scene(tuple(young)) if young else EMPTY
         return agent.string + Scene(tuple(young)) if young else None

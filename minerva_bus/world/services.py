@@ -129,6 +129,8 @@ class Service:
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
+        # Here, and not when a frame calls them: a wrong signature then names the class, not a
+        # frame.
         for base in cls.__mro__:
             if base is not cls and base.__module__ == __name__ and issubclass(base, Service):
                 check_overridden(cls, base, CALLED.get(base.__name__, ()))
@@ -193,6 +195,7 @@ class Generator(Service):
         **kwargs: Any,
     ) -> None:
         super().__init_subclass__(**kwargs)
+        # Only arguments that are given are set, so that subclasses inherit the others.
         if ahead:
             cls.ahead = True
         if events:

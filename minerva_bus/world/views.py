@@ -46,6 +46,7 @@ def visualize(
         if cls is None:
             return EMPTY
         result = EMPTY
+        # Equation 5: the scope is visualized first, so θ has the views of the agents within.
         for event in single(event for _, event in concerning.to(node.id, cls.views)):
             node = with_scope(node, scope)
             if not event.condition or holds(event.condition, node.state):

@@ -56,6 +56,7 @@ def parse_domain(text: str, kind: Type, owner: str) -> Range | OneOf:
 def _range(low: Any, high: Any) -> Range:
     if not low <= high:
         raise Unfit("the lower end before the upper one")
+    # Steps are proportional to the width, which must be finite.
     if high - low == float("inf"):
         raise Unfit("ends that are not that far apart")
     return Range(low, high)
@@ -81,6 +82,7 @@ def _value(text: str, kind: Type) -> Value:
 
 def _read(text: str) -> Any:
     """The single value that a text represents in a string. Raises SceneError."""
+    # Any symbol will do, because the parser knows no vocabulary.
     nodes = parse(f"PAny<any={text}>").nodes
     if len(nodes) != 1 or len(nodes[0].values) != 1:
         raise GrammarError(f"{text!r} is not one value")

@@ -14,6 +14,7 @@ def copy_id(name: str, taken: set[str]) -> str:
     """The id itself if it is free, otherwise the first free one of `name-2`, `name-3`, ..."""
     if name not in taken:
         return name
+    # A copy of `fox-2` is `fox-3`, not `fox-2-2`.
     stem = _COPY.sub("", name) or name
     return next(one for n in count(2) if (one := f"{stem}-{n}") not in taken)
 

@@ -104,6 +104,7 @@ def insert(given: Material) -> Mutant | None:
         free = not given.targets.all
         return Mutant(given.scene + scene_of(node), f"{_name(node)} inserted") if free else None
     choice = given.chance.integers(3)
+    # Around the node, in its scope, or beside it, which is also the fallback.
     if choice == 0:
         around = given.new(scene_of(place.node))
         if not isinstance(around, FigureNode):

@@ -55,6 +55,7 @@ def _within(scene: Scene, parent: Place | None, deepest: int) -> list[Place]:
     if depth > deepest:
         return []
     nodes = enumerate(scene.nodes)
+    # Reversed, because the stack returns the last one first.
     return [Place(node, index, parent, depth) for index, node in nodes][::-1]
 
 

@@ -223,6 +223,8 @@ class SimulatedMachine(Machine):
 
         def exited(code: int) -> None:
             self.timeline.note(name, f"ended with {code}")
+            # Pipes end after their last data, and the exit is reported after the last pipe has
+            # ended.
             for pipe in (output, *pipes):
                 self._later(pipe, lambda pipe=pipe: self._pipes.arrive(pipe, b""))
             last = max(self._arrives[pipe] for pipe in (output, *pipes))

@@ -345,6 +345,7 @@ class Network:
             return
 
         def reply(answer: bytes) -> None:
+            # The coordinator may crash before it answers.
             if self._may_speak(link.hub.process):
                 link.down(lambda: answered(answer))
 

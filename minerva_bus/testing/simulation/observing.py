@@ -98,6 +98,7 @@ class _FrameSink(Sink):
 
     def frame_done(self, notice: s.FrameDone) -> None:
         """A frame ends."""
+        # A process that was killed during its turn cannot have ended the frame.
         if not self._lives:
             return
         digest, inputs = notice.record.digest.hex(), notice.inputs

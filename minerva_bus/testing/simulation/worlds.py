@@ -159,6 +159,7 @@ class Water(Generator, Device, events=(), draws=("eShow",), coupled=True):
     def generate(self, tick: Tick) -> Iterable[Event]:
         self.ripples += self.figures
         seen = (Sighting("figure", float(self.ripples), 0.0),)
+        # Depends on the view and on saved state, so a restart that loses either changes the string.
         tick.publish("sight", Sightings(NAME, seen, tick.time))
         return ()
 
