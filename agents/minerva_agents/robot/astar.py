@@ -93,8 +93,10 @@ def _holds_good(robot: ARobot, place: Cell | None, moment: Context) -> bool:
     if robot.purpose == ASIDE:
         return True
     end = robot.plan_rows[-1], robot.plan_columns[-1]
+    # A marker that has been observed again may have moved to another cell.
     if robot.purpose == APPROACH:
         return place is not None and portable.dist(end, centre_of(place)) * robot.cell <= NEAR
+    # A search ends as soon as the marker has been seen.
     if robot.purpose != SEARCH or place is not None:
         return False
     is_due = moment.number % _REVIEW == 0
@@ -187,6 +189,7 @@ def _search_state(robot: ARobot) -> SearchState:
 
 
 def _path_to(robot: ARobot, closed: Mask, here: Cell, place: Cell) -> GridPath | None:
+    # The marker's own cell if it can be reached, otherwise a cell from which it counts as reached.
     if not closed[place]:
         path = shortest_path(closed, here, place)
         if path is not None:

@@ -133,6 +133,7 @@ def decide(robot: ARobot, moment: Context) -> Move:
         if not robot.objective:
             make_way(robot, place)
         return STAY
+    # Time in which the robot is stopped does not count as a search without news.
     if robot.speed <= 0 or gives_up(robot, moment):
         return STAY
     return PLANNERS[robot.planner](robot, moment)

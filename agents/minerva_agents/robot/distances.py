@@ -49,6 +49,7 @@ def clearance(obstacles: Grid) -> NDArray[np.float64]:
     distances = np.empty(obstacles.shape)
     for first in range(0, obstacles.shape[0], _LINES_AT_ONCE):
         lines = np.s_[first : first + _LINES_AT_ONCE]
+        # Transposed, so that each step of the transform processes contiguous numbers.
         distances[lines] = np.sqrt(_lower_envelope(np.ascontiguousarray(down[lines].T))).T
     return distances
 

@@ -92,6 +92,7 @@ def mark_obstacle(grid: Cells, row: float, column: float) -> None:
         return
     code = int(grid[cell])
     if code < MARKER and code != CLOSED:
+        # All other codes stand for no evidence.
         evidence = code if FREE < code <= SURE else FREE
         grid[cell] = min(SURE, evidence + _HIT)
 

@@ -96,6 +96,7 @@ class ALocalisingRobot(ARobot, symbol="ALocalisingRobot"):
         self._localise(moment)
         before = self.pose
         super().decide(event, moment)
+        # From this motion follows the uncertainty of the next match.
         self.turned += abs(wrapped(self.angle - before.angle))
         gone = portable.hypot(self.row - before.row, self.column - before.column)
         self.driven += float(gone) * self.cell

@@ -140,6 +140,7 @@ def draw(
         )
     notes += drawn.notes
     try:
+        # The map is complete without its picture, for which Pillow may be missing.
         save_picture(drawn, picture)
         notes.append(f"{picture}: the map as a picture")
     except MisuseError as error:

@@ -41,6 +41,7 @@ class AParcel(Agent, symbol="AParcel"):
     @on("eTake")
     def take(self, take: Event, moment: Context) -> None:
         """Join the first robot that asks, and notify it."""
+        # On board, a parcel has no marker, so a second robot does not get it.
         if self.marker and self.marker == take.marker and take.sender:
             self.marker, self.carrier = "", take.sender
             moment.emit(eTaken(receivers=(take.sender,)))

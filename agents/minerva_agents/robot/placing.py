@@ -191,6 +191,7 @@ def lower(distances: NDArray[np.float64], source: Cell) -> None:
     Dijkstra's algorithm (1959), pruned where another source is closer.
     """
     width = distances.shape[1] + 2
+    # A list, because reading single items of an array is slow.
     flat: list[float] = np.pad(distances, 1, constant_values=-1.0).ravel().tolist()
     first = (source[0] + 1) * width + source[1] + 1
     flat[first] = 0.0

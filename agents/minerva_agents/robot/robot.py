@@ -202,6 +202,7 @@ class ARobot(Agent, symbol="ARobot", rest=("action",)):
     @on("eTake")
     def notice_rival(self, take: Event, moment: Context) -> None:
         """Another robot takes what stands at a marker."""
+        # The robot's own request reaches it as well.
         if take.sender != self.id:
             errand.notice_rival(self, take.marker, moment)
 

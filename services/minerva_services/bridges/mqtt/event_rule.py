@@ -207,6 +207,7 @@ def _as(wanted: Type, raw: Any, mapped: Datum) -> Any:
 
 
 def _number(wanted: Type, raw: Any, mapped: Datum) -> Any:
+    # A truth value of JSON is not a number, although a bool of Python is.
     if isinstance(raw, bool) or not isinstance(raw, int | float | str):
         return raw
     if (mapped.scale, mapped.offset, mapped.unit) == (1.0, 0.0, "") and isinstance(raw, int):

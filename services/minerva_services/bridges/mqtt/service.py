@@ -77,6 +77,7 @@ class Mqtt(Bridge, Device, lockstep=False):
         checked_qos("mqtt", qos)
         self._rules = rules_of(_mapping("topics", topics), qos)
         self._publications = publications_of(_mapping("publish", publish), qos)
+        # Without publications, no views are needed.
         self.draws = (draws,) if self._publications else ()
         self.every = every
         self._outbox = MqttOutbox(self.count)

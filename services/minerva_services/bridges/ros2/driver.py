@@ -170,6 +170,7 @@ class Driver:
             if now < self._ends:
                 self._progress.at = now
                 return State.DRIVING
+            # Standing still is done once its time is over.
             if self._path is None or self._path.command == DriveCommand():
                 return State.DONE
             return self._arrival(now)

@@ -160,6 +160,7 @@ class Ros2View(Device, draws=("ePicture",)):
         own = self._of_robot(view, picture)
         with self._lock:
             self._picture = picture
+            # A new link replaces the publishers in its own thread.
             publishers = dict(self._publishers)
         header = messages().header(self._frame, time.time_ns())
         if types.GRID in publishers and own.grids:

@@ -49,6 +49,7 @@ class Frames:
         """Add the finite transforms of a TFMessage."""
         for item in message.transforms:
             matrix = matrix_of(item.transform)
+            # A transform with nan would spoil all sensors below it.
             if np.isfinite(matrix).all():
                 self._parents[_bare(item.child_frame_id)] = _bare(item.header.frame_id), matrix
 

@@ -124,6 +124,7 @@ def event_of(
     """
     texts = {ours: metadata.get(theirs, "") for theirs, ours in _TEXTS.items()}
     texts["performative"] = _act(texts["performative"])
+    # Without the parameter, XMPP's thread identifies the conversation.
     texts["conversation_id"] = texts["conversation_id"] or thread
     jids = metadata.get("reply-to", "").replace(",", " ").split()
     by = metadata.get("reply-by", "")

@@ -88,6 +88,7 @@ def _counts(
 ) -> NDArray[np.bool_]:
     counts = np.ones(len(first), np.bool_)
     for here, there in ignored:
+        # A pair to ignore is meant in both directions.
         forth = _called(volumes, first, here) & _called(volumes, other, there)
         back = _called(volumes, first, there) & _called(volumes, other, here)
         counts &= ~(forth | back)

@@ -55,6 +55,7 @@ class Lattice:
         indices = []
         for name, at, size in zip("xy", (spots.x, spots.y), self._size, strict=True):
             whole = at.astype(np.int64, copy=False)
+            # Fractions and nan differ from their conversion to integers.
             if len(at) and (whole.min() < 0 or whole.max() >= size or (whole != at).any()):
                 row = int(np.argmax((whole != at) | (whole < 0) | (whole >= size)))
                 raise MisuseError(

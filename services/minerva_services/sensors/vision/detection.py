@@ -38,6 +38,7 @@ def dictionary_of(name: str) -> str:
     """OpenCV's name of a dictionary; also accepts `tag36h11`. Raises MisuseError."""
     known = {candidate.lower(): candidate for candidate in DICTIONARIES}
     short = name.lower().removeprefix("dict_")
+    # AprilTag's own names, such as tag36h11, are accepted as well.
     match = known.get(short) or known.get(f"april{short.replace('tag', 'tag_', 1)}")
     if match is None:
         raise MisuseError(

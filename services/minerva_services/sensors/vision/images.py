@@ -32,6 +32,7 @@ def grey_of(image: Image) -> Grey:
     if pixels.size != image.width * image.height * depth:
         raise NoImage(f"{pixels.size} bytes do not match a {image.encoding} image of this size")
     rows = pixels.reshape(image.height, image.width, depth)
+    # OpenCV expects blue, green, red.
     return grey(rows[:, :, ::-1] if depth == 3 else rows)
 
 

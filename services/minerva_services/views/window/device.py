@@ -92,6 +92,7 @@ class WindowDevice(Device):
         """Process keys and mouse, and redraw after changes."""
         if self._monitor is None:
             return
+        # Queued actions are newer than the status, which would undo their display.
         if self._monitor.status is not None and not self._monitor.busy:
             self.controls.update(self._monitor.status)
         touched = self._input.process(self._composer.picture)
