@@ -40,6 +40,8 @@ class Conversation:
     """
 
     id: str
+    # Texts and not objects: each field is a parameter of the figure
+    # that describes the conversation.
     protocol: str
     role: str
     peer: str

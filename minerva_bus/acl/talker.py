@@ -55,6 +55,8 @@ class Talker(Agent):
         # Before `heard`, whose answers continue from this state.
         self.talks = effect.conversations.scene
         if effect.answer is not None:
+            # Errors of the protocol are answered here, so that an
+            # agent's own method need not check acts.
             moment.emit(effect.answer)
         return self.heard(message, effect.conversation, moment) if effect.told else None
 

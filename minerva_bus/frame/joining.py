@@ -129,7 +129,7 @@ class MemberLifecycle:
         if member.state in (MemberState.LOST, MemberState.LEFT):
             return
         if algorithm.phase is Phase.STOPPING:
-            # Not lost yet: the token's disappearance may overtake the report.
+            # Its report is still awaited: the disappearance of the token may overtake it.
             algorithm.shutdown.depart(member.name)
         elif algorithm.phase is not Phase.ENDED:
             # The change precedes the log line, so that the offers are without this host. `_lose`

@@ -257,7 +257,7 @@ class Record:
     ) -> dict[str, tuple[int, tuple[AnyEvent, ...]]]:
         """For each event type, the last frame before `before` that has it, and all its events."""
         last: dict[str, tuple[int, tuple[AnyEvent, ...]]] = {}
-        # From the end, because most types occur in the last chunk.
+        # From the end, so that chunks before the last occurrences are not read.
         for chunk in range(self._count - 1, -1, -1):
             here: dict[str, tuple[int, tuple[AnyEvent, ...]]] = {}
             for frame in self._frames_in(chunk):

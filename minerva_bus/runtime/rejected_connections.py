@@ -39,8 +39,8 @@ def rejections_in(notify: Callable[[RejectedConnection], None]) -> Callable[[byt
 
     def rejected(line: bytes) -> bool:
         reason = reason_in(line)
-        # Port scanners and health checks connect without a
-        # handshake; these are no attempts to join.
+        # Probes, such as `diagnosis.check_reachable`, connect without a
+        # handshake; they are no attempts to join.
         if reason and reason != NOTHING:
             notify(RejectedConnection(reason))
         return bool(reason)

@@ -94,7 +94,7 @@ class KeyFolder:
         others = [other.rights.name for other in issued.values() if other is not there]
         _check_alone(common, others, "choose another name")
         certificate, key = self._authority().issue(common, wanted, self.now)
-        # The key is first, so that a certificate in the folder always has its key.
+        # The key is first, so that a new certificate in the folder never lacks its key.
         _put(self._path(name, "key"), key_pem(key), 0o600)
         _put(self._path(name, "pem"), certificate_pem(certificate), 0o644)
         return self.issued()[name]

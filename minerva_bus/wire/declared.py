@@ -45,6 +45,7 @@ def message_codec(message: type[Any]) -> MessageCodec:
     """The codec of a declared message. Raises TypeError for an invalid declaration."""
     wire: Wire = message.WIRE
     declared = declared_fields(message)
+    # A field within the map of another one has no item of its own.
     items = tuple(of for of in declared if of.travels and not of.host)
     codecs = {of.name: field_codec(of) for of in declared if of.travels}
     encode, decode = _encoder(wire, declared, codecs), _decoder(message, declared, codecs)

@@ -53,6 +53,7 @@ def plain_vocabulary(vocabulary: Vocabulary) -> dict[str, Any]:
 def plain_kind(kind: AgentKind) -> list[Any]:
     """An agent kind as plain data."""
     chances = dict(kind.chances)
+    # Sorted, so that equal vocabularies are equal bytes: the key of a journal is a digest of them.
     subscribed = [
         [name, chances[name]] if name in chances else name for name in sorted(kind.subscribes)
     ]
