@@ -45,7 +45,7 @@ def fit_array(kind: Type, value: Any, *, finite: bool = True) -> Column:
     if letter == "u" and kind.kind == "int" and (fitted < 0).any():
         raise Unfit("an array of whole numbers of at most 64 bits")
     if finite and kind.kind == "real" and not np.isfinite(fitted).all():
-        raise Unfit(f"an array of {kind}, of finite numbers")
+        raise Unfit(f"an array of {kind} with finite numbers")
     if kind.range is not None and fitted.size:
         # If the extremes are in the range, all values are.
         kind.check_range(fitted.min().item())

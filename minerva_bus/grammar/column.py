@@ -52,7 +52,7 @@ class Column(Joinable):
         kind = kinds.pop() if len(kinds) == 1 else object
         array: NDArray[Any] = np.empty(len(values), _DTYPES.get(kind, object))
         if kind is tuple or kind is np.ndarray:
-            for row, value in enumerate(values):  # numpy would take it apart
+            for row, value in enumerate(values):  # numpy would convert nested values to arrays.
                 array[row] = value
         else:
             array[:] = values  # pyright: ignore[reportArgumentType, reportCallIssue]

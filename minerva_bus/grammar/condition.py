@@ -120,7 +120,7 @@ class Condition:
             sort = scope.sort_of(name)
             problem = f"{name} of {scope.who} is {sort}, which cannot be compared with {other}"
         elif name in scope.known:
-            problem = f"{name} of {scope.who} cannot be compared: it is no number, truth or text"
+            problem = f"{name} of {scope.who} is not a number, bool or text: it cannot be compared"
         else:
             problem = f"{scope.who} has no {name}{scope.near((offset, name, ''))}"
         raise VocabularyError(problem, text=self.text, offset=offset, source=source)
@@ -178,7 +178,7 @@ class _Reader:
         term = self._joined("or", 0)
         self._skip()
         if self._at < len(self._text):
-            self._wrong("the condition goes on", "'and', 'or' or its end", self._at)
+            self._wrong("text after the condition", "'and', 'or' or the end", self._at)
         return Condition(self._text, term, tuple(self._found))
 
     def _joined(self, word: str, depth: int) -> Term:
@@ -194,7 +194,7 @@ class _Reader:
         self._skip()
         # Bounds the recursion: conditions come from remote members, too.
         if depth > DEEPEST:
-            self._wrong("the condition is too deep", f"at most {DEEPEST} within another", self._at)
+            self._wrong("the condition is nested too deeply", f"at most {DEEPEST} levels", self._at)
         if self._take_word("not"):
             return Not(self._term(depth + 1))
         token = _TOKEN.match(self._text, self._at)
@@ -205,7 +205,7 @@ class _Reader:
         token = _TOKEN.match(self._text, self._at)
         if token is None or token["mark"] != ")":
             self._skip()
-            self._wrong("a parenthesis is open", "')'", self._at)
+            self._wrong("the parenthesis is not closed", "')'", self._at)
         self._at = token.end()
         return inner
 
@@ -219,7 +219,7 @@ class _Reader:
         found = Comparison(left, token["sign"], self._value())
         # A comparison of two constants is probably a mistake: it would not depend on the agent.
         if not (isinstance(left, Name) or isinstance(found.right, Name)):
-            self._wrong("the condition asks for no attribute", "one beside the value", at)
+            self._wrong("the comparison has no attribute", "an attribute on one side", at)
         self._found.append(found)
         return found
 
@@ -235,7 +235,7 @@ class _Reader:
         try:
             return json.loads(token["text"]) if token["text"] else float(token["number"])
         except ValueError:
-            self._wrong("the text has a wrong escape", "a text as in JSON", at)
+            self._wrong("invalid escape or character in a text", "a JSON string", at)
 
     def _take_word(self, word: str) -> bool:
         token = _TOKEN.match(self._text, self._at)

@@ -95,8 +95,8 @@ def _rows_after(turnover: RowDelta, old: Column, new: Column) -> Rows | None:
     if rows is None or not len(turnover.born):
         return rows
     changed = np.zeros(turnover.after, np.bool_)
-    # Added rows count as changed even if their values equal those of row 0, from which `source`
-    # takes them for want of an old row.
+    # Added rows count as changed even if their values equal those of row 0, which `source` uses
+    # for rows without an old one.
     changed[rows] = changed[turnover.born] = True
     return np.flatnonzero(changed)
 
@@ -113,16 +113,16 @@ def check(old: Piece, delta: Delta) -> Columns:
         return old
     # Columns have at least one row.
     if not turnover.after or turnover.count != old.count:
-        raise Unfit(f"a patch that leaves nothing of {old.count} {old.symbol}")
+        raise Unfit(f"a patch that removes all {old.count} {old.symbol}")
     born = 0 if delta.born is None else len(delta.born)
     if born != (len(turnover.born) if old.ids is not None else 0):
-        raise Unfit(f"a patch with {born} ids for {len(turnover.born)} more {old.symbol}")
+        raise Unfit(f"a patch with {born} ids for {len(turnover.born)} added {old.symbol}")
     # A set, because several changes of one column cover it only once.
     complete = {
         (change.level, change.place) for change in delta.changes if _covers_born(change, turnover)
     }
     if len(turnover.born) and len(complete) < len(old.all_columns()):
-        raise Unfit(f"a patch without values for {len(turnover.born)} more {old.symbol}")
+        raise Unfit(f"a patch without values for {len(turnover.born)} added {old.symbol}")
     return old
 
 
@@ -148,7 +148,7 @@ def _turned(old: Columns, turnover: RowDelta, born: Ids | None) -> Columns:
     ids = old.ids.turned(turnover, born)
     # A newborn must not have the id of another agent.
     if ids.duplicate is not None:
-        raise Unfit(f"a patch by which {same_id(ids.duplicate)}")
+        raise Unfit(f"a patch after which {same_id(ids.duplicate)}")
     return replace(turned, ids=ids)
 
 

@@ -50,7 +50,7 @@ from minerva_bus.grammar.scene import (
 SIZE = 16
 _EXACT: Final = 1 << 53
 _FLOATS: Final = frozenset((float,))
-_WHOLE: Final = 10**16  # above, a float prints otherwise than a whole number does
+_WHOLE: Final = 10**16  # From here on, a float prints differently from an equal int.
 
 
 def scene_digest(scene: Scene) -> bytes:
@@ -116,7 +116,7 @@ def _grouped(pieces: tuple[Piece, ...]) -> Iterator[Piece | list[Columns]]:
 def _aligned(group: Sequence[Piece]) -> bool:
     """Whether these are columns, of which all but the last consist of complete chunks."""
     # Columns cut at chunk borders have the chunks of the joined column, whose digests are cached.
-    whole_chunks = all(piece.count % CHUNK == 0 for piece in group[:-1])  # so these are no nodes
+    whole_chunks = all(piece.count % CHUNK == 0 for piece in group[:-1])  # Nodes have count 1.
     return whole_chunks and isinstance(group[-1], Columns)
 
 
@@ -144,7 +144,7 @@ def _chunks_of_ids(ids: Ids) -> bytes:
 
 def _chunks_of_column(column: Column) -> bytes:
     array = column.array
-    chunks = column.chunks  # Another thread may be at the same column.
+    chunks = column.chunks  # Another thread may be hashing the same column.
     if chunks is None:
         chunks = column.chunks = [b""] * -(-len(array) // CHUNK)
     for number, digest in enumerate(chunks):
@@ -209,7 +209,7 @@ def _filled(places: str, values: tuple[Value, ...]) -> str:
     if _FLOATS.issuperset(map(type, values)):
         # `repr` of a float is its canonical text, except for whole numbers.
         text = places % (*map(repr, values),)
-        if ".0," not in text and text[-2:] != ".0":  # Else some print as whole numbers.
+        if ".0," not in text and text[-2:] != ".0":  # Otherwise some print as whole numbers.
             return text
     return places % (*map(_value, values),)
 
@@ -221,7 +221,7 @@ def _places(names: tuple[str, ...]) -> str:
 
 
 def _value(value: Value) -> str:
-    if type(value) is float:  # As most are.
+    if type(value) is float:  # The most frequent type.
         return number_text(value)
     if isinstance(value, np.ndarray):
         return f"{shape_text(value)}[#{_hash(value.tobytes()).hex()}]"

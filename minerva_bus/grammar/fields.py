@@ -46,7 +46,7 @@ class Field:
             return False
         if self.default is None or other.default is None:
             return self.default is other.default
-        return same_values((self.default,), (other.default,))  # which matrices have no == for
+        return same_values((self.default,), (other.default,))  # == of matrices is elementwise.
 
     def __hash__(self) -> int:
         return hash((self.name, self.type))
@@ -55,7 +55,7 @@ class Field:
     def of(name: str, annotation: Any) -> Field:
         """A field from an annotation, or a `Default`. Raises MisuseError."""
         if not NAME.fullmatch(name):
-            raise MisuseError(f"{name!r} is no name of a parameter")
+            raise MisuseError(f"{name!r} is not a valid parameter name")
         with_default = isinstance(annotation, Default)
         try:
             kind = type_of(annotation.annotation if with_default else annotation)
@@ -115,7 +115,7 @@ class Fields:
     def fitted(self, owner: str, values: Sequence[Any]) -> list[Value]:
         """Values in the declared order, typed. Raises Unfit."""
         return [
-            value  # most values of most symbols, so they are spared the calls
+            value  # The most frequent case, without calls.
             if real and type(value) is float and isfinite(value)
             else self.fit(owner, parameter, value)
             for parameter, real, value in zip(self.all, self._reals, values, strict=True)

@@ -56,7 +56,7 @@ def to_text(value: Any) -> str:
         try:
             value.encode()
         except UnicodeEncodeError:
-            raise Unfit("a text of Unicode characters, without half a surrogate pair") from None
+            raise Unfit("a text without lone surrogates") from None
     # A subclass of str may have its own comparison and text.
     return value if type(value) is str else str.__str__(value)
 

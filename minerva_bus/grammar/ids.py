@@ -54,7 +54,7 @@ class Ids(Joinable):
         width = _width(texts)
         try:
             return Ids(None, np.array(texts, f"S{width}"))
-        except UnicodeEncodeError:  # no ids, then, but that is for others to say
+        except UnicodeEncodeError:  # Not valid ids; `strange` reports them.
             return Ids(None, np.array([text.encode() for text in texts], f"S{4 * width}"))
 
     def __len__(self) -> int:
@@ -160,7 +160,7 @@ class Ids(Joinable):
         """The turnover from old ids to these; None if those that remain are in another order."""
         if self._before is not None and self._before[0]() is old:
             return self._before[1]
-        # With a repeated id there is no one old row.
+        # The old row of a repeated id is ambiguous.
         if old.duplicate is not None:
             return None
         turnover = RowDelta.of(old.rows_of(self), len(old))
@@ -251,9 +251,9 @@ class Ids(Joinable):
 
     @cached_property
     def strange(self) -> str | None:
-        """One that is not a valid id of an agent, or None."""
+        """An id that is not a valid agent id, or None."""
         if self._stem is not None:
-            # One number stands for all of them, because only a negative one adds another character.
+            # One number represents all of them: only a negative one adds another character.
             some = int(self._data.min()) if len(self) else 0
             whole = AGENT_ID.fullmatch(f"{self._stem}{some}") if some >= 0 else None
             return None if whole is not None else f"{self._stem}{some}"

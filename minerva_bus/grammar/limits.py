@@ -33,7 +33,9 @@ class Range:
 
     def __post_init__(self) -> None:
         if not self.least <= self.most or (math.isinf(self.least) and math.isinf(self.most)):
-            raise MisuseError(f"a range has a least number, or a most above it, not {self}")
+            raise MisuseError(
+                f"invalid range {self}; expected a minimum, a maximum, or both in this order"
+            )
 
     def __str__(self) -> str:
         least, most = (_shown(end) for end in (self.least, self.most))
@@ -61,7 +63,7 @@ def parse_range(text: str) -> Range | None:
     try:
         return Range(float(least or "-inf"), float(most or "inf"))
     except ValueError:
-        raise MisuseError(f"no range {text!r}; a range is written 0.., ..6 or 0..6") from None
+        raise MisuseError(f"invalid range {text!r}; expected 0.., ..6 or 0..6") from None
 
 
 def _shown(end: float) -> str:
@@ -78,7 +80,7 @@ class Of:
     def __post_init__(self) -> None:
         if not (_SYMBOL.fullmatch(self.symbol) and _PARAMETER.fullmatch(self.parameter)):
             raise MisuseError(
-                f"a text is known as SYMBOL.parameter, such as PMarker.name, not as {self}"
+                f"invalid source of texts {self}; expected SYMBOL.parameter, such as PMarker.name"
             )
 
     def __str__(self) -> str:

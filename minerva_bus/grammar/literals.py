@@ -22,7 +22,7 @@ DEPTH = 32
 MATRIX_CELLS = 32_000_000
 
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
-# ++ and *+ never give back what they took: a long run of digits is gone over once
+# Possessive quantifiers (++ and *+) do not backtrack: a long run of digits is scanned once.
 _DIGITS = r"[-+]?(?:[0-9]++\.?[0-9]*+|\.[0-9]++)(?:[eE][-+]?[0-9]++)?"
 _PLAIN_PAIR = re.compile(rf"([A-Za-z_][A-Za-z0-9_]*)\s*=\s*({_DIGITS})\s*([,>])")
 _NUMBER = re.compile(rf"({_DIGITS})(?:\s*([A-Za-z°]+(?:/[A-Za-z]+)?))?")
@@ -79,7 +79,7 @@ class Literals:
         if match is None:
             raise self.wrong(at, "a name" if names else "a name or '>'")
         if match.group() in names:
-            raise self.wrong(at, "each name once", f"{match.group()} is given twice")
+            raise self.wrong(at, "each name once", f"duplicate name {match.group()}")
         return match.group(), self.expect("=", self.skip(match.end()))
 
     def value(self, at: int) -> tuple[Value, int]:
@@ -126,13 +126,13 @@ class Literals:
     def string(self, at: int) -> tuple[str, int]:
         match = _STRING.match(self.text, at)
         if match is None:
-            raise self.wrong(at, "'\"' at the end of the text", "the text is not closed")
+            raise self.wrong(at, "'\"' at the end of the text", "unterminated text")
         try:
             value = json.loads(match.group(), strict=True)
             # Half a surrogate pair is valid JSON, but cannot be encoded in UTF-8.
             value.encode()
         except ValueError:
-            raise self.wrong(at, "a text as in JSON", "the text has a wrong escape") from None
+            raise self.wrong(at, "a JSON string", "invalid escape or character in a text") from None
         return value, match.end()
 
     def nested(self, at: int, read: Callable[[int], tuple[Value, int]]) -> tuple[Value, int]:
@@ -179,11 +179,11 @@ class Literals:
     def run(self, text: str, real: bool, at: int) -> tuple[int | float, int]:
         match = _RUN.fullmatch(text)
         if match is None:
-            raise self.wrong(at, "runs such as 0*5 or 1", f"{text[:30]!r} is no run")
+            raise self.wrong(at, "runs such as 0*5 or 1", f"invalid run {text[:30]!r}")
         digits, count = match.groups()
         number = self.parse_number(digits, at)
         if not real and (isinstance(number, float) or not -32768 <= number < 32768):
-            raise self.wrong(at, "whole numbers of 16 bits", f"{digits[:30]} is none")
+            raise self.wrong(at, "whole numbers of 16 bits", f"invalid cell {digits[:30]}")
         return number, int(count or 1)
 
     def expect(self, sign: str, at: int, or_else: str = "") -> int:

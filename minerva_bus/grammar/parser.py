@@ -35,7 +35,7 @@ from minerva_bus.grammar.scene import (
 
 _BLANK = re.compile(r"(?:\s+|//[^\n]*)*")
 _HEAD = re.compile(rf"([PTA][A-Za-z0-9_]*)(?:#({AGENT_ID.pattern}))?")
-# Texts and comments match first, so that a # within them is no id.
+# Texts and comments match first, so that a # within them does not count as an id.
 _GIVEN_ID = re.compile(rf'"(?:[^"\\]|\\.)*"|//[^\n]*|#({AGENT_ID.pattern})')
 _PLAIN_VALUES = re.compile(r'<[^<>{}"\[\]/]*>')
 _ALPHABETS = "a symbol of P, T or A (PMap, TMove<dist=1>(...), ARobot#r1)"
@@ -145,7 +145,7 @@ class _Reader:
         name, agent_id = match.group(1), match.group(2)
         at = match.end()
         if agent_id is not None and name[0] != "A":
-            raise self.wrong(f"{name} cannot have an id", match.start(2) - 1, "ids on agents only")
+            raise self.wrong(f"{name} cannot have an id", match.start(2) - 1, "ids of agents only")
         values, at = self.values(at)
         at = self.skip(at)
         scoped = self.text.startswith("(", at)
@@ -187,9 +187,7 @@ class _Reader:
     def agent_id(self, symbol: str, given: str | None, start: int) -> str:
         name = given or self.new_id(symbol)
         if name in self.ids:
-            raise self.wrong(
-                f"the id #{name} is taken already", start, "an id of its own for each agent"
-            )
+            raise self.wrong(f"duplicate id #{name}", start, "a unique id for each agent")
         self.ids.add(name)
         return name
 
@@ -235,7 +233,7 @@ class _Reader:
 
     def skip(self, at: int) -> int:
         sign = self.text[at : at + 1]
-        if sign != "/" and not sign.isspace():  # mostly so, and cheaper to ask than a match
+        if sign != "/" and not sign.isspace():  # The usual case, and faster than a match.
             return at
         match = _BLANK.match(self.text, at)
         return match.end() if match else at
@@ -247,7 +245,7 @@ class _Reader:
         if opened >= 0:
             line = self.text.count("\n", 0, opened) + 1
             column = opened - self.text.rfind("\n", 0, opened)
-            problem += f" (it opens at line {line}, column {column})"
+            problem += f" (opened at line {line}, column {column})"
         return GrammarError(
             problem, text=self.text, offset=at, expected=expected, source=self.source
         )

@@ -83,7 +83,7 @@ class Places:
         self._shift = np.uint64(64 - bits)
         self._table = np.zeros(1 << bits, np.int32)
         rows, slots = np.arange(len(hashes)), self._slots(hashes)
-        self._table[slots[::-1]] = rows[::-1]  # the first of several comes last, and stays
+        self._table[slots[::-1]] = rows[::-1]  # Reversed, so that the first of several remains.
         self._others = np.flatnonzero(self._table[slots] != rows)
         self._sorter = np.argsort(hashes[self._others], kind="stable")
 

@@ -25,21 +25,24 @@ def _check_form(owner: str, form: Form | None, fields: Fields) -> None:
     for name in parameters_of(form) if form is not None else ():
         if name not in fields.names:
             raise MisuseError(
-                f"the form of {owner} uses {name}, which is none of its parameters"
+                f"the form of {owner} uses {name}, which is not one of its parameters"
                 f"{nearest(name, list(fields.names))}"
             )
 
 
 def _checked(name: str, alphabet: str, letter: str) -> str:
     if not NAME.fullmatch(name) or name[0] != letter:
-        raise MisuseError(f"the name of {alphabet} begins with {letter}, as in the paper: {name!r}")
+        raise MisuseError(
+            f"the name of {alphabet} must be {letter} followed by letters, digits or _,"
+            f" not {name!r}"
+        )
     return name
 
 
 class Primitive:
-    """A primitive p ∈ P; calling it gives the string of one figure.
+    """A primitive p ∈ P; calling it returns the string of one figure.
 
-    With arrays of shape (n,) among the parameters it gives n figures, one for each row.
+    If parameters are arrays of shape (n,), it returns n figures, one for each row.
     """
 
     def __init__(self, name: str, /, shape: Shape | None = None, **parameters: Any) -> None:
@@ -57,10 +60,10 @@ class Primitive:
 
 
 class Transformation:
-    """A transformation t ∈ T; `t(parameters)(string, ...)` gives the string t(OBJECTS).
+    """A transformation t ∈ T; `t(parameters)(string, ...)` returns the string t(OBJECTS).
 
-    With arrays of shape (n,) among the parameters it gives n transformations, each around its row
-    of the scope if that has n rows, otherwise around all of it.
+    If parameters are arrays of shape (n,), it returns n transformations, each around its row of
+    the scope if the scope has n rows, otherwise around the whole scope.
     """
 
     def __init__(self, name: str, /, motion: Motion | None = None, **parameters: Any) -> None:
@@ -91,8 +94,8 @@ class OpenTransformation:
         for node in scope:
             if not isinstance(node, Scene):  # pyright: ignore[reportUnnecessaryIsInstance]
                 raise MisuseError(
-                    f"the scope of {name} holds strings, not {node!r}; a primitive gives one when"
-                    " it is called, a transformation when it is called twice"
+                    f"the scope of {name} takes strings, not {node!r}; call a primitive once and a"
+                    " transformation twice to get a string"
                 )
         inside = Scene(tuple([piece for node in scope for piece in node.pieces]))
         if self.many is not None:
@@ -123,19 +126,22 @@ class AgentKind:
             self._check_rest(attribute)
         for event_type, probability in self.chances:
             if event_type not in self.subscribes:
-                raise MisuseError(f"{self.name} answers {event_type} with a chance, or not at all")
+                raise MisuseError(
+                    f"{self.name} has a probability for {event_type}, but does not respond to it"
+                )
             self._check_chance(event_type, probability)
 
     def _check_chance(self, event_type: str, probability: float | str) -> None:
         if isinstance(probability, str):
             if self.sort_of(probability) != NUMBER:
                 raise MisuseError(
-                    f"{self.name} answers {event_type} with the probability {probability!r}, which"
-                    f" is no attribute with a number{nearest(probability, list(self.fields.names))}"
+                    f"{self.name} responds to {event_type} with the probability {probability!r};"
+                    " expected the name of an attribute that is a number"
+                    f"{nearest(probability, list(self.fields.names))}"
                 )
         elif not 0 <= probability <= 1:
             raise MisuseError(
-                f"{self.name} answers {event_type} with the probability {probability:g};"
+                f"{self.name} responds to {event_type} with the probability {probability:g};"
                 " expected a number from 0 to 1, or the name of an attribute"
             )
 
@@ -144,11 +150,11 @@ class AgentKind:
         known = types.get(attribute)
         if known is None:
             near = nearest(attribute, list(types))
-            raise MisuseError(f"{self.name} has no attribute {attribute} to rest by{near}")
+            raise MisuseError(f"{self.name}: rest: no attribute {attribute}{near}")
         if known.kind in ("cells", "matrix") or known.words:
             raise MisuseError(
-                f"{self.name}.{attribute} is of the type {known} and cannot be at rest; numbers,"
-                " truths, texts, lists and strings can"
+                f"{self.name}.{attribute} is of the type {known}, which has no value at rest;"
+                " expected a number, bool, text, list or string"
             )
 
     def chance(self, event_type: str) -> float | str:
@@ -162,7 +168,7 @@ class AgentKind:
 
 
 class EventType:
-    """An event type d ∈ D with typed data; calling it gives an event. `visual`: d ∈ V."""
+    """An event type d ∈ D with typed data; calling it returns an event. `visual`: d ∈ V."""
 
     def __init__(self, name: str, /, visual: bool = False, **data: Any) -> None:
         self.name = _checked(name, "an event type", "e")
@@ -171,7 +177,9 @@ class EventType:
         for datum in self.fields.names:
             # An event's own attribute would hide the datum.
             if hasattr(Event, datum):
-                raise MisuseError(f"{name} cannot have data named {datum}: every event has {datum}")
+                raise MisuseError(
+                    f"{name} cannot have data named {datum}: this is an attribute of all events"
+                )
 
     def __call__(
         self,
@@ -211,7 +219,7 @@ class EventType:
             parse_condition(condition)
         listed = () if to is not None else _ids(receivers)
         if len(listed) > 1:
-            raise MisuseError(f"many {self.name} at once have one receiver each: give Ids")
+            raise MisuseError(f"a batch of {self.name} needs one receiver for each event, as Ids")
         if listed:
             to = Ids.of(listed).take(np.zeros(count, np.intp))
         return Events(self.name, self.fields.names, columns, count, condition, None, to)
@@ -221,5 +229,5 @@ def _ids(receivers: Iterable[object]) -> tuple[str, ...]:
     given = [receivers] if isinstance(receivers, str) else list(receivers)
     ids = [value for value in given if isinstance(value, str)]
     if isinstance(receivers, str) or len(ids) != len(given):
-        raise MisuseError(f"receivers are a list of ids: receivers=[...], not {receivers!r}")
+        raise MisuseError(f"receivers must be a list of ids, receivers=[...], not {receivers!r}")
     return tuple(sorted(set(ids)))

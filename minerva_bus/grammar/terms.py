@@ -48,7 +48,8 @@ class Comparison:
     def truth(self, state: Mapping[str, Any]) -> Any:
         """Whether it holds; an array of bools if the state has arrays."""
         left, right = (state[v.name] if isinstance(v, Name) else v for v in (self.left, self.right))
-        if type(left) is not type(right):  # whole numbers beyond 2^53, as arrays compare them
+        # Beyond 2^53 Python compares an int and a float exactly, but arrays compare them as floats.
+        if type(left) is not type(right):
             left, right = (float(v) if type(v) is int else v for v in (left, right))
         return _COMPARE[self.sign](left, right)
 

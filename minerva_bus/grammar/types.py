@@ -149,14 +149,11 @@ _FITS: dict[str, Callable[[Any], Value]] = {
 
 
 def parse_type(text: str) -> Type:
-    """The type that a text such as `real m` or `list of text` names.
-
-    Raises MisuseError for a text that names none.
-    """
+    """The type that a text such as `real m` or `list of text` names. Raises MisuseError."""
     words = text.split()
     # Bounds the recursion below.
     if len(words) > 2 * DEPTH:
-        raise MisuseError(f"lists are nested at most {DEPTH} deep")
+        raise MisuseError(f"lists can be nested at most {DEPTH} deep")
     if words[:2] == ["list", "of"]:
         return Type("list", item=parse_type(" ".join(words[2:])))
     # A range is the last word; without it, the rest is a type as well.
@@ -171,8 +168,9 @@ def parse_type(text: str) -> Type:
     if len(words) == 1 and words[0] in _KINDS:
         return Type(words[0])
     raise MisuseError(
-        f"no type {text!r}; there are {', '.join(_KINDS)}, list of TYPE, real UNIT, text WORD|WORD,"
-        " text of SYMBOL.parameter, and a range behind a number, real UNIT 0.."
+        f"unknown type {text!r}; expected {', '.join(_KINDS)}, list of TYPE, real UNIT,"
+        " text WORD|WORD, text of SYMBOL.parameter, or a number type with a range, such as"
+        " real UNIT 0.."
     )
 
 
@@ -181,10 +179,10 @@ def _one_of(words: tuple[Any, ...]) -> Type:
     for word in words:
         if not isinstance(word, str) or not _WORD.fullmatch(word):
             raise MisuseError(
-                f"{word!r} is no word that a text may be one of: letters, digits, _ -"
+                f"invalid word {word!r} of a text type; expected letters, digits, _ and -"
             )
     if len(set(words)) != len(words):
-        raise MisuseError(f"a text is one of several words, each named once: {', '.join(words)}")
+        raise MisuseError(f"the words of a text type must be distinct: {', '.join(words)}")
     return Type("text", words=words)
 
 
@@ -200,10 +198,7 @@ _BY_ANNOTATION: dict[Any, Type] = {
 
 
 def type_of(annotation: Any) -> Type:
-    """The type that a Python annotation represents (see the table above).
-
-    Raises MisuseError for any other annotation.
-    """
+    """The type of a Python annotation (see the table above). Raises MisuseError."""
     if isinstance(annotation, Type):
         return annotation
     if isinstance(annotation, str):
@@ -219,7 +214,7 @@ def type_of(annotation: Any) -> Type:
     if get_origin(annotation) is tuple and len(arguments) == 2 and arguments[1] is Ellipsis:
         return Type("list", item=type_of(arguments[0]))
     raise MisuseError(
-        f"{annotation!r} is no type of a parameter; use bool, int, float, Metres, Degrees, Seconds,"
+        f"{annotation!r} is not a parameter type; use bool, int, float, Metres, Degrees, Seconds,"
         " MetresPerSecond, str, Literal of words, Scene, Cells, Reals or tuple[..., ...] of one of"
         " them"
     )

@@ -14,7 +14,7 @@ def same_id(agent_id: str) -> str:
 
 def no_id(text: str) -> str:
     """The message for a text that is not a valid id."""
-    return f"{text!r} is no id of an agent: letters, digits and _ : - only"
+    return f"{text!r} is not a valid agent id; expected letters, digits, _, : and -"
 
 
 class UniqueIds:

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 from minerva_bus.errors import MisuseError
 
-# unit → (dimension, a/b: how many of the dimension's first unit it holds). Two whole numbers, so
-# that 57cm are 57/100 m to the last bit, and not 57·0.01
+# unit → (dimension, a, b): one unit is a/b of the dimension's first unit. Two integers, so that
+# 57cm is the float64 nearest to 57/100 m, which 57·0.01 is not.
 _UNITS: dict[str, tuple[str, float, float]] = {
     "m": ("length", 1, 1),
     "km": ("length", 1000, 1),
@@ -42,7 +42,7 @@ class Unit:
 
     def __post_init__(self) -> None:
         if self.symbol not in _UNITS:
-            raise MisuseError(f"no unit {self.symbol!r}; there are {', '.join(_UNITS)}")
+            raise MisuseError(f"unknown unit {self.symbol!r}; expected one of {', '.join(_UNITS)}")
 
 
 @dataclass(frozen=True, slots=True)

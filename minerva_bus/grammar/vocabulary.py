@@ -98,10 +98,12 @@ class Vocabulary:
             declared = self.events.get(event_type)
             if declared is None:
                 known = nearest(event_type, list(self.events))
-                raise MisuseError(f"{kind.name} responds to {event_type}, which is unknown{known}")
+                raise MisuseError(
+                    f"{kind.name} responds to the unknown event type {event_type}{known}"
+                )
             if declared.visual != (event_type in kind.views):
-                how = "a view (@view)" if declared.visual else "evolution (@on)"
-                raise MisuseError(f"{event_type} concerns {how}, but {kind.name} has it otherwise")
+                how = "visual: use @view" if declared.visual else "not visual: use @on"
+                raise MisuseError(f"{kind.name} responds to {event_type}, which is {how}")
 
     def __contains__(self, name: str) -> bool:
         return any(name in table for table in (self._symbols(name[:1]), self.events))
@@ -182,7 +184,7 @@ class Vocabulary:
     def _node(self, node: Node, scope: Scene, source: str, parsed: Parsed | None) -> Node:
         # User code can create nodes directly, also of the wrong class.
         if type(node) is not _NODES.get(node.symbol[:1], type(node)):
-            raise Unfit(f"{node.symbol} stands where its alphabet has no place")
+            raise Unfit(f"{node.symbol} is not a symbol of {type(node).__name__}")
         fields = self.fields(node.symbol)
         owner = f"{node.symbol}#{node.id}" if isinstance(node, AgentNode) else node.symbol
         names, values = fields.refit(owner, node.names, node.values)
@@ -279,8 +281,8 @@ def _entry(entry: Entry | type[HasKind]) -> Entry:
     kind: object = getattr(entry, "kind", None)
     if not isinstance(kind, AgentKind):
         raise MisuseError(
-            f"{entry!r} is no part of a vocabulary: give primitives, transformations, event types"
-            ' and agent classes with a symbol, class Fox(Agent, symbol="AFox")'
+            f"{entry!r} cannot be in a vocabulary; expected primitives, transformations, event"
+            ' types and agent classes with a symbol, such as class Fox(Agent, symbol="AFox")'
         )
     return kind
 
@@ -298,7 +300,7 @@ def _named(kind: type[_E], entries: Iterable[Entry]) -> dict[str, _E]:
     for entry in entries:
         if isinstance(entry, kind):
             if entry.name in found:
-                raise MisuseError(f"{entry.name} stands twice in the vocabulary")
+                raise MisuseError(f"{entry.name} is declared twice in the vocabulary")
             found[entry.name] = entry
     # Sorted, so that the order of declarations does not matter.
     return dict(sorted(found.items()))

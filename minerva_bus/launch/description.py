@@ -83,7 +83,8 @@ def _check_speakers(processes: Sequence[Process], vocabulary: Vocabulary, path: 
         for agent in process.speaks_for:
             known = list(vocabulary.kinds)
             if agent.startswith(ID):
-                wrong = "" if AGENT_ID.fullmatch(agent[1:]) else f"{agent!r} is no id of an agent"
+                valid = AGENT_ID.fullmatch(agent[1:])
+                wrong = "" if valid else f"{agent!r} is not a valid agent id"
             else:
                 unknown = f"the vocabulary has no agents {agent}{nearest(agent, known)}"
                 wrong = "" if agent in known else f'{unknown} (an id is "#{agent}")'

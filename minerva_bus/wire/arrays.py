@@ -114,7 +114,7 @@ def read_ids(plain: Any, count: int) -> Ids:
     ids = ids.known()
     # Checked before anything decodes the ids, since their bytes may not be UTF-8.
     if ids.strange is not None:
-        raise ProtocolError(f"{ids.strange[:40]!r} is no id of an agent")
+        raise ProtocolError(f"{ids.strange[:40]!r} is not a valid agent id")
     return ids
 
 

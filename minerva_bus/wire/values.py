@@ -269,10 +269,10 @@ class Reader:
 
     def _id(self, plain: Any) -> str:
         agent_id = as_text(plain, "an id")
-        # Slots may have the name of a part, such as ~AFox.1, which is no id of an agent.
+        # Slots may have the name of a part, such as ~AFox.1, which is not a valid agent id.
         plain_id = agent_id.removeprefix("~").replace(".", "_") if self._slots else agent_id
         if AGENT_ID.fullmatch(plain_id) is None:
-            raise ProtocolError(f"{agent_id[:40]!r} is no id of an agent")
+            raise ProtocolError(f"{agent_id[:40]!r} is not a valid agent id")
         return agent_id
 
     def _values(self, symbol: str, agent_id: str, plain: Any):

@@ -313,7 +313,7 @@ def wrong(place, value):
         (1, 4, "3 values; expected 4"),
         (1, 0, "whole number from 1"),
         (2, ["AFish", "AFish"], "a patch of 3 AFish"),
-        (3, [], "without values for 1 more"),
+        (3, [], "without values for 1 added"),
         (4, ext(b"b\1\1"), "rows must ascend"),
         (4, ext(b"b\3"), "below 3"),
         (4, ext(b"d" + bytes(8)), "rows must be integers"),
@@ -323,10 +323,10 @@ def wrong(place, value):
         (5, ext(b"b\xff"), "rows must ascend"),
         (5, ext(b"h\xff\x7f"), "born row"),
         (5, ext(b"b"), "0 ids of 4 bytes"),
-        (6, None, "0 ids for 1 more"),
-        (6, ["-", 0, 1], "no id of an agent"),
+        (6, None, "0 ids for 1 added"),
+        (6, ["-", 0, 1], "not a valid agent id"),
         (6, [None, 2, b"f2"], "two agents have the id #f2"),
-        (6, [None, 4, b"a b "], "no id of an agent"),
+        (6, [None, 4, b"a b "], "not a valid agent id"),
         (6, [None, 65, bytes(65)], "65 bytes"),
         (6, ["f", (1 << 63) - 1, 1], "64 bits"),
         (6, ["f", -1, 1], "from 0"),
@@ -343,7 +343,7 @@ def test_no_patch_removes_all_rows():
     nobody = ["patch", 3, ["AFish"], [], ext(b"b\0\1\2"), ext(b"b"), None]
     with pytest.raises(ProtocolError, match="whole number from 1"):
         READER.columns.patch(nobody)
-    with pytest.raises(Unfit, match="leaves nothing"):
+    with pytest.raises(Unfit, match="removes all"):
         patched(SHOAL, Delta(3, ("AFish",), (), RowDelta(3, np.arange(3), np.arange(0))))
 
 

@@ -263,7 +263,7 @@ def test_agents_that_are_left_out_of_a_frame_carry_nothing_out():
 
 
 def test_a_kind_that_cannot_rest_is_named():
-    with pytest.raises(MisuseError, match="AMouse has no attribute pusch to rest by; did you mean"):
+    with pytest.raises(MisuseError, match="AMouse: rest: no attribute pusch; did you mean"):
 
         class Mouse(Agent, symbol="AMouse", rest=("pusch",)):
             push: float = 0.0

@@ -154,7 +154,7 @@ def test_the_world_file_names_them(tmp_path):
     [
         ('speaks_for = "ACount"', "", r"\[process.add-1\]: .* no agents ACount; did you mean"),
         ('speaks_for = "a"', "", r'no agents a.* \(an id is "#a"\)'),
-        ('speaks_for = "#a b"', "", r"'#a b' is no id of an agent"),
+        ('speaks_for = "#a b"', "", r"'#a b' is not a valid agent id"),
         ("speaks_for = 7", "", "must be a list of texts"),
         ("", 'speaks_for = "ACounter"', "speaks_for is for generators"),
     ],

@@ -68,9 +68,9 @@ def test_thaw_and_freeze_give_the_very_node():
         (lambda: Fox("a"), r"AFox#a needs a value for x \(real m\)"),
         (lambda: Fox("a", x="far"), "AFox#a: x must be a number in m, not 'far'"),
         (lambda: Fox("a", x=1, enrgy=2), "did you mean 'energy'"),
-        (lambda: Fox("", x=1), "'' is no id of an agent"),
-        (lambda: Fox("a b", x=1), "'a b' is no id of an agent"),
-        (lambda: Fox("-a", x=1), "'-a' is no id of an agent"),
+        (lambda: Fox("", x=1), "'' is not a valid agent id"),
+        (lambda: Fox("a b", x=1), "'a b' is not a valid agent id"),
+        (lambda: Fox("-a", x=1), "'-a' is not a valid agent id"),
         (lambda: on(), "name the event types"),
         (lambda: on(lambda self: None), "name the event types"),
         (lambda: view(eHit), "name the event types"),
@@ -102,7 +102,7 @@ def test_names_that_every_agent_has_are_taken(name):
 
 
 def test_attributes_have_types_of_the_language():
-    with pytest.raises(MisuseError, match="no type of a parameter"):
+    with pytest.raises(MisuseError, match="not a parameter type"):
         classes(x=dict)
     with pytest.raises(MisuseError, match="the default of x must be a number"):
 

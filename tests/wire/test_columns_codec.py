@@ -230,7 +230,7 @@ def ext(data):
         (lambda p: p.__setitem__(1, None), "cannot stand in columns"),
         (lambda p: p.__setitem__(1, ["f", ext(b"b\0\1\1")]), "two agents have the id #f1"),
         (lambda p: p.__setitem__(1, ["f", ext(b"b\0\1\xff")]), "from 0"),
-        (lambda p: p.__setitem__(1, ["-f", ext(b"b\0\1\2")]), "no id of an agent"),
+        (lambda p: p.__setitem__(1, ["-f", ext(b"b\0\1\2")]), "not a valid agent id"),
         (lambda p: p.__setitem__(1, [None, 2, b"a\0b\0"]), "3 ids of 2 bytes"),
         (lambda p: p[2][0].__setitem__(0, "AGhost"), "has no AGhost"),
         (lambda p: p[2][0].__setitem__(0, "PDot"), "PDot has 4 columns; expected 2"),

@@ -221,9 +221,9 @@ def test_accepted_strings_conform_to_the_vocabulary(plain):
     ([1, ["TShift", [1.0], -1]], "whole number from 0"),
     ([1, ["TShift", [1.0], 1 << 40]], "cut off"),
     ([1, ["AWalker", "w", None, 0]], "must be a list, not nil"),
-    ([1, ["AWalker", "", [0.0, 1.0], 0]], "no id of an agent"),
-    ([1, ["AWalker", "a b", [0.0, 1.0], 0]], "no id of an agent"),
-    ([1, ["AWalker", "w\n", [0.0, 1.0], 0]], "no id of an agent"),
+    ([1, ["AWalker", "", [0.0, 1.0], 0]], "not a valid agent id"),
+    ([1, ["AWalker", "a b", [0.0, 1.0], 0]], "not a valid agent id"),
+    ([1, ["AWalker", "w\n", [0.0, 1.0], 0]], "not a valid agent id"),
     ([1, ["AWalker", 7, [0.0, 1.0], 0]], "an id must be text"),
     ([1, ["AWalker", "w", [0.0], 0]], "AWalker#w has 1 values; expected 2"),
     ([1 << 63], "cut off"),
@@ -515,7 +515,7 @@ def test_bytes_that_are_no_id_are_named(data):
         "emitted",
         [[next(iter(FAMILY_VOCABULARY.events)), 1, [], "", None, [None, len(data), data]]],
     ]
-    with pytest.raises(ProtocolError, match="is no id of an agent"):
+    with pytest.raises(ProtocolError, match="is not a valid agent id"):
         DECODER.from_member("m", msgpack.packb(plain))
 
 
