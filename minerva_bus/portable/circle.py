@@ -126,7 +126,7 @@ def _all_reduced(x: Numbers) -> tuple[Bits, Numbers, Numbers]:
 
 
 def _all_near(x: Numbers) -> tuple[Bits, Numbers, Numbers]:
-    quarters = np.rint(x * _PER_QUARTER) + 0.0  # -0 would take the sign of x away
+    quarters = np.rint(x * _PER_QUARTER) + 0.0  # turns -0.0 into 0.0, which keeps the sign of x
     y, low = _less(x, quarters)
     return quarters.astype(np.int64), y, low
 

@@ -15,9 +15,9 @@ from minerva_bus.portable.forms import F, Numbers, unary
 from minerva_bus.portable.logarithms import LN2, LN2_LOW
 
 _PER_LN2: Final = 1.44269504088896338700e00
-_MOST: Final = 709.782712893384  # above, the result is more than all numbers
-_LEAST: Final = -745.1332191019412  # below, it is less than half of the smallest
-_NOTHING: Final = -40.0  # e to this, less 1, is -1
+_MOST: Final = 709.782712893384  # above, the result overflows
+_LEAST: Final = -745.1332191019412  # below, it is less than half of the smallest number
+_NOTHING: Final = -40.0  # e to the power of this, minus 1, rounds to -1
 _ONE: Final = 22.0  # from here on the hyperbolic tangent is 1
 
 
@@ -92,7 +92,7 @@ def exp_many(x: Numbers) -> Numbers:
 def expm1_many(x: Numbers) -> Numbers:
     """`expm1` of each."""
     near = np.clip(x, _NOTHING, _MOST)
-    k = np.rint(near * _PER_LN2) + 0.0  # -0 would take the sign of x away
+    k = np.rint(near * _PER_LN2) + 0.0  # turns -0.0 into 0.0, which keeps the sign of x
     rest, less = _expm1_rest(near, k)
     tiny = _raised(np.ones(len(k)), -np.clip(k, 0.0, 1000.0))
     far = 2.0 * _raised(1.0 - (less - rest), k - 1.0) - 1.0

@@ -17,7 +17,7 @@ from minerva_bus.portable.forms import F, Numbers, head, unary
 
 LN2: Final = 6.93147180369123816490e-01  # ln 2 as a sum of two; its products with k are exact
 LN2_LOW: Final = 1.90821492927058770002e-10
-_LEAST: Final = float.fromhex("0x1.6a09ep-1")  # about √½: 1 + f is from here to twice of it
+_LEAST: Final = float.fromhex("0x1.6a09ep-1")  # about √½; 1 + f is from here to twice this
 _LEAST_BITS: Final = int(np.float64(_LEAST).view(np.int64))
 _MANTISSA: Final = (1 << 52) - 1
 _NORMAL: Final = 2.0**-1022

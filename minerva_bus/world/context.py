@@ -141,7 +141,7 @@ class Context(InFrame):
         # Streams that were made for this agent only have no other rows.
         alone = self.streams is None or self.streams.alone
         rows = None if alone else np.array([self.row], np.intp)
-        streams, self._rng = self.shared_streams(), None  # its stream moves on in the batch
+        streams, self._rng = self.shared_streams(), None  # the stream advances in the batch
         return BatchContext(self.frame, streams.draws, population, rows)
 
     def answers(self, event_type: str, probability: float) -> bool:

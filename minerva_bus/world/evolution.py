@@ -107,7 +107,7 @@ class _Eta:
         if part.ids is None or part.symbol not in self.kinds:
             return Scene((part,))
         if len(self.copies) != 1:
-            return None  # copies are neighbours of their row, so these are no rows of one array
+            return None  # each row becomes several neighbouring agents, which arrays cannot hold
         scene, sent = evolve_population(part, self.copies[0], self.kinds, self.frame)
         self.batches += sent
         return scene

@@ -66,7 +66,7 @@ def visualize(
 
 def _view(cls: type[Agent], node: AgentNode, event: Event, frame: int) -> Scene:
     """θ(a, e), equation 4."""
-    shown = identities(node.scope)  # already of L(E), and possibly very deep
+    shown = identities(node.scope)  # skipped: already of L(E), and possibly very deep
     show = cls.views[event.type]
     try:
         result = returned(show(cls.thaw(node), event))

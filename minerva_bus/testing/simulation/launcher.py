@@ -67,7 +67,7 @@ class Launcher:
         """Start the world."""
         self._supervisor.start(
             lambda endpoint: None
-        )  # A claim on a world's name; there is only one world.
+        )  # Claims the name of the world; there is only one here.
         self._wake()
 
     def result(self) -> RunSummary:

@@ -242,7 +242,7 @@ class Network:
     def tell_of_tokens(self, session: Session, watch: Declared) -> None:
         """Notify a new watcher of the present tokens."""
         if session.hub:
-            return  # The first coordinator of its world has no one to succeed.
+            return  # The first coordinator succeeds no other.
         link = session.link
         if link is not None:
 

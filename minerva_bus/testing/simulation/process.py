@@ -129,7 +129,8 @@ class SimulatedProcess:
     def kill(self) -> None:
         """End it at once; later effects are ignored."""
         if self.alive:
-            self.network.graveyard.append(self.life)  # It tidies up, unseen, when all is over.
+            # Its clean-up runs when the history is over, without effects.
+            self.network.graveyard.append(self.life)
             self._end(KILLED)
 
     def freeze(self, seconds: float) -> None:
