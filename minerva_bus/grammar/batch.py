@@ -112,6 +112,7 @@ class Events:
         if not alike:
             return None
         columns = tuple(map(Column.of, zip(*[event.values for event in events], strict=True)))
+        # Lists, matrices and strings cannot be columns.
         if any(column.array.dtype == object and not _texts(column) for column in columns):
             return None
         senders = Ids.of([event.sender for event in events]) if first.sender else None

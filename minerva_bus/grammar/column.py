@@ -92,6 +92,7 @@ class Column(Joinable):
         array[rows] = values
         chunks = None
         if self.chunks is not None:
+            # The old column keeps its own digests.
             chunks = self.chunks.copy()
             touched = np.zeros(len(chunks), np.bool_)
             touched[rows // CHUNK] = True

@@ -131,6 +131,7 @@ def patched(old: Piece, delta: Delta) -> Columns:
     # A delta may come from a remote member.
     columnar = check(old, delta)
     turned = columnar if delta.turnover is None else _turned(columnar, delta.turnover, delta.born)
+    # Rows first: the row numbers of changes are those after the turnover.
     columns = [list(level.columns) for level in turned.levels()]
     for change in delta.changes:
         before = columns[change.level][change.place]

@@ -49,6 +49,7 @@ class Field:
         return same_values((self.default,), (other.default,))  # == of matrices is elementwise.
 
     def __hash__(self) -> int:
+        # Without the default, which may be a matrix and then has no hash.
         return hash((self.name, self.type))
 
     @staticmethod

@@ -153,6 +153,7 @@ class Ids(Joinable):
             made = made.put(turnover.born, born)
         if new and self.distinct and (born is None or born.distinct):
             made.__dict__["distinct"] = True
+        # Kept for the delta of this frame, which would otherwise have to search for the turnover.
         made._before = ref(self), turnover
         return made.known()
 
@@ -331,6 +332,7 @@ class Ids(Joinable):
         return Places(self.hashes)
 
 
+# Weak values: ids that are no longer used are released.
 _KNOWN: Final[WeakValueDictionary[tuple[Any, ...], Ids]] = WeakValueDictionary()
 
 

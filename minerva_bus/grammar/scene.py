@@ -55,6 +55,7 @@ class Scene(Digested):
     _nodes: tuple[Node, ...] | None
 
     def __init__(self, pieces: tuple[Piece, ...] = ()) -> None:
+        # Past `__setattr__`, which rejects changes.
         object.__setattr__(self, "pieces", pieces)
         object.__setattr__(self, "_nodes", None)
 
@@ -244,6 +245,7 @@ def with_scope(
     node: TransformationNode | AgentNode, scope: Scene
 ) -> TransformationNode | AgentNode:
     """The node with another scope; the same object if nothing changes."""
+    # Empty scopes may be different objects.
     if scope is node.scope or (not scope.pieces and not node.scope.pieces):
         return node
     if isinstance(node, AgentNode):

@@ -198,6 +198,7 @@ class EventType:
             return self._many(args, kwargs, receivers, condition)
         values = self.fields.bind(self.name, args, kwargs)
         if condition:
+            # Parsed for its errors only, so that they appear where the event is created.
             parse_condition(condition)
         to = _ids(receivers) if receivers else ()
         return Event(self.name, self.fields.names, values, condition, sender, to)

@@ -123,6 +123,7 @@ class Type:
             raise Unfit(f"a {self}, not {shown(value)}")
         items = cast("tuple[Any, ...] | list[Any]", value)
         fitted = tuple([item.fit(element) for element in items])
+        # The same tuple, so that an unchanged value is recognized by identity.
         if isinstance(value, tuple) and all(map(is_, fitted, items)):
             fitted = cast("tuple[Value, ...]", value)
         return shallow(fitted) if self.holds_strings else fitted

@@ -266,6 +266,7 @@ class Vocabulary:
             return columns
         if events.condition:
             self.check_condition(events.type, events.condition, source)
+        # The columns are valid; ids and the condition are checked apart from them.
         for ids in (events.senders, events.receivers):
             if ids is not None and ids.strange is not None:
                 raise VocabularyError(no_id(ids.strange), source=source)
