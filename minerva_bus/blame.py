@@ -52,7 +52,7 @@ def described(error: BaseException) -> str:
     if not isinstance(error, MinervaError):
         text = f"{type(error).__name__}: {text}" if text else type(error).__name__
     if isinstance(error, SystemExit):
-        text += "; code of a world raises an error instead, or lets its process go on"
+        text += "; code of a world must not exit: raise another exception, or return"
     lines = text.split("\n")
     if len(lines) > MESSAGE_LINES:
         lines = [*lines[: MESSAGE_LINES - 1], f"… ({len(lines) - MESSAGE_LINES + 1} more lines)"]

@@ -23,7 +23,7 @@
     ├── BusError                 a session, an endpoint or a world cannot be reached
     │   └── Followed             another coordinator runs the world now
     ├── KeysError                a key or a certificate is missing or does not fit
-    └── WorldStopped             a running world ended before its time
+    └── WorldStopped             a running world ended prematurely
 
 A module name at the end of a line says where a class is defined; the others are defined here.
 tests/unit/test_errors.py compares the tree with the classes. An error message says who failed,
@@ -170,7 +170,7 @@ class KeysError(MinervaError):
 
 
 class WorldStopped(MinervaError):
-    """A running world ended before its time."""
+    """A running world ended prematurely."""
 
 
 _EXCERPT_WIDTH = 76

@@ -73,7 +73,7 @@ def check_new(path: Path, kind: str = "output") -> None:
     # A link counts as existing even if its target does not.
     if not _policy.forced and os.path.lexists(path):
         raise MisuseError(
-            f"{kind}: {path} exists and is not overwritten; choose another path, or give --force"
+            f"{kind}: {path} already exists; choose another path, or overwrite it with --force"
         )
 
 
@@ -90,18 +90,18 @@ def _check(path: Path, kind: str, *, inputs: bool) -> None:
     except OSError:
         return  # It is missing, or the attempt to write it reports why it is unreachable.
     if stat.S_ISDIR(status.st_mode):
-        raise MisuseError(f"{kind}: cannot write {path}: it is a folder; choose a file's name")
+        raise MisuseError(f"{kind}: cannot write {path}: it is a folder; choose a file name")
     if not stat.S_ISREG(status.st_mode):
         return
     if inputs and _identity(status) in _policy.read:
         raise MisuseError(
-            f"{kind}: {path} is an input of this run and is not overwritten; choose another path,"
-            " or give --force"
+            f"{kind}: {path} is an input of this run; choose another path, or overwrite it with"
+            " --force"
         )
     if status.st_size and not is_own(path):
         raise MisuseError(
-            f"{kind}: {path} exists and was not written by Minerva Bus, or was edited since; choose"
-            " another path, move the file away, or give --force"
+            f"{kind}: {path} exists and was not written by Minerva Bus, or has been edited; choose"
+            " another path, move the file, or overwrite it with --force"
         )
 
 
@@ -123,7 +123,7 @@ def _write(path: Path, kind: str, write: Callable[[], None]) -> None:
     except OSError as error:
         reason = error.strerror or error
         raise MisuseError(
-            f"{kind}: cannot write {path}: {reason}; set path to a place that can"
+            f"{kind}: cannot write {path}: {reason}; choose a writable path"
         ) from None
 
 

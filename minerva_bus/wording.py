@@ -16,7 +16,7 @@ def named_some(names: Sequence[str], most: int) -> str:
 
 
 def frames_up_to(end: int) -> str:
-    """The frames before `end` in words: `no frames`, `frame 0`, `the frames 0 to 12`."""
+    """The frames before `end` in words: `no frames`, `frame 0 only`, `frames 0 to 12`."""
     if end <= 1:
         return "frame 0 only" if end == 1 else "no frames"
-    return f"the frames 0 to {end - 1}"
+    return f"frames 0 to {end - 1}"

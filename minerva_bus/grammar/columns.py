@@ -120,14 +120,17 @@ class Columns(Digested):
         return list(zip(*[column.list() for column in self.columns], strict=True))
 
     def take(self, rows: Rows | slice) -> Columns:
-        """Some of the rows."""
+        """The columns of these rows: an array of row numbers, or a slice."""
         count = len(range(*rows.indices(self.count))) if isinstance(rows, slice) else len(rows)
         return self.changed(lambda column: column.take(rows), count, rows)
 
     def changed(
         self, change: Callable[[Column], Column], count: int, rows: Rows | slice | None = None
     ) -> Columns:
-        """The same shape with other columns."""
+        """The same shape with `change` applied to each column, and `count` rows.
+
+        The ids are those of `rows`; None keeps all of them.
+        """
         scope = self.scope.changed(change, count, rows) if self.scope is not None else None
         ids = self.ids if self.ids is None or rows is None else self.ids.take(rows)
         columns = tuple([change(column) for column in self.columns])
@@ -154,7 +157,7 @@ class Columns(Digested):
 
     @staticmethod
     def concatenated(parts: Sequence[Columns]) -> Columns:
-        """Several columns of one shape as one."""
+        """The concatenation of columns of one shape."""
         if len(parts) == 1:
             return parts[0]
         first = parts[0]

@@ -14,7 +14,7 @@ Measure: TypeAlias = float | str
 
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """A transformation of the plane: shift by (x, y), turn, then go forward along the new x."""
+    """A motion of the plane: translation by (x, y), rotation, translation along the new x axis."""
 
     x: Measure = 0.0
     y: Measure = 0.0
@@ -55,8 +55,9 @@ class Label:
 class Raster:
     """A matrix parameter as squares: cell [row, column] at x + row·cell, y + column·cell.
 
-    `colors` pairs the least value of a range with its colour ("" draws nothing), ascending; a
-    value takes the colour of the last range that begins at or below it. `opacity` is 0 to 1.
+    `colors` pairs the lower bound of each range with a colour ("" draws nothing), in ascending
+    order; a value has the colour of the last range whose bound does not exceed it. `opacity` is
+    from 0 to 1.
     """
 
     cells: str

@@ -1,4 +1,4 @@
-"""Further limits of a type: a range of numbers, or the source of known texts.
+"""Limits of a type: a range of numbers, or the source of texts in the string.
 
 | text             | in Python                                    | value                         |
 |------------------|----------------------------------------------|-------------------------------|
@@ -56,7 +56,7 @@ class Range:
 
 
 def parse_range(text: str) -> Range | None:
-    """The range that a text such as `0..` names, None if it names none. Raises MisuseError."""
+    """The range in a text such as `0..`; None for a text without `..`. Raises MisuseError."""
     least, between, most = text.partition(_BETWEEN)
     if not between:
         return None

@@ -111,16 +111,16 @@ class Literals:
     def parse_number(self, digits: str, at: int) -> int | float:
         bare = digits.lstrip("+-")
         if bare.isdigit():
-            # `int` takes quadratic time in the number of digits, and refuses some thousand of them.
+            # `int` takes quadratic time, and raises for more than some thousand digits.
             number = int(digits) if len(bare.lstrip("0")) < 20 else 1 << 64
             if not -(1 << 63) <= number < 1 << 63:
                 raise self.wrong(
-                    at, "a whole number of at most 64 bits", f"{digits[:30]} is too big"
+                    at, "a whole number of at most 64 bits", f"{digits[:30]} is too large"
                 )
             return number
         real = float(digits)
         if not math.isfinite(real):
-            raise self.wrong(at, "a finite number", f"{digits[:30]} is too big")
+            raise self.wrong(at, "a finite number", f"{digits[:30]} is too large")
         return real
 
     def string(self, at: int) -> tuple[str, int]:
@@ -165,7 +165,7 @@ class Literals:
         # Checked before anything is allocated: a short text may declare a huge matrix, or repeat a
         # number very often.
         if rows * columns > MATRIX_CELLS:
-            raise self.wrong(at, f"at most {MATRIX_CELLS} cells", f"{rows}x{columns} is too big")
+            raise self.wrong(at, f"at most {MATRIX_CELLS} cells", f"{rows}x{columns} is too large")
         runs = [self.run(text, real, at) for text in match.group(4).split()]
         cells = sum(count for _, count in runs)
         if cells != rows * columns:

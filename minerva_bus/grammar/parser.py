@@ -56,7 +56,7 @@ class _Open:
 
 @dataclass(frozen=True, slots=True)
 class Parsed:
-    """A string, its text, and where in the text each node begins (by the node's `id()`)."""
+    """A string, its text, and the offset of each node in the text, by the node's `id()`."""
 
     scene: Scene
     text: str

@@ -61,7 +61,7 @@ class Not:
     term: Term
 
     def truth(self, state: Mapping[str, Any]) -> Any:
-        """As for a comparison."""
+        """Like `Comparison.truth`."""
         # `not` for a bool as well as for an array.
         return self.term.truth(state) ^ True
 
@@ -74,7 +74,7 @@ class Joined:
     terms: tuple[Term, ...]
 
     def truth(self, state: Mapping[str, Any]) -> Any:
-        """As for a comparison."""
+        """Like `Comparison.truth`."""
         found: Any = self.terms[0].truth(state)
         for term in self.terms[1:]:
             truth = term.truth(state)

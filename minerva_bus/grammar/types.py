@@ -8,7 +8,7 @@
 | `text`            | `str`                            | UTF-8                                   |
 | `text a|b`        | `Literal["a", "b"]`              | one of these words                      |
 | `real m 0..`      | see `limits`                     | a number in a range                     |
-| `text of P.name`  | see `limits`                     | a text that the string knows            |
+| `text of P.name`  | see `limits`                     | a text that occurs in the string        |
 | `list of TYPE`    | `tuple[X, ...]`                  | a tuple                                 |
 | `cells`           | `Cells`                          | a read-only int16 matrix (rows, columns)|
 | `matrix`          | `Reals`                          | a read-only float64 matrix              |

@@ -262,7 +262,7 @@ class Vocabulary:
             # One by one, so that an error names the event, or values are converted.
             columns = Events.of([self.check_event(event, source) for event in events])
             if columns is None:
-                raise VocabularyError(f"{events.type} cannot be columns", source=source)
+                raise VocabularyError(f"a batch of {events.type} cannot be columns", source=source)
             return columns
         if events.condition:
             self.check_condition(events.type, events.condition, source)

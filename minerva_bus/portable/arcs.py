@@ -14,7 +14,7 @@ from minerva_bus.portable.forms import F, Numbers, binary, head, unary
 
 _HALF: Final = 1.57079632679489655800e00  # π/2 as a sum of two
 _HALF_LOW: Final = 6.12323399573676603587e-17
-_HUGE: Final = 2.0**66  # from here on the arc tangent is π/2
+_HUGE: Final = 2.0**66  # from here on, the arc tangent rounds to π/2
 
 _BORDERS: Final = (0.4375, 0.6875, 1.1875, 2.4375)
 _FRACTIONS: Final = (  # arctan x = upper + lower + arctan((a x - b) / (c + d x)), up to each border

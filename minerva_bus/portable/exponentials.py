@@ -22,7 +22,7 @@ _ONE: Final = 22.0  # from here on the hyperbolic tangent is 1
 
 
 def exp_one(x: float) -> float:
-    """E to the power of x."""
+    """The exponential function, e to the power of x."""
     if not _LEAST <= x <= _MOST:
         return _far(x)
     k = round(x * _PER_LN2)
@@ -30,7 +30,7 @@ def exp_one(x: float) -> float:
 
 
 def expm1_one(x: float) -> float:
-    """E to the power of x, minus 1; accurate also for small x."""
+    """The exponential of x, minus 1; accurate for small x, too."""
     if not _NOTHING <= x <= _MOST:
         return -1.0 if x < 0.0 else _far(x)
     k = round(x * _PER_LN2)

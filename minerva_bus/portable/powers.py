@@ -30,7 +30,7 @@ _LARGE: Final = 2.0**66
 
 
 def power_one(x: float, y: float) -> float:
-    """X to the power of y."""
+    """The power of x with the exponent y."""
     size = abs(x)
     if not (0.0 < size < math.inf and -math.inf < y < math.inf) or y == 0.0 or size == 1.0:
         return math.pow(x, y)

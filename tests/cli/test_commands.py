@@ -171,7 +171,7 @@ def test_a_string_cut_anywhere_is_a_string_or_wrong_with_a_caret(minerva, home):
     ("PDot<x=1e999>", "finite"),
     ("PDot<x=99999999999999999999>", "64 bits"),
     ('PDot<x="a>', "unterminated text"),
-    ("PDot<x=99999x99999[0]>", "too big"),
+    ("PDot<x=99999x99999[0]>", "too large"),
     ("(" * 10_000, "found '('"),
     ("TMove(" * 10_000, "found the end"),
     ("PDot<x=" + "[" * 10_000, "nested at most"),

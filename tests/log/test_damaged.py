@@ -423,7 +423,7 @@ def test_recover_overwrites_nothing(tmp_path):
     done = recover(path, recovered_name(path))
     assert done.lines()[-1] == "nothing was damaged"
     before = done.path.read_bytes()
-    with pytest.raises(MisuseError, match="exists and is not overwritten"):
+    with pytest.raises(MisuseError, match="already exists"):
         recover(path, done.path)
     path.write_bytes(b"\x89MCAP0\r\n")
     with pytest.raises(RecordError, match="cut off before anything"):

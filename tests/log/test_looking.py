@@ -57,4 +57,4 @@ def test_a_frame_that_is_not_there(number, tmp_path):
     (tmp_path / "run.mcap").write_bytes(bytes_of("meadow"))
     done = here(tmp_path, "info", "run.mcap", "--frame", number)
     assert done.returncode == 2
-    assert done.stderr == f"minerva: run.mcap: it has the frames 0 to 59, not {number}\n"
+    assert done.stderr == f"minerva: run.mcap: it has frames 0 to 59, not {number}\n"

@@ -121,7 +121,7 @@ def test_unknown_targets_are_distinguished_from_future_ones():
         ("ABut", "did you mean 'ABug'"),
         ("ABug.leg", "has no 'leg'; did you mean 'legs'"),
         ("ABug=3", "values need a parameter"),
-        ("ABug.legs=9:2", "the lower end before the upper"),
+        ("ABug.legs=9:2", "a lower end that is at most the upper"),
         ("ABug.legs=2.5", "a whole number"),
         ("ABug.gait=walk,swim", "one of walk, run, hop"),
         ("TAim.angle=1m:2m", "a number in deg"),

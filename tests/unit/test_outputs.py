@@ -41,7 +41,7 @@ def test_a_text_file_is_the_programs_until_it_is_edited(tmp_path, suffix):
         write_output(path, content)
         assert path.read_bytes().startswith(content)
     path.write_bytes(path.read_bytes().replace(b"second", b"my own"))
-    with pytest.raises(MisuseError, match="edited since"):
+    with pytest.raises(MisuseError, match="has been edited"):
         check_output(path)
 
 

@@ -8,7 +8,7 @@ from minerva_bus.wording import counted, frames_up_to
 
 @pytest.mark.parametrize(
     ("end", "text"),
-    [(0, "no frames"), (1, "frame 0 only"), (2, "the frames 0 to 1"), (60, "the frames 0 to 59")],
+    [(0, "no frames"), (1, "frame 0 only"), (2, "frames 0 to 1"), (60, "frames 0 to 59")],
 )
 def test_the_frames_of_a_record(end, text):
     assert frames_up_to(end) == text

@@ -40,9 +40,9 @@ Domain: TypeAlias = Range | OneOf | None
 
 
 def parse_domain(text: str, kind: Type, owner: str) -> Range | OneOf:
-    """`-2:2` or `slow,fast` for a parameter of a type; numbers may have units (`-90deg:1rad`).
+    """The domain in a text such as `-2:2`, `-90deg:1rad` or `slow,fast`, for a type.
 
-    Raises MisuseError that begins with `owner`.
+    Raises MisuseError, which begins with `owner`.
     """
     try:
         low, colon, high = text.partition(":")
@@ -55,10 +55,10 @@ def parse_domain(text: str, kind: Type, owner: str) -> Range | OneOf:
 
 def _range(low: Any, high: Any) -> Range:
     if not low <= high:
-        raise Unfit("the lower end before the upper one")
+        raise Unfit("a lower end that is at most the upper end")
     # Steps are proportional to the width, which must be finite.
     if high - low == float("inf"):
-        raise Unfit("ends that are not that far apart")
+        raise Unfit("a range of finite width")
     return Range(low, high)
 
 
