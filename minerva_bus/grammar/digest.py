@@ -89,7 +89,7 @@ def scene_digest(scene: Scene) -> bytes:
 
 
 def _parts(scene: Scene) -> Iterator[Piece | list[Columns]]:
-    """Nodes, and runs of one shape as columns, however the string holds them.
+    """Nodes, and runs of one shape as columns, independent of the string's representation.
 
     Neighbouring columns that are cut at chunk borders are not merged.
     """

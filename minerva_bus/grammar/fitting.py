@@ -19,7 +19,7 @@ from minerva_bus.grammar.units import Quantity
 
 
 class Unfit(MinervaError):
-    """A value does not fit a type; the message has what was expected, `attribute` its name."""
+    """A value does not fit a type: the message names what was expected, `attribute` the field."""
 
     attribute: str = ""
 

@@ -325,7 +325,7 @@ class Ids(Joinable):
         # Equal hashes do not prove equal ids.
         if (mine[rows[there]] == theirs[there]).all():
             return rows
-        return found_in(mine, np.argsort(mine, kind="stable"), theirs)  # two of one hash
+        return found_in(mine, np.argsort(mine, kind="stable"), theirs)  # Two ids share a hash.
 
     @cached_property
     def _places(self) -> Places:
