@@ -8,7 +8,8 @@ from types import CodeType, FunctionType, ModuleType
 from typing import Any, Final, TypeAlias, cast
 
 from minerva_bus.errors import MisuseError
-from minerva_bus.grammar.scene import FigureNode, Scene, walk
+from minerva_bus.grammar.columns import Columns
+from minerva_bus.grammar.scene import AgentNode, Scene, TransformationNode
 from minerva_bus.grammar.symbols import AgentKind, EventType, Primitive, Transformation
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.world.agent import Agent
@@ -67,12 +68,14 @@ class SymbolFinder:
 
     def add_scene(self, scene: Scene) -> None:
         """Add the symbols of a string."""
-        for piece in scene.pieces:
+        waiting = [*reversed(scene.pieces)]
+        while waiting:
+            piece = waiting.pop()
             # Columns have their symbols once for all rows, so a million agents are not visited.
-            if not isinstance(piece, FigureNode) and hasattr(piece, "levels"):
-                self._wanted |= {level.symbol: None for level in cast("Any", piece).levels()}
-        if all(not hasattr(piece, "levels") for piece in scene.pieces):
-            self._wanted |= {node.symbol: None for opens, node in walk(scene) if opens}
+            levels = piece.levels() if isinstance(piece, Columns) else (piece,)
+            self._wanted |= {level.symbol: None for level in levels}
+            if isinstance(piece, TransformationNode | AgentNode):
+                waiting += reversed(piece.scope.pieces)
 
     def add_function(self, function: object) -> None:
         """Add the symbols that a function uses."""

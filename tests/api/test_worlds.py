@@ -13,6 +13,7 @@ from minerva_bus import (
     EventType,
     MinervaError,
     Primitive,
+    Transformation,
     Vocabulary,
     World,
     each,
@@ -47,6 +48,19 @@ def test_agents_are_found_where_the_world_is_made():
 
     world = World("AWalker#w", services=[each(eGo)])
     assert str(run(world, frames=4).scene) == "AWalker#w<x=4>()"
+
+
+@pytest.mark.parametrize("nested", [False, True])
+def test_symbols_beside_and_around_many_agents_are_collected(nested):
+    PTree = Primitive("PTree")
+    TTilt = Transformation("TTilt", angle=float)
+    beside = Frog.many("f", 100) + TTilt(0.5)(PTree())
+    string = TTilt(1.0)(beside) if nested else beside
+    assert [type(piece).__name__ for piece in beside.pieces] == ["Columns", "TransformationNode"]
+    vocabulary = World(string, services=[each(eTick)]).vocabulary
+    assert [*vocabulary.kinds] == ["AFrog"]
+    assert "PTree" in vocabulary.primitives
+    assert "TTilt" in vocabulary.transformations
 
 
 def test_symbols_of_services_modules_and_arguments_are_collected():
