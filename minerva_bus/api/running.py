@@ -83,7 +83,7 @@ def pick_table(tables: Mapping[str, DataTable], name: str, into: str = "") -> Da
             else 'nothing was collected: run(world, collect={"people": count(Person)})'
         )
     if not name and (FRAMES in tables or len(tables) == 1):
-        return tables.get(FRAMES) or next(iter(tables.values()))
+        return tables[FRAMES if FRAMES in tables else next(iter(tables))]
     if name in tables:
         return tables[name]
     # An entry of `collect` is a column of some table.

@@ -8,6 +8,7 @@ import pytest
 from frogs import Frog, eCroak, pond
 
 from minerva_bus import MinervaError, World, count, data, each, on, run
+from minerva_bus.api.running import pick_table
 from minerva_bus.collect.collector import read_entries
 from minerva_bus.collect.table import DataTable
 from minerva_bus.collect.writers import open_writer, read_columns
@@ -105,6 +106,12 @@ def test_frames_agents_and_events_have_a_table_each():
     assert croaks.columns == ("frame", "sender", "receiver", "loud")
     with pytest.raises(MisuseError, match="no table 'y'"):
         done.table("y")
+
+
+def test_an_empty_table_of_frames_is_returned_without_a_name():
+    empty = DataTable("frames", {"frame": "int64"}, {"frame": np.array([], np.int64)})
+    assert pick_table({"eCroak": table(), "frames": empty}, "") is empty
+    assert pick_table({"frames": empty, "eCroak": table()}, "") is empty
 
 
 def test_aggregates_of_nothing():
