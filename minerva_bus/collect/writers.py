@@ -24,6 +24,7 @@ from minerva_bus.outputs import check_output
 ENDINGS: Final = (".csv", ".parquet", ".columns")
 BUFFERED_ROWS: Final = 1 << 16
 """Rows that are buffered before they are written, so that a Parquet file has large groups."""
+_END: Final = b"$"
 
 
 class Writer(Protocol):
@@ -167,8 +168,9 @@ class ColumnsWriter(_FileWriter):
 
 def _plain(array: NDArray[Any]) -> NDArray[Any]:
     """Texts as bytes of one width, which numpy stores without pickling."""
-    encoded = [text.encode() for text in array.tolist()]
-    return np.array(encoded, f"S{max(map(len, encoded), default=1) or 1}")
+    # One more byte marks the end, because numpy drops NUL characters at the end of fixed widths.
+    encoded = [text.encode() + _END for text in array.tolist()]
+    return np.array(encoded, f"S{max(map(len, encoded), default=1)}")
 
 
 def read_columns(path: Path, name: str, types: Mapping[str, str]) -> DataTable:
@@ -186,8 +188,9 @@ def _chunks(file: IO[bytes], types: Mapping[str, str]) -> Iterator[dict[str, NDA
         for name, kind in types.items():
             array = np.load(file, allow_pickle=False)
             if kind == "text":
+                decoded = [text.removesuffix(_END).decode() for text in array.tolist()]
                 # The None keeps numpy from making a fixed-width text array.
-                array = np.array([*map(bytes.decode, array.tolist()), None], object)[:-1]
+                array = np.array([*decoded, None], object)[:-1]
             chunk[name] = array
         yield chunk
 

@@ -207,6 +207,15 @@ def test_columns_files_are_read_as_they_were_written(tmp_path):
     assert found["on"].dtype == np.bool_
 
 
+def test_columns_files_keep_every_character(tmp_path):
+    path = tmp_path / "t.columns"
+    names = ["a\0", "\0", "", "$", "é\0\0", "$\0$"]
+    writer = open_writer(path, "t", {"name": "text"})
+    writer.rows({"name": np.array(names, object)})
+    writer.close()
+    assert read_columns(path, "t", {"name": "text"})["name"].tolist() == names
+
+
 def test_arrow_reads_a_table_through_its_c_interface():
     pa = pytest.importorskip("pyarrow")
     arrow = pa.table(table())
