@@ -107,6 +107,14 @@ def test_knowledge_is_sent_when_it_changes(stage):
     assert "ImageMessage" not in names(sent)
 
 
+def test_a_floor_without_coloured_cells_may_get_some(stage):
+    made, _, scene = stage
+    made.show(picture(PFloor(np.full_like(FLOOR, -1))))
+    assert scene.get_handle_by_name("/floor/1/0/ground") is None
+    made.show(picture(PFloor(FLOOR)))
+    assert scene.get_handle_by_name("/floor/1/0/ground") is not None
+
+
 def test_a_matrix_is_a_picture_with_rows_along_x():
     from minerva_services.views.web.floors import image
 

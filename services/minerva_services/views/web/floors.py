@@ -46,9 +46,11 @@ class FloorNodes:
         before, nodes = self._shown.get(name, (None, []))
         if before is not None and _same(before, tiles):
             return
-        # Only an image can be replaced in place; meshes are built again.
-        if before is not None and _same_place(before, tiles) and isinstance(nodes[0], ImageHandle):
-            nodes[0].image = image(tiles)
+        # Only an image can be replaced in place; meshes are built again. A floor without coloured
+        # cells has no node at all.
+        node = nodes[0] if nodes and before is not None and _same_place(before, tiles) else None
+        if isinstance(node, ImageHandle):
+            node.image = image(tiles)
         else:
             for node in nodes:
                 node.remove()
