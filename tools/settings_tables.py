@@ -16,7 +16,8 @@ from minerva_bus.settings.declaring import Setting, settings_of
 
 DOCS = Path(__file__).parents[1] / "docs"
 PAGES = (DOCS / "worlds.md", DOCS / "norms.md")
-_BLOCK = re.compile(r"(<!-- settings: ([\w ]+) -->\n\n)(.*?)(\n<!-- end of settings -->)", re.S)
+# The blank lines around a table are not part of the match, because an empty block lacks them.
+_BLOCK = re.compile(r"(<!-- settings: ([\w ]+) -->\n).*?(<!-- end of settings -->)", re.S)
 
 
 def table_of(classes: Sequence[type[Any]], qualified: bool = False) -> str:
@@ -55,7 +56,7 @@ def filled(text: str) -> str:
     def replaced(match: re.Match[str]) -> str:
         names = match[2].split()
         classes = [getattr(tables, f"{name}Settings") for name in names]
-        return f"{match[1]}{table_of(classes, qualified='Watch' in names)}\n{match[4]}"
+        return f"{match[1]}\n{table_of(classes, qualified='Watch' in names)}\n\n{match[3]}"
 
     return _BLOCK.sub(replaced, text)
 

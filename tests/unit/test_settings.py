@@ -191,6 +191,13 @@ def test_the_tables_of_the_documents_follow_from_the_declarations(page):
     assert filled(text) == text, "run python -m tools.settings_tables"
 
 
+@pytest.mark.parametrize("lines", ["", "\n", "\n\n", "\nold\n\n"])
+def test_an_empty_block_gets_its_table_and_no_other_text_is_lost(lines):
+    begin, end = "<!-- settings: Record -->\n", "<!-- end of settings -->\n"
+    table = f"{begin}\n{table_of((RecordSettings,))}\n\n{end}"
+    assert filled(f"{begin}{lines}{end}between\n{table}") == f"{table}between\n{table}"
+
+
 def test_a_row_has_key_type_default_option_and_meaning():
     rows = table_of((RecordSettings,))
     assert "| `flush` | seconds from 0 | 2 | `--flush` | Flush the record to disk at" in rows
