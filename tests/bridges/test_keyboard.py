@@ -67,7 +67,8 @@ def typed(desk, text, **options):
     made = keyboard(desk, **options)
     with RunningBridge(made) as runs:
         desk.type(text)
-        count = len(list(KeyDecoder().named(text.encode())))
+        keys = KeyDecoder()
+        count = len([*keys.named(text.encode()), *keys.named(b"")])
         runs.wait_for(
             lambda: runs.counted("events") + runs.counted("other keys") == count, "keys arrive"
         )
@@ -162,6 +163,29 @@ def test_names_of_keys():
     ]
     assert list(keys.named(b"\xc3")) == []
     assert list(keys.named(b"\xa4\x1b[1;5A\x1b[3~\x01")) == ["ä", "up", "", ""]
+
+
+def test_an_escape_sequence_may_be_split_between_two_reads():
+    data = b"a\x1b[1;5Ab\x1bOB\x1b[3~"
+    for place in range(len(data) + 1):
+        keys = KeyDecoder()
+        names = [*keys.named(data[:place]), *keys.named(data[place:])]
+        assert names == ["a", "up", "b", "down", ""], place
+
+
+def test_a_pause_distinguishes_the_escape_key_from_a_sequence():
+    keys = KeyDecoder()
+    assert list(keys.named(b"a\x1b")) == ["a"]
+    assert list(keys.named(b"")) == ["escape"]
+    assert list(keys.named(b"\x1b")) == []
+    assert list(keys.named(b"x\x1b\x1b[")) == ["escape", "x", "escape"]
+    assert list(keys.named(b"")) == ["escape", "["]
+    assert list(keys.named(b"")) == []
+
+
+def test_a_sequence_without_an_end_does_not_accumulate():
+    keys = KeyDecoder()
+    assert list(keys.named(b"\x1b[" + b"1" * 100)) == ["escape", "[", *"1" * 100]
 
 
 # --- in a terminal, in a world ---

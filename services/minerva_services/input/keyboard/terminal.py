@@ -77,6 +77,9 @@ _SIGNS: Final = {
     " ": "space", "\r": "enter", "\n": "enter", "\t": "tab", "\x7f": "backspace", "\x1b": "escape"
 }  # fmt: skip
 _KEY: Final = re.compile(r"\x1b(?:\[[0-9;]*|O)([@-~])|.", re.DOTALL)
+# The beginning of a sequence at the end of a chunk. Its length is limited, so that input without a
+# final byte cannot accumulate.
+_BEGUN: Final = re.compile(r"\x1b(?:\[[0-9;]{0,16}|O)?\Z")
 
 
 class KeyDecoder:
@@ -89,10 +92,15 @@ class KeyDecoder:
     def __init__(self) -> None:
         # Incremental, because a read may end within a character.
         self._decoder = codecs.getincrementaldecoder("utf-8")("replace")
+        self._begun = ""
 
     def named(self, data: bytes) -> Iterator[str]:
-        """The keys in a chunk of bytes."""
-        for match in _KEY.finditer(self._decoder.decode(data)):
+        """The keys in a chunk of bytes; an empty chunk ends an escape sequence begun before it."""
+        text = self._begun + self._decoder.decode(data)
+        # Only a pause distinguishes the key Esc from the first byte of a sequence.
+        begun = _BEGUN.search(text) if data else None
+        self._begun = begun.group() if begun else ""
+        for match in _KEY.finditer(text.removesuffix(self._begun)):
             final, sign = match.group(1), match.group()
             if final is not None:
                 yield _ARROWS.get(final, "")
