@@ -67,19 +67,18 @@ def _open(closed: Mask, walls: Mask, at: Position, room: float) -> None:
     centres = np.argwhere(far) + corner + 0.5
     near = centres[portable.hypot(*(centres - at).T) < room]
     far[tuple((near - corner).astype(np.intp).T)] = False
-    # What stays closed: cells near other obstacles, and cells closer to a near obstacle than the
-    # robot is now.
-    opened = inflate(far, room)
+    # Cells near other obstacles, and cells closer to a near obstacle than the robot is now.
+    still_closed = inflate(far, room)
     rows, columns = np.ogrid[: far.shape[0], : far.shape[1]]
     for centre in near.tolist():
         down, across = rows + (corner[0] + 0.5 - centre[0]), columns + (corner[1] + 0.5 - centre[1])
-        opened |= portable.hypot(down, across) < portable.dist(centre, at) - _TOLERANCE
+        still_closed |= portable.hypot(down, across) < portable.dist(centre, at) - _TOLERANCE
     # Towards the rim of the window, obstacles beyond it are missing, so only the inner part counts.
     inner = np.s_[
         max(0, row - corner[0] - reach) : row - corner[0] + reach + 1,
         max(0, column - corner[1] - reach) : column - corner[1] + reach + 1,
     ]
-    closed[window][inner] &= opened[inner]
+    closed[window][inner] &= still_closed[inner]
 
 
 def is_clear(grid: Cells, way: Way, room: float) -> bool:
