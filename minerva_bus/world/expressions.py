@@ -17,6 +17,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
+from math import isfinite, nan
 from typing import Any, Final, NoReturn
 
 from minerva_bus.errors import MisuseError, VocabularyError, nearest
@@ -52,6 +53,8 @@ class Expression:
     interval: int = 1
 
     def __post_init__(self) -> None:
+        # Plain floats: numbers of numpy have another `repr`, and large ints more digits.
+        object.__setattr__(self, "arguments", _finite(self))
         _check_arguments(self)
         if self.interval < 1:
             raise MisuseError(f"{self.symbol}: every {self.interval} frames; expected at least 1")
@@ -59,7 +62,8 @@ class Expression:
     def __str__(self) -> str:
         shown = f"{self.symbol}.{self.name}" if self.name else self.symbol
         if self.function:
-            numbers = [f"{number:.15g}" for number in self.arguments]
+            # `repr`, because fewer digits would be read as another number.
+            numbers = [repr(number).removesuffix(".0") for number in self.arguments]
             inner = [shown, *numbers, *([self.condition] if self.condition else [])]
             shown = f"{self.function}({', '.join(inner)})"
         elif self.condition:
@@ -115,9 +119,8 @@ class Expression:
             raise MisuseError(f"{self} is one number in each frame already")
         if not self.name:
             raise MisuseError(f"{function} needs a datum: data({self.symbol}, NAME).{function}()")
-        numbers = tuple(float(number) for number in arguments)
         condition = where or self.condition
-        return replace(self, function=function, condition=condition, arguments=numbers)
+        return replace(self, function=function, condition=condition, arguments=arguments)
 
     def checked(self, vocabulary: Vocabulary, source: str = "collect") -> Condition:
         """Its parsed condition. Raises VocabularyError if the vocabulary lacks what it names."""
@@ -192,16 +195,30 @@ def _name_of(symbol: Any) -> str:
     return str(kind.name)
 
 
+def _finite(made: Expression) -> tuple[float, ...]:
+    try:
+        numbers = tuple(float(number) for number in made.arguments)
+    except (TypeError, ValueError, OverflowError):
+        numbers = (nan,)
+    if not all(map(isfinite, numbers)):
+        raise MisuseError(
+            f"the arguments of {made.function} of {made.symbol} must be finite numbers"
+        )
+    return numbers
+
+
 def _check_arguments(made: Expression) -> None:
     function, numbers = made.function, made.arguments
+    if numbers and function not in ("quantiles", "histogram"):
+        raise MisuseError(f"{function or 'a value'} of {made.symbol} takes no numbers")
     if function == "quantiles" and (not numbers or not all(0 <= n <= 1 for n in numbers)):
         raise MisuseError(f"quantiles of {made.symbol} need numbers from 0 to 1, such as 0.5")
     if function == "histogram":
         low, high, bins = numbers if len(numbers) == 3 else (0.0, 0.0, 0.0)
-        if not (low < high < float("inf") and bins == int(bins) and 1 <= bins <= MAX_BINS):
+        if not (low < high and bins == int(bins) and 1 <= bins <= MAX_BINS):
             raise MisuseError(
-                f"a histogram of {made.symbol} needs low < high and 1 to {MAX_BINS:,} bins:"
-                " histogram(0, 60, bins=12)"
+                f"a histogram of {made.symbol} needs finite numbers, low < high, and 1 to"
+                f" {MAX_BINS:,} bins: histogram(0, 60, bins=12)"
             )
 
 
@@ -260,7 +277,8 @@ _NUMBER: Final = re.compile(
 )
 _WHERE: Final = re.compile(r"\s+where\s+(.*)\Z", re.DOTALL)
 # Double quotes match first, so single quotes within a text in double quotes stay.
-_QUOTED: Final = re.compile(r"""("(?:[^"\\]|\\.)*")|'((?:[^'\\"]|\\.)*)'""")
+_QUOTED: Final = re.compile(r"""("(?:[^"\\]|\\.)*")|'((?:[^'\\]|\\.)*)'""")
+_ESCAPED: Final = re.compile(r"""\\(')|\\.|(")""")
 _EXPECTED: Final = "KIND.ATTRIBUTE, EVENT.DATUM, or a function of one, such as count(AFox, x > 3)"
 
 
@@ -304,7 +322,13 @@ def read_expression(text: str, source: str = "collect") -> Expression:
 
 def in_double_quotes(condition: str) -> str:
     """A condition with texts in single quotes rewritten to double quotes."""
-    return _QUOTED.sub(lambda match: match[1] or f'"{match[2]}"', condition)
+    return _QUOTED.sub(lambda match: match[1] or _double_quoted(match[2]), condition)
+
+
+def _double_quoted(inside: str) -> str:
+    # Escapes stay, except for that of a single quote, which JSON does not have.
+    escaped = _ESCAPED.sub(lambda match: match[1] or ('\\"' if match[2] else match[0]), inside)
+    return f'"{escaped}"'
 
 
 def _wrong(problem: str, text: str, at: int, source: str) -> NoReturn:

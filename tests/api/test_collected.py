@@ -55,11 +55,57 @@ def test_expressions_and_their_texts_are_the_same(text, expression):
     ("quantiles(AFrog.x, 2)", "from 0 to 1"),
     ("histogram(AFrog.x, 3, 1, 5)", "low < high"),
     ("frogs", "cannot be read"),
+    ("histogram(AFrog.x, -1e999, 3, 5)", "finite"),
+    ("histogram(AFrog.x, 0, 1, 1e999)", "finite"),
+    ("histogram(AFrog.x, 0, inf, 5)", "finite"),
+    ("quantiles(AFrog.x, nan)", "from 0 to 1"),
+    ("mean(AFrog.x, 3)", "mean of AFrog takes no numbers"),
 ])  # fmt: skip
 def test_texts_that_are_no_expression_are_shown_with_a_caret(text, problem):
     with pytest.raises(VocabularyError, match=problem) as caught:
         read_expression(text)
     assert "^" in str(caught.value)
+
+
+@pytest.mark.parametrize("expression", [
+    Frog.x.quantiles(0.1 + 0.2, 1 / 3, 5e-324),
+    Frog.x.quantiles(*np.array([0.1, 0.9])),
+    Frog.x.histogram(-0.5, 2**53 + 1, 3),
+    Frog.x.histogram(-1e300, 10**22, 3),
+    Frog.x.histogram(-(2**70), -1e-7, 3),
+    Frog.x.where(r'mood == "say \"a\\b\", it\'s every 3"').every(2),
+    count(Frog, r"""mood == 'it\'s "a\\"' and x > -1.5"""),
+])  # fmt: skip
+def test_texts_of_expressions_are_read_as_the_same_expression(expression):
+    assert read_expression(str(expression)) == expression
+
+
+@pytest.mark.parametrize(("text", "value"), [
+    (r"'it\'s'", "it's"),
+    ("'say \"hi\"'", 'say "hi"'),
+    (r"'a\\'", "a\\"),
+    (r"""'\"\\"'""", '"\\"'),
+    (r"'\u00e9\n'", "é\n"),
+    (r'"it' "'" r's \"b\""', "it's \"b\""),
+])  # fmt: skip
+def test_texts_in_conditions_may_have_quotes_and_backslashes(text, value):
+    condition = f"mood == {text} and x > 1"
+    for expression in (count(Frog, condition), read_expression(f"count(AFrog, {condition})")):
+        assert expression.checked(pond().vocabulary).comparisons[0].right == value
+
+
+@pytest.mark.parametrize(
+    "number", [math.inf, -math.inf, math.nan, pytest.param(10**400, id="large"), "few"]
+)
+def test_arguments_of_expressions_are_finite_numbers(number):
+    for make in (
+        lambda: Frog.x.quantiles(number),
+        lambda: Frog.x.histogram(number, 3),
+        lambda: Frog.x.histogram(0, number),
+        lambda: Frog.x.histogram(0, 3, number),
+    ):
+        with pytest.raises(MisuseError, match="of AFrog must be finite numbers"):
+            make()
 
 
 @pytest.mark.parametrize(("collect", "problem"), [
