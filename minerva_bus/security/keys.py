@@ -3,6 +3,7 @@
     ca.pem, ca.key        the authority; its key is only needed to issue and to revoke
     crl.pem               the certificate revocation list
     NAME.pem, NAME.key    certificate and key of the member NAME, or of the family NAME-*
+    NAME.key.new          a key whose certificate is being written, see `issue`
 
 New folders have the mode 0700, keys 0600.
 """
@@ -43,6 +44,7 @@ from minerva_bus.wire.keys import COORDINATOR, checked_name, is_name
 
 AUTHORITY_DAYS: Final = 3650
 _AUTHORITY, _REVOKED = "ca", "crl"
+_STAGED: Final = "key.new"
 
 
 class KeyFolder:
@@ -94,8 +96,9 @@ class KeyFolder:
         others = [other.rights.name for other in issued.values() if other is not there]
         _check_alone(common, others, "choose another name")
         certificate, key = self._authority().issue(common, wanted, self.now)
-        # The key is first, so that a new certificate in the folder never lacks its key.
-        _put(self._path(name, "key"), key_pem(key), 0o600)
+        # Two files cannot change at once. The new key waits beside the former pair, the certificate
+        # commits the change, and whoever reads the folder next, here `issued`, completes it.
+        _put(self._path(name, _STAGED), key_pem(key), 0o600)
         _put(self._path(name, "pem"), certificate_pem(certificate), 0o644)
         return self.issued()[name]
 
@@ -124,6 +127,8 @@ class KeyFolder:
             revoked = read_revoked(self._path(_REVOKED, "pem"), authority)
         files = sorted(self.folder.glob("*.pem"))
         members = [file for file in files if file.stem not in (_AUTHORITY, _REVOKED)]
+        for file in members:
+            self._complete(file.stem)
         return {file.stem: read_issued(file, authority, revoked) for file in members}
 
     def rights(self) -> Mapping[str, Rights]:
@@ -166,6 +171,28 @@ class KeyFolder:
         return tuple([(file.name, file.stat().st_mtime_ns) for file in files])
 
     # --- parts ---
+
+    def _complete(self, name: str) -> None:
+        """Move the staged key of a certificate into place. Raises KeysError if it cannot."""
+        staged = self._path(name, _STAGED)
+        if not staged.exists():
+            return
+        try:
+            public = read_key(staged).public_key()
+        except KeysError:
+            return  # Another process has just moved it, or only its owner may read it.
+        # A key of another certificate is left from an `issue` that did not reach its commit.
+        if public != read_certificate(self._path(name, "pem")).public_key():
+            return
+        try:
+            staged.replace(self._path(name, "key"))
+        except FileNotFoundError:
+            return  # Another process has moved it.
+        except OSError as error:
+            raise KeysError(
+                f"{staged} is the key to {name}.pem and cannot be renamed to {name}.key:"
+                f" {error.strerror}; rename it"
+            ) from None
 
     def _has(self, name: str) -> bool:
         """Whether the folder has a certificate or list of this name.
@@ -263,6 +290,8 @@ def _put(path: Path, data: bytes, mode: int) -> None:
     """Write a file atomically, with its mode from the first byte on."""
     beside = path.with_suffix(f".{os.getpid()}.new")
     try:
+        # A killed process of the same id, which is always 1 in a container, may have left one.
+        beside.unlink(missing_ok=True)
         # O_EXCL, so that a link at this path is not followed.
         descriptor = os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode)
         with os.fdopen(descriptor, "wb") as file:

@@ -190,6 +190,31 @@ def test_a_renewed_certificate_keeps_all_that_is_not_overridden(keys):
     assert changed.topics == {"scan"}
 
 
+@pytest.mark.parametrize("step", ["stage the key", "write the certificate", "move the key"])
+def test_an_interrupted_renewal_leaves_a_pair_that_belongs_together(keys, monkeypatch, step):
+    wanted, serial = Wanted(("generator",)), keys.issued()["sensor"].serial
+    steps = iter(("stage the key", "write the certificate", "move the key"))
+    replace = Path.replace
+
+    def interrupted(path, target):
+        if next(steps) == step:
+            raise OSError(28, "No space left on device")
+        return replace(path, target)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(Path, "replace", interrupted)
+        with pytest.raises(KeysError, match="No space left on device"):
+            keys.issue("sensor", wanted, renew=True)
+    own = KeyFolder(keys.folder).credentials("sensor")
+    ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT).load_cert_chain(own.certificate, own.key)
+    assert (keys.issued()["sensor"].serial != serial) == (step == "move the key")
+    # What the interruption has left does not prevent another attempt.
+    renewed = keys.issue("sensor", wanted, renew=True)
+    ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT).load_cert_chain(own.certificate, own.key)
+    assert renewed.serial != serial
+    assert not list(keys.folder.glob("*.new"))
+
+
 def test_an_authority_is_created_completely_or_not(tmp_path):
     for host in ("two words", "tls/a:1"):
         done = here(tmp_path, "keys", "init", "--host", host)
