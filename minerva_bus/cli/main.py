@@ -117,6 +117,10 @@ def main() -> None:
         # The reader of a pipe, such as `head`, has closed it: it needs no more.
         sys.exit(0)
     except OSError as error:
+        if error.errno == errno.ENAMETOOLONG:
+            name = str(error.filename)
+            print(f"minerva: the file name {name[:60]!r}... is too long", file=sys.stderr)  # noqa: T201
+            sys.exit(WRONG)
         if error.errno != errno.EIO:
             raise
         os._exit(INTERRUPTED)  # The terminal was closed, so nothing can be printed.

@@ -205,8 +205,6 @@ class InProcessRun:
         assert self._parts is not None
         try:
             yield
-        except KeyboardInterrupt:
-            raise
         except Unready as error:
             # Not a failure of code: the service cannot run in this world, and its message says why.
             self._reason = str(error)

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Final, cast
 
 from minerva_bus.errors import UnknownOption, WorldFileError, nearest
-from minerva_bus.launch.specs import called, find_world, help_line
+from minerva_bus.launch.specs import called, find_world, help_line, is_file
 from minerva_bus.launch.table import Table
 from minerva_bus.launch.typed import toml_value
 from minerva_bus.settings.kinds import fits, phrase_of
@@ -63,7 +63,7 @@ def beside(value: Any, folder: Path) -> Any:
     # Other texts, such as a string of the grammar, are no paths, and may be too long for one.
     if isinstance(value, str) and value and "\n" not in value and len(value) < 1000:
         path = folder / value
-        return str(path) if path.is_file() else value
+        return str(path) if is_file(path) else value
     return value
 
 
@@ -73,7 +73,7 @@ def _like(key: str, given: str, default: Any) -> Any:
         # Relative to the current folder, as for any command; a default is relative to the world
         # file.
         path = Path(given)
-        return str(path.resolve()) if given and path.is_file() else given
+        return str(path.resolve()) if given and is_file(path) else given
     value = toml_value(given)
     python = cast("type[Any]", type(default))
     if not (fits(value, python) if phrase_of(python) else isinstance(value, python)):

@@ -88,15 +88,16 @@ class _Reader:
             ]
         # Only services have further keys, the arguments of their constructors.
         table.done()
-        if own.command and shutil.which(own.command[0], path=self._path()) is None:
-            table.wrong("command", f"names {own.command[0]!r}, which is not an executable file")
+        # The command runs in the world file's folder, which PATH does not contain.
+        if own.command:
+            program = own.command[0]
+            path = str(folder / program) if os.sep in program else program
+            if shutil.which(path) is None:
+                table.wrong("command", f"names {program!r}, which is not an executable file")
         with table.loading("agents"):
             classes = tuple(find_agent(spec, folder) for spec in own.agents)
         plain = replace(plain, agents=classes, command=own.command, folder=folder)
         return [replace(plain, name=each, alike=names[0]) for each in names]
-
-    def _path(self) -> str:
-        return os.pathsep.join([str(self.path.parent), os.environ.get("PATH", os.defpath)])
 
     def maker(
         self, name: str, cls: type[Service], options: dict[str, Any]

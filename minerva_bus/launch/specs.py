@@ -6,6 +6,7 @@ import importlib
 import importlib.util
 import inspect
 import json
+import os
 import re
 import sys
 from collections.abc import Callable, Mapping
@@ -123,10 +124,16 @@ def _installed(group: str, name: str) -> Any:
     return load(known[name].value)
 
 
+def is_file(path: Path) -> bool:
+    """Whether a text of a user is the path of a file."""
+    # pathlib raises an error for a part that is too long, such as a text that is not a path.
+    return os.path.isfile(path)  # noqa: PTH113
+
+
 def find_world(spec: str) -> Path:
     """The world file of a path or an installed name. Raises WorldFileError."""
     path = Path(spec)
-    if path.is_file():
+    if is_file(path):
         return path.resolve()
     known = entries(WORLDS)
     if spec in known:

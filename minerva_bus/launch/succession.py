@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from select import PIPE_BUF
 from typing import Any, Final
 
 from minerva_bus.launch.children import CoordinatorStart
@@ -65,8 +66,10 @@ class Succession:
 
     def command(self, line: str) -> None:
         """Send the coordinator a line; a stuck coordinator must not block the launcher."""
+        # A longer line could be written in part, and the next command would be lost with it.
+        data = line.encode()[: PIPE_BUF - 1].decode(errors="ignore").encode()
         try:
-            self._context.machine.write(self._commands, line.encode() + b"\n")
+            self._context.machine.write(self._commands, data + b"\n")
         except OSError:
             return  # It has died or is stuck; the launcher detects both.
 

@@ -343,7 +343,8 @@ class Supervisor:
         ending.failure = ending.failure or self._last_line or f"the coordinator {how_ended(code)}"
         now = self._machine.monotonic()
         # The report that would set the deadline does not arrive any more.
-        ending.deadline = min(ending.deadline or float("inf"), now + self._report_seconds)
+        until = now + self._report_seconds
+        ending.deadline = until if ending.deadline is None else min(ending.deadline, until)
 
     def _on_failure(self, process: SupervisedProcess, code: int) -> None:
         spec, name = process.spec, process.name

@@ -47,8 +47,10 @@ def toml_value_text(value: Any) -> str:
         return f"[{', '.join(map(toml_value_text, cast('list[Any]', value)))}]"
     if isinstance(value, bool):
         return "true" if value else "false"
-    # The strings of JSON are strings of TOML, too.
-    return json.dumps(value, ensure_ascii=False) if isinstance(value, str) else repr(value)
+    # A string of JSON is one of TOML, but TOML also requires an escape for DEL.
+    if isinstance(value, str):
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    return repr(value)
 
 
 def toml_text(tables: Mapping[str, Mapping[str, Any]]) -> str:

@@ -300,8 +300,8 @@ class ProcessSettings:
         (),
         "A program that implements [PROTOCOL.md](../PROTOCOL.md).",
         more="It reads the world's name, the endpoint and its own name from `MINERVA_WORLD`,"
-        " `MINERVA_CONNECT` and `MINERVA_NAME`. It runs in the folder in which `minerva run` was"
-        " called; the world file's folder is not searched.",
+        " `MINERVA_CONNECT` and `MINERVA_NAME`. It runs in the world file's folder: a program with"
+        " a `/` is relative to it, any other is searched in `PATH`.",
         shown=" ",
     )
     processes: int = _process(

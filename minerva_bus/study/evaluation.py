@@ -133,7 +133,10 @@ class EvaluationCache:
                 self._compare(evaluated)
             self.on_done()
 
+        before = self.best
         self.evaluator.evaluate(new, on_score)
+        # Runs end in any order, but of equal strings the first one wins with any number of workers.
+        self.best = before
         # A string may be known from random search, for which it was not eligible.
         for scene in strings:
             self._compare(self.known[scene.digest])

@@ -205,3 +205,36 @@ def test_versions_and_help(folder):
     shown = minerva(folder, "--help")
     for command in ("run", "check", "attach", "list", "echo", "pub", "version"):
         assert f" {command} " in shown.stdout
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("run", "x" * 300),
+        ("run", "world.toml", "--label", "x" * 300),
+        ("check", "x" * 300),
+        ("info", f"{'x' * 300}.mcap"),
+        ("diff", "x" * 300, "y"),
+        ("map", "x" * 300),
+    ],
+    ids=lambda words: words[0],
+)
+def test_a_name_that_is_too_long_for_a_file_is_no_failure(folder, words):
+    path = folder / "world.toml"
+    path.write_text(WORLD + '[options]\nlabel = "short"\n', encoding="utf-8")
+    done = minerva(folder, *words, *(("--in-process",) if "--label" in words else ()))
+    assert done.returncode == (0 if "--label" in words else 2), done.stderr
+    assert len(done.stderr.splitlines()) <= 10
+
+
+def test_a_command_is_searched_where_it_runs(folder):
+    tool = folder / "tool"
+    tool.write_text("#!/bin/sh\nexit 0\n", encoding="utf-8")
+    tool.chmod(0o755)
+    for command, code in (("./tool", 0), ("tool", 1), ("./other", 1), ("sh", 0)):
+        text = WORLD.replace('agents = "words:Walker"', f'command = ["{command}"]')
+        (folder / "world.toml").write_text(text, encoding="utf-8")
+        # From another folder: the command runs in that of the world file.
+        (folder / "elsewhere").mkdir(exist_ok=True)
+        done = minerva(folder / "elsewhere", "check", "../world.toml")
+        assert (done.returncode, "not an executable" in done.stderr) == (code, bool(code)), command

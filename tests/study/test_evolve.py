@@ -12,10 +12,11 @@ import pytest
 
 from minerva_bus.cli.main import app
 from minerva_bus.errors import MinervaError
+from minerva_bus.grammar.parser import parse
 from minerva_bus.launch.reading import read_world_file
 from minerva_bus.launch.specs import load
 from minerva_bus.settings.overrides import Overrides
-from minerva_bus.study.evaluation import run_fitness
+from minerva_bus.study.evaluation import EvaluationCache, Score, run_fitness
 from minerva_bus.study.trial import prepared, run_trial
 from tests.study.ponds import pond
 
@@ -167,3 +168,18 @@ def test_the_outcome_has_the_events_and_the_frames(tmp_path):
     outcome = run_trial(read(tmp_path), in_process=True)
     assert (outcome.frames, outcome.events) == (5, {"eDay": 5})
     assert outcome.digest == outcome.scene.digest.hex()
+
+
+@pytest.mark.parametrize("backwards", [False, True])
+def test_the_best_of_equal_strings_does_not_depend_on_the_order_of_runs(backwards):
+    scenes = [parse("PA"), parse("PB"), parse("PC")]
+
+    class Runs:
+        def evaluate(self, scenes, on_score):
+            numbers = range(len(scenes))
+            for number in reversed(numbers) if backwards else numbers:
+                on_score(number, Score(0.0 if number == 0 else 1.0))
+
+    cache = EvaluationCache(Runs())
+    cache(scenes)
+    assert cache.best.scene == parse("PB")

@@ -6,7 +6,7 @@ import hypothesis.strategies as st
 import pytest
 from hypothesis import given
 
-from minerva_bus.launch.toml import MAX_KEY_PARTS, TomlError, read_toml
+from minerva_bus.launch.toml import MAX_KEY_PARTS, TomlError, read_toml, toml_value_text
 from minerva_bus.launch.typed import toml_value
 
 
@@ -77,3 +77,13 @@ PARTS = 200_000
 def test_very_many_parts_digits_or_levels_are_refused_before_they_cost_anything(text):
     with pytest.raises(TomlError):
         read_toml(text)
+
+
+@given(st.text())
+def test_every_text_survives_being_written(text):
+    assert read_toml(f"x = {toml_value_text(text)}") == {"x": text}
+
+
+@pytest.mark.parametrize("text", ["\x7f", "a\x7f\x00\x1f", "\\u007f"])
+def test_control_characters_survive_being_written(text):
+    assert read_toml(f"x = {toml_value_text(text)}") == {"x": text}
