@@ -162,7 +162,7 @@ def _grid(grid: Mapping[str, Iterable[Any]], seeds: int | Iterable[int]) -> Grid
         texts = tuple(option_text(_python(value)) for value in given)
         # The texts identify runs in the journal.
         if len(set(texts)) < len(texts):
-            raise MisuseError(f"{key}: a value stands there twice: {', '.join(texts)}")
+            raise MisuseError(f"{key}: a value is given twice: {', '.join(texts)}")
         values[key] = texts
     numbers = range(seeds) if isinstance(seeds, int) else seeds
     listed = tuple(str(int(seed)) for seed in numbers)

@@ -66,7 +66,7 @@ def read_entries(given: object) -> dict[str, Expression]:
     entries: dict[str, Expression] = {}
     for name, value in pairs:
         if not name or name in entries:
-            raise MisuseError(f"collect: the name {name!r} stands there twice, or is empty")
+            raise MisuseError(f"collect: the name {name!r} is given twice, or is empty")
         entries[name] = _expression(value, f"collect: {name}")
     return entries
 

@@ -209,7 +209,7 @@ def test_attached_members_notice_the_death_of_a_world(tmp_path):
             takes_part(world, "look")
             world.kill()
             member.ends()
-            assert "is gone" in member.text
+            assert "; giving up" in member.text
 
 
 def test_a_host_is_emptied_and_the_string_is_the_same(tmp_path):

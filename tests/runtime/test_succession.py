@@ -50,7 +50,7 @@ def test_a_coordinator_that_is_killed_is_followed_and_members_stay(tmp_path):
         "coordinator │ was killed by SIGKILL; a successor continues from its journal (3 of"
         in world.text
     )
-    assert "is gone" not in world.text
+    assert "giving up" not in world.text
     assert not list((tmp_path / "runtime").glob("*.journal*"))
 
 
