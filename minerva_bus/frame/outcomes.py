@@ -24,7 +24,7 @@ from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.scene import EMPTY, AgentNode, Node, Scene, agents
 from minerva_bus.world.assembling import emissions
-from minerva_bus.world.lineage import child_id
+from minerva_bus.world.lineage import parents_of
 from minerva_bus.world.norms import WAS, Norm
 
 Sent: TypeAlias = tuple[AnyEvent, ...]
@@ -194,23 +194,17 @@ class MixedOutcome(PopulationOutcome):
     """Outcome of agents in columns of which some have died, have newborns or changed their kind."""
 
     def __init__(self, old: Columns, new: Scene) -> None:
-        self._parents: dict[str, str] = {}
         super().__init__(old, new)
-        for agent in agents(new):
-            before = self._before.get(agent.id)
-            if before is not None:
-                self._note_births(before, agent)
+        # All agents of before are possible parents, because a parent may die in the frame of its
+        # births; then the newborns are all that is left of its unit.
+        newborns = [agent.id for agent in agents(new) if agent.id not in self._before]
+        counts = {who: node.state.get("births") for who, node in self._before.items()}
+        # Only kinds that count their births can be parents.
+        births = {who: count for who, count in counts.items() if isinstance(count, int)}
+        self._parents = parents_of(newborns, births)
 
     def _agents_before(self) -> Mapping[str, AgentNode]:
         return {node.id: node for node in cast("tuple[AgentNode, ...]", self._old.nodes())}
-
-    def _note_births(self, before: AgentNode, now: AgentNode) -> None:
-        first, last = before.state.get("births"), now.state.get("births")
-        if isinstance(first, int) and isinstance(last, int):
-            # Ids of newborns follow from the id of the parent and its
-            # counter, so no list of births is needed.
-            for birth in range(first + 1, last + 1):
-                self._parents[child_id(now.id, birth)] = now.id
 
     def unit(self, who: str) -> str:
         """The agent itself, or the parent of a newborn."""

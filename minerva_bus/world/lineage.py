@@ -11,7 +11,7 @@ same id. An id longer than `LONGEST` is hashed.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from hashlib import blake2b
 from typing import Final
 
@@ -21,6 +21,9 @@ from numpy.typing import NDArray
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.ids import LONGEST, Ids
 from minerva_bus.grammar.symbols import AgentKind
+
+MAX_UNUSED: Final = 100
+"""Consecutive births without a newborn after which `parents_of` stops comparing hashed ids."""
 
 
 def check_births(kind: AgentKind) -> None:
@@ -35,6 +38,32 @@ def check_births(kind: AgentKind) -> None:
 def child_id(parent: str, births: int) -> str:
     """The id of the child of a birth; hashed if it is too long."""
     return _derived(parent, f"{births}", "")
+
+
+def parents_of(newborns: Iterable[str], parents: Mapping[str, int]) -> dict[str, str]:
+    """The parents of newborns by id; ids that do not derive from any of `parents` are left out.
+
+    `parents` has the number of births of each possible parent before these newborns. A parent need
+    not exist any longer.
+    """
+    lineage, hashed = dict[str, str](), set[str]()
+    for newborn in newborns:
+        parent, _, _ = newborn.rpartition(":")
+        # First, because the text before a hash is the id of an ancestor, which may exist, too.
+        if _HASHED_CHILD.search(newborn):
+            hashed.add(newborn)
+        elif parent in parents:
+            lineage[newborn] = parent
+    # A hash does not contain the parent's id, so the ids of the next births are compared. Their
+    # numbers may have gaps, because a parent need not place each child beside itself.
+    birth, unused = 1, 0
+    while hashed and unused < MAX_UNUSED:
+        ids = {child_id(parent, births + birth): parent for parent, births in parents.items()}
+        born = hashed & ids.keys()
+        lineage |= {newborn: ids[newborn] for newborn in born}
+        hashed -= born
+        birth, unused = birth + 1, 0 if born else unused + 1
+    return lineage
 
 
 def copy_id(original: str, frame: int, number: int, height: int = 1) -> str:
@@ -53,6 +82,7 @@ def newest_copy(ids: Iterable[str]) -> int:
     return max((int(frame) for agent_id in ids for frame in _COPY.findall(agent_id)), default=-1)
 
 
+_HASHED_CHILD: Final = re.compile(r":-[0-9a-f]{24}$")
 # Hashed ids of copies keep the frame in front of the hash, so that `newest_copy` finds it there.
 _COPY: Final = re.compile(r":([0-9]{1,18})-(?:[0-9]+(?:-[0-9]+)?|[0-9a-f]{24})(?=:|$)")
 

@@ -22,6 +22,7 @@ from minerva_bus import (
 from minerva_bus.errors import MisuseError
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.description import World
+from minerva_bus.grammar.ids import LONGEST
 from minerva_bus.grammar.scene import FigureNode, agents, walk
 from minerva_bus.testing.memory_bus import MemoryBus
 from minerva_bus.world.norms import Norm
@@ -76,6 +77,29 @@ class Walker(State, symbol="AWalker"):
     """The same, without anything to rest by."""
 
 
+class Moth(State, symbol="AMoth"):
+    """Dies in each step and leaves one of its children."""
+
+    births: int = 0
+
+    @on("eStep")
+    def step(self, step, moment):
+        children = [self.child(x=self.x + 1.0) for _ in range(3)]
+        return children[1]
+
+
+class Spore(State, symbol="ASpore"):
+    """The same, for a whole population at once."""
+
+    births: int = 0
+
+    @on("eStep", population=True)
+    def step(self, step, moment):
+        self.bear(x=self.x + 1.0)
+        self.bear(self.x == 2.0, x=self.x - 1.0)
+        self.die()
+
+
 class Train(Agent, symbol="ATrain"):
     """A cart with others within."""
 
@@ -109,10 +133,10 @@ class Motor(Device, Generator, draws=("eShow",), coupled=True, events=()):
         self.bodies = dict(saved["bodies"])
 
 
-VOCABULARY = Vocabulary.of(PPush, eWord, eStep, eAfter, eFine, eRefused, eShow, Cart, Walker, Train)
+KINDS = (Cart, Walker, Moth, Spore, Train)
+VOCABULARY = Vocabulary.of(PPush, eWord, eStep, eAfter, eFine, eRefused, eShow, *KINDS)
 WALL = Norm("wall", when="x > 3", sanction=eFine(5))
 ORDER = Order(("eWord", "eStep", "eAfter", "eFine"))
-KINDS = (Cart, Walker, Train)
 
 
 def world(text, norms=(WALL,), hosts=1, **rest):
@@ -208,6 +232,24 @@ def test_many_are_as_those_one_by_one_on_any_number_of_hosts(kind, hosts):
     assert len(set(alone)) == 14
     assert run(world(Scene(columns.nodes), hosts=hosts)) == alone
     assert run(world(columns, hosts=hosts)) == alone
+
+
+@pytest.mark.parametrize("kind", [Moth, Spore])
+@pytest.mark.parametrize("stem", ["c", "c" * (LONGEST - 4)])
+def test_parents_that_die_in_a_rejected_step_are_restored(kind, stem):
+    """With a long stem the ids of newborns are hashes, which do not contain the parent's id."""
+    columns = kind.many(stem, 100, x=np.arange(100) % 7 * 0.5)
+    single = []
+    for begin in range(0, 100, 10):  # So few agents are separate nodes, not columns.
+        few = world(Scene(columns.nodes[begin : begin + 10]), frames=6)
+        run(few)
+        assert not few.algorithm.composition.parts
+        assert few.algorithm.norms.broken["wall"] > 0
+        single += few.algorithm.scene.nodes
+    for hosts in (1, 3):
+        population = world(columns, frames=6, hosts=hosts)
+        run(population)
+        assert population.algorithm.scene == Scene(tuple(single))
 
 
 def test_a_train_stands_still_with_all_in_it():
