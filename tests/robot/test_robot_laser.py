@@ -11,11 +11,13 @@ from robot_steps import after, changed, robot
 from minerva_agents.robot.knowledge import (
     FREE,
     MARKER,
+    MAX_SIDE,
     OBSTACLE,
     SEEN,
     SURE,
     UNKNOWN,
     at_distance,
+    clear_beam,
     doubt,
 )
 from minerva_agents.robot.vocabulary import eClear, eLaser
@@ -66,6 +68,16 @@ def test_a_beam_leaves_no_gap_and_may_leave_the_grid(angle, dist, row, column):
     for cell in known - {(math.floor(row), math.floor(column))}:
         around = {(cell[0] + down, cell[1] + over) for down in (-1, 0, 1) for over in (-1, 0, 1)}
         assert (around - {cell}) & known
+
+
+@pytest.mark.parametrize("end", [MAX_SIDE - 0.5, MAX_SIDE + 0.2, 2.5 * MAX_SIDE])
+def test_a_beam_clears_the_longest_grid_to_its_end(end):
+    for grid, ends in (
+        (np.zeros((MAX_SIDE, 1), np.int16), (0.0, 0.5, end, 0.5)),
+        (np.zeros((1, MAX_SIDE), np.int16), (0.5, 0.0, 0.5, end)),
+    ):
+        clear_beam(grid, *ends)
+        assert np.count_nonzero(grid == FREE) == MAX_SIDE - (end < MAX_SIDE)
 
 
 def test_evidence_rises_by_three_up_to_nine():

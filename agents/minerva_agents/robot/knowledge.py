@@ -35,6 +35,9 @@ Mask: TypeAlias = NDArray[np.bool_]
 Reals: TypeAlias = NDArray[np.float64]
 Codes: TypeAlias = NDArray[np.int16]
 
+MAX_SIDE: Final = 100_000
+"""Maximum number of rows and of columns of a grid: longer beams would not reach its end."""
+
 _HIT: Final = 3
 """Evidence added by a hit; a passing beam removes 1."""
 
@@ -64,7 +67,8 @@ def doubt(grid: Cells) -> None:
 
 # Tables: hundreds of beams are drawn per frame, and each then needs one look-up and no allocation.
 _PASSED: Final = _after_passing()
-_STEPS: Final = np.arange(100_000, dtype=np.float64)
+# Steps of a beam that ends off the grid are a little shorter than a cell, hence two more of them.
+_STEPS: Final = np.arange(MAX_SIDE + 2, dtype=np.float64)
 _NONE: Final = np.empty(0, np.intp)
 
 
