@@ -145,7 +145,14 @@ class Member:
         self._generating.join(welcome.saved)
 
     def _join(self, service: Service, welcome: m.Welcome) -> None:
-        info = WorldInfo(welcome.world, welcome.vocabulary, welcome.seed, welcome.dt, self.operator)
+        info = WorldInfo(
+            welcome.world,
+            welcome.vocabulary,
+            welcome.seed,
+            welcome.dt,
+            self.operator,
+            lambda: bool(self.stopped),
+        )
         try:
             service.joined(info)
         except MinervaError as error:

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import threading
 from abc import abstractmethod
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, ClassVar, Final, Protocol, cast
@@ -36,7 +36,8 @@ from minerva_bus.world.signatures import check_overridden
 class WorldInfo:
     """The world that a member has joined.
 
-    `operator` is for services with controls for people.
+    `operator` is for services with controls for people. `ended()` is whether the world has ended:
+    False in `close` means that the member leaves a world that continues, or has lost it.
     """
 
     world: str
@@ -46,6 +47,7 @@ class WorldInfo:
     operator: Operator = field(
         default_factory=lambda: cast("Operator", NoOperator()), compare=False
     )
+    ended: Callable[[], bool] = field(default=lambda: False, compare=False, repr=False)
 
 
 @dataclass(slots=True)

@@ -10,6 +10,8 @@ from web_world import FLOOR, WORDS, Nobody, PFloor, PStone, cart, slot, taken_po
 pytest.importorskip("viser")
 
 from minerva_bus import MinervaError, View
+from minerva_bus.frame import messages as m
+from minerva_bus.frame.member import Member
 from minerva_services.views.web import Web
 from minerva_services.views.web.serving import serve, stop, url
 
@@ -107,17 +109,21 @@ def test_views_lie_over_one_another_and_are_counted():
     page.close()
 
 
-def test_the_end_is_on_the_page(page):
-    page.report()
+@pytest.mark.parametrize(
+    ("messages", "reason"),
+    [([], "this page has left the world"), ([m.Stop("frames done")], "the world has ended")],
+)
+def test_the_page_shows_why_it_closes(messages, reason):
+    page = Web()
+    member = Member("page", page)
+    member.receive(m.Welcome("yard", WORDS, 1, 0.1, 0))
+    # `minerva top` asks for metrics while the world continues.
+    assert member.figures()["page_views"] == 0
+    for message in messages:
+        member.receive(message)
     with patch.object(page._panel, "end") as end:
         page.close()
-    end.assert_called_once_with("the world has ended")
-
-
-def test_a_leaving_member_announces_it(page):
-    with patch.object(page._panel, "end") as end:
-        page.close()
-    end.assert_called_once_with("this page has left the world")
+    end.assert_called_once_with(reason)
 
 
 def test_the_vocabulary_of_the_tests_is_whole():

@@ -78,7 +78,6 @@ class Web(Device, draws=("ePicture",)):
         self._lists: dict[str, Lists] = {}
         self._pictures: dict[str, Picture] = {}
         self._skeletons: dict[str, Scene] = {}
-        self._ended = False
         self._views = 0
         self._seconds = 0.0
 
@@ -90,6 +89,7 @@ class Web(Device, draws=("ePicture",)):
         from minerva_services.views.web.serving import serve, url
 
         self._check_click(world)
+        self._ended = world.ended
         self._lists = {event_type: Lists(world.vocabulary) for event_type in self.draws}
         address = self._address
         self._server = server = serve(address.host, address.port, address.names)
@@ -119,7 +119,6 @@ class Web(Device, draws=("ePicture",)):
         self._seconds += time.perf_counter() - began
 
     def report(self) -> Mapping[str, bool | int | float | str]:
-        self._ended = True
         mean = self._seconds / self._views if self._views else 0.0
         return {"page_views": self._views, "page_ms_per_view": round(1000 * mean, 3)}
 
@@ -129,7 +128,7 @@ class Web(Device, draws=("ePicture",)):
         from minerva_services.views.web.serving import stop
 
         self._controller.close()
-        why = "the world has ended" if self._ended else "this page has left the world"
+        why = "the world has ended" if self._ended() else "this page has left the world"
         self._panel.end(why)
         self._server.flush()
         time.sleep(_FLUSH_SECONDS)
