@@ -76,9 +76,10 @@ def _columns(part: Columns, who: Collection[str], kinds: Kinds) -> Columns:
 
 
 def _still(column: Column, rows: Rows) -> Column:
-    values = column.array[rows].tolist()
-    still = [at_rest(value) for value in values]
-    return column if still == values else column.put(rows, np.array(still, column.dtype))
+    values = tuple(column.array[rows].tolist())
+    still = tuple([at_rest(value) for value in values])
+    # As for single agents: 0.0 == -0.0, but they print differently.
+    return column if same_values(still, values) else column.put(rows, Column.of(still).array)
 
 
 def at_rest(value: Value) -> Value:

@@ -23,6 +23,7 @@ from minerva_bus.errors import MisuseError
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.description import World
 from minerva_bus.grammar.ids import LONGEST
+from minerva_bus.grammar.rest import rested
 from minerva_bus.grammar.scene import FigureNode, agents, walk
 from minerva_bus.testing.memory_bus import MemoryBus
 from minerva_bus.world.norms import Norm
@@ -287,6 +288,15 @@ def test_a_coordinator_that_dies_within_a_refused_frame_changes_nothing(steps):
     bus.run()
     assert bus.digests[-1] == calm[-1]
     assert bus.motor.bodies["a"] == 3.0
+
+
+def test_negative_zero_comes_to_rest_as_zero_in_nodes_and_columns():
+    columns = Cart.many("c", 40, push=-0.0)
+    nodes = [rested(Scene((node,)), {node.id}, VOCABULARY.kinds) for node in columns.nodes]
+    at_rest = rested(columns, {f"c{n}" for n in range(40)}, VOCABULARY.kinds)
+    assert {str(node.nodes[0].state["push"]) for node in nodes} == {"0.0"}
+    assert at_rest == Scene(tuple([node.nodes[0] for node in nodes]))
+    assert rested(at_rest, {"c0"}, VOCABULARY.kinds) == at_rest
 
 
 def test_agents_that_are_left_out_of_a_frame_carry_nothing_out():
