@@ -27,7 +27,11 @@ class Rule:
         # `fnmatch` ignores case on some platforms, but names of members are case-sensitive.
         if self.only and not any(fnmatchcase(host, pattern) for pattern in self.only):
             return False
-        return not self.near or machines.get(self.near, "") == machines.get(host)
+        if not self.near:
+            return True
+        # Without the member there is no machine to be near to. A host's machine may be the empty
+        # text, so that is no substitute for a missing one.
+        return self.near in machines and machines[self.near] == machines.get(host)
 
 
 @dataclass(frozen=True, slots=True)

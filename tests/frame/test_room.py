@@ -39,6 +39,13 @@ def test_near_a_member_that_is_not_there_is_nowhere():
     assert not any("AFox" in k for k in allowed({}, AFox=Rule(near="sensor")).values())
 
 
+def test_a_host_without_a_known_machine_is_not_near_an_absent_member():
+    found = allowed({**MACHINES, "yard": ""}, AFox=Rule(near="sensor"))
+    assert [host for host, kinds in found.items() if "AFox" in kinds] == ["foxes-2"]
+    found = allowed({"foxes-1": "", "foxes-2": "", "yard": ""}, AFox=Rule(near="sensor"))
+    assert not any("AFox" in kinds for kinds in found.values())
+
+
 rooms = st.lists(st.integers(1, 100), min_size=1, max_size=5)
 
 
