@@ -1,5 +1,7 @@
 """Phrases for messages that several layers use."""
 
+import shlex
+import sys
 from collections.abc import Sequence
 
 
@@ -20,3 +22,9 @@ def frames_up_to(end: int) -> str:
     if end <= 1:
         return "frame 0 only" if end == 1 else "no frames"
     return f"frames 0 to {end - 1}"
+
+
+def install(extra: str) -> str:
+    """The command that installs an extra into the environment that runs this program."""
+    # A plain `pip` may belong to another environment.
+    return f"{shlex.quote(sys.executable)} -m pip install 'minerva-bus[{extra}]'"

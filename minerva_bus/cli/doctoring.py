@@ -14,6 +14,7 @@ from typing import Final
 
 from minerva_bus.cli.output import print_result
 from minerva_bus.errors import MinervaError
+from minerva_bus.wording import install
 
 LEAST: Final = (3, 11)
 
@@ -79,7 +80,7 @@ def _findings() -> Iterator[Finding]:
     for name, (modules, purpose) in EXTRAS.items():
         # An import would run the code of every package that an extra needs.
         missing = [name for name in modules if find_spec(name) is None]
-        hint = f"; pip install 'minerva-bus[{name}]'" if missing else ""
+        hint = f"; {install(name)}" if missing else ""
         yield Finding(name, not missing, purpose + hint)
 
 

@@ -17,6 +17,7 @@ from minerva_bus.cli.places import client
 from minerva_bus.errors import MinervaError, nearest
 from minerva_bus.launch.console import json_line
 from minerva_bus.runtime.client import Client
+from minerva_bus.wording import install
 from minerva_bus.world.operator import LogLine
 
 POLL_SECONDS: Final = 0.1
@@ -152,7 +153,7 @@ def watch_world(target: WorldTarget, as_json: bool) -> None:
         try:
             from minerva_bus.cli.top.dashboard import Dashboard
         except ImportError:
-            raise MinervaError("top needs textual: pip install 'minerva-bus[top]'") from None
+            raise MinervaError(f"top needs textual: {install('top')}") from None
         Dashboard(world.operator).run()
 
 

@@ -15,6 +15,7 @@ from minerva_bus.collect import arrow
 from minerva_bus.collect.rows import DTYPES, Data
 from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.grammar.ids import Ids
+from minerva_bus.wording import install
 
 ARRAY_TYPES: Final = {
     "float64": DTYPES["real"], "int64": DTYPES["int"], "bool": DTYPES["bool"],
@@ -169,7 +170,7 @@ def needed(library: str, extra: str) -> Any:
     try:
         return import_module(library)
     except ImportError:
-        raise MisuseError(f"this needs {library}: pip install 'minerva-bus[{extra}]'") from None
+        raise MisuseError(f"this needs {library}: {install(extra)}") from None
 
 
 def _shown(value: Any) -> str:

@@ -20,6 +20,7 @@ from minerva_bus.frame.phases import Phase
 from minerva_bus.runtime.totals import read_totals
 from minerva_bus.settings.kinds import address
 from minerva_bus.wire.status import read_status
+from minerva_bus.wording import install
 from minerva_bus.world.operator import WorldStatus
 
 if TYPE_CHECKING:
@@ -83,7 +84,7 @@ class Exporter:
     def __init__(self, world: str, listen: str, ask: Ask) -> None:
         host, port = address(listen)
         if find_spec("prometheus_client") is None:
-            raise MinervaError("metrics need prometheus-client: pip install 'minerva-bus[metrics]'")
+            raise MinervaError(f"metrics need prometheus-client: {install('metrics')}")
         self.world = world
         self._ask = ask
         try:

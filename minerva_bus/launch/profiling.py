@@ -12,6 +12,7 @@ from typing import Any, Final
 from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.outputs import check_output, write_output
+from minerva_bus.wording import install
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,9 +38,7 @@ class Profiling:
                 " in the launcher's processes can be profiled"
             )
         if importlib.util.find_spec("pyinstrument") is None:
-            raise MisuseError(
-                "--profile-member needs pyinstrument: pip install 'minerva-bus[profile]'"
-            )
+            raise MisuseError(f"--profile-member needs pyinstrument: {install('profile')}")
         check_output(profile_path(file.world.name, self.member), "profile")
 
 

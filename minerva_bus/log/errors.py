@@ -1,6 +1,7 @@
 """Errors of records, and the check for the optional library that reads and writes them."""
 
 from minerva_bus.errors import MinervaError, MisuseError
+from minerva_bus.wording import install
 
 
 class RecordError(MinervaError):
@@ -12,4 +13,4 @@ def check_installed() -> None:
     try:
         import mcap.writer  # noqa: F401  # pyright: ignore[reportUnusedImport]
     except ImportError:
-        raise MisuseError("records need mcap: pip install 'minerva-bus[record]'") from None
+        raise MisuseError(f"records need mcap: {install('record')}") from None

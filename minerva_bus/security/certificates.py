@@ -17,6 +17,7 @@ from typing import Final
 
 from minerva_bus.errors import KeysError
 from minerva_bus.security.credentials import FAMILY, SERVERS, Rights
+from minerva_bus.wording import install
 
 try:
     from cryptography import x509
@@ -25,7 +26,7 @@ try:
     from cryptography.hazmat.primitives.asymmetric import ec
     from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 except ImportError:
-    raise KeysError("keys need cryptography: pip install 'minerva-bus[tls]'") from None
+    raise KeysError(f"keys need cryptography: {install('tls')}") from None
 
 DAYS: Final = 365
 _SCHEME = "minerva"

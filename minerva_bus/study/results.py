@@ -18,6 +18,7 @@ from minerva_bus.launch.resuming import option_text
 from minerva_bus.launch.typed import toml_value
 from minerva_bus.outputs import replacing
 from minerva_bus.study.grid import Combination
+from minerva_bus.wording import install
 
 ENDINGS: Final = (".csv", ".parquet")
 OWN: Final = ("frames", "digest", "ended", "reached")
@@ -99,7 +100,7 @@ def check_table(path: Path) -> None:
         from importlib.util import find_spec
 
         if find_spec("pyarrow") is None:
-            raise MisuseError("parquet needs pyarrow: pip install 'minerva-bus[sweep]'")
+            raise MisuseError(f"parquet needs pyarrow: {install('sweep')}")
 
 
 def write(table: ResultTable, path: Path) -> None:

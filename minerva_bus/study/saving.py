@@ -12,6 +12,7 @@ from minerva_bus.grammar.scene import Scene, scene_of
 from minerva_bus.launch.typed import toml_value
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.outputs import check_output, write_output
+from minerva_bus.wording import install
 
 ENDINGS = (".mnv", ".toml")
 
@@ -71,7 +72,5 @@ def _tomlkit() -> Any:
     try:
         import tomlkit
     except ImportError:
-        raise MisuseError(
-            "saving a world file needs tomlkit: pip install 'minerva-bus[evolve]'"
-        ) from None
+        raise MisuseError(f"saving a world file needs tomlkit: {install('evolve')}") from None
     return tomlkit

@@ -9,6 +9,7 @@ from typing import Any, Final
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.outputs import check_output, write_output
+from minerva_bus.wording import install
 
 INK: Final = "#2f3640"
 FAINT: Final = "#8a929c"
@@ -54,7 +55,7 @@ def _matplotlib() -> Any:
     try:
         import matplotlib as mpl
     except ImportError:
-        raise MisuseError("plotting needs matplotlib: pip install 'minerva-bus[plot]'") from None
+        raise MisuseError(f"plotting needs matplotlib: {install('plot')}") from None
     return mpl
 
 

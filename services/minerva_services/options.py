@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, TypeVar, get_type_hints
 
 from minerva_bus.errors import MisuseError
+from minerva_bus.wording import install
 
 _Init = TypeVar("_Init", bound=Callable[..., None])
 
@@ -79,7 +80,7 @@ def require(service: str, module: str, library: str, extra: str) -> None:
     except ImportError:  # not even its package
         missing = True
     if missing:
-        raise MisuseError(f"{service} needs {library}: pip install 'minerva-bus[{extra}]'")
+        raise MisuseError(f"{service} needs {library}: {install(extra)}")
 
 
 def read_password(service: str, variable: str, file: str) -> str:

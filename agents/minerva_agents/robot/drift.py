@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from minerva_bus.errors import MisuseError
 from minerva_bus.semantics.poses import Pose
 from minerva_bus.study.style import write_figure
+from minerva_bus.wording import install
 
 Reals: TypeAlias = NDArray[np.float64]
 
@@ -94,7 +95,7 @@ def save_plot(drift: Drift, path: Path) -> None:
         from matplotlib.figure import Figure  # late: optional dependency (extra "plot")
     except ImportError:
         raise MisuseError(
-            f"{path}: plots need matplotlib; install it with: pip install 'minerva-bus[plot]'"
+            f"{path}: plots need matplotlib; install it with: {install('plot')}"
         ) from None
     figure: Any = Figure(figsize=(9, 4.5), dpi=130, layout="constrained")
     upper, lower = figure.subplots(2, 1, sharex=True)

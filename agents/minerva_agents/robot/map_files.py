@@ -16,6 +16,7 @@ from minerva_agents.robot.mapping import Drawn, draw_map
 from minerva_agents.robot.occupancy import FREE, OCCUPIED, OccupancyMap
 from minerva_bus.errors import MisuseError
 from minerva_bus.outputs import check_output, write_output
+from minerva_bus.wording import install
 from minerva_bus.world.recordings import MapChoice, Progress, Recording
 
 if TYPE_CHECKING:
@@ -50,7 +51,7 @@ def save_picture(drawn: Drawn, path: Path) -> None:
         from PIL import Image, ImageDraw  # late: optional dependency (extra "maps")
     except ImportError:
         raise MisuseError(
-            f"{path}: pictures need Pillow; install it with: pip install 'minerva-bus[maps]'"
+            f"{path}: pictures need Pillow; install it with: {install('maps')}"
         ) from None
     image = Image.fromarray(_colours(drawn.map.cells))
     zoom = min(max(1, round(_WIDTH / max(image.size))), max(1, _MAX_PIXELS // max(image.size)))

@@ -30,6 +30,7 @@ from minerva_agents.robot.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyMap
 from minerva_agents.robot.posing import Posed, Unposed, posed_scans
 from minerva_bus import Cells
 from minerva_bus.semantics.poses import Pose
+from minerva_bus.wording import install
 from minerva_bus.world.compensation import Compensator, needs_path
 from minerva_bus.world.readings import Displacement
 from minerva_bus.world.recordings import MapChoice, Progress, Recorded, Recording
@@ -138,8 +139,7 @@ class _Trajectory:
             from minerva_agents.robot.loops import closed_loops  # late: needs scipy
         except ImportError:
             self.notes.append(
-                "loops are not closed because scipy is missing; install it with: pip install"
-                " 'minerva-bus[maps]'"
+                f"loops are not closed because scipy is missing; install it with: {install('maps')}"
             )
             return located
         known = [scan for scan in located if scan.taken is not None]

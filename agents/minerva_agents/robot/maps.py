@@ -23,13 +23,14 @@ from numpy.typing import NDArray
 from minerva_agents.robot.grids import MapError
 from minerva_agents.robot.occupancy import FREE, OCCUPIED, UNKNOWN, MapPose, Marker, OccupancyMap
 from minerva_bus.outputs import note_read
+from minerva_bus.wording import install
 
 # Limits of the memory that a damaged or hostile file can take.
 _MAX_CELLS = 100_000_000
 _MAX_IMAGE_BYTES = 800_000_000
 _MAX_YAML_BYTES = 1_000_000
 _YAML_SUFFIXES = (".yaml", ".yml", ".json")
-_INSTALL = "install it with: pip install 'minerva-bus[maps]'"
+_INSTALL = f"install it with: {install('maps')}"
 
 
 def load_map(path: str | Path) -> OccupancyMap:

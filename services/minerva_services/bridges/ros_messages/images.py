@@ -9,6 +9,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from minerva_bus.wording import install
 from minerva_bus.world.readings import Image
 from minerva_bus.world.recordings import RecordingError
 from minerva_services.bridges.ros_messages.frames import GarbageError, SensorMount
@@ -67,7 +68,7 @@ def file_of(
         from PIL import Image as Pillow  # late: optional dependency (extra "ros")
     except ImportError:
         raise RecordingError(
-            "compressed images need Pillow; install it with: pip install 'minerva-bus[ros]'"
+            f"compressed images need Pillow; install it with: {install('ros')}"
         ) from None
 
     data = bytes(message.data)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+from minerva_bus.wording import install
 from minerva_bus.world.recordings import PassOver, Recorded, RecordingError
 from minerva_services.bridges.ros_messages import Frames, GarbageError
 from minerva_services.sensors.playback import MountOverride
@@ -205,7 +206,7 @@ def _opened(path: Path) -> AnyReader:
         from rosbags.typesys import Stores, get_typestore
     except ImportError:
         raise RecordingError(
-            f"{path}: bags need rosbags; install it with: pip install 'minerva-bus[ros]'"
+            f"{path}: bags need rosbags; install it with: {install('ros')}"
         ) from None
     try:
         reader = AnyReader([path], default_typestore=get_typestore(Stores.LATEST))

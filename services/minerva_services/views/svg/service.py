@@ -10,6 +10,7 @@ from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.outputs import check_output, write_output
 from minerva_bus.semantics.bounds import Bounds
+from minerva_bus.wording import install
 from minerva_bus.world.services import Device, View, WorldInfo
 from minerva_services.options import event_types
 from minerva_services.views.svg.document import svg_document
@@ -100,7 +101,7 @@ class Svg(Device, draws=("ePicture",)):
         except ImportError:
             # Reported once; further pictures are SVG only.
             self._makes_png = False
-            sys.stderr.write("picture: no PNG, only SVG; pip install 'minerva-bus[picture]'\n")
+            sys.stderr.write(f"picture: no PNG, only SVG; {install('picture')}\n")
             return
         write_output(path, png(document), "picture")
         self._written = path

@@ -12,6 +12,7 @@ from pathlib import Path
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.outputs import check_output
+from minerva_bus.wording import install
 
 _PIXELS = range(100, 7681)
 _VIDEOS = (".mp4", ".gif")
@@ -113,7 +114,7 @@ class WindowOptions:
         missing = [extra for module, extra in extras if importlib.util.find_spec(module) is None]
         if missing:
             wanted = ",".join(dict.fromkeys(missing))
-            raise self._wrong(f"it needs a library: pip install 'minerva-bus[{wanted}]'")
+            raise self._wrong(f"it needs a library: {install(wanted)}")
 
     def _check_display(self) -> None:
         if self.medium is Medium.WINDOW and not has_display(self.environment):
