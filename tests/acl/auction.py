@@ -1,4 +1,4 @@
-"""A contract net: one that has a job, and many that bid for it, or don't."""
+"""A contract net: one agent announces a job, and bidders propose a price or stay silent."""
 
 from functools import cache
 from pathlib import Path
@@ -16,7 +16,7 @@ eStep = EventType("eStep")
 
 
 class Seller(Talker, symbol="ASeller"):
-    """Calls all bidders in frame 1, gives the job to the cheapest, and notes how that ended."""
+    """Calls all bidders in frame 1, awards the job to the cheapest and records the outcome."""
 
     bidders: int = 0
     limit: int = 5
@@ -44,7 +44,7 @@ class Seller(Talker, symbol="ASeller"):
 
 
 class Bidder(Talker, symbol="ABidder"):
-    """Bids by chance, some frames after it was called; with `delay` below 0 never."""
+    """Bids a random price `delay` frames after the call; a negative `delay` means never."""
 
     delay: int = 0
     since: int = -1
@@ -70,7 +70,7 @@ vocabulary = Vocabulary.of(*MESSAGES, eStep, Seller, Bidder)
 
 
 def scene(options):
-    """All bidders, some of which answer never or too late."""
+    """The seller and all bidders, one of which never replies and one too late."""
     text = f"ASeller#s<bidders={options['bidders']}>"
     slow = {0: -1, 1: 20}
     for number in range(options["bidders"]):
@@ -103,7 +103,7 @@ event = "eStep"
 
 @cache
 def auction(processes=1, seed=5):
-    """Digest by frame, the strings and the messages of a run."""
+    """Digests by frame, strings and messages of a run."""
     with TemporaryDirectory() as folder:
         path = Path(folder) / "auction.toml"
         path.write_text(WORLD, encoding="utf-8")

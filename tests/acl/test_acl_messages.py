@@ -99,7 +99,7 @@ def test_a_message_without_sender_cannot_be_answered():
         reply(eMessage("inform"), "agree")
 
 
-# --- words as a type ------------------------------------------------------------------------------
+# --- typed content --------------------------------------------------------------------------------
 
 
 def test_words_are_a_type_of_the_language():

@@ -67,7 +67,7 @@ class Two:
         self.waiting += moment.emitted
 
     def pass_on(self, *extra):
-        """A frame goes by."""
+        """Run one frame: deliver the waiting events and `extra`."""
         self.frame += 1
         events, self.waiting = [*self.waiting, *extra], []
         scene = self.people["a"].string + self.people["b"].string
@@ -136,7 +136,7 @@ def test_the_acts_that_begin():
     assert two.waiting[0].performative == "query-ref"
 
 
-# --- what is not understood -----------------------------------------------------------------------
+# --- not understood -------------------------------------------------------------------------------
 
 
 def test_an_act_that_is_not_allowed_is_answered_and_ends_it():
@@ -344,7 +344,7 @@ def test_every_state_leads_to_an_end(protocol):
     assert START in protocol.turns
 
 
-# --- agents outside -------------------------------------------------------------------------------
+# --- external agents ------------------------------------------------------------------------------
 
 
 def test_an_outside_agent_keeps_the_messages_of_a_frame():

@@ -1,4 +1,4 @@
-"""A contract net with a hundred bidders, in a whole world."""
+"""A complete world with a contract net of one hundred bidders."""
 
 from minerva_bus.grammar.scene import agents
 from tests.acl.auction import auction
@@ -28,7 +28,7 @@ def test_the_cheapest_wins_and_all_others_are_notified():
     assert len(prices) == 98
     assert seller["winner"] == min(prices, key=lambda who: (prices[who], who))
     lost = [one for one in agents(strings[-1]) if one.symbol == "ABidder" and one.state["lost"]]
-    assert len(lost) == 98  # All but the winner and the silent one; the late one is among them.
+    assert len(lost) == 98  # All but the winner and the silent bidder; includes the late one.
 
 
 def test_a_late_bid_is_rejected_as_such():

@@ -51,7 +51,7 @@ UNWRITABLE = "a\x00b\x1b\ufffe<"
 
 @pytest.fixture
 def record(tmp_path):
-    """Writes a record of these events, each with its frame."""
+    """Write a record of the given events, each with its frame."""
 
     def write(events):
         from minerva_bus.log.writer import RecordWriter

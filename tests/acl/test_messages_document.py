@@ -1,4 +1,4 @@
-"""docs/messages.md: its tables are those of the code, and its agents converse."""
+"""docs/messages.md: its tables match the code, and its example agents converse."""
 
 import re
 import tomllib

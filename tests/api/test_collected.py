@@ -1,4 +1,4 @@
-"""What is collected of runs: expressions, tables, files, and other libraries."""
+"""Data collected from runs: expressions, tables, files and interchange with other libraries."""
 
 import csv
 import math
@@ -138,7 +138,7 @@ def test_frames_agents_and_events_have_a_table_each():
     assert frames["age"].tolist() == [0, 3, 6, 9, 12, 15, 18]
     assert frames["mid_0.5"].tolist() == [2.0] * 7
     assert (frames["sizes_0"][0], frames["sizes_1"][0]) == (1, 2)
-    # An event that is sent in frame t belongs to frame t + 1.
+    # An event that is sent in frame t is processed in frame t + 1.
     assert frames["croaks"].tolist() == [0, 0, 0, 3, 0, 0, 0]
     agents = done.table("AFrog")
     assert agents["id"].tolist()[:4] == ["a", "b", "c", "a"]
@@ -170,7 +170,7 @@ def test_aggregates_of_nothing():
 
 
 def test_columns_and_nodes_give_the_same_rows():
-    class Bird(type(Frog("z"))):  # The same kind, with many more agents than are held as nodes.
+    class Bird(type(Frog("z"))):  # The same kind, in a string large enough for columns.
         pass
 
     singles = World(
@@ -192,7 +192,7 @@ def test_an_attribute_of_a_class_is_an_expression_and_of_an_agent_its_value():
     frog = Frog("a", size=2.0)
     assert (frog.size, frog.mood) == (2.0, "calm")
     del frog.mood
-    assert frog.mood == "calm"  # As an attribute of a class has always been.
+    assert frog.mood == "calm"  # Deletion restores the class default, as in plain Python.
     with pytest.raises(MinervaError, match="has been deleted"):
         frog.freeze()
 
@@ -286,7 +286,7 @@ def test_arrow_memory_is_released():
     before = len(arrow._exported), len(arrow._structures)
     for _ in range(5):
         pa.table(table())
-        table().__arrow_c_stream__()  # A capsule that nobody has read.
+        table().__arrow_c_stream__()  # A capsule that no consumer reads.
         table().__arrow_c_schema__()
     gc.collect()
     assert (len(arrow._exported), len(arrow._structures)) == before

@@ -1,4 +1,4 @@
-"""Worlds in processes of their own, started from Python."""
+"""Worlds in separate processes, started from Python."""
 
 import os
 import signal
@@ -68,7 +68,7 @@ def test_a_world_elsewhere_is_connected_to():
         with connect() as unknown, pytest.raises(MisuseError, match="class of AFrog"):
             unknown.view("ePicture")
         live.step()
-        assert live.frame == 4  # Leaving a connection does not end the world.
+        assert live.frame == 4  # Closing a connection does not end the world.
     with pytest.raises(BusError, match="no world"):
         connect("pond")
 

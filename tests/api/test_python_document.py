@@ -1,4 +1,4 @@
-"""docs/python.md: its blocks run in their order, and the first one is examples/sir/sir.py."""
+"""docs/python.md: its blocks run in order, and the first one is examples/sir/sir.py."""
 
 import re
 import subprocess

@@ -145,7 +145,7 @@ def test_a_sweep_goes_on_where_it_was(tmp_path):
     table = go()
     assert table["x"].tolist() == [0, 1, 2, 3, 4] * 5
     runs = [path.name.partition("-")[0] for path in marks.iterdir()]
-    assert sorted(runs) == ["0", "1", "2", "3", "3", "4"]  # The finished ones ran once.
+    assert sorted(runs) == ["0", "1", "2", "3", "3", "4"]  # The finished runs are not repeated.
 
 
 @pytest.mark.parametrize(("make", "problem"), [

@@ -31,7 +31,7 @@ DIGEST = run(pond(), frames=20, seed=5).digest
 def test_a_vocabulary_is_collected_from_the_code():
     vocabulary = pond().vocabulary
     assert [*vocabulary.kinds] == ["AFrog"]
-    assert [*vocabulary.primitives] == ["PFrog"]  # Used by a function that a view calls.
+    assert [*vocabulary.primitives] == ["PFrog"]  # Referenced only by a function that a view calls.
     assert [*vocabulary.transformations] == ["TAt"]
     assert [*vocabulary.events] == ["eCroak", "eFeed", "ePicture", "eTick"]
 

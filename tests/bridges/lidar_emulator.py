@@ -1,4 +1,4 @@
-"""An emulated RPLIDAR, written from the protocol's document only."""
+"""An emulated RPLIDAR, written from the protocol documentation only."""
 
 import struct
 import threading
@@ -6,7 +6,7 @@ import time
 
 
 def room(angle):
-    """Metres to the wall at an angle in degrees clockwise; no two sides of it are alike."""
+    """Distance in metres to the wall at a clockwise angle in degrees; all four sides differ."""
     from math import cos, radians, sin
 
     a = radians(angle)
@@ -18,7 +18,7 @@ def descriptor(size, many, kind):
 
 
 def standard_sample(angle, metres, start, quality=15):
-    """Figure 4-5."""
+    """One sample of a standard scan (figure 4-5)."""
     q6, q2 = round(angle * 64) % (360 * 64), round(metres * 4000)
     return bytes(
         (quality << 2 | (not start) << 1 | start, (q6 & 0x7F) << 1 | 1, q6 >> 7)
@@ -26,7 +26,7 @@ def standard_sample(angle, metres, start, quality=15):
 
 
 def capsule(angle, samples, start=False):
-    """Figures 4-12 and 4-13: 32 samples of (metres, compensation in eighths of a degree)."""
+    """A capsule of 32 samples (metres, angle compensation in 1/8 degree), figures 4-12 and 4-13."""
     body = struct.pack("<H", (round(angle * 64) % (360 * 64)) | start << 15)
     for (m1, d1), (m2, d2) in zip(samples[::2], samples[1::2], strict=True):
         mm1, mm2 = round(m1 * 1000), round(m2 * 1000)
@@ -40,7 +40,7 @@ def capsule(angle, samples, start=False):
 
 
 def capsules(step=0.9, compensation=lambda k: 12 + k % 3, angle=0.0, wall=room):
-    """Capsules without end, of samples `step` degrees apart."""
+    """An endless stream of capsules whose samples are `step` degrees apart."""
     first = True
     while True:
         angles = [angle + step * k for k in range(32)]
@@ -51,7 +51,7 @@ def capsules(step=0.9, compensation=lambda k: 12 + k % 3, angle=0.0, wall=room):
 
 
 def samples(step=1.0, angle=300.0, wall=room):
-    """Samples of standard scans without end; they begin amid a turn."""
+    """An endless stream of standard samples that starts in the middle of a revolution."""
     before = angle - step
     while True:
         yield standard_sample(angle % 360, wall(angle), angle % 360 < before % 360)
@@ -59,10 +59,10 @@ def samples(step=1.0, angle=300.0, wall=room):
 
 
 class Emulator:
-    """A lidar at the far end of a cable.
+    """A lidar at the device end of a cable.
 
-    `healths` are what it says of its health, one for each reset; `breaks` makes of the n-th packet
-    what is sent in its place; `part` cuts what is sent into parts of so many bytes.
+    `healths` are the health codes that it reports, one for each reset; `breaks` maps the n-th packet
+    to the bytes that are sent instead; `part` splits the output into parts of that many bytes.
     """
 
     def __init__(self, cable, firmware=(1, 29), healths=(0,), breaks=None, part=0, boot=b""):
@@ -87,7 +87,7 @@ class Emulator:
         self._thread.join(5)
 
     def hears(self, *requests):
-        """Wait until the last that it has heard are these."""
+        """Wait until the last received requests are these."""
         until = time.monotonic() + 20
         while self.heard[-len(requests) :] != list(requests):
             assert time.monotonic() < until, self.heard

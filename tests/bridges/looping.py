@@ -1,4 +1,4 @@
-"""A robot that drives round a block of corridors, with wheels that drift."""
+"""A robot that drives around a block of corridors with odometry that drifts."""
 
 import math
 from itertools import pairwise
@@ -9,11 +9,11 @@ from minerva_bus.world.readings import Odometry, Scan
 from minerva_bus.world.recordings import Recorded
 
 WIDE = 2.0
-"""Metres, the width of the corridors."""
+"""Width of the corridors in metres."""
 
 
 def _outline(x0, y0, x1, y1, outwards, chance):
-    """A rectangle of walls with niches, (n, 4)."""
+    """Wall segments of a rectangle with niches, shape (n, 4)."""
     corners = [(x0, y0), (x1, y0), (x1, y1), (x0, y1), (x0, y0)]
     normals = [(0, -1), (1, 0), (0, 1), (-1, 0)]
     points = []
@@ -34,7 +34,7 @@ def _outline(x0, y0, x1, y1, outwards, chance):
 
 
 class Block:
-    """Corridors around a block, `x` metres long and `y` metres."""
+    """Corridors around a block of `x` by `y` metres."""
 
     def __init__(self, x, y, seed=1):
         self.chance = np.random.default_rng(seed)
@@ -43,7 +43,7 @@ class Block:
         self.walls, self.x, self.y = np.concatenate([outer, inner]), x, y
 
     def ranges(self, x, y, heading, beams=180, most=10.0):
-        """What a laser measures that looks all around."""
+        """Ranges of a 360-degree laser scan at a pose."""
         angle = heading + np.arange(beams) * 2 * np.pi / beams
         cos, sin = np.cos(angle)[:, None], np.sin(angle)[:, None]
         begin_x, begin_y, end_x, end_y = self.walls.T
@@ -57,7 +57,7 @@ class Block:
         return np.where(dist < most, dist, 0.0).astype(np.float32)
 
     def way(self, laps):
-        """Poses (x, y, radians) of a drive along the middle of the corridors."""
+        """Poses (x, y, radians) of a drive along the centre line of the corridors."""
         middle = WIDE / 2
         corners = [(middle, middle), (self.x - middle, middle)]
         corners += [(self.x - middle, self.y - middle), (middle, self.y - middle)]
@@ -82,7 +82,15 @@ class Block:
 
 
 def recorded(block, laps=1.2, longer=1.05, veers=0.5):
-    """A recording with true poses; wheels measure ways too long, and veer by degrees a metre."""
+    """A recording with true poses and odometry that drifts.
+
+    Args:
+        block: the corridors.
+        laps: length of the drive, in laps.
+        longer: ratio of measured to true distances.
+        veers: heading error of the wheels, in degrees per metre.
+
+    """
     made, before = [], None
     for number, (x, y, heading) in enumerate(block.way(laps)):
         if before is None:

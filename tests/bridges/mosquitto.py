@@ -1,4 +1,4 @@
-"""A real broker for tests: mosquitto, on a free port of its own."""
+"""A real broker for tests: mosquitto, on a free port."""
 
 import shutil
 import socket
@@ -29,7 +29,7 @@ def free_port():
 
 
 class Mosquitto:
-    """A broker that can be killed and started again on the same port."""
+    """A broker that can be killed and restarted on the same port."""
 
     def __init__(self, folder, *settings):
         self.port = free_port()
@@ -63,7 +63,7 @@ class Mosquitto:
 
     @contextmanager
     def client(self, *topics, **tls):
-        """Somebody else at the broker; `heard` has topics, payloads, and whether retained."""
+        """Another client of the broker; `heard` has topics, payloads and retained flags."""
         from paho.mqtt.client import Client
         from paho.mqtt.enums import CallbackAPIVersion
 
@@ -86,7 +86,7 @@ class Mosquitto:
 
 @contextmanager
 def running(service):
-    """A bridge that runs in a thread; the list of the events that it emits."""
+    """Run a bridge in a thread; yields the list of the events that it emits."""
     stop, heard, failed = threading.Event(), [], []
 
     def run():

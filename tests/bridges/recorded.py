@@ -1,4 +1,4 @@
-"""Where recordings for tests are, and lines and bags that tests make themselves."""
+"""Paths of test recordings, and builders for log lines and bags."""
 
 import math
 from functools import cache
@@ -16,7 +16,7 @@ needs_demo = pytest.mark.skipif(not DEMO.exists(), reason=f"{DEMO} is not there"
 
 
 class Passed(list):
-    """What is passed over, as (what, line)."""
+    """Collects skipped input as (reason, line)."""
 
     def __call__(self, what, line):
         self.append((what, line))
@@ -54,7 +54,7 @@ def write(path, *lines):
 
 
 class Messages:
-    """Messages of ROS, by the types of one store."""
+    """Builds ROS messages with the types of one store."""
 
     def __init__(self, store, ros1=False):
         self.types, self.ros1 = store.types, ros1
@@ -83,7 +83,7 @@ class Messages:
         return self.make(f"geometry_msgs/msg/{kind}", x=x, y=y, z=z)
 
     def quaternion(self, yaw=0.0, roll=0.0):
-        """A roll about x, and then a yaw about z."""
+        """The quaternion of a roll about x followed by a yaw about z."""
         cy, sy, cr, sr = (f(a / 2) for a in (yaw, roll) for f in (math.cos, math.sin))
         return self.make("geometry_msgs/msg/Quaternion", x=cy * sr, y=sy * sr, z=sy * cr, w=cy * cr)
 
@@ -103,7 +103,7 @@ class Messages:
         )  # fmt: skip
 
     def transforms(self, *placed):
-        """A TFMessage of (parent, child, x, y, yaw, roll)."""
+        """A TFMessage of transforms (parent, child, x, y, yaw, roll)."""
         made = [
             self.make(
                 "geometry_msgs/msg/TransformStamped", header=self.header(0.0, parent),
@@ -156,7 +156,7 @@ class Messages:
 
 @cache
 def messages(ros1=False):
-    """The messages of ROS 1 or 2, and the store of their types."""
+    """Builders of ROS 1 or ROS 2 messages, and the store of their types."""
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
     store = get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.ROS2_HUMBLE)
@@ -167,9 +167,9 @@ def messages(ros1=False):
 
 
 def write_bag(path, store, said, broken=()):
-    """A bag of (seconds, topic, message); its kind follows from the path's suffix.
+    """Write a bag of (seconds, topic, message); the path's suffix selects its format.
 
-    The bytes of the messages whose numbers are in `broken` are cut in half.
+    The messages whose numbers are in `broken` are truncated to half their bytes.
     """
     from rosbags.rosbag1 import Writer as Writer1
     from rosbags.rosbag2 import StoragePlugin

@@ -1,4 +1,4 @@
-"""Images of markers at known places, rendered, and files of them."""
+"""Rendered images of markers at known poses."""
 
 import numpy as np
 
@@ -7,14 +7,18 @@ LENS = np.array([[FX, 0, WIDTH / 2], [0, FX, HEIGHT / 2], [0, 0, 1]])
 
 
 def texture(cv2, dictionary, number):
-    """A marker's square of side 1 is 400 pixels of it, with a white margin around."""
+    """Image of a marker: 400 pixels for a side of length 1, with a white margin."""
     words = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, f"DICT_{dictionary}"))
     marker = cv2.aruco.generateImageMarker(words, number, 400)
     return cv2.copyMakeBorder(marker, 100, 100, 100, 100, cv2.BORDER_CONSTANT, value=255)
 
 
 def rendered(cv2, *markers, dictionary="6X6_250", lens=LENS, size=(WIDTH, HEIGHT)):
-    """An image of markers (number, metres over the ground, degrees to the left, up, turned)."""
+    """A rendered image of markers.
+
+    Each marker is (number, distance over the ground in metres, degrees to the left, height in metres,
+    rotation in degrees).
+    """
     image = np.full((size[1], size[0]), 200, np.uint8)
     for number, distance, angle, up, turned in markers:
         picture = texture(cv2, dictionary, number)

@@ -1,4 +1,4 @@
-"""Robots' networks for tests: a router on a free port, and the simulated robot beside it."""
+"""ROS 2 networks for tests: a Zenoh router on a free port, and the simulated robot."""
 
 import json
 import math
@@ -15,7 +15,7 @@ ROBOT = Path(__file__).parents[2] / "worlds" / "minerva_worlds" / "ros2" / "ros_
 
 
 def router(listen="tcp/127.0.0.1:0"):
-    """A Zenoh router, as rmw_zenohd is one, and its endpoint."""
+    """A Zenoh router with the configuration of rmw_zenohd, and its endpoint."""
     config = zenoh.Config()
     config.insert_json5("mode", '"router"')
     config.insert_json5("listen/endpoints", json.dumps([listen]))
@@ -33,7 +33,7 @@ def router(listen="tcp/127.0.0.1:0"):
 
 @contextmanager
 def network():
-    """The endpoint of a router, and its session."""
+    """Start a router; yields its endpoint and its session."""
     session, endpoint = router()
     try:
         yield endpoint, session
@@ -42,7 +42,7 @@ def network():
 
 
 def hall(folder, width=4.0, height=3.0, start=(1.0, 1.5, 0.0), markers=None):
-    """A map of a hall with walls around it."""
+    """Write the map of a rectangular hall with walls around it."""
     columns, rows = round(width * 20), round(height * 20)
     image = np.zeros((rows, columns), np.uint8)
     image[2:-2, 2:-2] = 254
@@ -68,7 +68,7 @@ class RosRobot:
 
     @property
     def place(self):
-        """x, y and degrees, as it last said."""
+        """The last reported pose: x, y and degrees."""
         return tuple(map(float, self.lines[-1].split())) if self.lines else (math.nan,) * 3
 
     def __enter__(self):
@@ -82,14 +82,14 @@ class RosRobot:
 
 
 def free_endpoint():
-    """An endpoint that a process may listen at."""
+    """An unused endpoint that a process can listen on."""
     session, endpoint = router()
     session.close()
     return endpoint
 
 
 def house(folder, start=(1.23, 1.47, 30.0), markers=None):
-    """A map of a house of 8 × 6 m: four rooms, and a door between each and the next."""
+    """Write the map of a house of 8 × 6 m: four rooms, each with a door to the next."""
     free = np.zeros((160, 120), bool)  # cells of 0.05 m, [along x, along y]
     for left, right, low, high in (
         (2, 78, 2, 58), (82, 158, 2, 68), (72, 158, 72, 118), (2, 68, 62, 118),

@@ -1,4 +1,4 @@
-"""Cables that can be pulled and plugged in again."""
+"""Serial cables that can be unplugged and plugged in again."""
 
 import os
 import pty
@@ -10,7 +10,7 @@ from contextlib import suppress
 
 
 class Cable:
-    """A serial line at a path: `device` is its other end, plugged in until it is pulled."""
+    """A serial line at a path; `device` is its other end, connected until it is pulled."""
 
     def __init__(self, path):
         self.path = path
@@ -35,7 +35,7 @@ class Cable:
                 os.close(self._slave)
 
     def read(self):
-        """What was sent to the device, maybe nothing."""
+        """Bytes that were sent to the device, possibly none."""
         with self._lock:
             if not self.plugged or not select.select([self.master], [], [], 0)[0]:
                 return b""
@@ -44,9 +44,9 @@ class Cable:
             return b""
 
     def write(self, data):
-        """Let the device send as fast as its data are read; return whether all of them were.
+        """Send as the device, as fast as the other end reads; return whether all data were read.
 
-        The rest is lost where the other end says something instead of listening.
+        The rest is discarded if the other end sends something instead of reading.
         """
         while data:
             with self._lock:

@@ -1,10 +1,11 @@
-"""An XMPP server and a real SPADE agent, in a process of their own.
+"""An XMPP server and a real SPADE agent in a separate process.
 
     python spade_rig.py FOLDER
 
-It prints `port N` once both are there, and then what the agent hears, one JSON object a line. The
-agent `alice` requests something of `clerk` once that says that it is open, thanks it as in KQML,
-bids when it is called, and says that it has delivered when its bid is accepted.
+The script prints `port N` once both run, and then each message that the agent receives as one line
+of JSON. The agent `alice` sends `clerk` a request when `clerk` announces that it is open, thanks it
+with a KQML performative, bids when it receives a call, and reports the delivery when its bid is
+accepted.
 """
 
 import asyncio
@@ -36,7 +37,7 @@ def say(text):
 
 
 def free_ports(count):
-    """Ports that nobody listens at."""
+    """Ports that are not in use."""
     found = [socket.create_server(("localhost", 0)) for _ in range(count)]
     ports = [one.getsockname()[1] for one in found]
     for one in found:
@@ -64,7 +65,7 @@ class Talk(CyclicBehaviour):
         reply.sender = str(self.agent.jid)
         if message.body == "open":
             await self.send(Message(to="clerk@localhost", body="a stamp", metadata=dict(REQUEST)))
-        elif act == "inform":  # What was requested is done.
+        elif act == "inform":  # The request is fulfilled.
             await self.tell(Message(to="clerk@localhost", body="thanks"), "tell")
         elif act == "cfp":
             reply.body = "42"
@@ -85,7 +86,7 @@ class Alice(Agent):
 
 async def main(folder):
     loguru.logger.remove()
-    for name in ("ca_cert.pem", "ca_key.pem"):  # Of these the server makes its certificate.
+    for name in ("ca_cert.pem", "ca_key.pem"):  # The server signs its certificate with these.
         shutil.copy(Path(pyjabber.__file__).parent / "network" / "certs" / name, folder)
     port, other = free_ports(2)
     server = Server(

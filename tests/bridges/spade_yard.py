@@ -1,4 +1,4 @@
-"""A small world with agents outside: a buyer that calls them, a clerk whom they ask."""
+"""A small world with external agents: a buyer that calls them and a clerk that serves them."""
 
 from minerva_bus import EventType, Vocabulary, on
 from minerva_bus.acl import CONTRACT_NET, MESSAGES, OUTSIDE, Talker, eMessage
@@ -9,7 +9,7 @@ eOver = EventType("eOver")
 
 
 class Buyer(Talker, symbol="ABuyer"):
-    """Calls for proposals once the clerk has been served, and takes what is offered."""
+    """Calls for proposals once the clerk has been served, and accepts the proposal."""
 
     heard_from: tuple[str, ...] = ()
 
@@ -34,7 +34,7 @@ class Buyer(Talker, symbol="ABuyer"):
 
 
 class Clerk(Talker, symbol="AClerk"):
-    """Does what it is requested to."""
+    """Fulfils each request."""
 
     served: int = 0
 
@@ -48,7 +48,7 @@ class Clerk(Talker, symbol="AClerk"):
             self.served += 1
             agreed = self.say(moment, conversation, "agree")
             self.say(moment, agreed, "inform", f"done: {message.content}")
-        elif message.performative == "inform":  # The KQML performative `tell` has come.
+        elif message.performative == "inform":  # The KQML performative `tell` arrives as `inform`.
             moment.emit(eDone())
 
 

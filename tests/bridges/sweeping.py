@@ -1,4 +1,4 @@
-"""A lidar that rotates on a robot that moves, in a room of known walls."""
+"""A rotating lidar on a moving robot in a room with known walls."""
 
 import math
 
@@ -9,11 +9,11 @@ from minerva_bus.world.readings import Displacement, Odometry, Scan
 from minerva_bus.world.recordings import Recorded
 
 HALF_X, HALF_Y = 5.0, 3.0
-"""The room is 10 m x 6 m, its middle is (0, 0)."""
+"""Half the size of the room in metres; its centre is (0, 0)."""
 
 
 def place_at(time, speed, turn, start=(-2.0, -1.0, 20.0), begin=0.0):
-    """Where a robot is that goes with a speed in m/s and turns by degrees/s: on a circle."""
+    """Pose on a circle of a robot with constant speed in m/s and turn rate in degrees/s."""
     x, y, angle = start
     seconds = time - begin
     after = math.radians(angle + turn * seconds)
@@ -30,7 +30,7 @@ def place_at(time, speed, turn, start=(-2.0, -1.0, 20.0), begin=0.0):
 
 
 def to_wall(x, y, heading):
-    """Metres from a point in the room to its wall."""
+    """Distance in metres from a point in the room to its wall along a heading in radians."""
     cos, sin = math.cos(heading), math.sin(heading)
     along = (math.copysign(HALF_X, cos) - x) / cos if cos else math.inf
     across = (math.copysign(HALF_Y, sin) - y) / sin if sin else math.inf
@@ -38,7 +38,7 @@ def to_wall(x, y, heading):
 
 
 def swept(time, beams, step, beam_time, place, mount=(0.0, 0.0, 0.0)):
-    """A scan as such a lidar measures it; `place(time)` is where the robot is."""
+    """A scan of a rotating lidar; `place(time)` is the pose of the robot."""
     ranges = []
     for beam in range(beams):
         at = place(time + beam * beam_time)
@@ -54,7 +54,7 @@ def swept(time, beams, step, beam_time, place, mount=(0.0, 0.0, 0.0)):
 def drive(
     place, seconds=2.0, rate=50.0, beams=360, step=1.0, turn_seconds=0.2, odometry=True, **more
 ):
-    """A recording: scans one after another, sent when they are whole, and odometry."""
+    """A recording of consecutive scans, stamped at their end, and odometry."""
     recorded = [
         Recorded(time, "odometry", Odometry("r1", at.x, at.y, at.angle, 0.0, 0.0, time))
         for time in np.arange(0.0, seconds + 0.5, 1.0 / rate).tolist()
@@ -70,7 +70,7 @@ def drive(
 
 
 def spread(scan, at, dist, angle):
-    """Centimetres by which hits lie beside the walls, root mean square."""
+    """Root mean square distance in cm between the hits of a scan and the walls."""
     heading = np.radians(at.angle + angle)
     x, y = at.x + dist * np.cos(heading), at.y + dist * np.sin(heading)
     beside = np.minimum(np.abs(np.abs(x) - HALF_X), np.abs(np.abs(y) - HALF_Y))
@@ -78,7 +78,7 @@ def spread(scan, at, dist, angle):
 
 
 def without_path(scan):
-    """The scan as if its beams had been measured at once."""
+    """The scan with all its beams at one time."""
     from dataclasses import replace
 
     return replace(scan, path=())

@@ -11,7 +11,7 @@ def test_the_bridge_in_the_document_works(tmp_path):
     page = (ROOT / "docs" / "bridges.md").read_text(encoding="utf-8")
     blocks = [block.partition("```")[0] for block in page.split("```python")[1:]]
     world = {}
-    exec(blocks[0].partition("\n")[2], world)  # its first line names it
+    exec(blocks[0].partition("\n")[2], world)  # the first line is the file name
     exec(blocks[1], world)
     world["test_a_battery_is_read"](tmp_path)
     (tmp_path / "capacity").write_text("much")

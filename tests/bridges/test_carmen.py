@@ -1,4 +1,4 @@
-"""Logs of CARMEN: what their lines say, what skipped, and a real one."""
+"""CARMEN logs: the readings of their lines, skipped lines, and a real log."""
 
 import gzip
 import math
@@ -194,7 +194,7 @@ def test_a_wrong_range(tmp_path):
 
 
 def test_each_round_is_independent(tmp_path):
-    """What a parameter has said in one round does not count at the start of the next."""
+    """A parameter that appears late in a log has no effect on the start of the next round."""
     log = CarmenLog(
         write(tmp_path / "a.log", flaser([1.0]), "PARAM robot_frontlaser_offset 0.5 h 0"), Passed()
     )
@@ -203,7 +203,7 @@ def test_each_round_is_independent(tmp_path):
 
 
 def by_hand():
-    """The Intel log, read without anything of ours: its scans and its odometry."""
+    """Scans and odometry of the Intel log, parsed independently of the bridge."""
     scans, wheels = [], []
     with gzip.open(INTEL, "rt") as file:
         for line in file:

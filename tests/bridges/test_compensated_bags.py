@@ -1,4 +1,4 @@
-"""Bags and ROS 2 robots with lidars that turn while they drive: what their bridges publish."""
+"""Bags and ROS 2 robots with rotating lidars: the bridges publish motion-compensated scans."""
 
 import math
 import threading
@@ -30,9 +30,10 @@ PLACE = partial(place_at, speed=0.3, turn=80.0)
 
 
 def said_of(ros, recorded, late=0.0, turn=0.2):
-    """The messages of a drive.
+    """The ROS messages of a drive.
 
-    The stamps of scans are so many seconds late; a turn of the lidar is said to take `turn`.
+    The stamps of scans are `late` seconds late; their time increments correspond to a revolution of
+    `turn` seconds.
     """
     for one in recorded:
         reading = one.reading
@@ -58,7 +59,7 @@ def bag(folder, step=1.0, late=0.0, odometry=True, turn=0.2):
 
 
 def worst(scans):
-    """Centimetres by which hits lie beside the walls, before and after, of the worst scan."""
+    """Largest error of a scan before and after compensation, in cm beside the walls."""
     both = [
         [spread(scan, PLACE(scan.time), *hits(seen)) for seen in (without_path(scan), scan)]
         for scan in scans
@@ -111,7 +112,7 @@ class Session:
 
 @pytest.mark.parametrize("late", [0.0, 0.2])
 def test_a_ros_2_robot_gives_a_map_with_sharp_walls(late):
-    """Messages as they come: a scan after its last beam, odometry 50 times a second."""
+    """Messages arrive live: each scan after its last beam, odometry 50 times a second."""
     store = types.messages()
     bridge = Ros2("tcp/127.0.0.1:1", mount="0, 0, 0", time_offset=-late)
     session: Any = Session()

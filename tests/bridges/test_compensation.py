@@ -1,4 +1,4 @@
-"""Scans of a lidar that turns while its robot moves: the walls are where they are."""
+"""Motion compensation of scans by a rotating lidar on a moving robot."""
 
 from dataclasses import replace
 from functools import partial
@@ -29,7 +29,7 @@ def scans_of(recorded, **options):
 
 
 def spreads(scans, place):
-    """Before and after correction, in cm, of the worst scan."""
+    """Largest error of a scan in cm, before and after compensation."""
     both = [
         [spread(scan, place(scan.time), *hits(seen)) for seen in (without_path(scan), scan)]
         for scan in scans
@@ -57,7 +57,7 @@ def test_beams_in_the_reverse_order_of_time():
 
 
 def test_a_sweep_over_many_readings_of_odometry_follows_each_of_them():
-    """A slow lidar on a robot that turns to one side, and then to the other."""
+    """A slow lidar on a robot that turns first to one side and then to the other."""
 
     def place(time):
         return Pose(0.0, 0.0, 90.0 * (time if time < 1.0 else 2.0 - time))
@@ -141,7 +141,7 @@ def test_corrected_hits_lie_on_the_walls(speed, turn, step, seconds):
     assert spread(scan, place(0.5), *hits(scan)) < 0.5
 
 
-# --- where scans go -------------------------------------------------------------------------------
+# --- consumers of compensated scans ---------------------------------------------------------------
 
 
 def test_a_sweep_travels():
@@ -164,7 +164,7 @@ def test_a_scan_of_an_older_record_has_no_beam_times():
 
 
 def test_a_scan_from_another_pose_keeps_its_walls():
-    """What `ros2_robot` does to a scan of a robot that is not where the string has it."""
+    """`ros2_robot` transforms a scan if the robot's pose differs from its pose in the string."""
     place, shift = partial(place_at, speed=0.5, turn=90.0), Pose(0.3, -0.2, 25.0)
     (scan, *_), _ = scans_of(drive(place, mount=(0.2, 0.1, 30.0)))
     other = scanned_from(shift, scan, "r1")

@@ -1,4 +1,4 @@
-"""The bridge to gamepads: by a pad of the test's own, and by one that SDL makes up."""
+"""The gamepad bridge: with a gamepad of the test, and with a virtual one of SDL."""
 
 import ctypes
 import threading
@@ -21,7 +21,7 @@ WORLD = WorldInfo("yard", Vocabulary.of(eSpeed, eObjective, eErrand), 0, 0.1)
 
 
 class OwnPad:
-    """A gamepad that the test holds."""
+    """A gamepad whose state the test sets."""
 
     name = "the test's own"
 
@@ -38,7 +38,7 @@ class OwnPad:
             return self.now
 
     def wait_for_looks(self, looks):
-        """Wait until it was looked at so often since now."""
+        """Wait until it has been polled that many more times."""
         with self._look:
             seen = self.looked + looks
             assert self._look.wait_for(lambda: self.looked >= seen, 20), "nobody looks at it"
@@ -47,7 +47,7 @@ class OwnPad:
         self.closed = True
 
     def hold(self, push=0.0, *buttons):
-        """Hold it so until that was surely seen."""
+        """Hold the stick and buttons until the bridge has polled this state."""
         self.now = PadState((0.0, -push), frozenset(buttons))
         self.wait_for_looks(2)
 
@@ -57,7 +57,7 @@ class OwnPad:
 
 @pytest.fixture
 def slot(monkeypatch):
-    """Where the gamepad is, if anywhere."""
+    """The list of connected gamepads, initially empty."""
     pads = []
 
     def open_own(number):
@@ -174,7 +174,7 @@ def test_wrong_options(options, problem):
 
 @pytest.fixture(scope="module")
 def sdl():
-    """The very library that pygame has loaded, by which a joystick can be made up."""
+    """The library that pygame has loaded, which can create virtual joysticks."""
     libraries = Path(pygame.__file__).parent.with_name("pygame_ce.libs").glob("libSDL2-2*")
     found = next(libraries, None)
     if found is None:
@@ -186,7 +186,7 @@ def sdl():
 
 @pytest.fixture
 def virtual(sdl):
-    """A joystick of SDL's with four axes and eight buttons, plugged in by a call."""
+    """A virtual SDL joystick with four axes and eight buttons; a call connects it."""
     from minerva_services.input.gamepad.pad import _begun
 
     _begun()
@@ -206,7 +206,7 @@ def virtual(sdl):
             sdl.SDL_JoystickDetachVirtual(self.number)
 
     yield Virtual()
-    pygame.joystick.quit()  # No more than that: others in this process draw letters.
+    pygame.joystick.quit()  # Only this subsystem: other tests of this process draw text.
 
 
 def test_a_joystick_of_sdl(virtual):

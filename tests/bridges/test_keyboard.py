@@ -1,4 +1,4 @@
-"""The bridge to a terminal's keys, over a pseudo terminal."""
+"""The bridge to the keys of a terminal, over a pseudo terminal."""
 
 import os
 import pty
@@ -24,7 +24,7 @@ WORLD = WorldInfo("yard", Vocabulary.of(eSpeed, eObjective), 0, 0.1)
 
 
 class Desk:
-    """A pseudo terminal, on which a test types."""
+    """A pseudo terminal on which a test types."""
 
     def __init__(self):
         self.keys, self._screen = pty.openpty()
@@ -63,7 +63,7 @@ def keyboard(desk, **options):
 
 
 def typed(desk, text, **options):
-    """What comes of some keys."""
+    """The events that some typed keys cause."""
     made = keyboard(desk, **options)
     with RunningBridge(made) as runs:
         desk.type(text)
@@ -223,7 +223,7 @@ event = "eTick"
 
 
 def attached(desk, world):
-    """`minerva attach keyboard`, in a terminal of its own."""
+    """Run `minerva attach keyboard` in a new terminal; returns its process id."""
     pid = os.fork()
     if pid:
         return pid

@@ -1,4 +1,4 @@
-"""`minerva map --poses`: where a robot takes itself to be that is not told."""
+"""`minerva map --poses`: the estimated poses of a robot without an external position."""
 
 import math
 from pathlib import Path
@@ -24,7 +24,7 @@ def located(path, matched=False):
 
 
 def box(x, y, theta, beams=180):
-    """What a laser in a room of 6 m x 4 m measures that looks 180 degrees wide."""
+    """Ranges of a 180-degree laser scan in a room of 6 m x 4 m."""
     made = []
     for beam in range(beams):
         heading = theta + math.radians(beam - 90.0) + 1e-9
@@ -35,7 +35,7 @@ def box(x, y, theta, beams=180):
 
 
 def drive(path, slip=0.0, corrected=False):
-    """A way of ten steps of 0.2 m and 5 degrees, with wheels that take each for more degrees."""
+    """A log of ten steps of 0.2 m and 5 degrees; wheels add `slip` degrees to each step."""
     lines, true, wheels = [], Pose(0.0, 0.0, 0.0), Pose(0.0, 0.0, 0.0)
     for time in range(1, 11):
         at = true.x, true.y, math.radians(true.angle)
@@ -75,7 +75,7 @@ def test_good_wheels_are_right(tmp_path):
 
 @pytest.mark.parametrize("corrected", [False, True])
 def test_wheels_drift_whether_or_not_the_log_was_corrected(tmp_path, corrected):
-    """A correction in the log is taken back: what the wheels have measured is the same."""
+    """The bridge undoes corrections in the log, so both logs have the same wheel odometry."""
     found = located(drive(tmp_path / "a.log", slip=3.0, corrected=corrected))
     turned = chained_angle(found[-1]) - published_angle(found[-1])
     assert turned == pytest.approx(9 * 3.0)
@@ -131,7 +131,7 @@ def test_unknown_poses_are_refused():
 
 @needs_intel
 def test_in_a_real_building_it_stays_where_it_is():
-    """The first minutes, in which it turns on the spot and then drives off."""
+    """The first minutes, in which the robot turns on the spot and then drives off."""
     choice = MapChoice(cell=0.05, end=180.0, poses="matched")
     drift = draw_map(lambda: open_log(Path(INTEL), Passed()), choice, lambda part: None).drift
     assert drift is not None

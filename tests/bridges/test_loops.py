@@ -1,4 +1,4 @@
-"""Loop closure: a robot that comes back draws no wall twice, and is not fooled by corridors."""
+"""Loop closure: maps have no doubled walls, and similar corridors remain separate."""
 
 import math
 import sys
@@ -39,7 +39,7 @@ def silently(part):
 
 @pytest.fixture(scope="module")
 def lap():
-    """The scans of a lap and a bit, where they were measured, and where drift has put them."""
+    """The scans of just over one lap, their true poses, and their poses with drift."""
     readings = recorded(Block(24.0, 14.0))
     scans = [one.reading for one in readings if one.topic == "scan"]
     true = [
@@ -85,7 +85,7 @@ def test_a_path_that_does_not_return_has_no_loops(lap):
 
 
 def test_two_corridors_that_look_alike_are_not_one():
-    """Straight walls everywhere: what fits at many places pulls nobody to one of them."""
+    """Straight walls match at many places, so no scan moves to another place."""
     places = [Pose(0.4 * number, 0.0, 0.0) for number in range(100)]
     angle = np.radians(np.arange(180) * 2.0)
     with np.errstate(divide="ignore"):

@@ -1,4 +1,4 @@
-"""`minerva map`: maps drawn from recordings, the same as the robot itself would draw."""
+"""`minerva map` draws the same maps from recordings as the robot itself."""
 
 import math
 import re
@@ -43,14 +43,14 @@ def code_at(made, x, y):
 
 
 def events_of(scan):
-    """What gLaser makes of a scan."""
+    """The events that gLaser generates for a scan."""
     laser = Laser()
     laser.joined(WorldInfo("yard", Vocabulary.of(eLaser), 0, 0.1))
     return list(laser.generate(Tick(Frame(0), "laser", readings=(scan,))))
 
 
 def by_the_robot(made, path, mounting=None):
-    """The grid of a robot at the poses of the log, which receives the events of gLaser."""
+    """The grid of a robot that receives the events of gLaser at the poses of the log."""
     grid, options = np.zeros_like(made.grid), {"mounting": mounting} if mounting else {}
     posed = posed_scans(CarmenLog(path, Passed(), **options).readings())
     for number, one in enumerate(posed):
@@ -63,7 +63,7 @@ def by_the_robot(made, path, mounting=None):
 
 
 def test_a_beam_ends_at_a_wall_and_is_free_before_it(tmp_path):
-    """Three beams of 1, 2 and 3 m: to the right, ahead and to the left of one that looks north."""
+    """Three beams of 1, 2 and 3 m: right, ahead and left of a robot that faces north."""
     made = drawn(write(tmp_path / "a.log", flaser([1.0, 2.0, 3.0], (0.01, 0.01, QUARTER))))
     for x, y in ((1.01, 0.01), (0.01, 2.01), (-2.99, 0.01)):
         assert code_at(made, x, y) == OCCUPIED
@@ -110,7 +110,7 @@ def test_hits_are_those_of_which_gLaser_makes_events(mount):
     assert list(hits(scan)) == [(event.dist, event.angle) for event in events_of(scan)]
 
 
-# --- where the robot was ---
+# --- poses of the robot ---
 
 
 def wheels(time, x=0.0, angle=0.0):
@@ -237,7 +237,7 @@ def test_north_is_up_in_the_picture(tmp_path):
         pixels = np.asarray(image.convert("L")).astype(int)
     dark = np.argwhere(pixels < 40)
     height = pixels.shape[0]
-    # 3 m to the left is north, 2 m to the right south: the origin lies below the middle.
+    # 3 m to the left is north, 2 m to the right south: the origin is below the middle.
     assert dark[:, 0].min() < 0.06 * height
     assert pixels.shape[0] > pixels.shape[1]
 
@@ -338,11 +338,11 @@ def test_the_building_is_as_large_as_it_is_and_its_walls_are_thin(intel):
     walls, ground = (made.map.cells == code for code in (OCCUPIED, FREE))
     rows, columns = np.nonzero(walls)
     sides = [0.1 * np.subtract(*np.quantile(at, [0.98, 0.02])) for at in (rows, columns)]
-    assert all(26 < side < 31 for side in sides)  # the lab is about 28 m square
+    assert all(26 < side < 31 for side in sides)  # the real building is about 28 m square
     assert 350 < 0.01 * ground.sum() < 550
     across = walls[1:-1, 1:-1] & walls[:-2, 1:-1] & walls[2:, 1:-1]
     thick = across & walls[1:-1, :-2] & walls[1:-1, 2:]
-    assert thick.sum() < 0.15 * walls.sum()  # where walls are 3 cells thick it is a third
+    assert thick.sum() < 0.15 * walls.sum()  # a third if walls are three cells thick
 
 
 @needs_intel

@@ -1,4 +1,4 @@
-"""Logs of simulated drives through other buildings: what `minerva map` draws is the building."""
+"""Logs of simulated drives through other buildings: `minerva map` reproduces the floor plan."""
 
 import math
 from dataclasses import dataclass
@@ -19,12 +19,12 @@ DEPOT = DATA / "ros_maps" / "depot.yaml"
 RANGE, RADIUS, STOPS = 12.0, 0.2, 16
 SICK_SEES_NOTHING = 81.91
 HOUSE, DEPOT_PARTS = (0.99, 0.99, 0.99, 0.9), (0.99, 0.99, 0.95, 0.7)
-"""What overlaps at least; measured: 1, 1, 1, 0.94 and 1, 1, 0.977, 0.74."""
+"""Minimum overlaps; measured: 1, 1, 1, 0.94 and 1, 1, 0.977, 0.74."""
 
 
 @dataclass(frozen=True)
 class Building:
-    """A plan, and a robot's drive from one place in it to others."""
+    """A floor plan, and the stops of a robot in it."""
 
     plan: object
     arena: Arena
@@ -66,7 +66,7 @@ def depot():
 
 
 def dilated(cells, reach):
-    """All within so many cells of one that is true, along and across."""
+    """All cells within `reach` rows and columns of a true cell."""
     grown = np.pad(cells, reach)
     for axis in (0, 1):
         grown = np.any([np.roll(grown, by, axis) for by in range(-reach, reach + 1)], axis=0)
@@ -74,17 +74,17 @@ def dilated(cells, reach):
 
 
 def at_plan(plan, drawn, code):
-    """The plan's cells under the drawn ones of a code, (n, 2), and how many lie beside the plan."""
+    """Plan cells under the drawn cells of a code, (n, 2), and the number of drawn cells."""
     cells = [plan.cell_at(*drawn.centre_of(tuple(one))) for one in np.argwhere(drawn.cells == code)]
     rows, columns = plan.cells.shape
     return np.array([(r, c) for r, c in cells if 0 <= r < rows and 0 <= c < columns]), len(cells)
 
 
 def overlap(plan, drawn):
-    """Parts: of drawn walls those that are walls, of drawn ground that which is free.
+    """Overlap of a drawn map with the plan, as four fractions.
 
-    And of the walls beside drawn ground those that are drawn, and of all free ground that which is
-    drawn. Walls may be 0.1 m off.
+    Drawn walls that are walls, drawn ground that is free, walls beside drawn ground that are drawn, and
+    free ground that is drawn. Walls have a tolerance of 0.1 m.
     """
     solid, reach = plan.cells != FREE, math.ceil(0.1 / plan.resolution)
     walls, count = at_plan(plan, drawn, OCCUPIED)
@@ -103,7 +103,7 @@ def mapped(log, folder):
 
 
 def carmen(place, folder, beams, yaw):
-    """A log of a laser that looks ahead, or to the left, 180 degrees wide, as CARMEN has it."""
+    """A CARMEN log of a 180-degree laser that faces ahead or to the left."""
     step = 180.0 / (beams - beams % 2)
     lines = []
     for number, (x, y, angle) in enumerate(place.poses):
@@ -117,7 +117,7 @@ def carmen(place, folder, beams, yaw):
 
 
 def bag(place, folder, beams, yaw, suffix, told_yaw=None):
-    """A bag of a laser that looks all around, turned on its robot."""
+    """A bag of a 360-degree laser that is mounted at an angle."""
     types, store = messages(ros1=suffix == "bag")
     step, first = 2 * math.pi / beams, -2 * math.pi / beams * (beams // 2)
     turned = math.radians(yaw if told_yaw is None else told_yaw)

@@ -1,4 +1,4 @@
-"""The MQTT bridge at a real broker: in, out, TLS, loss and return, garbage, floods."""
+"""The MQTT bridge with a real broker: input, output, TLS, reconnection, garbage, floods."""
 
 import shutil
 import socket
@@ -243,7 +243,7 @@ def test_messages_while_it_was_away_are_kept_for_its_client_id(broker):
             eventually(lambda: wanted in heard, "it was kept")
 
 
-# --- who is who -----------------------------------------------------------------------------------
+# --- identities -----------------------------------------------------------------------------------
 
 
 def test_user_and_password(tmp_path, monkeypatch, capfd):
@@ -273,7 +273,7 @@ def openssl(folder, *words):
 
 @pytest.fixture
 def certificates(tmp_path):
-    """An authority, and a certificate of it for 127.0.0.1."""
+    """A certificate authority and its certificate for 127.0.0.1."""
     new = ["-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:P-256", "-nodes", "-days", "2"]
     usage = ["-addext", "keyUsage=critical,keyCertSign,cRLSign"]
     openssl(

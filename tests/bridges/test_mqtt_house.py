@@ -1,4 +1,4 @@
-"""The house of the examples, with real processes and a real broker."""
+"""The house example with real processes and a real broker."""
 
 import os
 import re
@@ -34,7 +34,7 @@ def test_a_thermostat():
 
 
 def commands():
-    """What the README lets a person publish: topics and payloads."""
+    """Topics and payloads of the publish commands in the README."""
     text = (FOLDER / "README.md").read_text(encoding="utf-8")
     found = re.findall(r"mosquitto_pub -t (\S+) -m (?:'([^']+)'|(\S+))", text)
     return [(topic, quoted or plain) for topic, quoted, plain in found]
@@ -42,7 +42,7 @@ def commands():
 
 @pytest.fixture
 def house(tmp_path):
-    """The house's broker, and a function that begins its world."""
+    """The broker of the house, and a function that starts its world."""
     broker, worlds = Mosquitto(tmp_path), []
 
     def begin():

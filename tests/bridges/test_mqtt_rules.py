@@ -1,4 +1,4 @@
-"""Which messages become which events, and what is rejected before the start."""
+"""The mapping from messages to events, and rules that are rejected before the start."""
 
 import json
 
@@ -248,7 +248,7 @@ def test_so_many_a_second_and_no_more():
 
 
 class Wire:
-    """Sends so many messages at a time."""
+    """A client that accepts `takes` more messages."""
 
     def __init__(self):
         self.sent, self.takes = [], 0

@@ -1,4 +1,4 @@
-"""The bridge to receivers that speak NMEA 0183, over a cable that can be pulled."""
+"""The bridge to NMEA 0183 receivers, over a cable that can be unplugged."""
 
 from functools import reduce
 from operator import xor
@@ -18,7 +18,7 @@ from minerva_services.sensors.serial_line import LineSplitter
 
 
 def said(body):
-    """A sentence with its checksum, computed here independently."""
+    """A sentence with its checksum, computed independently of the bridge."""
     return f"${body}*{reduce(xor, body.encode()):02X}"
 
 
@@ -41,7 +41,7 @@ def tell(cable, *lines):
 
 
 def positions(cable, *lines, **options):
-    """What becomes of these lines and of a last GGA behind them, which is left out."""
+    """The report and the positions of some lines, without those of a GGA sentence that ends them."""
     with RunningBridge(Nmea(port=str(cable.path), **options)) as runs:
         runs.wait_for(lambda: runs.state == "open", "it is open")
         tell(cable, *lines, gga(time="235959.00", up="8848.0"))

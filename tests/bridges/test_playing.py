@@ -1,4 +1,4 @@
-"""Playing recordings: when what is due, where it begins, and that nothing stalls."""
+"""Playback of recordings: due times, offsets, loops, and progress despite bad stamps."""
 
 import math
 import threading
@@ -25,7 +25,7 @@ STAMPS = st.lists(st.floats(allow_nan=True, allow_infinity=True), max_size=40)
 
 
 class Tape:
-    """A recording of batteries with these stamps."""
+    """A recording of battery readings with the given stamps."""
 
     part = 0.0
 
@@ -54,7 +54,7 @@ class Deck(Playing, lockstep=False):
 
 
 class Heard:
-    """What a bridge emits; it is stopped after so many."""
+    """Collects the readings of a bridge and stops it after `most`."""
 
     def __init__(self, most=100):
         self.times, self.stop, self.most = [], threading.Event(), most
@@ -119,7 +119,7 @@ def test_again_from_its_beginning():
 
 
 class Hurried:
-    """A stop whose waiting takes no time; it is set after so many."""
+    """A stop event whose waits return at once; it is set after `most` waits."""
 
     def __init__(self, most):
         self.most, self.asked = most, []

@@ -1,4 +1,4 @@
-"""Recorded sensors in worlds: beside simulated ones, in one process and on the bus, and killed."""
+"""Recorded sensors in worlds: beside simulated ones, in-process, on the bus, and after a kill."""
 
 import importlib.util
 import os
@@ -35,7 +35,7 @@ topic = "log_scan"
 
 
 def bus():
-    """What runs worlds in real processes; another folder has a module of the same name."""
+    """The module that runs worlds in real processes; a test folder has one of the same name."""
     spec = importlib.util.spec_from_file_location(
         "worlds_on_the_bus", TESTS / "runtime" / "running.py"
     )
@@ -50,7 +50,7 @@ def log_in(folder, scans=40):
 
 
 def world_in(folder, members=REPLAYED, name="replayed"):
-    """The world `robot` with more members."""
+    """Write the world `robot` with additional members."""
     log_in(folder)
     path = folder / f"{name}.toml"
     path.write_text(find_world("robot").read_text() + members)
@@ -58,7 +58,7 @@ def world_in(folder, members=REPLAYED, name="replayed"):
 
 
 def lasers_of_each_frame(file, readings=()):
-    """The eLaser events of each frame; before the i-th, the i-th of the readings arrives."""
+    """The eLaser events of each frame; the i-th reading arrives before frame i."""
     algorithm, frames = FrameAlgorithm(file.world), []
 
     def told(instruction):

@@ -1,4 +1,4 @@
-"""The device without a world: commands for motors, /tf, and rejected input."""
+"""The device without a world: motor commands, /tf, and rejected input."""
 
 import sys
 import threading
@@ -90,7 +90,7 @@ class Base:
 
 
 class Body:
-    """The device, as a world would use it."""
+    """Drives the device as a world does."""
 
     def __init__(self, endpoint, **options):
         self.device = Ros2Robot(endpoint, mount="0, 0, 0", **options)
@@ -104,7 +104,7 @@ class Body:
         self.device.close()
 
     def frames(self, *moves, halted=()):
-        """Carry out moves; the events and the readings of the last frame."""
+        """Execute moves; returns the events and readings of the last frame."""
         events, published = [], {}
         for move in moves:
             view = TPlace(5.0, 5.0, 90.0)(action_of(move, "r1", 0.18))
@@ -149,7 +149,7 @@ def test_the_pose_of_odometry_on_the_map_is_published():
     (told,) = messages().decode(types.TRANSFORMS, heard[-1]).transforms
     at = told.transform
     assert (told.header.frame_id, told.child_frame_id) == ("map", "wheels")
-    # The view has the robot at (5, 5), whatever it has driven.
+    # The view places the robot at (5, 5), independent of its odometry.
     assert (at.translation.x, at.translation.y) == pytest.approx((5.0, 5.0 - 0.05), abs=0.02)
     assert heading_of(at.rotation) == pytest.approx(90.0, abs=1.0)
 

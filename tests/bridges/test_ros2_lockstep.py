@@ -1,4 +1,4 @@
-"""A ROS 2 robot that goes by the world's clock decides what the simulated one decides."""
+"""A ROS 2 robot in lockstep with the world makes the same decisions as the simulated one."""
 
 import json
 from pathlib import Path
@@ -38,14 +38,14 @@ LIMITS = MotorLimits(1.0, 180.0, 1.0, 360.0)
 
 
 def with_ros(endpoint):
-    """The robot's world with the lines of one device changed."""
+    """The text of the robot's world with its physics replaced by a ROS 2 device."""
     text = find_world("robot").read_text()
     begin, end = text.index("[process.physics]"), text.index("[process.gLaser]")
     return text[:begin] + DEVICE.format(endpoint=endpoint) + text[end:]
 
 
 def decisions(path):
-    """Of each frame what the robot does, and where it takes itself to be."""
+    """Actions, plans and estimated poses of the robot by frame."""
     keys = ("action", "row", "column", "angle", "plan_rows", "plan_columns", "objective")
     made = []
     with Record(path) as record:
@@ -56,7 +56,7 @@ def decisions(path):
 
 
 def run(folder, world, plan, objective):
-    """A run's summary and its decisions."""
+    """Summary and decisions of a run."""
     path = folder / f"{Path(world).stem}.mcap"
     words = ["--map", plan, "--objective", objective, "--in-process", "--record", path]
     done = here(folder, "run", world, *words, "--json")

@@ -1,4 +1,4 @@
-"""Maps that a ROS 2 robot has made, as events of a world."""
+"""Maps of a ROS 2 robot as events of a world."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Topics over a real Zenoh router: scans in, garbage counted, a network that goes and comes."""
+"""Topics over a real Zenoh router: scans, garbage counts, lost and restored connections."""
 
 import threading
 
@@ -48,7 +48,7 @@ def transforms(yaw):
 
 
 class Heard:
-    """What a bridge publishes and emits, while it runs in a thread."""
+    """Runs a bridge in a thread and collects its readings."""
 
     def __init__(self, bridge):
         self.bridge = bridge
@@ -73,7 +73,7 @@ class Heard:
         assert not self.thread.is_alive()
 
     def until(self, put, topic):
-        """Publish until a reading of a topic comes; that reading."""
+        """Call `put` until a reading of the topic arrives, and return that reading."""
 
         def found():
             put()

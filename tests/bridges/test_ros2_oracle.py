@@ -1,6 +1,6 @@
-"""Messages to and from zenoh-ros2-sdk, which others have written: an independent judge.
+"""Messages to and from zenoh-ros2-sdk, an independent implementation.
 
-It runs in a process of its own, with a home of its own, for it likes to set git up.
+It runs in a separate process with its own home directory, because it changes the git configuration.
 """
 
 import json
@@ -53,7 +53,7 @@ while True:
 
 @pytest.fixture
 def oracle(tmp_path):
-    """Runs a script beside the SDK; its process."""
+    """A function that starts a script with the SDK and returns its process."""
     started = []
 
     def run(script, endpoint):
@@ -125,6 +125,6 @@ print(json.dumps([made, topic_keyexpr(5, "/a/b", name, made), endpoint_livelines
     vector, ours = "geometry_msgs/msg/Vector3", Ros2Network("tcp/h:1", domain=5)
     assert messages().hash(vector) == made
     assert ours.key_of("a/b", vector, made) == key
-    # A root namespace is "/", of which rmw_zenoh makes %.
+    # The root namespace is "/", which rmw_zenoh encodes as %.
     told = ours.topic_token("abc", "motors", 3, "MP", "a/b", vector, made, lasting=False)
     assert told == token

@@ -1,4 +1,4 @@
-"""Keys, attachments, frames, readings, steering: the parts that need no network."""
+"""Keys, attachments, frames, readings and steering: the parts that need no network."""
 
 import math
 
@@ -28,7 +28,7 @@ HASH = "RIHS01_64c191398013af96509d518dac71d5164f9382553fce5c1f8cca5be7924bd828"
 LIMITS = MotorLimits(speed=0.5, turn=90.0, acceleration=1.0, turn_acceleration=360.0)
 
 
-# --- the rhythm of commands ---
+# --- command rate ---
 
 
 def test_the_time_that_the_world_needs_is_time_of_the_next_command():
@@ -115,11 +115,11 @@ def test_invalid_networks(options, problem):
         Ros2Network(**{"router": "tcp/h:7447", **options})
 
 
-# --- where sensors sit ---
+# --- sensor mounts ---
 
 
 class Told:
-    """A message, as anything that has its attributes."""
+    """A stand-in for a message, with the given attributes."""
 
     def __init__(self, **fields):
         self.__dict__.update(fields)
@@ -186,7 +186,7 @@ def test_wrong_mounts(text):
         mount_of(text)
 
 
-# --- readings as from where the robot is believed to be ---
+# --- readings relative to the believed pose ---
 
 
 def test_a_scan_of_a_robot_that_lags_behind_is_of_the_same_walls():
@@ -204,7 +204,7 @@ def test_a_sighting_of_a_robot_that_lags_behind():
     assert (seen.marker, seen.distance, seen.angle) == ("door", pytest.approx(1.0), 90.0)
 
 
-# --- what a string commands ---
+# --- commands of a string ---
 
 
 def commands(scene: Scene):
@@ -255,11 +255,11 @@ def test_a_clock_that_is_set_back_restarts():
     assert track.at(3.0) == Pose(0.1, 0.0, 0.0)
 
 
-# --- carrying out commands ---
+# --- command execution ---
 
 
 class Wheels:
-    """A robot that obeys at once, on a clock of the test's own."""
+    """A robot that executes commands at once, on a simulated clock."""
 
     STEP = 0.01
 

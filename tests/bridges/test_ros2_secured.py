@@ -1,4 +1,4 @@
-"""The link to a robot's router over TLS: with certificates, without, and with wrong ones."""
+"""The TLS link to a robot's router: with a certificate, with none, and with wrong ones."""
 
 import json
 
@@ -34,7 +34,7 @@ def keys(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def endpoint(keys):
-    """A router that lets in only who shows a certificate, as rmw_zenohd may be set up."""
+    """A router that requires client certificates, as rmw_zenohd can be configured."""
     own = keys.credentials("coordinator")
     config = zenoh.Config()
     for key, value in {

@@ -1,4 +1,4 @@
-"""The robot's world with a ROS 2 robot in the place of physics: it drives, stops, and goes on."""
+"""The robot's world with a ROS 2 robot instead of physics: it drives, stops and resumes."""
 
 import math
 import os
@@ -25,7 +25,7 @@ def world(folder, endpoint, *words):
 
 
 def stands(robot):
-    """Whether the robot has not moved in its last five tenths of a second."""
+    """Whether the robot has not moved in the last 0.5 s."""
     places = robot.lines[-6:]
     return len(places) == 6 and len(set(places)) == 1
 
@@ -82,7 +82,7 @@ def test_it_stops_when_the_world_pauses_and_when_it_dies(tmp_path, floor):
 
 
 def test_a_wall_that_the_robot_alone_knows_is_a_collision(tmp_path, floor):
-    """Its laser looks above a low bar; its body does not."""
+    """The laser is above a low bar that blocks the body."""
     low = Path(tmp_path / "low")
     low.mkdir()
     hall(low, width=2.4, markers={"door": list(DOOR)})

@@ -1,4 +1,4 @@
-"""Bags of ROS 1 and ROS 2: what their messages become, and what skipped."""
+"""ROS 1 and ROS 2 bags: the readings of their messages, and skipped messages."""
 
 import io
 import math
@@ -31,14 +31,14 @@ def readings(path, **options):
 
 
 def bag_of(tmp_path, make, suffix="mcap", broken=(), **options):
-    """What a bag says whose (seconds, topic, message) `make` makes of the types of ROS."""
+    """The readings of a bag whose (seconds, topic, message) `make` builds from ROS types."""
     types, store = messages(suffix == "bag")
     path = write_bag(tmp_path / f"some.{suffix}", store, make(types), broken)
     return readings(path, **options)
 
 
 def one(tmp_path, make, **options):
-    """The one reading of a bag with one message."""
+    """The reading of a bag with a single message."""
     (said,), _ = bag_of(tmp_path, lambda ros: [(1.0, "/it", make(ros))], **options)
     return said.reading
 
@@ -307,7 +307,7 @@ def test_a_real_bag_lists_its_contents():
         scan, meant = read.reading, message.ranges >= message.range_min
         assert np.array_equal(scan.ranges[meant], message.ranges[meant])
         assert not scan.ranges[~meant].any()
-        assert scan.first == -119.53125  # 340 steps of 360/1024 degrees, as the laser has it
+        assert scan.first == -119.53125  # the laser has 340 steps of 360/1024 degrees
         assert np.float32(math.radians(scan.first)) == np.float32(message.angle_min)
         assert scan.step == 0.3515625
         assert scan.range_max == message.range_max

@@ -1,4 +1,4 @@
-"""The bridge to an RPLIDAR, over a cable that can be pulled, against an emulator of its protocol."""
+"""The RPLIDAR bridge with an emulated lidar, over a cable that can be unplugged."""
 
 import errno
 from itertools import islice
@@ -39,17 +39,17 @@ def bridge(cable, **options):
 
 
 def wall(beams=BEAMS):
-    """What a scan of the room is: counter-clockwise."""
+    """The true ranges of a scan of the room, counter-clockwise."""
     return np.array([room(-i * 360 / beams) for i in range(beams)])
 
 
 def off(scan):
-    """By how much a scan is wrong at most, metres, where it has measured anything."""
+    """Largest range error of a scan in metres, over all beams with a hit."""
     found = np.asarray(scan.ranges, float)
     return float(np.abs(found - wall(len(found)))[found > 0].max())
 
 
-# --- whole, over a line ---
+# --- complete scans over a serial line ---
 
 
 @pytest.mark.parametrize("mode", ["express", "standard"])
@@ -159,7 +159,7 @@ def test_a_missing_and_an_unresponsive_endpoint(tmp_path, capsys, monkeypatch):
         failures = runs.counted("failures")
         runs.wait_for(lambda: runs.counted("failures") > failures, "and once more")
     cable.pull()
-    missed, dumb = capsys.readouterr().out.splitlines()  # Each reason once.
+    missed, dumb = capsys.readouterr().out.splitlines()  # One line per reason.
     assert "no such device" in missed
     assert "no answer" in dumb
 
@@ -233,7 +233,7 @@ class Counts(dict):
 
 
 def fed(packets, data, part=64):
-    """All samples in some bytes, as one."""
+    """All samples in the data as one object; the data arrive in parts."""
     found = [one for at in range(0, len(data), part) for one in packets.feed(data[at : at + part])]
     return Samples(*(np.concatenate([getattr(o, n) for o in found]) for n in Samples.__slots__))
 
@@ -294,7 +294,7 @@ def test_a_partial_first_turn_is_dropped_and_endless_turns_are_aborted():
     express=st.booleans(),
 )
 def test_after_any_garbage_it_is_in_step_again(noise, part, express):
-    """Whatever comes between them, of the last packets all but some are understood."""
+    """After each burst of garbage the decoder resynchronizes within half of the packets."""
     counts = Counts()
     packets, made = (
         (ExpressPackets(counts), list(islice(capsules(), 20)))

@@ -136,7 +136,7 @@ def test_a_view_is_a_mailbox():
     assert [(one.to, one.frame, one.sender) for one in mailbox.mail] == [("alice", 3, "clerk")]
 
 
-# --- the bridge, without a server -----------------------------------------------------------------
+# --- the bridge without a server ------------------------------------------------------------------
 
 
 def joined(monkeypatch, vocabulary=None, server=""):
@@ -177,7 +177,7 @@ def test_only_agents_in_the_string_send(monkeypatch):
     assert bridge._receive(letter._replace(to="nobody@localhost")) is None
     assert bridge._receive(letter._replace(metadata={})) is None
     far = {"performative": "inform", "reply-by": "9999-01-01T00:00:00+00:00"}
-    bridge._clock = Clock(0, 1e-12)  # A frame number that no message can hold.
+    bridge._clock = Clock(0, 1e-12)  # A frame number that exceeds the range of a message.
     assert bridge._receive(letter._replace(metadata=far)) is None
     figures = bridge.report()
     assert (figures["strangers"], figures["garbage"]) == (2, 2)
@@ -225,7 +225,7 @@ class Rig:
         return int(self.lines.get(timeout=60).split()[1])
 
     def close(self):
-        os.killpg(self.process.pid, signal.SIGKILL)  # The server has processes of its own.
+        os.killpg(self.process.pid, signal.SIGKILL)  # The server has child processes.
         self.process.wait()
 
 

@@ -1,4 +1,4 @@
-"""Markers in photos, in rendered images, in files, and on topics."""
+"""Markers in photos, rendered images, files and topics."""
 
 import json
 import math
@@ -54,7 +54,7 @@ class Told(list):
 
 
 class Hurried:
-    """A stop whose waiting takes no time, so the last wait is all that would have been waited."""
+    """A stop event whose waits return at once; it records the waited seconds and is set after `most`."""
 
     def __init__(self, most):
         self.most, self.asked = most, []
@@ -68,7 +68,7 @@ class Hurried:
 
 
 class Never:
-    """Stops nothing and waits for nobody."""
+    """A stop event that is never set and never waits."""
 
     def is_set(self):
         return False
@@ -95,9 +95,9 @@ def ids(photo, dictionary):
 
 
 def exact(dictionary, pixels, turned, blur):
-    """An image of a marker whose side is so long, averaged over each pixel, and its true corners.
+    """An antialiased image of a marker with sides of `pixels` pixels, and its true corners.
 
-    4 x 4 samples for each pixel, and some noise.
+    Each pixel averages 4 x 4 samples; the image has some noise.
     """
     half, distance = SIZE / 2, FX * SIZE / pixels
     square = np.array([[-half, -half, 0], [half, -half, 0], [half, half, 0], [-half, half, 0]])
@@ -150,7 +150,7 @@ def test_a_photo_of_aruco_markers(photos):
 
 
 def test_a_photo_of_apriltags(photos):
-    """All that are listed, and the one on the side that lies in the shade, which is not."""
+    """All tags of the list, and one on the shaded side that the list omits."""
     photo = next(photos.glob("apriltag_*.jpg"))
     image = cv2.imread(str(photo), cv2.IMREAD_GRAYSCALE)
     found = detector(dictionary_of("tag36h11"))(image)
@@ -193,7 +193,7 @@ def test_a_marker_at_a_known_place(tmp_path, dictionary, distance, angle, up, tu
 
 
 def test_a_marker_that_is_seen_as_an_exact_square():
-    """IPPE has no finite solution of these corners, which a rendered image had."""
+    """IPPE has no finite solution for these corners, which are from a rendered image."""
     corners = np.array(
         [[117.4995, 198.4995], [200.5005, 198.4995], [200.5005, 281.5005], [117.4995, 281.5005]]
     )
@@ -314,7 +314,7 @@ def test_distortion_counts(tmp_path):
 
 
 def walk(count):
-    """Images in which a marker comes nearer."""
+    """Images of a marker that approaches."""
     return [rendered(cv2, (5, 3.0 - 0.1 * i, 0, 0, 0)) for i in range(count)]
 
 
@@ -361,7 +361,7 @@ def test_a_folder_of_images_some_of_which_are_none(tmp_path, capfd):
 
 
 def test_a_still_that_loops_is_seen_in_each_frame(tmp_path):
-    """Twice in the dt of a frame, by the clock, and it is looked at again when it has changed."""
+    """Two readings per frame in real time; the bridge analyses the file again after a change."""
     cv2.imwrite(str(tmp_path / "one.png"), rendered(cv2, (5, 2.0, 0, 0, 0)))
     service = vision(tmp_path / "one.png", loop=True)
     service.joined(WorldInfo("w", Vocabulary.of(), 0, 1 / 60))
@@ -481,7 +481,7 @@ def test_a_marker_becomes_the_robot_s_event():
     assert made.dist == pytest.approx(1.0, rel=0.02)
 
 
-# --- what is refused ------------------------------------------------------------------------------
+# --- rejected options and images ------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""Streams and cameras that come, stop, come back, or never were there."""
+"""Video streams and cameras that start, stop, return, or do not exist."""
 
 import threading
 from contextlib import contextmanager
@@ -17,7 +17,7 @@ from minerva_services.sensors.vision import Vision  # noqa: E402
 
 
 class Camera(BaseHTTPRequestHandler):
-    """A camera of the net: JPEG files without end, while it is on."""
+    """A network camera: an endless stream of JPEG images while it is on."""
 
     def do_GET(self):
         self.send_response(200)

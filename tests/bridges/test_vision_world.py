@@ -1,4 +1,4 @@
-"""Cameras in a whole world: swapping one for another changes one line and nothing else (4.3)."""
+"""Cameras in a complete world: to swap one for another, a single line changes (4.3)."""
 
 import re
 import shutil

@@ -1,4 +1,4 @@
-"""A small world for cameras: an agent that remembers what it sees, and a camera that publishes."""
+"""A small world for cameras: an agent that stores sightings, and a camera that publishes images."""
 
 import numpy as np
 
@@ -19,7 +19,7 @@ class Watcher(Agent, symbol="AWatcher"):
 
 
 class Eyeball(Generator, lockstep=False):
-    """Publishes one image again and again, as the camera of a robot does."""
+    """Publishes one image repeatedly, as a robot's camera does."""
 
     publishes = ("image",)
 
