@@ -1,4 +1,4 @@
-"""eCollision with all data that a service can provide, for the worlds of tests."""
+"""`eCollision` with every attribute that a service can provide, for test worlds."""
 
 from minerva_bus import EventType, Metres
 

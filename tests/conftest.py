@@ -1,13 +1,13 @@
-"""What holds for all tests."""
+"""Settings that apply to all tests."""
 
 import signal
 
 import pytest
 from hypothesis import Phase, settings
 
-# How long an example takes says more about the machine than about the code.
+# The duration of an example depends on the machine more than on the code.
 settings.register_profile("minerva", deadline=None)
-# For mutation testing (tools/mutation.py): the first failure decides, the smallest does not matter.
+# For mutation testing (tools/mutation.py): the first failure decides; shrinking is unnecessary.
 settings.register_profile(
     "mutation",
     deadline=None,
@@ -21,9 +21,9 @@ pytest_plugins = ["tests.flaky", "tests.quick"]
 
 
 def pytest_configure():
-    """Ctrl-C reaches the worlds of tests, also where a shell has begun pytest in its background.
+    """Enable Ctrl-C for the worlds of tests, even if a shell started pytest in the background.
 
-    Such a shell has the signal ignored, and so do all processes that come of it.
+    Such a shell makes its background processes ignore SIGINT, and their children inherit that.
     """
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -33,11 +33,11 @@ ON_DEMAND = {
     "slow": "takes minutes; run it with pytest -m slow",
     "deploy": "makes machines and containers, as root; run it with pytest -m deploy",
 }
-"""Markers of tests that run when they are asked for, and what is said of them otherwise."""
+"""Markers of tests that run on demand only, with the reason shown when skipped."""
 
 
 def pytest_collection_modifyitems(config, items):
-    """What takes minutes runs when it is asked for."""
+    """Skip on-demand tests unless their marker is requested."""
     for marker, reason in ON_DEMAND.items():
         if marker not in config.getoption("markexpr"):
             for item in items:

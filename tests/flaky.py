@@ -1,8 +1,8 @@
-"""`--retry`: each failed test runs once more, alone, when all others have ended.
+"""`--retry`: run each failed test once more, alone, after all others have finished.
 
-If it passes then, it is flaky: the run succeeds, and its last lines name the test. "Alone" means in a
-process of its own, one test after the other, when no worker of pytest-xdist has anything left to do.
-A test that fails by an example of Hypothesis fails again, because Hypothesis keeps the example.
+A test that then passes is flaky: the run succeeds, and its last lines name the test. "Alone" means
+in a separate process, one test at a time, when no worker of pytest-xdist has tests left to run.
+A test that fails on an example of Hypothesis fails again, because Hypothesis stores the example.
 """
 
 import argparse
@@ -12,7 +12,7 @@ import sys
 import pytest
 
 MOST = 10
-"""Tests that are run again. More failures are a fault of the change, not of single tests."""
+"""Maximum number of retried tests. More failures point to the change, not to single tests."""
 
 
 def pytest_addoption(parser):
@@ -31,7 +31,7 @@ def pytest_configure(config):
 
 
 class Retry:
-    """What failed in a session, and what of it passes alone."""
+    """The failed tests of a session, and those of them that pass alone."""
 
     def __init__(self, config):
         self.config = config
@@ -57,7 +57,7 @@ class Retry:
         return result
 
     def retry(self, session):
-        """Run the failed tests again, and take back the failures of those that pass."""
+        """Rerun the failed tests and clear the failures of those that pass."""
         self.terminal.line("")
         if len(self.failed) > MOST:
             self.terminal.write_line(f"{len(self.failed)} failed; not run again (at most {MOST})")
@@ -73,7 +73,7 @@ class Retry:
             session.exitstatus = pytest.ExitCode.OK
 
     def passes_alone(self, nodeid):
-        """Whether the test passes in a process of its own; being skipped is not passing."""
+        """Whether the test passes in a separate process; skipped does not count."""
         command = [sys.executable, "-m", "pytest", "-q", "--color=no", "--no-retry"]
         for plugin in self.config.getoption("plugins"):
             command += ["-p", plugin]
@@ -90,7 +90,7 @@ class Retry:
         return done.returncode == 0 and "\n1 passed" in done.stdout
 
     def correct_counts(self):
-        """The summary counts a flaky test as such, not as a failure or an error."""
+        """Count flaky tests as flaky in the summary, not as failures or errors."""
         stats = self.terminal.stats
         for kind in ("failed", "error"):
             kept = [report for report in stats.pop(kind, []) if report.nodeid not in self.flaky]

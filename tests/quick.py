@@ -1,8 +1,8 @@
-"""`pytest -m quick`: tests that run in one process without waiting, chosen by cost and coverage.
+"""`pytest -m quick`: tests in one process, without waiting, chosen by cost and coverage.
 
-The list is of files, or of folders with all of their files. Each part of the system that can be tested
-without a bus has representatives: the paper's equations and tables, laws of the language and of
-engines, the wire format, the borders where untrusted data enters, settings and errors.
+The list contains files, and folders with all of their files. Each part of the system that can be
+tested without a bus is represented: the paper's equations and tables, laws of the language and of
+engines, the wire format, the boundaries where untrusted data enters, settings and errors.
 """
 
 from pathlib import Path
@@ -47,25 +47,25 @@ QUICK = (
 
 
 EXAMPLES = 20
-"""The most examples of a law; the full run takes 30 to 200."""
+"""Maximum number of examples of a law; the full run uses 30 to 200."""
 _SETTINGS = "_hypothesis_internal_use_settings"
 
 
 def pytest_ignore_collect(collection_path, config):
-    """Import no other test modules for the quick run: that takes longer than its tests."""
+    """Skip all other test modules in the quick run, because importing them outlasts its tests."""
     if config.getoption("markexpr") == "quick" and collection_path.name.startswith("test_"):
         return None if is_quick(collection_path) else True
     return None
 
 
 def is_quick(path):
-    """Whether a test file is in the list, or in one of its folders."""
+    """Whether the list contains a test file or one of its folders."""
     name = Path(path).relative_to(TESTS)
     return str(name) in QUICK or str(name.parent) in QUICK
 
 
 def pytest_collection_modifyitems(config, items):
-    """Mark the tests of the list, but none that is on demand; give laws fewer examples."""
+    """Mark the listed tests except on-demand ones; give laws fewer examples."""
     for item in items:
         demanded = item.get_closest_marker("slow") or item.get_closest_marker("deploy")
         if TESTS in item.path.parents and is_quick(item.path) and not demanded:
