@@ -1,4 +1,4 @@
-"""The robot's world frame by frame, physics with errors included, without a bus."""
+"""The robot's world frame by frame, with physics and its errors, without a bus."""
 
 import math
 import tomllib
@@ -24,7 +24,7 @@ DT = 0.1
 
 
 class House:
-    """The office, one robot on its way to the kitchen, and what physics makes of its commands."""
+    """The office with one robot on its way to the kitchen; physics executes its commands."""
 
     def __init__(self, localise, seed=0, **errors):
         self.seed, self.frame = seed, 0
@@ -62,7 +62,7 @@ class House:
     def _compare(self):
         bodies = self.physics.save()["arena"]["bodies"]
         if "r1" not in bodies:
-            return  # it has no action yet, so nothing has put it there
+            return  # it has no action yet, so its body has not been placed
         (x, y, angle), robot = bodies["r1"][:3], self.robot
         dist = math.dist((x, y), robot.metres(robot.position))
         self.errors.append((dist, abs(math.remainder(angle - robot.angle, 360.0))))

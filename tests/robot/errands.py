@@ -1,4 +1,4 @@
-"""Robots and parcels on a floor that the robots know, frame by frame, without bus or physics."""
+"""Robots and parcels on a known floor, frame by frame, without bus or physics."""
 
 import tomllib
 from pathlib import Path
@@ -22,13 +22,13 @@ ALL_MARKERS = (*PLACES, "attic")
 
 
 def centre(marker):
-    """Where a marker stands, in metres."""
+    """The position of a marker in metres."""
     row, column = PLACES[marker]
     return (row + 0.5) / 10, (column + 0.5) / 10
 
 
 def known():
-    """A grid of free ground in which the robot has seen all markers but the attic's."""
+    """A grid of free ground in which the robot has seen all markers except the attic's."""
     grid = np.full((50, 50), FREE, np.int16)
     for number, place in enumerate(PLACES.values()):
         grid[place] = MARKER + number
@@ -56,7 +56,7 @@ class Story:
         self.told = []
 
     def step(self, *orders):
-        """One frame with what people order, and a decision."""
+        """Run one frame with the given orders and an `eDecide`."""
         events = collect(ORDER, {"#": self.coming, "people": [*orders, eDecide()]})
         done = evolve(self.scene, events, [ARobot, AParcel], Frame(self.frame))
         self.scene = done.scene
@@ -66,7 +66,7 @@ class Story:
         return self
 
     def until(self, event_type, frames=300):
-        """Go on until somebody emits an event of a type; that event."""
+        """Step until an agent emits an event of the type; return that event."""
         for _ in range(frames):
             self.step()
             for event in self.coming:
@@ -81,7 +81,7 @@ class Story:
         return AParcel.thaw(self._node(name))
 
     def types(self, *types):
-        """Who has emitted what, eCarry left out."""
+        """Senders and types of the emitted events, without `eCarry`."""
         return [
             (event.sender, event.type)
             for _, event in self.told
@@ -89,7 +89,7 @@ class Story:
         ]
 
     def without(self, name):
-        """An agent is gone."""
+        """Remove an agent."""
         self.scene = Scene(tuple(n for n in self.scene if getattr(n, "id", "") != name))
 
     def _node(self, name):

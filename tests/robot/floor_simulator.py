@@ -1,7 +1,7 @@
-"""A floor for tests: robots that execute commands exactly, a laser, a camera, no bus.
+"""A floor for tests: robots with exact motion, a laser and a camera, without a bus.
 
-It steps the evolution of the world's string frame by frame, as Table 2 does: the events of a frame
-are measured where the actions of the frames before have led.
+It evolves the world's string frame by frame, as in Table 2: the events of a frame are measured at
+the pose that results from the actions of previous frames.
 """
 
 import math
@@ -29,7 +29,7 @@ FOV, SIGHT = 60.0, 5.0
 
 
 class Floor:
-    """What a map holds, for rays and discs; all that is not free is solid."""
+    """The content of a map, for rays and discs; every cell that is not free is solid."""
 
     def __init__(self, floor):
         self.solid = np.pad(floor.obstacles, 1, constant_values=True)
@@ -44,7 +44,7 @@ class Floor:
         return rows, columns
 
     def cast(self, x, y, angles, longest):
-        """How far rays go from a point before they hit something, or `longest`."""
+        """Distances that rays travel from a point before they hit something, at most `longest`."""
         cos, sin = np.cos(np.radians(angles)), np.sin(np.radians(angles))
         lengths = np.zeros(len(angles))
         for _ in range(2000):
@@ -70,7 +70,7 @@ class Floor:
 
 @dataclass
 class Run:
-    """What came of a run."""
+    """The results of a run."""
 
     reached: bool = False
     frames: int = 0
@@ -118,7 +118,7 @@ class Simulator:
                     yield eCamera(marker.name, dist, angle)
 
     def step(self, clock=None):
-        """One frame of Table 2; True once the robot has reported that it is there."""
+        """Run one frame of Table 2; True once the robot has reported its arrival."""
         events = self.events()
         begin = clock() if clock else 0.0
         evolved = evolve(self.scene, events, [ARobot], Frame(self.run.frames, self.dt, self.seed))

@@ -1,4 +1,4 @@
-"""A robot in the middle of a small grid, and one frame of its life."""
+"""A robot in the middle of a small grid, and single frames of it."""
 
 import numpy as np
 
@@ -10,7 +10,7 @@ PAPER = ("grid", "row", "column", "angle", "speed", "objective", "action")
 
 
 def robot(grid=None, **state):
-    """The string of one robot, `#r`; in cell (20, 20) of an empty grid if not said otherwise."""
+    """The string of one robot, `#r`; by default in cell (20, 20) of an empty grid."""
     given = {
         "grid": np.zeros((40, 40), np.int16) if grid is None else grid,
         "row": 20.5,
@@ -28,12 +28,12 @@ def after(scene, *events, frame=1, dt=0.1, seed=0):
 
 
 def emitted(scene, *events):
-    """What the robot emits in a frame with these events."""
+    """The events that the robot emits in a frame with these events."""
     return evolve(scene, events, [ARobot], Frame(1)).emitted.get("r", ())
 
 
 def changed(before, robot):
-    """The names of the attributes that differ between a string and a robot, sorted."""
+    """The sorted names of the attributes that differ between a string and a robot."""
     (node,) = agents(before)
     state = robot.string.nodes[0].state
     return sorted(name for name in state if not same(state[name], node.state[name]))

@@ -1,4 +1,4 @@
-"""What the benchmark of exploration says of a run is what the robot itself says."""
+"""The exploration benchmark reports the same results as the robot itself."""
 
 import dataclasses
 import json
@@ -23,7 +23,7 @@ def task_of(named):
 
 @pytest.fixture
 def drive(tmp_path):
-    """A robot in a hall of 4 m that looks for a marker which hangs nowhere."""
+    """A robot in a hall of 4 m that searches for a marker that does not exist."""
     floor = floor_of("hall", 4.0, 1)
     named = Named("hall-4-1", floor, held_out=False)
     task = task_of(named)
@@ -72,7 +72,7 @@ def test_halls_of_different_seeds_differ_in_the_start_alone():
 
 
 def test_a_tour_goes_straight_to_a_marker_that_is_in_view_from_its_first_stop():
-    """And to others no shorter than the shortest path, which is counted in other steps."""
+    """The shortest path to a distant marker uses other steps, hence the tolerance of 10 %."""
     floor = floor_of("rooms", 10.0, 1)
     start, near, far = (1.5, 1.5, 0.0), Marker("A", 2.0, 2.0), Marker("B", 8.5, 8.5)
     tour = Tour(floor, start, RADIUS)
@@ -81,7 +81,7 @@ def test_a_tour_goes_straight_to_a_marker_that_is_in_view_from_its_first_stop():
 
 
 def test_a_tour_sees_all_of_the_floor():
-    """So the way to any marker is no longer than the tour and the longest way to it."""
+    """The path to any marker is therefore at most the tour plus the longest path to it."""
     floor = floor_of("pillars", 10.0, 1)
     tour = Tour(floor, (1.0, 1.0, 0.0), RADIUS)
     places = [(x + 0.5, y + 0.5) for x in range(1, 9) for y in range(1, 9)]

@@ -1,4 +1,4 @@
-"""A robot that finds itself by its laser stays where it believes to be; one that does not, drifts."""
+"""Localization by laser keeps the believed pose accurate; without it, the pose drifts."""
 
 import math
 from functools import cache

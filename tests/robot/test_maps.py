@@ -1,4 +1,4 @@
-"""Maps: what map_server files mean, what is refused and how, places on them, the office plan."""
+"""Maps: meaning of map_server files, rejected files and reasons, places, the office plan."""
 
 import importlib.util
 import json
@@ -38,7 +38,7 @@ SMALL = b"P5\n3 2\n255\n" + bytes([0, 205, 254, 254, 254, 0])
 
 @pytest.fixture
 def write(tmp_path):
-    """Write m.pgm and m.yaml with some keys changed (None takes one away); give the YAML's path."""
+    """Write m.pgm and m.yaml with changed keys (None removes one); return the YAML path."""
 
     def writer(picture=SMALL, **changes):
         keys = {key: value for key, value in (KEYS | changes).items() if value is not None}
@@ -50,18 +50,18 @@ def write(tmp_path):
 
 
 def rows(floor):
-    """The cells as the picture shows them: the top row first."""
+    """The cells in the order of the image: the top row first."""
     return floor.cells.T[::-1].tolist()
 
 
 def floor_of(*lines, resolution=0.1):
-    """A map as drawn: # is occupied, ? unknown, the top row first."""
+    """A map from a drawing: # is occupied, ? unknown, the top row first."""
     values = {".": 0, "#": 100, "?": -1}
     drawn = np.array([[values[mark] for mark in line] for line in lines], np.int16)
     return OccupancyMap(np.ascontiguousarray(drawn[::-1].T), resolution)
 
 
-# --- what the keys mean -------------------------------------------------------------------------
+# --- meaning of the keys ------------------------------------------------------------------------
 
 
 def test_columns_are_x_and_rows_from_below_are_y(write):
@@ -394,7 +394,7 @@ def test_damaged_images_are_refused(tmp_path):
             load_map(path)
 
 
-# --- maps of others -----------------------------------------------------------------------------
+# --- maps from other sources --------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -506,7 +506,7 @@ def test_places_on_a_large_map_are_found_quickly():
     assert time.perf_counter() - began < 4.0
 
 
-# --- the plan that comes with the robot ---------------------------------------------------------
+# --- the plan that is shipped with the robot ----------------------------------------------------
 
 
 def test_the_office_needs_no_library(monkeypatch):

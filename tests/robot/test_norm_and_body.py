@@ -1,4 +1,4 @@
-"""A robot whose step a norm refuses: its body stays with it, and it finds another way."""
+"""A norm rejects a robot's step: the body stays with the robot, which finds another way."""
 
 import json
 import math
@@ -15,7 +15,7 @@ from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.settings.overrides import Overrides
 
 STEP = 0.08
-"""Metres that a robot drives in a frame: w is a frame ahead of the body between two frames."""
+"""Metres that a robot drives per frame: between frames, w is one frame ahead of the body."""
 
 
 @pytest.fixture
@@ -78,7 +78,7 @@ def test_the_string_and_the_body_stay_together_outside_the_zone(tmp_path, event)
 
 
 def test_a_robot_goes_round_what_is_forbidden(tmp_path, hall):
-    """Nothing stands there that its laser could see."""
+    """The forbidden area contains nothing that the laser can detect."""
     zone = "row > 25 and row < 35 and column < 25"
     norm = f'\n[norm.nogo]\napplies = "ARobot"\nwhere = "{zone}"\n'
     world = Watched(tmp_path, norm, **hall).run(900)

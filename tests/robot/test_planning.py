@@ -1,4 +1,4 @@
-"""Grid planning: the rules of a move, Dijkstra's search as the judge, and the MovingAI benchmarks.
+"""Grid planning: legal moves, Dijkstra's search as reference, MovingAI benchmarks.
 
 The benchmarks (https://movingai.com/benchmarks, Sturtevant 2012) list the optimal length of each
 problem under the same moves. `pytest -m slow` solves all of them, the quick suite a sample.
@@ -30,7 +30,7 @@ def grid(*rows):
 
 
 def can_move(blocked, cell, to):
-    """The rules of a move, written down once more."""
+    """Whether a move is legal; an independent implementation of the rules."""
     rows, columns = blocked.shape
     if not (0 <= to[0] < rows and 0 <= to[1] < columns) or blocked[to]:
         return False
@@ -38,7 +38,7 @@ def can_move(blocked, cell, to):
 
 
 def distances(blocked, start):
-    """Dijkstra's search over the whole grid, as plain as can be."""
+    """Dijkstra's search over the whole grid, in its simplest form."""
     best = {start: 0.0}
     queue = [(0.0, start)]
     while queue:
@@ -56,7 +56,7 @@ def distances(blocked, start):
 
 
 def check_path(blocked, path, start):
-    """The path begins at the start, makes only allowed moves, and is as long as it says."""
+    """Check that the path begins at the start, has only legal moves and the stated length."""
     assert path.cells[0] == start
     assert all(can_move(blocked, one, other) for one, other in pairwise(path.cells))
     lengths = [math.dist(one, other) for one, other in pairwise(path.cells)]
@@ -164,7 +164,7 @@ def test_inflate_with_a_radius_beyond_the_grid_fills_it():
 def test_inflate_is_all_within_the_radius_wherever_on_the_grid_obstacles_lie(
     seed, shape, share, radius
 ):
-    """The part without obstacles is left out, and comes out as if it had not been."""
+    """The result is the same with a wide margin without obstacles, which `inflate` skips."""
     obstacles = np.random.default_rng(seed).random(shape) < share
     rows, columns = np.ogrid[: shape[0], : shape[1]]
     expected = np.zeros(shape, np.bool_)
@@ -188,12 +188,12 @@ def test_clearance_without_obstacles_is_infinite():
     assert np.isinf(clearance(grid("..", ".."))).all()
 
 
-# --- against the plain way ----------------------------------------------------------------------
+# --- against the simple implementation ----------------------------------------------------------
 
 
 @st.composite
 def problems(draw):
-    """A grid with walls as dense as drawn, a free start, and any goal."""
+    """A grid with walls of a drawn density, a free start, and any goal."""
     rows, columns = draw(st.integers(1, 14)), draw(st.integers(1, 14))
     density = draw(st.sampled_from([0.0, 0.1, 0.25, 0.4, 0.6]))
     seed = draw(st.integers(0, 2**32 - 1))
@@ -264,7 +264,7 @@ def test_small_windows_change_no_length(problem, margin, seed):
 @pytest.mark.parametrize("length", [253, 254, 255, 256, 509, 1000])
 @pytest.mark.parametrize("turn", [0, 1, 2, 3])
 def test_rays_of_any_length_end_where_they_should(length, turn):
-    """A corridor that turns once, in each direction: a table entry is a byte."""
+    """A corridor with one turn, in each orientation; table entries are bytes."""
     blocked = np.ones((length + 1, length + 1), np.bool_)
     blocked[0, :] = blocked[:, length] = False
     blocked = np.ascontiguousarray(np.rot90(blocked, turn))

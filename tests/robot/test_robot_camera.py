@@ -1,4 +1,4 @@
-"""λ for eCamera, 4.2.3: the grid gets a marker where the camera has seen one."""
+"""λ for eCamera, 4.2.3: the grid contains a marker where the camera detects one."""
 
 import math
 
@@ -52,7 +52,7 @@ def test_a_marker_beyond_the_grid_is_passed_over():
     assert not after(robot(), eCamera("store", 5.0)).grid.any()
 
 
-# --- what the camera has had in view ------------------------------------------------------------
+# --- the camera's field of view -----------------------------------------------------------------
 
 
 def room():

@@ -1,4 +1,4 @@
-"""λ for eDecide, 4.2.3 and 4.2.5: pose, action, and the two ways to decide."""
+"""λ for eDecide, 4.2.3 and 4.2.5: pose, action, and the two decision methods."""
 
 import math
 
@@ -34,7 +34,7 @@ def seeking(grid, **state):
 
 
 def drive(scene, frames):
-    """The robot after so many decisions, and where it has been."""
+    """The robot after the given number of decisions, and the cells it has visited."""
     places = []
     for frame in range(frames):
         now = after(scene, eDecide(), frame=frame)
@@ -226,7 +226,7 @@ def test_it_looks_for_a_marker_that_it_has_not_seen():
 
 
 def test_a_place_where_it_has_been_and_a_turn_that_shows_nothing_are_not_tried_again():
-    """The unknown beyond stays unknown here, for no laser clears it: the search comes to an end."""
+    """Without a laser the unknown area beyond stays unknown, and the search still ends."""
     grid = floor((14, 14, 14, 26), (26, 26, 14, 26), (14, 26, 14, 14), free=0)
     grid[15:26, 15:27] = FREE
     now, _ = drive(seeking(grid), 900)
@@ -234,7 +234,7 @@ def test_a_place_where_it_has_been_and_a_turn_that_shows_nothing_are_not_tried_a
 
 
 def test_a_way_that_leads_nowhere_is_none():
-    """The cell that it stands in is the only one that it may go to."""
+    """The robot's own cell is the only one it may go to."""
     grid = with_marker(
         floor((18, 18, 0, 39), (23, 23, 0, 39), (0, 39, 18, 18), (0, 39, 23, 23)), 35, 35
     )

@@ -1,4 +1,4 @@
-"""Doors that are hardly wider than the robot, wherever they lie between the lines of its grid."""
+"""Doors barely wider than the robot, at any offset from the lines of its grid."""
 
 import math
 import subprocess
@@ -30,9 +30,9 @@ def pixels(metres):
 
 
 def two_rooms(width, offset, along_x):
-    """Two rooms with a door between; its first jamb is `offset` metres behind a line of the grid.
+    """Two rooms with a door between; its first jamb is `offset` metres behind a grid line.
 
-    The face of the wall lies as far behind a line.
+    The face of the wall has the same offset.
     """
     cells = np.full((pixels(2 * DEEP + WALL), pixels(WIDE)), FREE, np.int16)
     cells[0] = cells[-1] = cells[:, 0] = cells[:, -1] = OCCUPIED
@@ -43,7 +43,7 @@ def two_rooms(width, offset, along_x):
 
 
 def drive(tmp_path, width, offset, along_x=True, frames=700):
-    """What comes of a search for a marker behind the door."""
+    """Run a search for a marker behind the door; return its results."""
     floor = two_rooms(width, offset, along_x)
     picture = np.where(floor.cells == FREE, 254, 0).astype(np.uint8).T[::-1]
     high, wide = picture.shape
@@ -79,7 +79,7 @@ def test_it_passes_a_door_wherever_the_lines_of_its_grid_are(tmp_path, width, of
 @pytest.mark.parametrize(("radius", "cell"), [(0.18, 0.1), (0.18, 0.05), (0.3, 0.1), (0.1, 0.2)])
 @pytest.mark.parametrize("into", [0, 1])
 def test_there_is_a_way_through_a_door_of_the_passable_width(radius, cell, into):
-    """Hits on one jamb may be rounded into the opening: one cell of it is lost."""
+    """A hit on one jamb may be rounded into the opening, which costs one cell."""
     width = round(passable_width(radius, cell) / cell)
     grid = np.ones((60, 60), np.int16)
     grid[:, 30] = 9
@@ -105,7 +105,7 @@ def test_there_is_none_through_a_door_that_is_narrower_than_the_robot():
     ("options", "line"),
     [
         ({}, None),
-        ({"radius": "0.4"}, None),  # no cell makes such a robot fit a door of 0.7 m
+        ({"radius": "0.4"}, None),  # no cell size lets such a robot fit through a door of 0.7 m
         (
             {"cell": "0.2"},
             "doors of at least 0.80 m, because their cells are 0.2 m wide; with --cell 0.1",
@@ -132,13 +132,13 @@ def test_a_run_in_one_process_shows_its_notes():
         capture_output=True,
         text=True,
         timeout=60,
-        check=False,  # it has not found the kitchen in one frame
+        check=False,  # the robot does not find the kitchen in one frame
     )
     assert "the robots pass doors of at least 0.80 m" in done.stderr + done.stdout
 
 
 def gap_of(grid, way):
-    """The least distance, in cells, between a way and the squares of obstacles' cells."""
+    """The least distance, in cells, between a path and the squares of obstacle cells."""
     low = np.argwhere(grid == 9)
     gaps = []
     for begin, end in pairwise(np.array(way)):

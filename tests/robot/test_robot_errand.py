@@ -1,4 +1,4 @@
-"""Errands, 4.1: robots and parcels agree by events, and every parcel has one place."""
+"""Errands, 4.1: robots and parcels coordinate by events, and each parcel is in one place."""
 
 import math
 
@@ -123,7 +123,7 @@ def test_a_marker_that_it_has_not_seen_is_looked_for():
     assert story.robot().purpose in ("search", "look", "")
 
 
-# --- of orders the last one counts --------------------------------------------------------------
+# --- the last order counts ----------------------------------------------------------------------
 
 
 def test_an_objective_on_the_way_to_the_source_ends_the_errand():

@@ -1,6 +1,6 @@
-"""The robot at work: from laser and camera to the marker, frame by frame, without bus or physics.
+"""The robot finds markers by laser and camera, frame by frame, without bus or physics.
 
-Seeds and floors are fixed, so the same run comes out every time.
+Seeds and floors are fixed, so every run is identical.
 """
 
 from pathlib import Path
@@ -20,7 +20,7 @@ RADIUS = 0.18
 
 
 def simulator(options, objective="", seed=0, start=(0.0, 0.0, 0.0)):
-    """A robot alone, off its start by that many rows, columns and degrees."""
+    """A single robot, displaced from its start by the given rows, columns and degrees."""
     options = {"parcels": "", **options}
     chosen = RobotOptions.read(options)
     string = moved(scene(options), *start)
@@ -46,7 +46,7 @@ def test_astar_finds_the_kitchen():
 
 @pytest.mark.parametrize(("down", "across", "turn"), [(-0.3, 0.2, 3.0), (0.1, -0.3, -2.0)])
 def test_from_a_slightly_different_start_it_is_found_too(down, across, turn):
-    """The last centimetres of the start may lead through the rooms in another, longer order."""
+    """A few centimetres may change the order of the rooms, and so the length of the search."""
     run = simulator({}, start=(down, across, turn)).go(1200)
     assert run.reached
     assert run.metres < 80
@@ -79,7 +79,7 @@ def test_astar_finds_its_way_on_maps_of_real_floors(name, objective, frames):
 
 @pytest.mark.parametrize("start", ["1.5, 1.5, 0", "10, 1.5, 90", "1.5, 10.5, 180"])
 def test_astar_crosses_a_hall_that_is_wider_than_its_laser_reaches(start, tmp_path):
-    """Most beams meet nothing; what they say of the ground before them is all there is."""
+    """Most beams have no hit; they still show which ground before them is free."""
     picture = np.zeros((420, 420), np.uint8)
     picture[10:-10, 10:-10] = 254
     (tmp_path / "hall.pgm").write_bytes(b"P5 420 420 255\n" + picture.tobytes())
@@ -115,7 +115,7 @@ def test_the_same_run_is_repeatable(planner):
 
 
 def test_any_frame_is_a_place_to_go_on_from():
-    """All that the robot remembers is in the string, which may go through its text."""
+    """The string contains the robot's entire memory and may be converted to text and back."""
     from minerva_agents.robot.world import vocabulary
 
     one, other = simulator({}), simulator({})

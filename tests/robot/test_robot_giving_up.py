@@ -1,4 +1,4 @@
-"""A robot that cannot reach its objective reports it and stops, for any reason."""
+"""A robot that cannot reach its objective reports that and stops, whatever the reason."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""λ for eLaser, 4.2.3: the grid gets an obstacle where the laser has met one."""
+"""λ for eLaser, 4.2.3: the grid contains an obstacle where the laser beam ends."""
 
 import math
 
@@ -131,7 +131,7 @@ def test_a_beam_without_hit_clears_its_cells():
 
 
 def test_a_beam_without_hit_counts_up_to_a_known_obstacle():
-    """It may have failed to come back: what lies behind stays unknown."""
+    """The echo may be missing by error, so the cells behind the obstacle stay unknown."""
     known = after(robot(), eLaser(0.6, 0.0)).string
     grid = after(known, eClear(1.5, 0.0)).grid
     assert grid[26, 20] == 3

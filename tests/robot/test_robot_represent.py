@@ -1,4 +1,4 @@
-"""θ of the robot: eRepresent carries out its action, ePicture shows what it knows."""
+"""θ of the robot: eRepresent executes its action, ePicture shows its knowledge."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The initial string of 4.2.4, the options that it is made from, and what is wrong with them."""
+"""The initial string of 4.2.4, its options, and the errors of invalid options."""
 
 import json
 import math

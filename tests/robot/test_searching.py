@@ -1,4 +1,4 @@
-"""Where a search looks next: a pure function of what is known."""
+"""Selection of the next search target: a pure function of the robot's knowledge."""
 
 import math
 
@@ -20,7 +20,7 @@ CELL = 0.1
 
 
 def room(rows=80, columns=80, code=SEEN):
-    """A room with walls around it, all of it in view if not said otherwise."""
+    """A room with walls around it, by default entirely seen."""
     grid = np.full((rows, columns), 9, np.int16)
     grid[1:-1, 1:-1] = code
     return grid
@@ -62,7 +62,7 @@ def test_an_unreachable_cell_is_no_goal():
 
 
 def test_the_own_cell_is_no_place_to_go_to():
-    """A robot that stands on the frontier has to go on, not to stay."""
+    """A robot on the frontier has to move on, not to stay."""
     grid = np.full((200, 200), UNKNOWN, np.int16)
     grid[60:100, 60:140] = SEEN
     goal = next_goal(known(grid, row=99.5, column=100.5, angle=180.0))
