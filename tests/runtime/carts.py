@@ -1,4 +1,4 @@
-"""Carts that a motor moves, beside world files: each knows where it is, and where its body is."""
+"""Carts that a motor moves: each stores its own position and that of its body."""
 
 from minerva_bus import (
     Agent,
@@ -19,7 +19,7 @@ eShow = EventType("eShow", visual=True)
 
 
 class Cart(Agent, symbol="ACart", rest=("push",)):
-    """Reckons in a frame with the push that the frame's view shows."""
+    """Computes its position in a frame from the push that the frame's view shows."""
 
     x: Metres = 0.0
     push: Metres = 0.0
@@ -45,7 +45,7 @@ class Clock(Generator, events=("eStep", "eShow")):
 
 
 class Motor(Device, Generator, draws=("eShow",), coupled=True, events=("eBody",)):
-    """Pushes the bodies as a view says, and tells each cart where its body is."""
+    """Pushes the bodies as a view specifies, and sends each cart the position of its body."""
 
     def __init__(self):
         self.bodies, self.push, self.carried_out = {}, {}, -1

@@ -1,4 +1,4 @@
-"""Members of which many start at once, each with some work to do before it can take part."""
+"""Members that start in large numbers, each with some work to do before it joins."""
 
 import os
 import time
@@ -10,7 +10,7 @@ vocabulary = Vocabulary.of(Primitive("PNothing"))
 
 
 class Busy(Generator):
-    """Notes when its start begins and ends, and computes meanwhile."""
+    """Records the begin and end of its start, and computes in between."""
 
     def __init__(self, seconds=0.0):
         folder = Path(os.environ.get("MINERVA_RUNTIME_DIR", ".")).parent / "starts"

@@ -1,4 +1,4 @@
-"""Worlds in real processes over a real bus, for tests: started, watched, killed and counted."""
+"""Worlds in real processes on a real bus, for tests: start, observe, kill and count them."""
 
 import itertools
 import json
@@ -53,12 +53,12 @@ service = "yard:Noise"
 
 
 def put(session, key, data):
-    """Put something that is not dropped where many messages are under way."""
+    """Put data; block instead of dropping it under congestion."""
     session.put(key, data, congestion_control=zenoh.CongestionControl.BLOCK)
 
 
 def eventually(what, why, patience=PATIENCE):
-    """Wait until something holds, and return it."""
+    """Wait until `what()` is true, and return its value."""
     until = time.monotonic() + patience
     while not (found := what()):
         assert time.monotonic() < until, f"{why}: not within {patience:.0f} s"
@@ -67,7 +67,7 @@ def eventually(what, why, patience=PATIENCE):
 
 
 def write_world(folder, members=MEMBERS, string=STRING, bus="", **world):
-    """A world file with the yard's module beside it; its name is its own."""
+    """Write a world file with a unique name, and the module `yard` beside it."""
     shutil.copy(YARD, folder / "yard.py")
     name = world.pop("name", f"yard-{os.getpid()}-{next(_numbers)}")
     settings = {"seed": 7, "dt": 0.1, "frames": 30, **world}
@@ -81,13 +81,13 @@ def write_world(folder, members=MEMBERS, string=STRING, bus="", **world):
 
 
 def environment(folder):
-    """An environment of its own for the worlds of one folder."""
+    """A separate environment for the worlds of one folder."""
     kept = {key: value for key, value in os.environ.items() if not key.startswith("MINERVA_")}
     return {**kept, "MINERVA_RUNTIME_DIR": str(folder / "runtime"), "PYTHONUNBUFFERED": "1"}
 
 
 def minerva(folder, *words, timeout=PATIENCE):
-    """Run the command to its end."""
+    """Run the command until it exits."""
     return subprocess.run(
         [*MINERVA, *map(str, words)], cwd=folder, env=environment(folder), capture_output=True,
         text=True, timeout=timeout, stdin=subprocess.DEVNULL,
@@ -95,7 +95,7 @@ def minerva(folder, *words, timeout=PATIENCE):
 
 
 def here(folder, *words):
-    """Run the command in this very process, where it starts no others: fifty times as fast."""
+    """Run the command in this process, if it starts no others: fifty times as fast."""
     out, err = StringIO(), StringIO()
     handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
     told = patch.object(sys, "argv", ["minerva", *map(str, words)])
@@ -113,15 +113,15 @@ def here(folder, *words):
 
 
 def summary(done):
-    """What a run printed with --json."""
+    """The summary that a run printed with --json."""
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout)
 
 
 class Run:
-    """A command that runs; its output is gathered, and it is gone in the end.
+    """A running command; its output is collected, and the process is always terminated.
 
-    `inside`: the words before it, where it runs elsewhere than here.
+    `inside`: a command prefix, for example `nohup`.
     """
 
     def __init__(self, folder, *words, inside=()):
@@ -180,7 +180,7 @@ class Run:
         return any(thread.is_alive() for thread in self._threads)
 
     def ends(self, patience=PATIENCE):
-        """Wait for its end; the exit code."""
+        """Wait for the process to exit; returns the exit code."""
         try:
             code = self.process.wait(patience)
         except subprocess.TimeoutExpired:
@@ -190,7 +190,7 @@ class Run:
         return code
 
     def summary(self):
-        """What it printed with --json, once it has ended well."""
+        """The summary printed with --json, after a successful exit."""
         assert self.ends() == 0, self.text
         return json.loads("\n".join(self.output))
 
@@ -199,7 +199,7 @@ class Run:
 
 
 class World(Run):
-    """`minerva run`, with its members known by their processes."""
+    """`minerva run`, and the processes of its members."""
 
     def __init__(self, path, *words, inside=()):
         super().__init__(path.parent, "run", path, *words, inside=inside)
@@ -215,7 +215,7 @@ class World(Run):
                 os.kill(pid, signal.SIGKILL)
 
     def registered(self):
-        """Where it listens and which process it is, or None."""
+        """Its registry entry with endpoint and process id, or None."""
         try:
             found = json.loads((self.folder / "runtime" / f"{self.name}.json").read_text())
         except (OSError, ValueError):
@@ -223,7 +223,7 @@ class World(Run):
         return found
 
     def endpoint(self):
-        """Where it listens, once it does."""
+        """Its endpoint; waits until there is one."""
         return eventually(self._found, f"{self.name} is there\n{self.text}")["endpoint"]
 
     def _found(self):
@@ -234,7 +234,7 @@ class World(Run):
         return Client(self.endpoint(), self.name)
 
     def members(self):
-        """Its members as it lists them, by name; empty where it does not answer."""
+        """Its members by name; empty if it does not respond."""
         if self.registered() is None or self.process.poll() is not None:
             return {}
         try:
@@ -248,7 +248,7 @@ class World(Run):
         return {one.name: asdict(one) for one in found.members}
 
     def coordinator(self):
-        """The coordinator's process: of those that the launcher has started, it is no member."""
+        """The process id of the coordinator: the launcher's only child that is not a member."""
 
         def alone():
             members = {one["pid"] for one in self.members().values()}
@@ -258,7 +258,7 @@ class World(Run):
         return eventually(alone, f"a coordinator\n{self.text}").pop()
 
     def kill_coordinator(self):
-        """Kill it, and wait for the one that goes on."""
+        """Kill the coordinator and wait for its successor."""
         pid = self.coordinator()
         os.kill(pid, signal.SIGKILL)
 
@@ -268,12 +268,12 @@ class World(Run):
         eventually(followed, f"another coordinator\n{self.text}")
 
     def look(self):
-        """Learn of all processes below the launcher."""
+        """Record all processes below the launcher."""
         for pid in below(self.process.pid):
             self.pids.setdefault(f"pid {pid}", pid)
 
     def runs(self, *names):
-        """Wait until these members take part and frames go by; their processes by name."""
+        """Wait until these members are present and frames advance; returns pids by name."""
 
         def here():
             found = self.members()
@@ -285,18 +285,18 @@ class World(Run):
         return {name: found[name]["pid"] for name in names}
 
     def gone(self, patience=PATIENCE):
-        """Wait until no process of it is left."""
+        """Wait until all of its processes have exited."""
         pids = set(self.pids.values())
         eventually(lambda: not any(map(alive, pids)), f"of {self.pids} some are left", patience)
 
 
 def children(pid):
-    """The processes that one has started."""
+    """The child processes of a process."""
     return _by_parent().get(pid, [])
 
 
 def below(pid):
-    """The processes below one, by their parents."""
+    """All descendants of a process."""
     parents, found, rest = _by_parent(), [], [pid]
     while rest:
         mine = parents.get(rest.pop(), [])

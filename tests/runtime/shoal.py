@@ -1,4 +1,4 @@
-"""A population for runs over a real bus: fish that swim, call, are born and die at random."""
+"""A population for runs on a real bus: fish that swim, call, are born and die at random."""
 
 import numpy as np
 import yard
@@ -44,11 +44,11 @@ class Fish(Agent, symbol="AFish"):
 
 
 class Steps(yard.Steps, events=("eStep",), ahead=True):
-    """Depends on nothing but has a memory, which a successor inherits."""
+    """Has no inputs, but a state that a successor inherits."""
 
 
 class Screen(Device, draws=("eShow",)):
-    """Says what it has been shown: how many, and the sum of their places."""
+    """Prints the number of figures in each view and the sum of their positions."""
 
     every = 1
 

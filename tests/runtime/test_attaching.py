@@ -1,4 +1,4 @@
-"""Members that come from other processes: `minerva attach`, and how it can go wrong."""
+"""Members from other processes: `minerva attach`, and its errors."""
 
 import json
 import signal
@@ -243,7 +243,7 @@ def test_a_host_that_helps_for_a_while_leaves_no_trace_in_the_string(tmp_path):
     with World(path, "--json") as world, world.client() as asked:
         world.runs("steps", "walkers")
         for way, code in ((signal.SIGKILL, -signal.SIGKILL), (signal.SIGINT, 0)):
-            asked.operator.pause()  # or on a slow machine the world is over before one has joined
+            asked.operator.pause()  # on a slow machine the world would end before a member joins
             with attach(world, "yard:Walker", "help") as helper:
                 takes_part(world, "help")
                 asked.operator.step(20)

@@ -1,4 +1,4 @@
-"""How long a frame waits for a member, and what then: wait, go on without it, or stop the world."""
+"""Deadlines of members in a frame, and the policies after them: wait, skip or stop."""
 
 import os
 import re

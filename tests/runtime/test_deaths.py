@@ -1,4 +1,4 @@
-"""Members that are killed, raise, hang or give up over a real bus; the world does not mind."""
+"""Members that are killed, raise, hang or leave, on a real bus; the result is the same."""
 
 import os
 import re
@@ -105,7 +105,7 @@ def test_in_the_end_a_world_stops_when_one_fails_again_and_again(tmp_path):
 
 
 def test_one_that_ends_by_itself_is_started_again_and_not_for_ever(tmp_path):
-    """With exit code 0, before it ever joins: as a command may that is no member at all."""
+    """It exits with code 0 before it joins, like a command that is not a member at all."""
     members = MEMBERS + '\n[process.stranger]\ncommand = ["true"]\nrestarts = 2\n'
     path = write_world(tmp_path, members)
     with World(path) as world:

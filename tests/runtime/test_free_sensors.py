@@ -1,4 +1,4 @@
-"""Sensors that run freely: what comes counts once, as their listeners want, and is counted."""
+"""Free-running sensors: each reading is counted, and delivered once as requested."""
 
 import threading
 

@@ -1,4 +1,4 @@
-"""Ctrl-C, SIGTERM and worse: a world ends in under two seconds and leaves no process behind."""
+"""Ctrl-C, SIGTERM and worse: a world ends within two seconds and leaves no process behind."""
 
 import json
 import os
@@ -24,7 +24,7 @@ AT_ONCE = 2.0
 
 
 def interrupted(world, number):
-    """Send the launcher a signal; its exit code. The bound is the specification's."""
+    """Send a signal to the launcher; returns its exit code. The specification sets the bound."""
     world.look()
     began = time.monotonic()
     world.kill(number)
@@ -59,7 +59,7 @@ while b"frame 2" not in shown:  # the line at the bottom counts frames
 os.close(terminal)
 sys.exit(os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]))
 """
-"""Start a command in a terminal of its own, close that when it shows a frame, and wait."""
+"""Start a command in its own terminal, close that at frame 2, and wait."""
 
 
 @pytest.mark.parametrize("words", [(), ("--in-process",)])

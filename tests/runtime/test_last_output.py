@@ -1,4 +1,4 @@
-"""A view that needs time for its last picture has it, and one that is killed is named."""
+"""A view has time to finish its last picture, and the report names one that is killed."""
 
 import os
 import signal

@@ -56,9 +56,9 @@ def test_it_gives_up_in_time():
 
 
 def test_a_link_that_dies_is_let_go():
-    """Else the system keeps a thread of Zenoh's, and other links with it, for ten seconds.
+    """Otherwise the system blocks a thread of Zenoh, and other links with it, for ten seconds.
 
-    And a link on which much was to be written would not be given up for a quarter of an hour.
+    A link with much unsent data would stay open for a quarter of an hour.
     """
     hub, endpoint = open_hub("hub")
     with hub, open_client("one", endpoint) as client:

@@ -1,4 +1,4 @@
-"""Worlds of many members: they start in turns, are waited for while they do, and end together."""
+"""Worlds of many members: they start in batches, get time to start, and end together."""
 
 import os
 import resource
@@ -16,7 +16,7 @@ from minerva_bus.launch.capacity import MIN_CHECKED, cores
 from minerva_bus.launch.starting import SLOT_SECONDS, STARTS_PER_CORE
 
 CHECKED = 1
-"""The launcher makes one of them itself, to see whether it fits the world."""
+"""The launcher creates one of them itself to check it against the world."""
 
 CROWD = """
 [world]
@@ -39,7 +39,7 @@ def crowd(folder, number, seconds=0.0, frames=1):
 
 
 def most_at_once(folder):
-    """How many starts overlap at most, of those that took no longer than keeps others waiting."""
+    """Maximum number of overlapping starts, except those over half of `SLOT_SECONDS`."""
     spans = [tuple(map(float, path.read_text().split())) for path in folder.iterdir()]
     spans = [(begin, end) for begin, end in spans if end - begin < SLOT_SECONDS / 2]
     return max(sum(begin <= at < end for begin, end in spans) for at, _ in spans)

@@ -1,4 +1,4 @@
-"""Pausing, stepping, pacing, restarting and reading the logs of worlds that run."""
+"""Pausing, stepping, pacing, restarting and reading the logs of running worlds."""
 
 import json
 from contextlib import nullcontext

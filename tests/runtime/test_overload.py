@@ -1,4 +1,4 @@
-"""More than a world can take: bounded, said in a clear line, and the world goes on to the same string."""
+"""Overload: memory is bounded, a log line reports it, and the string is the same."""
 
 import os
 import re
@@ -18,7 +18,7 @@ count = {count}
 
 
 def resident(pid):
-    """Megabytes that a process has in memory."""
+    """Resident memory of a process in megabytes."""
     pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
     return pages * os.sysconf("SC_PAGE_SIZE") / 2**20
 
@@ -40,7 +40,7 @@ def test_a_fragment_of_ten_megabytes(tmp_path):
 
 
 def test_one_that_publishes_faster_than_the_world_consumes(tmp_path):
-    """A paused world takes so many of its events, drops and counts the rest, and stays small."""
+    """A paused world queues a limited number of its events, drops and counts the rest."""
     members = MEMBERS + '\n[process.torrent]\nservice = "yard:Torrent"\n'
     path = write_world(tmp_path, members, frames=0, rate=20)
     with World(path) as world:

@@ -1,4 +1,4 @@
-"""A population on a real bus: cut over hosts that come, go and die; the string does not mind."""
+"""A population on a real bus: its hosts join, leave and die; the string is the same."""
 
 import os
 import shutil
@@ -30,7 +30,7 @@ service = "shoal:Screen"
 
 @pytest.fixture
 def shoal(tmp_path):
-    """Writes a world of fish."""
+    """Write a world of fish."""
 
     def write(hosts=2, frames=120, rate=40):
         for module in ("shoal.py", "yard.py"):

@@ -1,4 +1,4 @@
-"""PROTOCOL.md against the code: its tables, its examples, and members written from it alone."""
+"""PROTOCOL.md against the code: its tables and examples, and members written from it."""
 
 import itertools
 import json
@@ -48,7 +48,7 @@ def section(title: str) -> str:
 
 
 def hexadecimal(body: str) -> tuple[str, bytes]:
-    """What an example says in its first line, and its bytes."""
+    """The first line of an example, and its bytes."""
     first, *lines = body.strip("\n").split("\n")
     found = [HEX_LINE.match(line) for line in lines]
     assert all(found), body
@@ -182,7 +182,7 @@ def test_a_patch(example: int, foxes: str) -> None:
 
 
 def test_the_digest_of_a_run() -> None:
-    """Reckoned from the document's definition, for agents with a number and a text."""
+    """The digest agrees with the document's definition, for agents with a number and a text."""
 
     def hashed(data: bytes) -> bytes:
         return blake2b(data, digest_size=16).digest()
@@ -228,7 +228,7 @@ def test_there_are_examples_of_every_sort() -> None:
         assert blocks("hex", kind)
 
 
-# --- digests, reckoned from the document's definition ---
+# --- digests, computed from the document's definition ---
 
 
 def H(data: bytes) -> bytes:
@@ -322,7 +322,7 @@ def number(word: int) -> float:
 
 
 def vectors() -> list[list[str]]:
-    """Each: stream, seed, who, frame, perhaps an event type; then its numbers."""
+    """Test vectors: stream, seed, id, frame, optionally an event type; then the numbers."""
     lines = blocks("streams")[0].strip().split("\n")
     return [
         [*head.split(), *rest.split()[1:]] for head, rest in zip(*[iter(lines)] * 2, strict=True)
@@ -358,7 +358,7 @@ def test_there_are_vectors_of_every_stream() -> None:
     assert {vector[0] for vector in vectors()} == {"philox", "splitmix64", "answers"}
 
 
-# --- members that know nothing but the document ---
+# --- members written from the document alone ---
 
 COUNTING = """
 from minerva_bus import Agent, EventType, Metres, Primitive, Vocabulary, on, view
@@ -489,7 +489,7 @@ PLAIN_OBSERVER = FOREIGN_OBSERVER.replace('"every": 1}', '"every": 1, "plain": T
 
 
 def foreign(face: str) -> str:
-    """The document's member with another face, put in where the listing has its own."""
+    """The document's member with another `face`, inserted where the listing has its own."""
     (listing,) = blocks("python", "member")
     listing = listing.replace("\n\nconfig = ", f"\n\n{face}\n\nconfig = ", 1)
     listing = listing.replace('("all", "tick", f"to/{NAME}")', "KEYS")
@@ -503,7 +503,7 @@ def foreign(face: str) -> str:
 
 
 def run(folder: Path, world: str, **scripts: str) -> dict:
-    """Run a world of this text and these scripts; its summary."""
+    """Run a world of this text and these scripts; returns its summary."""
     (folder / "counting.py").write_text(COUNTING)
     for name, script in scripts.items():
         assert "minerva_bus" not in script
@@ -552,7 +552,7 @@ def test_events_of_the_documented_generator_arrive(tmp_path: Path) -> None:
 
 
 def test_a_world_of_foreign_members_only(tmp_path: Path) -> None:
-    """Generator, host and observer: what the observer drew last is what the host showed last."""
+    """Generator, host and observer: the observer's last drawing equals the host's last view."""
     summary = run(
         tmp_path,
         WORLD,
@@ -575,7 +575,7 @@ EMITTING = """
 
 
 def test_a_host_and_an_observer_that_decline_columns(tmp_path: Path) -> None:
-    """A population is in columns: they get its agents, events and views one by one."""
+    """For a population in columns, they receive its agents, events and views one by one."""
     members = {
         "far": blocks("python", "member")[0],
         "observer": foreign(PLAIN_OBSERVER),

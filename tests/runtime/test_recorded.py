@@ -1,4 +1,4 @@
-"""Runs that are recorded: all processes or one, killed or not."""
+"""Recorded runs: in many processes or one, killed or complete."""
 
 import json
 

@@ -1,4 +1,4 @@
-"""Where a norm refuses a step, the body stays with the string: over the bus, after it, and again."""
+"""A norm rejects a step: bodies agree with the string on the bus, on resume and on restart."""
 
 import os
 import shutil
@@ -52,7 +52,7 @@ def states_of(record):
 
 
 def refused_frames(record):
-    """The frames in which a cart stays where it was; all bodies are where their carts were."""
+    """Frames in which a cart does not move; checks that all bodies are at their carts."""
     states, refused = states_of(record), []
     first = {who: state["x"] for who, state in states[0].items()}
     for number, (before, after) in enumerate(pairwise(states)):

@@ -1,4 +1,4 @@
-"""Lines that others cause are few, however much they do, and those left out are counted."""
+"""Rate limits for log lines that others cause: few lines, and a count of those omitted."""
 
 from hypothesis import given
 from hypothesis import strategies as st
@@ -7,7 +7,7 @@ from minerva_bus.runtime.restraint import AT_ONCE, GUESTS, MAX_SUBJECTS, Restrai
 
 
 def lines(restraint, times, subject="m"):
-    """What is said of one who gives reason to at these times, with the clock looked at each second."""
+    """The lines logged for events at these times, with omitted lines checked every second."""
     said, looked = [], 0.0
     for now in times:
         while looked + 1.0 <= now:

@@ -1,4 +1,4 @@
-"""Runs that go on where their records end: in one process or many, as if they had never stopped."""
+"""Runs resume where their records end, in one process or many, with the same result."""
 
 import json
 
@@ -11,7 +11,7 @@ LOCKSTEP = ALL_KINDS.split("[process.noise]")[0]
 
 
 def recorded(tmp_path, frames, **world):
-    """A world whose run was recorded for so many frames, and how an undisturbed one ends at 30."""
+    """A world with a record of so many frames, and the summary of an undisturbed run of 30."""
     path = write_world(tmp_path, LOCKSTEP, **world)
     whole = summary(here(tmp_path, "run", path, "--in-process", "--record", "whole.mcap", "--json"))
     words = ("--frames", frames, "--record", "cut.mcap", "--in-process", "--json")

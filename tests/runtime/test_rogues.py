@@ -34,13 +34,13 @@ def rogue(world):
 
 
 def epoch(session, world):
-    """The epoch of the world's coordinator, as a message begins with it."""
+    """The epoch of the world's coordinator, as the prefix of a message."""
     (reply,) = session.liveliness().get(Keys(world.name).epoch("*"))
     return stamp(int(str(reply.ok.key_expr).rpartition("/")[2]))
 
 
 def said_of(world, victim, problem, rogue, data):
-    """Put it until something is said of it: a link that stands for a second is given up."""
+    """Put the data until the log names the victim: a stalled link is closed after a second."""
     for _ in range(4):
         put(rogue, Keys(world.name).sent_by(victim), data)
         with suppress(AssertionError):
@@ -88,7 +88,7 @@ GARBAGE = {
 
 @pytest.mark.parametrize("what", GARBAGE)
 def test_a_message_in_a_members_name_is_rejected_and_the_member_rejoins(world, rogue, what):
-    """The bus cannot tell who put it: the member is shut out, and its successor goes on."""
+    """The sender is not identifiable: the member is shut out, and its successor continues."""
     data, problem = GARBAGE[what]
     victim = NAMES[list(GARBAGE).index(what) % len(NAMES)]
     pid = world.runs(victim)[victim]
@@ -148,7 +148,7 @@ def test_a_silent_stranger_delays_no_member(world, rogue):
     "to/nobody", "record", "control", "alive/steps", "alive/coordinator", "from/a/b", "from",
 ])  # fmt: skip
 def test_garbage_on_any_other_key(world, rogue, key):
-    """What members cannot read of the coordinator ends them, and their successors go on."""
+    """Members that cannot decode a coordinator message exit, and their successors continue."""
     put(rogue, f"minerva/{world.name}/{key}", b"\xc1")
     goes_on(world)
 
@@ -203,7 +203,7 @@ def test_a_flapping_token_writes_few_lines(world, rogue):
 
 
 def test_the_string_keeps_no_trace_of_it(world, tmp_path):
-    """Only steps were restarted, and they go on from what they had saved."""
+    """Restarted members continue from their saved state, so the digest is unaffected."""
     done = minerva(world.folder, "stop", world.name)
     assert done.returncode == 0
     assert world.ends() == 0

@@ -1,4 +1,4 @@
-"""The same world gives the same strings in one process, in many, on two hosts, and again."""
+"""A world gives the same strings in one process, in many, on two hosts, and repeatedly."""
 
 import pytest
 from running import ALL_KINDS, minerva, summary, write_world

@@ -1,4 +1,4 @@
-"""Whatever a service saves, it is given back: by a record, by the journal, to a successor."""
+"""Saved values of services survive a record, the journal and the restart of the service."""
 
 import os
 import signal
@@ -81,7 +81,7 @@ def keepers(folder, forms=FORMS, **world):
 
 
 def others(world, forms, before):
-    """Whether all of these processes are other ones than before."""
+    """Whether all of these processes have been replaced."""
     now = world.runs(*forms)
     return all(now[form] != before[form] for form in forms)
 

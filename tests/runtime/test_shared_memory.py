@@ -1,4 +1,4 @@
-"""Large messages through shared memory: the same world, and nothing left over."""
+"""Large messages through shared memory: the same world, and no files left behind."""
 
 import fcntl
 import os
@@ -15,7 +15,7 @@ BIG = "PDot<x=1> · " * 60_000
 
 
 def left():
-    """The files of sessions that nobody has locked: what others use now is no concern of ours."""
+    """The shared-memory files without a lock; locked ones are in use by other sessions."""
     return {path for path in FOLDER.glob("*.zenoh") if not locked(path)}
 
 
@@ -26,12 +26,12 @@ def locked(path):
     except BlockingIOError:
         return True
     except FileNotFoundError:
-        return True  # It was gone before it could be looked at.
+        return True  # It was removed before it could be opened.
     return False
 
 
 def crowd(tmp_path, **world):
-    """A world whose fragments are over a megabyte."""
+    """A world whose fragments exceed a megabyte."""
     string = f"AWalker#a<x=1>({BIG.rstrip(' ·')}) · AWalker#b<x=2>"
     return write_world(tmp_path, string=string, bus="shared_memory = true", **world)
 

@@ -1,4 +1,4 @@
-"""An initial string too large for its hosts is rejected before the start."""
+"""The launcher rejects an initial string that is too large for its hosts."""
 
 import subprocess
 import sys

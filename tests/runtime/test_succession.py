@@ -1,4 +1,4 @@
-"""Coordinators that are killed: another one goes on, members stay, and the string is the same."""
+"""Coordinators are killed: a successor continues, members stay, and the string is the same."""
 
 import json
 import os
@@ -55,7 +55,7 @@ def test_a_coordinator_that_is_killed_is_followed_and_members_stay(tmp_path):
 
 
 def failing_coordinator(folder, words, frame, times):
-    """Run a world in a process whose coordinator raises an exception in a frame, so many times."""
+    """Run a world whose coordinator raises an exception in a frame, `times` times."""
     script = folder / "failing.py"
     script.write_text(FAILING.format(words=[*map(str, words)], frame=frame, times=times))
     return subprocess.run(
@@ -178,7 +178,7 @@ def test_a_world_with_a_journal_goes_on_whatever_was_killed(tmp_path):
 
 @pytest.fixture
 def router():
-    """A Zenoh router between networks, and where it is."""
+    """A Zenoh router between networks; returns its endpoint."""
     config = zenoh.Config()
     settings = {
         "mode": "router",
@@ -195,7 +195,7 @@ def router():
 
 
 def test_the_older_of_two_that_see_each_other_through_a_router_stops(tmp_path, router):
-    """As when a network that was cut in two is one again."""
+    """This happens when the two parts of a partitioned network are connected again."""
     path = write_world(tmp_path, MEMBERS, frames=0, rate=50)
     other = tmp_path / "elsewhere"
     other.mkdir()

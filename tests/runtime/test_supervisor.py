@@ -1,4 +1,4 @@
-"""The supervisor alone: it counts failures, and leaves nothing behind if it fails itself."""
+"""The supervisor alone: it counts failures, and if it fails, leaves no process behind."""
 
 import os
 import subprocess

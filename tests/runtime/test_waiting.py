@@ -1,4 +1,4 @@
-"""For whom a frame waits, and for how long: members that start, that queue, and that take part."""
+"""Members that a frame waits for, and for how long: starting, queued and present ones."""
 
 from itertools import pairwise
 

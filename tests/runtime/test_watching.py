@@ -1,4 +1,4 @@
-"""Views come, stop, die and come late: the world does not care, and they show all of it."""
+"""Views start, stop, die and join late: the world is unaffected, and they show all of it."""
 
 import os
 import signal
@@ -20,7 +20,7 @@ RATE = 50
 
 
 def frames_within(operator, wanted):
-    """Wait until so many frames have gone by; how often the world was seen to wait for somebody."""
+    """Wait for `wanted` frames; returns the members that the world was observed to wait for."""
     until, waited = operator.status().frame + wanted, []
 
     def there():
@@ -71,6 +71,6 @@ def test_views_attach_and_detach_while_the_world_runs(tmp_path):
 
 
 def newest(run):
-    """The last frame that a screen has said it shows."""
+    """The last frame that a screen has reported."""
     shown = [line for line in run.output if line.startswith("frame ")]
     return int(shown[-1].split()[1].rstrip(":")) if shown else -1

@@ -1,4 +1,4 @@
-"""Members, strangers and people that want more work than there may be: the frames go on."""
+"""Members, strangers and operators that request excessive work: the frames continue."""
 
 import time
 from dataclasses import replace
@@ -31,7 +31,7 @@ PStone, eDrop = Primitive("PStone"), EventType("eDrop", number=int)
 VOCABULARY = Vocabulary.of(PStone, eDrop)
 
 
-# --- frames take so many events ---
+# --- limits on events per frame ---
 
 
 def rain():
@@ -82,7 +82,7 @@ def test_a_repeated_hello_counts_once():
     assert world.members.get("rain").joins == 1
 
 
-# --- large messages and questions, with a clock of their own ---
+# --- large messages and questions, with a simulated clock ---
 
 
 class Still:
@@ -173,7 +173,7 @@ def test_excess_questions_are_rejected_at_once_and_answers_leave_time_for_frames
     assert len(answered) == 1
     assert answers.wait == PAUSE_FACTOR
     ask()
-    assert replies[2:] == [{}]  # It was admitted: the only reply since is the first answer.
+    assert replies[2:] == [{}]  # The query was admitted: the only new reply is the first answer.
     system.now += PAUSE_FACTOR
     answers.answer_due()
     assert len(answered) == 2
@@ -212,7 +212,7 @@ def goes_on(world):
 
 
 def joined(session, world, name, **faces):
-    """Join by hand; what the coordinator has said, and what to write messages with."""
+    """Join with raw messages; returns the epoch, the received messages and the open handles."""
     keys, heard = Keys(world.name), []
     (reply,) = session.liveliness().get(keys.epoch("*"))
     epoch = stamp(int(str(cast("Any", reply).ok.key_expr).rpartition("/")[2]))

@@ -1,4 +1,4 @@
-"""A small world for runs over a real bus, beside its world files: `write_world` puts both down."""
+"""A small world for runs on a real bus; `write_world` copies it next to its world files."""
 
 import os
 import sys
@@ -81,7 +81,7 @@ class Steps(Generator, events=("eStep",)):
 
 
 class Water(Generator, Device, draws=("eShow",), coupled=True):
-    """A coupled device that publishes in step what it was shown."""
+    """A coupled device that publishes in step the number of figures it was shown."""
 
     every = 1
     publishes = ("sight",)
@@ -113,7 +113,7 @@ class Eye(Generator, events=("eSeen",)):
 
 
 class Screen(Device, draws=("eShow",)):
-    """An observer that says what it sees, if it is told to."""
+    """An observer that prints what it draws if `said` is set."""
 
     every = 1
 
@@ -131,7 +131,7 @@ class Screen(Device, draws=("eShow",)):
 
 
 class Painter(Device, draws=("eShow",)):
-    """An observer that takes its time to draw a view and to close its file."""
+    """An observer that is slow to draw a view and to close its file."""
 
     every = 1000
 
@@ -150,7 +150,7 @@ class Painter(Device, draws=("eShow",)):
 
 
 class Noise(Generator, events=("eNoise",), lockstep=False):
-    """Runs freely, and says what nobody listens to."""
+    """Runs freely and emits events that no agent handles."""
 
     def run(self, emit, stop):
         while not stop.wait(0.02):
@@ -158,7 +158,7 @@ class Noise(Generator, events=("eNoise",), lockstep=False):
 
 
 class Torrent(Generator, events=("eNoise",), lockstep=False):
-    """Runs freely, and says as much as it can."""
+    """Runs freely and emits as fast as it can."""
 
     def run(self, emit, stop):
         while not stop.is_set():
@@ -176,7 +176,7 @@ class Flood(Generator, events=("eSeen",)):
 
 
 class Wishes(Generator, events=("eWish",)):
-    """Passes on what people wish."""
+    """Forwards orders."""
 
     def takes_orders(self):
         return self.events
@@ -186,7 +186,7 @@ class Wishes(Generator, events=("eWish",)):
 
 
 class Rascal(Generator, events=("eNoise",)):
-    """Does something wrong from a frame on; once only, if it is given a file to remember it by."""
+    """Misbehaves from a frame on; only once if it has a file to remember it by."""
 
     def __init__(self, deed: str, frame: int = 5, memory: str = ""):
         self.deed, self.frame, self.memory = deed, frame, memory
@@ -221,7 +221,7 @@ class Rascal(Generator, events=("eNoise",)):
             print(f"line {n} " + "x" * 50)
 
     def rests(self):
-        """Does nothing more."""
+        """Do nothing more."""
 
 
 class Fragile(Agent, symbol="AFragile"):
@@ -243,7 +243,7 @@ vocabulary = Vocabulary.of(*(PDot, TAt, eStep, eCall, eSeen, eNoise, eWish, eSho
 
 
 class Gauge(Generator, lockstep=False):
-    """A sensor that runs freely, ten times as fast as the frames."""
+    """A free-running sensor, ten times as fast as the frames."""
 
     publishes = ("battery",)
 
@@ -255,7 +255,7 @@ class Gauge(Generator, lockstep=False):
 
 
 class Reader(Generator, events=("eSeen",)):
-    """Counts the readings that it is given, and whether one was left out or came twice."""
+    """Counts its readings, and checks that none was skipped or repeated."""
 
     topics = ("battery",)
 
