@@ -13,6 +13,7 @@ from functools import partial
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Final, Protocol, Self, TypeVar
+from weakref import ref
 
 from minerva_bus.api.processes import Launched
 from minerva_bus.api.running import pick_table, request_of
@@ -36,7 +37,7 @@ from minerva_bus.world.views import visualize
 POLL_SECONDS: Final = 0.002
 START_SECONDS: Final = 60.0
 EXIT_SECONDS: Final = 0.2
-"""Interval at which an open connection checks whether the program ends."""
+"""Interval at which an open connection checks whether it is still in use."""
 BETWEEN_FRAMES: Final = "between frames"
 
 _T = TypeVar("_T")
@@ -63,8 +64,8 @@ class _Backend(Protocol):
 class Live:
     """A running world, with one interface for worlds in this process, in others or elsewhere.
 
-    `World.start` and `connect` return one; leaving its context, or `close`, ends it. A world of
-    `connect` continues to run.
+    `World.start` and `connect` return one; leaving its context, or `close`, ends it, and so does
+    the last reference to a world in other processes. A world of `connect` continues to run.
     """
 
     def __init__(self, backend: _Backend, agents: Iterable[type[Agent]]) -> None:
@@ -211,24 +212,20 @@ class _Here:
 
 
 class _OnBus:
-    """A world in other processes, queried over the bus; `launched` if they were started here."""
+    """A world in other processes, queried over the bus; `launched` if they were started here.
 
-    def __init__(self, client: Client, launched: Launched | None = None) -> None:
+    It takes over what `stack` closes.
+    """
+
+    def __init__(self, client: Client, stack: ExitStack, launched: Launched | None = None) -> None:
         self.vocabulary = client.vocabulary()
         self.operator = client.operator
         self._client = client
         self._launched = launched
-        self._stack = ExitStack()
         self._last: tuple[int, Scene] | None = None
         self.tables: dict[str, DataTable] = {}
-        self._closed = threading.Event()
-        # Python waits for the threads of an open session before it exits.
-        threading.Thread(target=self._close_at_exit, daemon=True).start()
-
-    def _close_at_exit(self) -> None:
-        while not self._closed.wait(EXIT_SECONDS):
-            if not threading.main_thread().is_alive():
-                self.close()
+        # Last: after any earlier error the caller closes what is open.
+        self._opened = _Opened(self, stack.pop_all())
 
     def _ask_scene(self) -> tuple[int, Scene]:
         try:
@@ -292,17 +289,36 @@ class _OnBus:
             raise
         return status
 
-    def own(self, stack: ExitStack) -> None:
-        """Close these, too, at the end."""
+    def close(self) -> None:
+        self._opened.close()
+
+
+class _Opened:
+    """Connection and processes of a world on the bus, which end with their owner.
+
+    They also end before Python exits, and when the owner is garbage.
+    """
+
+    def __init__(self, owner: _OnBus, stack: ExitStack) -> None:
         self._stack = stack
+        self._owner = ref(owner)
+        self._lock = threading.Lock()
+        self._closed = threading.Event()
+        # Python waits for the threads of an open session before it exits, so this one closes it.
+        # It is no daemon: Python would abort if it ended such a thread within Zenoh's code.
+        threading.Thread(target=self._watch, name="minerva-close").start()
+
+    def _watch(self) -> None:
+        # Not in a finalizer: the end takes seconds, and any thread may collect garbage.
+        while not self._closed.wait(EXIT_SECONDS):
+            if self._owner() is None or not threading.main_thread().is_alive():
+                self.close()
 
     def close(self) -> None:
-        if self._closed.is_set():
-            return
-        self._closed.set()
-        if self._launched is None:
-            self._client.__exit__()
-        self._stack.close()
+        # The lock makes each caller wait until all is closed.
+        with self._lock:
+            self._closed.set()
+            self._stack.close()
 
 
 def start(world: World, *, bus: bool = False, **settings: Any) -> Live:
@@ -323,19 +339,20 @@ def start(world: World, *, bus: bool = False, **settings: Any) -> Live:
     if request.file.collect.entries and not request.file.collect.into:
         raise MisuseError("a world on the bus collects into a file: start(into='run.parquet')")
     with ExitStack() as stack:
-        folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="minerva-live-")))
+        # Processes that were killed may still write into it while it is removed.
+        folder = Path(
+            stack.enter_context(
+                tempfile.TemporaryDirectory(prefix="minerva-live-", ignore_cleanup_errors=True)
+            )
+        )
         into = request.file.collect.into
         launched = stack.enter_context(Launched(request, folder, into=into, paused=True))
-        client = _awaited(launched, request.file.world.name)
-        stack.callback(client.__exit__)
-        backend = _OnBus(client, launched)
+        client = stack.enter_context(_awaited(launched, request.file.world.name))
         # Until all members have joined.
-        while backend.operator.status().phase != BETWEEN_FRAMES:
+        while client.operator.status().phase != BETWEEN_FRAMES:
             launched.check_running()
             time.sleep(POLL_SECONDS)
-        # Only now does everything outlive this block; after any earlier error it is closed here.
-        backend.own(stack.pop_all())
-    return Live(backend, world.agents)
+        return Live(_OnBus(client, stack, launched), world.agents)
 
 
 def _awaited(launched: Launched, name: str) -> Client:
@@ -370,12 +387,9 @@ def connect(world: str = "", endpoint: str = "", *, agents: Iterable[type[Agent]
         # The registry of this machine has the endpoints of its worlds.
         entry = find(world)
         world, endpoint = entry.world, entry.endpoint
-    client = Client(endpoint, world)
-    try:
-        return Live(_OnBus(client), agents)
-    except BaseException:
-        client.__exit__()
-        raise
+    with ExitStack() as stack:
+        client = stack.enter_context(Client(endpoint, world))
+        return Live(_OnBus(client, stack), agents)
 
 
 class AsyncLive:

@@ -123,13 +123,15 @@ class Launched:
         if process is None:
             return
         assert process.stdin is not None
-        if process.poll() is None:
-            with contextlib.suppress(ProcessLookupError):
-                process.send_signal(signal.SIGTERM)
-            try:
-                process.wait(END_SECONDS)
-            except subprocess.TimeoutExpired:
-                # The launcher has a session of its own, so this ends the world's processes as well.
+        try:
+            if process.poll() is None:
+                with contextlib.suppress(ProcessLookupError):
+                    process.send_signal(signal.SIGTERM)
+                with contextlib.suppress(subprocess.TimeoutExpired):
+                    process.wait(END_SECONDS)
+        finally:
+            # Also after a second Ctrl-C. The world's processes end with their launcher.
+            if process.poll() is None:
                 os.killpg(process.pid, signal.SIGKILL)
                 process.wait()
-        process.stdin.close()
+            process.stdin.close()

@@ -258,7 +258,12 @@ def run_file(file: WorldFile, began: float, console: Console | None = None) -> R
 
 def _run_on_bus(request: Request, console: Console) -> Run:
     with ExitStack() as stack:
-        folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="minerva-run-")))
+        # Processes that were killed may still write into it while it is removed.
+        folder = Path(
+            stack.enter_context(
+                tempfile.TemporaryDirectory(prefix="minerva-run-", ignore_cleanup_errors=True)
+            )
+        )
         collecting, entries = request.file.collect, request.file.collect.entries
         # The coordinator collects, in another process, and passes its tables on in this file.
         spool = str(folder / "collected.columns") if entries and not collecting.into else ""

@@ -30,6 +30,20 @@ def waited(condition, seconds=20.0):
         time.sleep(0.01)
 
 
+def config_of(live):
+    """The file that the command lines of all processes of a live world name."""
+    return live._backend._launched._config
+
+
+def processes_of(config):
+    lines = subprocess.run(["ps", "-Awwo", "args"], capture_output=True, text=True, check=True)
+    return [line for line in lines.stdout.splitlines() if str(config) in line]
+
+
+def closing_threads():
+    return [thread for thread in threading.enumerate() if thread.name == "minerva-close"]
+
+
 def test_processes_give_the_same_string_and_the_same_tables():
     here = run(pond(), frames=20, seed=5, collect=COLLECT)
     there = run(pond(), frames=20, seed=5, collect=COLLECT, processes=2)
@@ -94,6 +108,85 @@ def test_processes_end_with_the_program_that_started_them(tmp_path):
             process.send_signal(number)
             process.wait()
         waited(lambda: not running())
+
+
+@pytest.mark.parametrize("error", [ZeroDivisionError, KeyboardInterrupt])
+def test_an_exception_in_the_context_of_a_live_world_ends_its_processes(error):
+    live = pond().start(bus=True)
+    config = config_of(live)
+    assert len(processes_of(config)) > 2
+
+    def fail():
+        live.step()
+        raise error
+
+    with pytest.raises(error), live:
+        fail()
+    waited(lambda: not processes_of(config) and not closing_threads())
+    assert not config.parent.exists()
+
+
+def test_a_live_world_without_references_ends():
+    live = pond().start(bus=True)
+    live.step()
+    config = config_of(live)
+    with connect("pond") as other:
+        assert other.frame == 1
+    del live
+    waited(lambda: not processes_of(config) and not closing_threads())
+    assert not config.parent.exists()
+    assert not running()
+
+
+def after_questions(monkeypatch, live, action):
+    """Call this function in the third question of a step."""
+    left, status = [action, None, None], live.operator.status
+
+    def asked():
+        if left and (act := left.pop()):
+            act()
+        return status()
+
+    monkeypatch.setattr(live._backend.operator, "status", asked)
+
+
+def test_an_interrupted_step_leaves_a_world_that_can_be_closed(monkeypatch):
+    def interrupt():
+        raise KeyboardInterrupt
+
+    with pond().start(bus=True) as live:
+        config = config_of(live)
+        after_questions(monkeypatch, live, interrupt)
+        with pytest.raises(KeyboardInterrupt):
+            live.step(10**6)
+    waited(lambda: not processes_of(config) and not closing_threads())
+
+
+def test_a_second_interrupt_kills_processes_that_do_not_end(monkeypatch):
+    live = pond().start(bus=True)
+    config, process = config_of(live), live._backend._launched._process
+    process.send_signal(signal.SIGSTOP)  # Else it would end by itself.
+    wait = process.wait
+
+    def interrupted(seconds=None):
+        if seconds is not None:
+            raise KeyboardInterrupt
+        return wait()
+
+    monkeypatch.setattr(process, "wait", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        live.close()
+    waited(lambda: not processes_of(config))
+
+
+def test_a_program_that_closes_no_world_ends_without_a_message():
+    program = "from frogs import pond; live = pond().start(bus=True); print(live.step())"
+    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parent)}
+    done = subprocess.run(
+        [sys.executable, "-c", program], env=environment, capture_output=True, text=True
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (0, "1\n", "")
+    assert not running()
 
 
 def test_an_interrupt_of_a_run_on_the_bus_is_raised(tmp_path):
