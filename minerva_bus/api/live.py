@@ -15,11 +15,11 @@ from types import TracebackType
 from typing import Any, Final, Protocol, Self, TypeVar
 from weakref import ref
 
-from minerva_bus.api.processes import Launched
+from minerva_bus.api.processes import END_SECONDS, Launched
 from minerva_bus.api.running import pick_table, request_of
 from minerva_bus.api.world import World
 from minerva_bus.collect.table import DataTable
-from minerva_bus.errors import BusError, MisuseError, nearest
+from minerva_bus.errors import BusError, MisuseError, WorldStopped, nearest
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.scene import Scene
@@ -263,31 +263,48 @@ class _OnBus:
         if self.ended:
             return
         # Paused first, so that the frame counted from is the one with which the step begins.
-        self.operator.pause()
-        target = self._between_frames() + frames
-        self.operator.step(frames)
-        while (status := self._status()) is not None and status.frame < target:
-            if status.paused and status.phase == BETWEEN_FRAMES:  # Another coordinator followed.
-                self.operator.step(target - status.frame)
+        self._asked(self.operator.pause)
+        status = self._status()
+        while status is not None and status.phase != BETWEEN_FRAMES:
             time.sleep(POLL_SECONDS)
-
-    def _between_frames(self) -> int:
-        while (status := self._status()) is not None and status.phase != BETWEEN_FRAMES:
-            time.sleep(POLL_SECONDS)
-        return 0 if status is None else status.frame
+            status = self._status()
+        if status is not None:
+            target = status.frame + frames
+            self.operator.step(frames)
+            while (status := self._status()) is not None and status.frame < target:
+                # Another coordinator followed.
+                if status.paused and status.phase == BETWEEN_FRAMES:
+                    self.operator.step(target - status.frame)
+                time.sleep(POLL_SECONDS)
+        if status is None and self._launched is not None:
+            failure = self._launched.result()["failure"]
+            if failure:
+                raise WorldStopped(failure)
 
     def _status(self) -> WorldStatus | None:
         """The state of the world; None if it has ended."""
-        try:
-            status = self.operator.status()
-            # A launched world may end with the next frame; no process could then be queried for its
-            # string.
-            self._last = self._last if self._launched is None else self._ask_scene()
-        except BusError:
-            if self.ended:
-                return None
-            raise
+        return self._asked(self._ask_status)
+
+    def _ask_status(self) -> WorldStatus:
+        status = self.operator.status()
+        # A launched world may end with the next frame; no process could then be queried for its
+        # string.
+        self._last = self._last if self._launched is None else self._ask_scene()
         return status
+
+    def _asked(self, question: Callable[[], _T]) -> _T | None:
+        """The answer to a question; None if the world has ended. Raises BusError."""
+        until = time.monotonic() + END_SECONDS
+        while True:
+            try:
+                return question()
+            except BusError:
+                if self.ended:
+                    return None
+                # A launcher ends later than its coordinator, or starts another one.
+                if self._launched is None or time.monotonic() >= until:
+                    raise
+            time.sleep(POLL_SECONDS)
 
     def close(self) -> None:
         self._opened.close()

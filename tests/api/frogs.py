@@ -39,6 +39,21 @@ class Frog(Agent, symbol="AFrog"):
         return TAt(self.x)(figure(self.size))
 
 
+class Toad(Agent, symbol="AToad"):
+    age: int = 0
+
+    @on("eTick")
+    def live(self, tick, moment):
+        self.age += 1
+        if self.age == 3:
+            raise ValueError("no more flies")
+
+
+def marsh():
+    """A world whose code fails in frame 2."""
+    return World("AToad#t", agents=[Toad], services=[each(eTick)], name="marsh")
+
+
 def pond(**settings):
     return World(
         "AFrog#a · AFrog#b<size=2> · TAt<x=5>(AFrog#c<size=3>)",

@@ -9,10 +9,10 @@ import time
 from pathlib import Path
 
 import pytest
-from frogs import Frog, eCroak, eFeed, pond
+from frogs import Frog, eCroak, eFeed, marsh, pond
 
 from minerva_bus import connect, count, data, run
-from minerva_bus.errors import BusError, MinervaError, MisuseError
+from minerva_bus.errors import BusError, MinervaError, MisuseError, WorldStopped
 from minerva_bus.launch.registry import running
 
 COLLECT = {"frogs": count(Frog), "x": Frog.x, "croak": data(eCroak), "mood": Frog.mood}
@@ -159,6 +159,26 @@ def test_an_interrupted_step_leaves_a_world_that_can_be_closed(monkeypatch):
         after_questions(monkeypatch, live, interrupt)
         with pytest.raises(KeyboardInterrupt):
             live.step(10**6)
+    waited(lambda: not processes_of(config) and not closing_threads())
+
+
+def test_code_that_fails_in_a_step_is_an_exception_as_in_this_process():
+    for bus in (False, True):
+        with marsh().start(bus=bus) as live:
+            assert live.step(2) == 2
+            with pytest.raises(WorldStopped, match=r"failed in frame 2: .*no more flies"):
+                live.step(5)
+            assert live.ended
+    assert not running()
+
+
+def test_a_launcher_that_is_killed_ends_its_world(monkeypatch):
+    with pond().start(bus=True) as live:
+        config, pid = config_of(live), live._backend._launched.pid
+        after_questions(monkeypatch, live, lambda: os.kill(pid, signal.SIGKILL))
+        with pytest.raises(MinervaError, match="ended without a message"):
+            live.step(10**6)
+        assert live.ended
     waited(lambda: not processes_of(config) and not closing_threads())
 
 
