@@ -1,4 +1,4 @@
-"""Who may join a world: the coordinator's session, its links and the rules of admission."""
+"""Admission to a world: the coordinator's session, its links and the admission rules."""
 
 # Zenoh's own stubs leave some types open.
 # pyright: reportUnknownMemberType=false
@@ -47,9 +47,9 @@ class Security:
 
 @dataclass(frozen=True, slots=True)
 class ListenConfig:
-    """Where a coordinator listens, which routers it joins, and how its session is secured.
+    """Listening options of a coordinator: endpoints, routers, shared memory and security.
 
-    `shared`: large messages use shared memory. Without `security` every member may join.
+    `shared`: large messages use shared memory. Without `security`, every member may join.
     """
 
     listen: str = LOOPBACK
@@ -61,8 +61,8 @@ class ListenConfig:
 class Admission:
     """Admission to one world. Without security every process may join.
 
-    `say` logs a warning about a member. `listens_at` is the endpoint for other machines, once there
-    is a session.
+    `say` logs a warning about a member. `listens_at` is the endpoint for other machines, set
+    when the session opens.
     """
 
     def __init__(
@@ -161,7 +161,7 @@ class Admission:
         shown = ", ".join(names) or "nobody (minerva keys issue NAME --role ROLE)"
         self._say(COORDINATOR, f"listens at {self.listens_at}; lets in {shown}")
 
-    # --- what happens ---
+    # --- links and rejections ---
 
     def notice(self, item: Linked | RejectedConnection | audit.Denials) -> None:
         """Process a new link, a rejected connection, or messages that Zenoh dropped."""
@@ -188,7 +188,7 @@ class Admission:
             self._cut(item)
 
     def _say_denied(self, denied: audit.Denied) -> None:
-        """Log the first message of each operation and kind of key: keys may be any number."""
+        """Log the first drop of each operation and kind of key; the number of keys is unlimited."""
         if denied.operation == audit.TOO_LARGE:
             why = f"more than {self._limits.message_bytes} bytes, which is too large ([limits])"
         else:
@@ -235,9 +235,9 @@ class Admission:
         """Check for issued and revoked certificates; returns the newly revoked common names.
 
         Their links are cut in the next check. If they were cut now, the members would not receive
-        the reason, and Zenoh would reconnect them again and again. A certificate that is no longer
-        in the folder counts as revoked. `now` is the monotonic time in seconds; the interval
-        between two checks is LOOK_EVERY at least.
+        the reason, and Zenoh would reconnect them repeatedly. A certificate that is no longer
+        in the folder counts as revoked. `now` is the monotonic time in seconds; checks
+        are at least LOOK_EVERY apart.
         """
         security = self._where.security
         if security is None or now < self._looked_at + LOOK_EVERY:
@@ -273,7 +273,7 @@ class Admission:
     def _cut(self, linked: Linked) -> None:
         self.rules.count(linked.name)
         if linked not in self._linked(linked.name):
-            return  # It has closed meanwhile.
+            return  # The link has closed in the meantime.
         done = "is cut" if cut(linked) else "cannot be cut, but its messages are ignored"
         self._say_once(
             linked.name, f"its certificate was revoked; its link from {linked.address} {done}"

@@ -22,7 +22,7 @@ READING: Final = frozenset({"status", "totals", "scene", "fragment", "vocabulary
 FOR_ALL: Final = frozenset({"status"})
 STRANGERS: Final = "strangers"
 MAX_NAMES: Final = 1000
-"""Names with a counter of their own; without certificates anybody can invent names."""
+"""Maximum number of names counted separately: without certificates, names are unlimited."""
 
 _MOMENT: Final = 0.001
 _MESSAGES, _BYTES, _VALUES = "messages", "bytes", "values"
@@ -45,16 +45,16 @@ class _Allowance:
             return  # In a flood, refilling would cost more than everything else.
         self._at = now
         for what, full in self._full.items():
-            # Up to one second's worth: a member that was silent for long
-            # may not send a burst without limit.
+            # Capped at one second's worth, so that an idle member cannot
+            # send an unlimited burst.
             self._left[what] = min(self._left[what] + passed * full, full)
 
     def left(self, what: str) -> float:
-        """What is left in a bucket."""
+        """Amount left in a bucket."""
         return self._left[what]
 
     def take(self, what: str, amount: float) -> bool:
-        """Take an amount; False, and an empty bucket, where less is left."""
+        """Take an amount; if less is left, empty the bucket and return False."""
         left = self._left[what] - amount
         self._left[what] = max(left, 0.0)
         return left >= 0
@@ -99,7 +99,7 @@ class AdmissionRules:
         """The number of rejections by name."""
         return dict(sorted(self.refused.items()))
 
-    # --- how much ---
+    # --- limits ---
 
     def has_room(self, who: str, size: int) -> bool:
         """Whether a message of this many bytes is within the limits per second."""
@@ -153,7 +153,7 @@ class AdmissionRules:
             f" {limits.seconds:g} s; the rest is dropped (columns are few values; [limits])"
         )
 
-    # --- who ---
+    # --- roles ---
 
     def shut_out(self, who: str) -> str:
         """Reason for ignoring all messages of a member, or an empty string."""

@@ -25,11 +25,11 @@ PAUSE_FACTOR: Final = 2.0
 
 
 class Answers:
-    """Checks, queues and answers questions about one world, by its `commands`.
+    """Checks and queues the questions to one world and answers them with `commands`.
 
     At most `limits.questions` wait at the same time, and answering takes at most a third of the
     coordinator's time, so that questions cannot stop the frames. `operated` is called before an
-    answer is sent. `queue` has the questions that are admitted and not answered yet.
+    answer is sent. `queue` contains admitted questions without an answer.
     """
 
     def __init__(
@@ -71,7 +71,7 @@ class Answers:
         return self._next_at - self._clock()
 
     def answer_due(self) -> None:
-        """Answer the next question, unless the pause after the previous answer is not over."""
+        """Answer the next question once the pause after the previous answer is over."""
         if not self.queue or self.wait > 0:
             return
         began = self._clock()
@@ -98,7 +98,7 @@ class Answers:
             )
         except MinervaError as error:
             reply = {"error": str(error)}
-        self._operated()  # The journal must contain the change before the operator learns of it.
+        self._operated()  # The journal must contain the change before the operator is notified.
         question.reply(key, pack(reply))
 
     def _asker(self, question: Question) -> tuple[str, bool, str]:

@@ -1,4 +1,4 @@
-"""How long a member that joins waits for its world, its name and a greeting."""
+"""Time-outs of a joining member: for the world, its name and a greeting."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Arrival:
 ARRIVAL: Final = Arrival()
 # Hundreds of processes may start at once, so the coordinator may be slow to greet them.
 STARTED_HERE: Final = Arrival(60.0, 60.0, inf, inf)
-"""For members that the launcher started: the world exists, and the launcher ends late members."""
+"""For members started by the launcher: the world exists, and the launcher stops late members."""
 
 
 @dataclass(frozen=True, slots=True)

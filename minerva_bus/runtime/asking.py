@@ -1,4 +1,4 @@
-"""Questions to a world's coordinator: how they are sent, and an operator that asks them."""
+"""Queries to a world's coordinator, and an operator that controls the world through them."""
 
 # Zenoh's own stubs leave some types open.
 # pyright: reportUnknownMemberType=false
@@ -20,7 +20,7 @@ from minerva_bus.world.operator import LogLine, WorldStatus
 
 
 def question_key(world: str, own: Credentials | None) -> str:
-    """The key for questions to the world of a name; with an empty name, to any world there."""
+    """Key for questions to a world by name; an empty name stands for any world at the endpoint."""
     name = world or ANY_WORLD
     if own is None:
         return control_key(name)
@@ -30,7 +30,7 @@ def question_key(world: str, own: Credentials | None) -> str:
 def ask(
     session: zenoh.Session, key: str, question: str, seconds: float, details: Mapping[str, Any]
 ) -> Mapping[str, Any] | None:
-    """The world's answer to a question, or None without an answer within `seconds`.
+    """The world's answer to a question, or None if none arrives within `seconds`.
 
     Raises BusError if the world rejects the question.
     """
@@ -49,7 +49,7 @@ def ask(
 
 
 class AskingOperator:
-    """Operates a world by questions; `ask` sends one to the coordinator and returns the answer.
+    """Operates a world through questions; `ask` sends one and returns the coordinator's answer.
 
     Commands, windows and pages use the same operator.
     """
@@ -70,7 +70,7 @@ class AskingOperator:
         self._ask("order", event=plain_event(event))
 
     def pause(self) -> None:
-        """Begin no frame until `resume` or `step`."""
+        """Pause the world until `resume` or `step`."""
         self._ask("pause")
 
     def resume(self) -> None:
@@ -90,7 +90,7 @@ class AskingOperator:
         self._ask("restart", member=member)
 
     def drain(self, member: str) -> tuple[str, ...]:
-        """Let other hosts take over a host's agents; returns the names of these hosts."""
+        """Move a host's agents to other hosts; returns the names of these hosts."""
         hosts = as_list(self._ask("drain", member=member).get("to"), "hosts")
         return tuple([as_text(host, "a host") for host in hosts])
 

@@ -114,7 +114,7 @@ def read_ruling(text: bytes) -> Ruling | None:
 
 
 def _shown(key: str) -> str:
-    """A key on one line, whatever characters its sender chose."""
+    """A key as one line: characters that cannot be printed are replaced."""
     return "".join([letter if letter.isprintable() else "?" for letter in key])
 
 
@@ -167,7 +167,7 @@ class Audit:
         text, _, key = rest.partition(_ON)
         ruling = read_ruling(text)
         if ruling is None:
-            # The next drop at this place is not the one that the earlier ruling was about.
+            # The earlier ruling does not explain the next drop at this place.
             self._ruled.pop(place, None)
             return
         _keep(self._ruled, place, (ruling, key[:MAX_KEY_LENGTH]))
@@ -178,7 +178,7 @@ class Audit:
         """Count a drop of a member; declarations of Zenoh's own session do not count."""
         # Cached rulings name the link only; an earlier line had its certificate.
         name = self._names.get(ruling.link, STRANGERS)
-        # An empty name is a process of this machine, which may do everything.
+        # An empty name is a process of this machine, which has all rights.
         if not name or (
             ruling.operation in _OF_ZENOH and key.startswith(b"@/" + ruling.link + b"/")
         ):

@@ -1,4 +1,4 @@
-"""Asking and watching a running world from outside: what `list`, `pub` and `echo` do."""
+"""Client of a running world for `list`, `pub` and `echo`: questions and frame records."""
 
 # Zenoh's own stubs leave some types open.
 # pyright: reportUnknownMemberType=false, reportUnknownLambdaType=false
@@ -25,7 +25,7 @@ ANSWER_WITHIN = 5.0
 
 
 class Client:
-    """A connection to the world of some name at an endpoint; without a name, to the one there.
+    """Connection to a world at an endpoint, by its name; without a name, to any world there.
 
     `own` are the credentials of the caller. Raises BusError if no world answers.
     """
@@ -38,7 +38,7 @@ class Client:
         self._control = question_key(world, own)
         try:
             self.world = world or self.operator.status().world
-        except BaseException:  # Else its threads keep the process alive.
+        except BaseException:  # Otherwise its threads keep the process alive.
             self._session.close()
             raise
 
@@ -49,7 +49,7 @@ class Client:
         self._session.close()
 
     def ask(self, question: str, **details: Any) -> Mapping[str, Any]:
-        """The world's answer to a question. Raises BusError for none or a refusal."""
+        """The world's answer to a question. Raises BusError if it is missing or an error."""
         answer = ask(self._session, self._control, question, ANSWER_WITHIN, details)
         if answer is not None:
             return answer
@@ -64,11 +64,11 @@ class Client:
         return read_vocabulary(self.ask("vocabulary").get("vocabulary"))
 
     def records(self) -> Iterator[m.FrameRecord]:
-        """What happens in each frame from now on, until the world ends."""
+        """The record of each frame from now on, until the world ends."""
         keys, inbox = Keys(self.world), Watch()
         decoder = Decoder(self.vocabulary())
         coordinator = keys.alive(COORDINATOR)
-        # Before the records, so that the end of the world cannot be missed.
+        # Declared before the records, so that the end of the world cannot be missed.
         watching = self._session.liveliness().declare_subscriber(coordinator, inbox.handler())
         subscriber = self._session.declare_subscriber(keys.record, inbox.handler())
         while True:

@@ -1,4 +1,4 @@
-"""The questions of operators to a running world: one query, one answer, both msgpack maps.
+"""Questions of operators to a running world: one query, one answer, both msgpack maps.
 
     {"ask": "status", "since": 0}         → {"status": {...}}
     {"ask": "totals"}                     → {"totals": {...}}
@@ -52,10 +52,10 @@ MAX_LINES = 1000
 
 @dataclass(frozen=True, slots=True)
 class Operated:
-    """A running world, as commands of operators need it.
+    """The parts of a running world that operators' commands use.
 
-    `rejected` gives the number of rejections by sender; `restart` asks for a restart of a member
-    and returns why that is impossible, or an empty string.
+    `rejected` gives the number of rejections by sender; `restart` requests a restart of a
+    member and returns the reason if that is impossible, otherwise an empty string.
     """
 
     runner: Runner
@@ -73,7 +73,7 @@ class Operated:
 
     @property
     def pace(self) -> Pace:
-        """How many frames per second begin, and how many may."""
+        """The frame rate and the number of frames that may begin."""
         return self.schedule.pace
 
 
@@ -83,7 +83,7 @@ Command: TypeAlias = Callable[[Operated, dict[str, Any]], dict[str, Any]]
 def answer(
     asked: Mapping[str, Any], running: Operated, commands: Mapping[str, Command] | None = None
 ) -> dict[str, Any]:
-    """Answer one question, by COMMANDS or by others; errors are part of the answer."""
+    """Answer one question with `commands`, by default COMMANDS; errors are part of the answer."""
     commands = COMMANDS if commands is None else commands
     try:
         name = as_text(asked.get("ask"), "ask")
@@ -165,7 +165,7 @@ def _scene(running: Operated, _: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _fragment(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
-    """The outermost agent of an id, or one of a population."""
+    """The text of the outermost agent with an id, or of one in a population."""
     composition, agent = running.algorithm.composition, as_text(asked.get("agent"), "the agent")
     # Names of parts are internal, and change when hosts join or leave.
     node = composition.agent(agent) if not agent.startswith(PART) else None
@@ -177,7 +177,7 @@ def _fragment(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
 def _order(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
     reader = Reader(running.algorithm.world.vocabulary)
     event = reader.event(asked.get("event"))
-    # Agents trust the sender of an event, so a person must not choose one.
+    # Agents trust the sender of an event, so an operator must not set one.
     if not isinstance(event, Event) or event.sender:
         raise ProtocolError("an order is one event, of people: it has no sender")
     return _send(running, event)
@@ -274,7 +274,7 @@ def _vocabulary(running: Operated, _: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _pub(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
-    """Send an event: data as texts of the language, of a type in the world's vocabulary."""
+    """Send an event of a type in the vocabulary; its data are texts in the notation of strings."""
     algorithm = running.algorithm
     name = as_text(asked.get("type"), "the type")
     values = {
@@ -291,7 +291,7 @@ def _pub(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
             f"the world has no event type {name}; it has {', '.join(vocabulary.events)}"
         )
     condition = as_text(asked.get("condition", ""), "if")
-    # A condition that no agent can fulfil is an error of the person who sends it.
+    # A condition that no agent can fulfil is an error of the operator.
     vocabulary.check_condition(name, condition, "pub")
     try:
         fitted = declared.fields.values(name, values)

@@ -41,16 +41,16 @@ from minerva_bus.wire.keys import COORDINATOR, Keys
 from minerva_bus.wire.limits import DEFAULT, Limits
 
 POLL_SECONDS: Final = 0.01
-"""Longest sleep before a frame that is due."""
+"""Longest sleep in seconds before the next frame is due."""
 
 POLL_SECONDS_ASKED: Final = 0.001
 """The same while an operator's question waits."""
 
 MAX_MESSAGES_AT_ONCE: Final = 500
-"""Messages taken before a frame that is due begins, so that a flood does not delay it for ever."""
+"""Most messages handled before a due frame begins: a flood delays the frame only this much."""
 
 ANSWER_SECONDS: Final = 2.0
-"""How long another thread of this process waits for an answer."""
+"""Seconds that another thread of this process waits for an answer."""
 
 
 class Coordinator(Sink):
@@ -60,7 +60,7 @@ class Coordinator(Sink):
     `schedule` times the frames. `sinks` observe the run after those of the coordinator itself.
 
     Args:
-        watchers: Called in the main thread with what concerns the launcher.
+        watchers: Callbacks of the launcher, called in the main thread.
         rate: Frames per second; 0: as many as possible.
         where: Endpoints, routers, shared memory and security.
         deadlines: Time-outs of members.
@@ -69,7 +69,7 @@ class Coordinator(Sink):
         algorithm: Continues a run, or replays one; by default the world begins.
         queued: Members whose processes have yet to be started.
         keep: Whether to measure every frame for a profile.
-        commands: What operators may ask.
+        commands: Questions that operators may ask, by name.
         sinks: Further sinks of the runner.
         system: Clock, threads and sessions.
 
@@ -152,7 +152,7 @@ class Coordinator(Sink):
         return run_through(self.life())
 
     def life(self) -> Generator[None, None, s.Ended]:
-        """The same, one turn of the loop at a time: a simulation decides when the next one runs."""
+        """`run` as a generator that yields after each iteration, for simulations."""
         with self.admission.session(self.inbox.put) as (session, endpoint):
             declared = self._declare(session)
             self.watchers.listening(endpoint)
@@ -165,7 +165,7 @@ class Coordinator(Sink):
             for declaration in declared:
                 declaration.undeclare()
         ended = self.runner.ended
-        # Overruns are measured by the clock, so the algorithm cannot know them.
+        # Overruns are measured by the clock, which the algorithm does not have.
         return replace(ended, figures={**ended.figures, **self.schedule.overruns.figures()})
 
     def handle(self, item: Any) -> None:
@@ -173,7 +173,7 @@ class Coordinator(Sink):
         self._handlers.get(item.__class__, self.runner.handle)(item)
 
     def ask(self, question: str, **details: Any) -> Mapping[str, Any]:
-        """The answer to a question of another thread. Raises BusError as a client does."""
+        """Answer a question from another thread. Raises BusError, as a client does."""
         asked = LocalQuestion({"ask": question, **details})
         self.inbox.put(asked)
         try:
@@ -194,8 +194,8 @@ class Coordinator(Sink):
             *self.inbox.open(session, keys.sent_by("*"), keys.sent_by(COORDINATOR)),
             session.declare_queryable(f"{keys.control}/**", handler(admit)),
             session.declare_queryable(f"{keys.base}/ask/*", handler(admit)),
-            # Members join as soon as they see this token, so everything
-            # that they send to exists by now.
+            # Members join as soon as this token appears, so all subscriptions
+            # exist by now.
             liveliness.declare_token(keys.alive(COORDINATOR)),
             liveliness.declare_token(keys.epoch(epoch)),
             # With history, because members and other coordinators may have declared theirs before.
@@ -203,7 +203,7 @@ class Coordinator(Sink):
             liveliness.declare_subscriber(keys.alive("*"), handler(presence), history=True),
         ]
 
-    # --- one turn of the loop ---
+    # --- one iteration of the loop ---
 
     def _turn(self) -> None:
         if self._answers.queue:
@@ -214,7 +214,7 @@ class Coordinator(Sink):
             return
         until = self.schedule.rest_until() if self.schedule.rests else 0.0
         if self.system.monotonic() < until:
-            # A world at rest skips frames; it still looks at the clock where a view may be due.
+            # A world at rest skips frames; it still checks the clock where a view may be due.
             self._drain(until) if self.schedule.shows_by_clock else self._wait()
             return
         self._drain(due)
@@ -243,7 +243,7 @@ class Coordinator(Sink):
     def _drain(self, until: float) -> None:
         """Handle what is in the inbox, MAX_MESSAGES_AT_ONCE at most, and sleep once before `until`.
 
-        What arrives during the sleep is handled in the next turn.
+        Messages that arrive during the sleep are handled in the next iteration.
         """
         # Bounded: a flood of messages must not delay the frame that is due.
         for _ in range(MAX_MESSAGES_AT_ONCE):
@@ -264,7 +264,7 @@ class Coordinator(Sink):
         self.watchers.idle()
 
     def _compare_epochs(self, other: Successor) -> None:
-        """Raises Followed if another coordinator of this world is a later one."""
+        """Raises Followed if another coordinator of this world has a later epoch."""
         own = self.transport.epoch
         if other.epoch > own:
             raise Followed(
@@ -272,7 +272,7 @@ class Coordinator(Sink):
                 f" {other.epoch}; this one, of epoch {own}, stops in frame {self.algorithm.frame}"
             )
 
-    # --- what it observes ---
+    # --- observations of the run ---
 
     def _note_sent(self, to: str, message: m.ToMember) -> None:
         # A refusal counts as a rejection, like one of a certificate.

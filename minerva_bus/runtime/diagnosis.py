@@ -39,7 +39,7 @@ def _connected(endpoint: Endpoint, patience: float) -> socket.socket:
     text, host, port = endpoint.text, endpoint.host, endpoint.port
     try:
         return socket.create_connection((host, port), timeout=patience)
-    except (socket.gaierror, UnicodeError):  # Labels that are empty or too long are not asked for.
+    except (socket.gaierror, UnicodeError):  # Labels that are empty or too long are not looked up.
         raise BusError(f"nobody answers at {text}: there is no host {host!r}; check the name"
                        " (or give its address)") from None  # fmt: skip
     except ConnectionRefusedError:
@@ -75,7 +75,7 @@ def why_unreachable(endpoint: Endpoint, own: Credentials | None, patience: float
 
 
 def obstacle(endpoint: Endpoint, own: Credentials | None, patience: float) -> str:
-    """What prevents a connection to a world that was at an endpoint, seen from this machine.
+    """Reason why this machine cannot reconnect to a world at an endpoint.
 
     Blocks for up to `patience` seconds and ALERT_WITHIN.
     """
@@ -137,8 +137,7 @@ def _unverified(host: str, error: ssl.SSLCertVerificationError) -> str:
 def _speaks_tls(endpoint: Endpoint, patience: float) -> bool:
     """Whether a server answers in TLS, if only with an alert."""
     with _connected(endpoint, patience) as link:
-        # The hello is too short: a server that speaks TLS answers it
-        # with an alert, any other does not.
+        # The hello is too short: only a TLS server answers it, with an alert.
         link.settimeout(ALERT_WITHIN)
         try:
             link.sendall(_TLS_HELLO)

@@ -17,7 +17,7 @@ Deliver: TypeAlias = Callable[
 
 
 def receivers(to: str, members: Iterable[Member]) -> list[Member]:
-    """Members, out of those in `members`, to which a message for `to` is delivered, by name."""
+    """Those of `members` that receive a message for `to`, in the order of their names."""
     ordered = sorted(members, key=lambda member: member.name)
     if to == s.TICKED:
         return [member for member in ordered if (h := member.hello()).ticks and not h.ahead]
@@ -27,7 +27,7 @@ def receivers(to: str, members: Iterable[Member]) -> list[Member]:
 
 
 def observers(event_type: str, members: Iterable[Member]) -> list[Member]:
-    """Members that draw the views of an event type outside of the frames, by name."""
+    """Members that draw the views of an event type outside of the frames, ordered by name."""
     ordered = sorted(members, key=lambda member: member.name)
     hellos = [(member, member.hello()) for member in ordered]
     return [member for member, h in hellos if event_type in h.draws and not h.coupled]

@@ -1,4 +1,4 @@
-"""Where a session listens or connects, and which links need to be secured."""
+"""Endpoints where sessions listen or connect, and checks that they are secured."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Endpoint:
 
     @property
     def secured(self) -> bool:
-        """Whether both sides show certificates."""
+        """Whether both sides authenticate with certificates."""
         return self.kind in SECURED
 
     @property

@@ -1,4 +1,4 @@
-"""Everything a process receives, in one queue and in the order of arrival.
+"""One queue for everything that a process receives, in the order of arrival.
 
 Threads of Zenoh deliver, the main thread receives. Delivery through a Python callback acquires the
 interpreter lock for each message. The messages of a frame are therefore read from a channel that
@@ -68,13 +68,13 @@ def question(query: zenoh.Query) -> Question:
 
 
 class Watch:
-    """A queue for watchers, whose latency does not matter to any frame."""
+    """Queue of watchers, whose latency affects no frame."""
 
     def __init__(self) -> None:
         self._queue: SimpleQueue[Any] = SimpleQueue()
 
     def handler(self) -> Callback[Any]:
-        """A handler for a Zenoh declaration that leads here.
+        """A handler for a Zenoh declaration that puts items into this queue.
 
         Direct, because a plain C `put` neither blocks nor computes.
         """
@@ -128,7 +128,7 @@ class Inbox:
             try:
                 waker.put(sign)
             except zenoh.ZError:
-                return  # The session is closing: nobody waits for this wake-up.
+                return  # The session is closing: no thread waits for this wake-up.
 
         self._channel, self._wake = channel, tell
         for _ in range(min(self._side.qsize(), MAX_WAKE_UPS)):
@@ -148,7 +148,7 @@ class Inbox:
     def put(self, item: Any) -> None:
         """Add an item to the side queue; from any thread.
 
-        Behind MAX_WAKE_UPS items no further wake-up is sent yet: the channel would be full, and
+        Beyond MAX_WAKE_UPS items no further wake-up is sent yet: the channel would be full, and
         the calling thread of Zenoh would block.
         """
         self._side.put(item)
@@ -168,7 +168,7 @@ class Inbox:
         return Callback(put, indirect=self.indirect)
 
     def wait(self) -> Any:
-        """The next item: a message of the channel's as bytes, or one from the side.
+        """The next item: a message of the channel as bytes, or one of the side queue.
 
         None for a wake-up without an item.
         """
@@ -194,7 +194,7 @@ class Inbox:
 
 
 class HubInbox(Inbox):
-    """Inbox of the coordinator: messages of all members from the channel, with their senders.
+    """Inbox of the coordinator: messages of all members with their senders, by the channel.
 
     A timer sends wake-ups with an empty message.
     """
@@ -226,7 +226,7 @@ class HubInbox(Inbox):
             self._clock.join()
 
     def wait(self) -> Any:
-        """The next item: a member's name and its message, one from the side, or a `Tick`."""
+        """The next item: a member's name and its message, one of the side queue, or a `Tick`."""
         return self._read(self._channel.recv())
 
     def ready(self) -> Any:

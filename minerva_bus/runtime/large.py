@@ -21,7 +21,7 @@ MAX_BEHIND: Final = 4
 
 @dataclass(frozen=True, slots=True)
 class LargeMessage:
-    """The bytes of a member's message; `joins` is how often the member had joined by then."""
+    """The bytes of a member's message; `joins` counts how often the member has joined so far."""
 
     member: str
     joins: int
@@ -39,7 +39,7 @@ class Decoded:
 
 
 class LargeMessages:
-    """Decodes large messages, members in turn.
+    """Decodes large messages, alternating between members.
 
     `put` passes a `Decoded` from the thread to the main thread, which calls `taken`. A member's
     later messages, large or not, wait for its large ones, so that the order is kept.

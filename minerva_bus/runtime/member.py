@@ -30,16 +30,16 @@ from minerva_bus.wire.keys import COORDINATOR, Keys, checked_name
 from minerva_bus.world.services import Device
 
 RAISED: Final = 70
-"""Exit code of a member whose user code raised, and would raise again with the same input."""
+"""Exit code after an exception in user code that the same input would cause again."""
 
 RAISED_BY_CHANCE: Final = 75
-"""The same where a retry may help: input and output, and everything that depends on the clock."""
+"""Exit code after an exception that a retry may avoid: I/O and anything that uses the clock."""
 
 SHOWN_WITHIN: Final = 0.25
 """Seconds after which an observer shows a view, although newer ones keep arriving."""
 
 ANSWERED_WITHIN: Final = 1.0
-"""Seconds in which the coordinator answers a question of a member."""
+"""Seconds within which the coordinator answers a question of a member."""
 
 # Longer than the lease, and shorter than the time that a successor waits for its guests
 # (`monitor.BACK_WITHIN`): a member that still runs is back before it is given up.
@@ -47,7 +47,7 @@ BACK_WITHIN: Final = 5.0
 """Seconds after which a member gives up a world that it has lost."""
 
 POLL_SECONDS: Final = 0.02
-"""Interval between two looks for the world, or for a free name."""
+"""Interval in seconds between checks for the world or for a free name."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,7 +139,7 @@ class MemberProcess:
         return run_through(self.life())
 
     def life(self) -> Generator[None, None, int]:
-        """The same, one turn of the loop at a time: a simulation decides when the next one runs."""
+        """`run` as a generator that yields after each iteration, for simulations."""
         system, connect = self._system, self._connect
         client = system.client(
             self.member.name, connect.endpoint, shared=connect.shared, own=connect.own
@@ -225,7 +225,7 @@ class MemberProcess:
             subscriptions.insert(0, keys.tick)
         return subscriptions
 
-    # --- one turn of the loop ---
+    # --- one iteration of the loop ---
 
     def _take_part(self) -> Generator[None, None, int]:
         service = self.member.service
@@ -309,7 +309,7 @@ class MemberProcess:
         return False
 
     def _on_ungreeted(self, _: Ungreeted) -> None:
-        """Give up: a coordinator that answers but does not greet never will, a busy one may."""
+        """Give up after the time-out, unless the coordinator is too busy to answer."""
         # The time-out and the greeting may have crossed.
         if self.member.world is not None:
             return
@@ -328,7 +328,7 @@ class MemberProcess:
         try:
             return ask(self._session, key, "status", ANSWERED_WITHIN, {}) is not None
         except BusError:
-            return True  # A rejection is an answer.
+            return True  # A rejection is an answer, too.
 
     def _on_pulse(self, _: Pulse) -> bool:
         """Call the service's `pulse`; False when the service leaves."""

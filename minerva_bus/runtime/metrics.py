@@ -1,6 +1,6 @@
 """Frame metrics of the coordinator: `minerva run --profile`, `minerva top` and Prometheus.
 
-The clock is read only while somebody asks for the numbers, because reading it several times for
+The clock is read only while an operator requests metrics, because reading it several times for
 each message would slow down every frame of a large world.
 """
 
@@ -22,7 +22,7 @@ from minerva_bus.runtime.totals import Totals
 MICRO: Final = 1e6
 RECENT_FRAMES: Final = 64
 MEASURED_SECONDS: Final = 5.0
-"""How long metrics are measured after the last question for them."""
+"""Seconds that metrics are measured after the last question for them."""
 
 Figures = dict[str, float]
 P = ParamSpec("P")
@@ -33,11 +33,11 @@ class Meter(Protocol):
     """Metrics of a running world, as operators ask for them."""
 
     def measured(self) -> Mapping[str, float]:
-        """Means over the last frames, in microseconds and bytes; measuring goes on from here."""
+        """Means over the last frames, in microseconds and bytes; keeps measuring for a while."""
         ...
 
     def counted(self) -> Totals:
-        """Totals since measuring began; counting goes on from here."""
+        """Totals since measuring began; keeps counting for a while."""
         ...
 
 
@@ -75,7 +75,7 @@ class FrameFigures:
         return {name: total[name] / len(self._recent) for name in sorted(total)}
 
     def clear(self) -> None:
-        """Drop the last frames: those measured next may be much later."""
+        """Drop the last frames, because the next measured frame may be much later."""
         self._sums.clear()
         self._recent.clear()
 

@@ -1,4 +1,4 @@
-"""Watches the members of a running world by the clock: status, time-outs, revoked certificates."""
+"""Periodic checks of a running world's members: status, time-outs, revoked certificates."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ REPORTS_WITHIN: Final = 10.0
 # Shorter than the launcher waits before it kills the coordinator, which
 # still has to send its final report.
 HURRIED_REPORTS_WITHIN: Final = 0.5
-"""The same where a person ends the world, or a failure."""
+"""The same if a person or a failure ends the world."""
 
 
 class Monitor:
@@ -56,7 +56,7 @@ class Monitor:
         self._reports_within = REPORTS_WITHIN
 
     def started(self, member: str) -> None:
-        """The launcher starts a member's process now: wait for it from now on."""
+        """Note that the launcher starts a member's process; its waiting time begins now."""
         self._waits.started(member, self._clock())
 
     def greeted(self, member: str) -> None:
@@ -147,7 +147,7 @@ class Monitor:
         self._runner.handle(s.End("no report in time"))
 
     def _warn_of(self, names: Sequence[str], text: str, its: str, the: str) -> None:
-        """Log a text about each of a few members, or once about all of them."""
+        """Log a text for each of a few members, or once for all of many."""
         if len(names) > MAX_NAMED:
             self._log.warn(COORDINATOR, text.format(f"{the} of {named_some(names, MAX_NAMED)}"))
             return
@@ -164,7 +164,7 @@ class Monitor:
             self._log.warn(name, f"{silence}; the world stops")
             self.end(s.End(f"{name} {silence}", failed=True))
         else:
-            # The next process gets the full time, whatever the previous one used up.
+            # The next process gets the full time, regardless of the previous one.
             self._waits.restart(name, now)
             self._watchers.stalled(name, waited)
             # Nothing restarts a guest, so it is excluded; it may join again.

@@ -1,4 +1,4 @@
-"""The threads of a member beside its main one, and what they put into its inbox."""
+"""Threads of a member besides the main thread, and the items that they put into its inbox."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from minerva_bus.world.readings import Reading
 from minerva_bus.world.services import Generator, Service
 
 MAX_WAITING: Final = 256
-"""Events and readings of a free-running generator that wait for the main thread at most."""
+"""Most events and readings of a free-running generator that may wait for the main thread."""
 
 POLL_SECONDS: Final = 0.2
-"""Interval at which a blocked generator checks whether the member stops."""
+"""Interval in seconds at which a blocked generator checks whether the member stops."""
 
 FIGURES_SECONDS: Final = 1.0
-"""Interval between two reports of a member's metrics."""
+"""Interval in seconds between two reports of a member's metrics."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +71,7 @@ class Outlet:
     def _add(self, item: Any) -> None:
         # A generator that is faster than the bus blocks here; otherwise memory would fill up.
         while not self._room.acquire(timeout=POLL_SECONDS):
-            # Otherwise the thread of a generator would block for ever after the end.
+            # Otherwise a generator's thread would block forever after the end.
             if self._stop.is_set():
                 return
         self._put(item)
@@ -116,7 +116,7 @@ class OwnThreads:
             self._timers.append(self._system.every(service.pulse_every, self._add_pulse))
 
     def stop(self) -> None:
-        """Ask all threads to stop."""
+        """Request that all threads stop."""
         self._stop.set()
         for timer in self._timers:
             timer.cancel()

@@ -58,15 +58,15 @@ class Receiver:
             return
         if self._admission.keeps_out(member):
             return
-        # Every message is charged, even one that then passes whatever is left.
+        # Every message is charged, even one that then passes regardless of the limits.
         room = self._admission.rules.has_room(self._known(member), len(data))
         wire = declaration(data, len(self._transport.stamp))
-        # A stranger's message is not even decoded.
+        # A message of an unknown member is not decoded.
         if room and data and not self._members.knows(member):
-            self._handle(m.Leaving(member))  # Counts a stranger, whatever the message is.
+            self._handle(m.Leaving(member))  # Counts an unknown member, regardless of the message.
             return
-        # A reply that the frame waits for passes whatever the limits: it can arrive only once per
-        # frame, and the frame could not continue without it.
+        # A reply that the frame waits for passes regardless of the limits: it can arrive only once
+        # per frame, and the frame could not continue without it.
         if not data or (wire.awaited and self._algorithm.awaits(member)):
             self._decode(member, data)
         elif not (room and self._within_limits(member, data, wire)):
@@ -119,7 +119,7 @@ class Receiver:
             if not data.startswith(stamp):
                 if data:
                     # Raises ProtocolError for bytes without an epoch. Another epoch is no
-                    # violation: the member still obeys the predecessor, or already a successor.
+                    # violation: the member still follows the predecessor, or already a successor.
                     stamped(data)
                     self._count_late(member)
                 return
@@ -149,13 +149,13 @@ class Receiver:
             message = replace(message, received=body)
         reason = ""
         if isinstance(message, m.Hello):
-            # A hello is a sign of life of the process, even if its roles are rejected.
+            # A hello shows that the process runs, even if its roles are rejected.
             self._arrived(member)
             reason = self._admission.rules.objection(message)
         self._handle(s.Violation(member, reason) if reason else message)
 
     def _known(self, member: str) -> str:
-        """The name under which messages are counted: there may be any number of strangers."""
+        """The name under which messages are counted; unknown members share one."""
         return member if self._members.knows(member) else STRANGERS
 
     def _drop(self, member: str) -> None:

@@ -1,7 +1,7 @@
-"""Monitors a lost connection of a member to its world: since when, why, and until when to wait.
+"""Monitors a member's lost connection to its world: duration, cause and time-out.
 
-Zenoh reconnects by itself, to whatever address the host name resolves to by then. What is left is
-to inform the user and to give up after a time-out.
+Zenoh reconnects by itself, to the address that the host name resolves to at that time. The monitor
+informs the user and gives up after a time-out.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ class CheckConnection:
 
 @dataclass(frozen=True, slots=True)
 class Diagnosed:
-    """The result of a diagnosis: what prevents the connection."""
+    """The result of a diagnosis: the obstacle to the connection."""
 
     obstacle: str
 
@@ -103,7 +103,7 @@ class ReconnectMonitor:
         return True
 
     def diagnosed(self, diagnosis: Diagnosed) -> None:
-        """Report what prevents the connection."""
+        """Report the obstacle to the connection."""
         if self._since is not None:
             state = f"has been unreachable for {_duration(self._elapsed())}"
             self._notify(f"{self._subject} {state}: {diagnosis.obstacle}; {self._outlook()}")
@@ -119,5 +119,5 @@ class ReconnectMonitor:
 
 
 def _duration(seconds: float) -> str:
-    """A duration for people."""
+    """A duration as text for the user."""
     return f"{seconds:.0f} s" if seconds < 100 else f"{seconds / 60:.0f} min"

@@ -26,7 +26,7 @@ _REASONS: Final = (
 
 @dataclass(frozen=True, slots=True)
 class RejectedConnection:
-    """A connection was rejected, and why."""
+    """A rejected connection, with the reason."""
 
     reason: str
 

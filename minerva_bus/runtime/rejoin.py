@@ -19,7 +19,7 @@ NAME_FREE_AGAIN: Final = 4.0
 """Seconds within which the name of a member that has reconnected is free again."""
 
 RECLAIM_SECONDS: Final = 0.1
-"""Interval between two attempts to reclaim the name."""
+"""Interval in seconds between two attempts to reclaim the name."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +53,7 @@ class NameToken:
             yield
 
     def is_taken(self, session: zenoh.Session) -> bool:
-        """Whether a member has the name."""
+        """Whether any session holds the name."""
         return bool(list(session.liveliness().get(self._key, timeout=1.0)))
 
     def declare(self, session: zenoh.Session) -> None:
@@ -106,7 +106,7 @@ class Rejoin:
             self.reclaim(session)
 
     def reclaim(self, session: zenoh.Session) -> None:
-        """Take part again under the same name. Raises BusError if another member has it."""
+        """Rejoin under the same name. Raises BusError if another member has it."""
         if not self.monitor.away:
             return
         # The hub may still hold the member's own former token, whose

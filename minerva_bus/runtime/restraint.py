@@ -35,7 +35,7 @@ class Restraint:
         self._subjects: dict[str, _Subject] = {}
 
     def lets(self, subject: str, now: float) -> bool:
-        """Whether a line may be logged; one that may not is counted."""
+        """Whether a line may be logged; omitted lines are counted."""
         known = self._subjects.get(subject)
         if known is None:
             # Names may be invented, so the table must not grow without limit.

@@ -1,8 +1,8 @@
 """The runner: passes stimuli to a frame algorithm and executes the instructions it returns.
 
-This is the only place where instructions are executed. What differs between a world over Zenoh, a
-world in one process, a test and a replay is the transport, which delivers messages to members, and
-the sinks, which observe the run: record, journal, metrics, console and event log.
+This is the only place where instructions are executed. A world over Zenoh, a world in one process,
+a test and a replay differ only in the transport, which delivers messages to members, and in the
+sinks, which observe the run: record, journal, metrics, console and event log.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 
 Notice: TypeAlias = s.Notify | s.Ready | s.FrameDone | s.Stopping | s.Ended
-"""Instructions that deliver nothing: they concern the sinks."""
+"""Instructions that deliver nothing and go to the sinks."""
 
 Hook: TypeAlias = Callable[[s.Stimulus], None]
 
@@ -40,7 +40,7 @@ class Transport(Protocol):
 class Sink:
     """Base class of observers of a run; a subclass overrides the methods that it needs.
 
-    The runner calls them in its own thread, in the order in which it was given the sinks. Only
+    The runner calls them in its own thread, in the order of its list of sinks. Only
     overridden methods are called, because a frame of a thousand members has thousands of stimuli.
 
     `runner` is the runner that the sink observes, which sets it. `follows` is whether `received`,
@@ -119,10 +119,10 @@ class Runner:
         self._executed: list[Hook] = self._overridden("executed")
 
     def handle(self, stimulus: s.Stimulus) -> None:
-        """Process a stimulus and everything that follows from it.
+        """Process a stimulus and all stimuli that result from it.
 
         A member's code that runs during a delivery may call this method; the nested call then
-        processes what is queued so far.
+        processes the stimuli that are queued so far.
         """
         queue = self._queue
         # Called from a delivery: stimuli that arrived before this one are processed first.

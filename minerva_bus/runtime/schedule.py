@@ -1,4 +1,4 @@
-"""When the next frame begins: real time outside of the frame algorithm, which has no clock.
+"""Frame timing in real time, outside of the frame algorithm, which has no clock.
 
 Pausing, stepping and pacing only decide when `Begin` is given. They cannot influence the string.
 """
@@ -49,13 +49,13 @@ class FrameSchedule(Sink):
         return self._algorithm.at_rest
 
     def rest_until(self) -> float:
-        """Until when a world at rest may skip frames: a view may be due before."""
+        """Time until which a world at rest may skip frames; a view may be due before."""
         rates = self._algorithm.members.index.rates
         return self.pace.rest(self.last_frame_at, self._views.next(rates))
 
     @property
     def next_at(self) -> float | None:
-        """When the next frame begins, as things stand."""
+        """Time at which the next frame begins unless the schedule changes."""
         if self.due is None or not self.rests:
             return self.due
         return max(self.due, self.rest_until())

@@ -47,7 +47,7 @@ _CLIENT_THREADS = "(rx:(worker_threads:1),app:(handover:rx))"
 _COMMON: dict[str, Any] = {
     "scouting/multicast/enabled": False,
     "scouting/gossip/enabled": False,
-    # Nothing is discovered, so nothing has to be waited for.
+    # Without discovery there is no need to wait for it.
     "scouting/delay": 0,
     "timestamping/enabled": False,
     # `listening_at` reads the port from it.
@@ -65,7 +65,7 @@ _SHARED: dict[str, Any] = {
     "transport/shared_memory/transport_optimization": {
         "enabled": True,
         "pool_size": POOL_BYTES,
-        # In a bare exchange, 8 MB took 8 ms this way instead of about 30 ms.
+        # In a plain exchange, 8 MB took 8 ms this way instead of about 30 ms.
         "message_size_threshold": 1024 * 1024,
     },
 }
@@ -219,7 +219,7 @@ def closed_in_time(session: zenoh.Session) -> Generator[None]:
 
 
 def end_at_once(code: int) -> None:
-    """End the process with this code if one of its sessions would delay that."""
+    """End the process with this code if one of its sessions would delay the exit."""
     if any(thread.is_alive() for thread in _still_closing):
         sys.stdout.flush()
         sys.stderr.flush()
@@ -227,7 +227,7 @@ def end_at_once(code: int) -> None:
 
 
 def not_let_in(own: Credentials | None) -> str:
-    """A further reason why a secured world may not answer, for the end of an error message."""
+    """Another possible reason for no answer from a secured world, to end an error message."""
     if own is None:
         return ""
     return (

@@ -25,7 +25,8 @@ def sockets_to(address: str) -> Iterator[socket.socket]:
     """Copies of the sockets of a link to an address such as tls/10.0.0.2:7447, newest first.
 
     Newest first, so that a new link's socket is the first of a thousand. Links without a socket of
-    their own (QUIC, sockets in the file system) have none. Each copy is closed by the next step.
+    their own (QUIC, sockets in the file system) have none. Each copy is closed before the next one
+    is returned.
     """
     host, _, port = address.partition("/")[2].rpartition(":")
     for connection in _sockets() if port.isdecimal() else ():
@@ -35,7 +36,7 @@ def sockets_to(address: str) -> Iterator[socket.socket]:
 
 
 def let_dead_links_go(session: zenoh.Session, lease: float) -> None:
-    """Make dead links of a session disappear soon and without delaying other links.
+    """Make dead links of a session disappear soon, without a delay of other links.
 
     Zenoh closes a link after `lease` seconds without a message, but only after a pending write,
     which the system would retry for a quarter of an hour: TCP_USER_TIMEOUT shortens this, where it
@@ -69,7 +70,7 @@ def _sockets() -> Iterator[socket.socket]:
             # copy: the original belongs to Zenoh.
             copy = os.dup(descriptor)
         except OSError:
-            continue  # The listing itself had it open.
+            continue  # The descriptor of the directory listing itself.
         try:
             yield socket.socket(fileno=copy)
         except OSError:

@@ -1,4 +1,4 @@
-"""State of a running world in numbers: frame rate, members, waiting times."""
+"""Metrics of a running world's state: frame rate, members, waiting times."""
 
 from __future__ import annotations
 
@@ -53,6 +53,6 @@ class StatusMeter(Sink):
         return Status(algorithm.frame, rate, active, phase, paused, tuple(waiting), self.waited)
 
     def ready(self, notice: s.Ready) -> None:
-        """Count the members that the world begins with."""
+        """Count the members at the beginning of the world."""
         if notice.frame == 0:
             self.most_members = len(self._algorithm.members.active())

@@ -1,7 +1,7 @@
 """Clock, threads and sessions of a process on the bus.
 
 Coordinator and members take them as an argument. A simulation passes its own, in which time is a
-number and nothing runs by itself (`minerva_bus.testing.simulation`).
+variable and each step is scheduled (`minerva_bus.testing.simulation`).
 """
 
 # Zenoh's own stubs leave some types open.
@@ -85,7 +85,7 @@ class System(Protocol):
         ...
 
     def obstacle(self, endpoint: str, own: Credentials | None) -> str:
-        """What prevents a connection to an endpoint; may block."""
+        """Reason why an endpoint is unreachable; may block."""
         ...
 
 
@@ -142,7 +142,7 @@ class RealSystem:
             yield session
 
     def obstacle(self, endpoint: str, own: Credentials | None) -> str:
-        """What prevents a connection to an endpoint; blocks for DIAGNOSIS_SECONDS at most."""
+        """Reason why an endpoint is unreachable; blocks for DIAGNOSIS_SECONDS at most."""
         return obstacle(check_endpoint(endpoint), own, DIAGNOSIS_SECONDS)
 
 
@@ -169,7 +169,7 @@ REAL: Final = RealSystem()
 
 
 def run_through(life: Generator[None, None, Ended]) -> Ended:
-    """Run all turns of a process; returns its result."""
+    """Run all iterations of a process; returns its result."""
     try:
         while True:
             next(life)

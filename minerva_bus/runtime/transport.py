@@ -22,8 +22,8 @@ _GROUPS: Final = frozenset({s.EVERYONE, s.TICKED, s.HOSTS})
 _DROP = zenoh.CongestionControl.DROP
 _BLOCK = zenoh.CongestionControl.BLOCK
 
-# Empty replies to ticks differ in the frame number only. To encode a reply for each frame would
-# cost more than to send the tick.
+# Empty replies to ticks differ in the frame number only. Encoding a reply for each frame would
+# cost more than sending the tick.
 _FRAME: Final = 1 << 20
 _BEFORE_FRAME, _, _AFTER_FRAME = encode(m.TickReply("", _FRAME)).partition(pack(_FRAME))
 
@@ -32,7 +32,7 @@ class ZenohTransport:
     """Sends the messages of the coordinator of one epoch; replies arrive later, in its inbox.
 
     Messages to members wait for room on the link. Views, and frames for observers, are dropped
-    where there is none: a slow observer must not slow down the world.
+    when the link is full: a slow observer must not slow down the world.
 
     `observed` is whether the frames have a subscriber. `has_output`: something was sent, or a
     frame ended, since the flag was last cleared. `ticked` is the last frame whose tick was sent,
@@ -62,7 +62,7 @@ class ZenohTransport:
         self._keys_to = {s.EVERYONE: keys.all, s.TICKED: keys.tick, s.HOSTS: keys.evolve}
 
     def open(self, session: zenoh.Session) -> list[Any]:
-        """Begin to send over a session; returns what to undeclare at the end."""
+        """Begin to send over a session; returns the declarations to undeclare at the end."""
         self._session = session
         record = self._publisher(self._keys.record, _DROP)
         return [record.declare_matching_listener(Callback(self._on_observers, indirect=False))]
@@ -84,7 +84,7 @@ class ZenohTransport:
             # A coupled device must receive every view, unlike observers.
             self._metrics.timed("view", self._put, key, message, _BLOCK)
             return ()
-        # Refusals and greetings have one recipient; messages to groups need not be looked at.
+        # Refusals and greetings have one recipient; messages to groups need no check.
         elif to not in _GROUPS:
             self._notify(to, message)
         self._put(key, message, _BLOCK)

@@ -14,27 +14,27 @@ THEN: Final = {
     "wait": "",
     "stop": "the world stops",
 }
-"""The actions after a time-out, and how a log line announces them."""
+"""The actions after a time-out, with their texts in log lines."""
 
 FAILED: Final = {
     "restart": THEN["restart"],
     "stop": "it will be killed, and the world stops,",
     "ignore": "it will be killed, and the world continues without it,",
 }
-"""What `restart` means for a process, by its `on_failure`."""
+"""The action that replaces `restart`, by the `on_failure` of a process."""
 
 START: Final = 30.0
-"""Seconds that a member has at least from the start of its process to its hello."""
+"""Minimum time-out in seconds from the start of a member's process to its hello."""
 
 TIMES_SLOWEST_SAID: Final = 2.0
 TIMES_SLOWEST: Final = 10.0
-"""Multiples of the slowest start so far after which a start is logged, and restarted.
+"""Multiple of the slowest start so far after which a start is logged, and restarted.
 
-A machine that is busy with other things is slow for all members.
+A busy machine slows down the start of all members.
 """
 
 STARTS_SAID_EVERY: Final = 2.0
-"""Interval between log lines about members that have not joined."""
+"""Interval in seconds between log lines about members that have not joined."""
 
 MAX_NAMED: Final = 3
 """Awaited members that get a log line of their own."""
@@ -51,10 +51,10 @@ class Patience:
 
 @dataclass(frozen=True, slots=True)
 class Deadlines:
-    """Time-outs of the members: own ones, or those for all.
+    """Time-outs of the members: individual ones, or the common ones.
 
-    `elsewhere`: members on other machines, which cannot be restarted from here. `on_failure`: what
-    happens to the other members when they fail.
+    `elsewhere`: members on other machines, which cannot be restarted from here. `on_failure`: the
+    policy for the failure of each other member.
     """
 
     all: Patience = field(default_factory=Patience)
@@ -96,7 +96,7 @@ class Waits:
         self._last_report = float("-inf")
 
     def started(self, member: str, now: float) -> None:
-        """Note the start of a member's process: wait for it from now on."""
+        """Note the start of a member's process; its waiting time begins now."""
         # A process that has not been started yet is not slow, so waiting begins with its start.
         self._queued.discard(member)
         self._starting[member] = now
@@ -126,16 +126,16 @@ class Waits:
         return max((now - wait.since for wait in self._waits.values()), default=0.0)
 
     def patience(self, member: str) -> Patience:
-        """The time-outs of a member in this step; a member that starts has time to do so."""
+        """The time-outs of a member in this step; a starting member gets those of a start."""
         own = self._deadlines.of(member)
-        # A process that starts has the time of a start, unless its own policy is not to restart it.
+        # A starting process gets the time-outs of a start, unless its own policy forbids restarts.
         joined = self._in_frame and member not in self._starting
         if joined or (self._in_frame and own.then != "restart"):
             return own
         return self._deadlines.with_start(self._slowest)
 
     def outlook(self, member: str, waited: float, guest: bool) -> str:
-        """The end of a log line: what happens to a member, and when; empty if nothing does."""
+        """The end of a log line: the next action for a member and its time; empty without one."""
         patience, deadlines = self.patience(member), self._deadlines
         left = f"{max(0.0, patience.hard - waited):.0f} s"
         action = THEN[patience.then]
@@ -148,7 +148,7 @@ class Waits:
         return f"; {action} in {left}" if action else ""
 
     def since(self, member: str, now: float) -> float:
-        """For how many seconds a member has been awaited."""
+        """Seconds for which a member has been awaited."""
         return now - self._waits[member].since
 
     def reportable(self, now: float) -> list[str]:
@@ -196,5 +196,5 @@ class Waits:
         return overdue
 
     def restart(self, member: str, now: float) -> None:
-        """Begin to wait for a member again."""
+        """Restart the waiting time of a member."""
         self._waits[member] = _Wait(now)

@@ -1,4 +1,4 @@
-"""A member's messages as bytes: to the coordinator that counts, and to and from sensor topics."""
+"""A member's messages as bytes: with the current coordinator, and on sensor topics."""
 
 # Zenoh's own stubs leave some types open.
 # pyright: reportUnknownMemberType=false
@@ -21,8 +21,8 @@ from minerva_bus.wire.keys import Keys
 class WorldLink:
     """Encodes and decodes the messages of one member.
 
-    The coordinator that counts is the one of the highest epoch that has greeted, rejected or
-    stopped this member. `stamp` is its epoch as bytes, empty before that. `unsent` counts events
+    The current coordinator is the one of the highest epoch that has greeted, rejected or stopped
+    this member. `stamp` is its epoch as bytes, empty before that. `unsent` counts events
     that no coordinator received.
     """
 
@@ -43,7 +43,7 @@ class WorldLink:
         self._publishers: dict[str, zenoh.Publisher] = {}
 
     def open(self, session: zenoh.Session, topics: Iterable[str]) -> list[Any]:
-        """Declare publishers for the coordinator and for topics; returns what to undeclare."""
+        """Declare publishers for the coordinator and for topics; returns the declarations."""
         keys, member = self.keys, self._member
         self._replies = _publisher(session, keys.sent_by(member))
         for topic in topics:
@@ -57,21 +57,21 @@ class WorldLink:
         elif self.stamp:
             self._replies.put(self.stamp + encode(message))
         else:
-            # Only events are lost: replies belong to a frame that is asked for again.
+            # Only events are lost: replies belong to a frame that is requested again.
             self.unsent += isinstance(message, m.Emitted)
 
     def joined(self, vocabulary: Vocabulary) -> None:
-        """The member is welcome: from now on messages may contain symbols of the world."""
+        """Note that the member has joined: from now on messages may contain the world's symbols."""
         self._decoder, self._joined = Decoder(vocabulary), True
 
     def lost(self) -> None:
-        """The connection is lost: only a coordinator that greets again counts."""
+        """Note that the connection is lost: ignore coordinators until one greets again."""
         if self.stamp:
             # The same coordinator may greet again: its epoch must count as a later one then.
             self._epoch, self.stamp = self._epoch - 1, b""
 
     def message(self, data: bytes) -> m.ToMember | None:
-        """The coordinator's message; None for one that does not count.
+        """The coordinator's message; None for one that must be ignored.
 
         Raises ProtocolError and SceneError for a message that cannot be decoded: a member that has
         missed one cannot take part any longer.
