@@ -1,6 +1,6 @@
-"""The state of a conversation with another agent: one figure of a string in the agent's state.
+"""The state of a conversation with another agent, as one figure of the agent's state.
 
-Conversations are part of the string, like everything that an agent knows. So they are recorded,
+Conversations are part of the string, like the rest of an agent's state. So they are recorded,
 compared and resumed with the agent, and move with it from one process to another.
 """
 
@@ -36,11 +36,11 @@ class Conversation:
     """A conversation with one other agent.
 
     `content` and `reply_with` are those of the last message of `peer`; `to` receives answers.
-    `deadline` is the last frame in which the next act counts, or -1.
+    `deadline` is the last frame in which the next act is valid, or -1.
     """
 
     id: str
-    # Texts and not objects: each field is a parameter of the figure
+    # Texts instead of objects: each field is a parameter of the figure
     # that describes the conversation.
     protocol: str
     role: str
@@ -117,12 +117,12 @@ class Conversations:
         return len(self.scene)
 
     def find(self, id: str, peer: str) -> Conversation | None:
-        """The conversation of an id with an agent."""
+        """The conversation with this id and agent, or None."""
         figure = self._figure(id, peer)
         return None if figure is None else Conversation.of(figure)
 
     def keep(self, *conversations: Conversation) -> Conversations:
-        """With the given states: in place of the former ones, new ones at the end.
+        """A copy with the given states: existing ones are replaced, new ones are appended.
 
         Conversations that are over are removed.
         """
@@ -132,7 +132,7 @@ class Conversations:
         return kept
 
     def drop(self, conversation: Conversation) -> Conversations:
-        """Without a conversation."""
+        """A copy without a conversation."""
         old = self._figure(conversation.id, conversation.peer)
         return Conversations(Scene(tuple([node for node in self.scene if node is not old])))
 

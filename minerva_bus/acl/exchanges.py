@@ -19,7 +19,7 @@ from minerva_bus.log.reader import Record
 EVERYBODY: Final = "everybody"
 NOBODY: Final = "somebody outside"
 MOST: Final = 400
-"""Messages in a diagram that is still readable."""
+"""Most messages of a diagram that is still readable."""
 
 NAMED: Final = 8
 LONGEST: Final = 60
@@ -174,7 +174,7 @@ def _named(known: list[str]) -> str:
 
 
 def _escaped(text: str) -> str:
-    """A text without characters that have a meaning in Mermaid, by entities of the form #NN;."""
+    """A text whose special characters in Mermaid are replaced by entities of the form #NN;."""
     return "".join(
         [f"#{ord(letter)};" if letter in "#;<>&%\"'`{}\\" else letter for letter in text]
     )

@@ -1,8 +1,8 @@
 """Effect of a message on the conversations of its receiver; pure.
 
 An act that the protocol does not allow in the conversation's state is answered with
-`not-understood`, which ends the conversation on both sides. So is an act that names a protocol but
-belongs to no conversation. `not-understood` itself is never answered.
+`not-understood`, which ends the conversation on both sides. The same applies to an act that names a
+protocol but belongs to no conversation. `not-understood` itself is never answered.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ TOO_LATE = "too late"
 class Heard:
     """The effect of a message: all conversations after it, and the one that it belongs to, if any.
 
-    `answer` must be sent immediately. `told` is whether the agent's own method is called.
+    `answer` must be sent immediately. `told`: whether the agent's own method is called.
     """
 
     conversations: Conversations
@@ -37,7 +37,7 @@ def hear(conversations: Conversations, me: str, message: Event, frame: int) -> H
     if message.sender == me:
         return Heard(conversations, told=False)
     if not message.sender:
-        return Heard(conversations)  # From outside of the string, so it cannot be answered.
+        return Heard(conversations)  # From outside of the string, so there is no agent to answer.
     known = conversations.find(message.conversation_id, message.sender)
     if known is None:
         return _first(conversations, me, message)
@@ -54,7 +54,7 @@ def hear(conversations: Conversations, me: str, message: Event, frame: int) -> H
 
 
 def _first(conversations: Conversations, me: str, message: Event) -> Heard:
-    """A message that belongs to no conversation: it may begin one."""
+    """The effect of a message without a conversation, which may begin one."""
     name: str = message.protocol
     # Without a protocol there is nothing to check. `not-understood` is never answered, or two
     # agents could answer each other forever.
@@ -66,7 +66,7 @@ def _first(conversations: Conversations, me: str, message: Event) -> Heard:
     begun = fresh.heard(message)
     if begun is not None:
         return Heard(conversations.keep(begun), begun)
-    # The conversation is no longer kept, but its id still names the agent that opened it.
+    # The conversation no longer exists, but its id still names the agent that opened it.
     if _late_bid(message) and opener(message.conversation_id) == me:
         return Heard(conversations, answer=_too_late(message), told=False)
     why = f"{message.performative} where no {name} {message.conversation_id} is under way"
@@ -74,7 +74,7 @@ def _first(conversations: Conversations, me: str, message: Event) -> Heard:
 
 
 def _late(conversations: Conversations, expired: Conversation, message: Event) -> Heard:
-    """A message to a conversation whose deadline has passed."""
+    """The effect of a message to a conversation whose deadline has passed."""
     over = replace(expired, state=EXPIRED)
     if message.performative == Act.NOT_UNDERSTOOD:
         return Heard(conversations, over)

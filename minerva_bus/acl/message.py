@@ -1,7 +1,7 @@
 """A message of FIPA ACL as an event (SC00061; 3.2 of the paper).
 
 Sender and receivers are those of the event. Names have underscores in place of FIPA's hyphens.
-`reply_by` is the last frame in which an answer counts, or -1: a frame and not a time as in FIPA,
+`reply_by` is the last frame in which an answer is valid, or -1: a frame and not a time as in FIPA,
 because a world must not depend on the time of day.
 """
 
@@ -42,7 +42,7 @@ def answered_to(message: Event) -> tuple[str, ...]:
 
 
 def reply(message: Event, act: Act | str, content: str = "", **parameters: Any) -> Event:
-    """An answer to a message: of its protocol, conversation, language and ontology.
+    """An answer to a message, with its protocol, conversation, language and ontology.
 
     `parameters` replace those of `eMessage`. Raises MisuseError if the message has no sender: an
     event without receivers goes to all agents.

@@ -39,7 +39,7 @@ class Outside(Agent, symbol="AOutside"):
 
     @on("eMessage")
     def take(self, message: Event, moment: Context) -> None:
-        """Keep a message until there is another frame with messages."""
+        """Keep a message until the next frame with messages."""
         # Messages from outside have the representative as sender;
         # without receivers they reach it, too.
         if message.sender == self.id:
@@ -51,5 +51,5 @@ class Outside(Agent, symbol="AOutside"):
 
     @view("eMail")
     def show(self, event: Event) -> Scene:
-        """Its id, with the messages that it received last."""
+        """Its id with the messages of the last frame that had any."""
         return TOutside(self.id)(self.mail)

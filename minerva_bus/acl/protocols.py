@@ -1,8 +1,8 @@
 """FIPA's interaction protocols as tables: the acts that a role may send in a state.
 
-A protocol is between one initiator and one participant: a call to a hundred agents is a hundred
-conversations with one id. Both sides follow the same table, each by what it sends and receives, so
-they agree on the state.
+A protocol has one initiator and one participant: a call to a hundred agents is a hundred
+conversations with one id. Both sides apply the same table to what they send and receive, so they
+agree on the state.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ Step = tuple[str, Role, Act, str]
 
 @dataclass(frozen=True, slots=True)
 class Protocol:
-    """An interaction protocol; `name` is what FIPA calls it in messages.
+    """An interaction protocol; `name` is FIPA's name for it in messages.
 
     Besides its own steps each has those that FIPA allows in all: either side may send
     `not-understood`, which ends it, and the initiator may `cancel`. States without a step out of
@@ -73,7 +73,7 @@ class Protocol:
 
     @property
     def opening(self) -> str:
-        """The act that begins it; the first one if there are several."""
+        """The act that begins the protocol; the first one if there are several."""
         return str(self.own[0][2])
 
     def after(self, state: str, by: Role, act: str) -> str:

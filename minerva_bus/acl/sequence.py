@@ -18,7 +18,7 @@ COLUMN, ROW, FRAME_ROW = 150, 34, 12
 LEFT, TOP, MARGIN = 84, 92, 28
 BOX_WIDTH, BOX_HEIGHT = 124, 30
 LETTER: Final = 6.6
-"""Width of a letter, about, in pixels."""
+"""Approximate width of a letter in pixels."""
 
 INK, FAINT, PAPER = "#2b2b33", "#b9bcc6", "#ffffff"
 SAYS, DENIES, SETTLES = "#2f6f8f", "#b3205f", "#4f8049"
@@ -28,7 +28,7 @@ _COLORS: Final = {
     ),
     **dict.fromkeys((Act.AGREE, Act.ACCEPT_PROPOSAL, Act.INFORM, Act.CONFIRM), SETTLES),
 }
-# What XML 1.0 cannot hold, not even escaped.
+# Characters that XML 1.0 does not allow, not even escaped.
 _UNWRITABLE: Final = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 _STYLE: Final = (
     f"text {{ font-family: 'DejaVu Sans', Helvetica, sans-serif; font-size: 11px; fill: {INK} }}"
@@ -66,7 +66,7 @@ def draw(exchange: Exchange) -> str:
 
 
 def _rows(exchange: Exchange) -> Iterator[tuple[Said, float, bool]]:
-    """Each message with its height, and whether a frame begins with it."""
+    """Each message with its height, and whether it is the first of a frame."""
     y, frame = float(TOP), None
     for said in exchange.said:
         begins = said.frame != frame
@@ -111,7 +111,7 @@ def _arrow(said: Said, y: float, columns: dict[str, float]) -> Iterator[str]:
 
 
 def _text(text: str) -> str:
-    """A text as XML character data, whatever is in it."""
+    """Any text as XML character data."""
     return escape(_UNWRITABLE.sub("\ufffd", text))
 
 

@@ -9,8 +9,8 @@
             if conversation and conversation.state == "refused":
                 ...
 
-The protocols define which side may send what in each state (acl/protocols.py); the agent decides
-what it answers and does.
+The protocols define which acts each side may send in each state (acl/protocols.py); the agent
+decides how to answer and what to do.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from minerva_bus.world.context import Context
 
 
 class Talker(Agent):
-    """An agent with conversations: `talks` is their string, `opened` counts those it began."""
+    """An agent with conversations: `talks` is their string, `opened` counts those that it began."""
 
     talks: Scene = EMPTY
     opened: int = 0
@@ -40,7 +40,7 @@ class Talker(Agent):
     def heard(
         self, message: Event, conversation: Conversation | None, moment: Context
     ) -> Scene | None:
-        """λ for a received message; returns what any activity does.
+        """λ for a received message; returns the same as any activity.
 
         `conversation` is its state after the message; None for a message without a protocol, or
         from outside of the string. In the state `not-understood`, one side did not understand the
@@ -60,7 +60,7 @@ class Talker(Agent):
             moment.emit(effect.answer)
         return self.heard(message, effect.conversation, moment) if effect.told else None
 
-    # --- speaking ---
+    # --- sending ---
 
     def open(
         self,
@@ -80,7 +80,7 @@ class Talker(Agent):
         """
         # Sorted, because the conversations are part of the string.
         receivers = sorted(set(to))
-        # A message to itself changes no conversation, so this one would never continue.
+        # A message to the agent itself changes no conversation, so this one would never continue.
         if not receivers or self.id in receivers:
             raise MisuseError(f"#{self.id} opens a {protocol.name} with others, at least one")
         # A counter in the state: ids of conversations must not depend on time or placement.
@@ -150,10 +150,10 @@ class Talker(Agent):
             else:
                 self.say(moment, bid, Act.REJECT_PROPOSAL)
 
-    # --- what there is ---
+    # --- open conversations ---
 
     def conversation(self, id: str, peer: str) -> Conversation | None:
-        """The open conversation of an id with an agent, or None."""
+        """The open conversation with this id and agent, or None."""
         return Conversations(self.talks).find(id, peer)
 
     def conversations(

@@ -40,12 +40,12 @@ Rule = dict[str, Any]
 def access_control(
     keys: Keys, rights: Iterable[Rights], local: Iterable[str], *, carrier: bool = False
 ) -> dict[str, Any]:
-    """Zenoh's `access_control` for a world; revoked and unknown certificates may do nothing.
+    """Zenoh's `access_control` for a world; revoked and unknown certificates have no rights.
 
-    `local`: the link protocols of processes on this machine, which may do everything. `carrier`:
+    `local`: the link protocols of processes on this machine, which have all rights. `carrier`:
     the rules are for a router between networks, to which the coordinator connects, too.
     """
-    # One rule for those who are trusted: the processes of this machine, and routers.
+    # One rule for trusted processes: those of this machine, and routers.
     rules = [_rule(_OPEN, (_IN, _OUT), _ALL, ["**"])]
     open_to = [{"id": f"by {kind}", "link_protocols": [kind]} for kind in sorted(local)]
     trusted = {HUB, ROUTER} if carrier else {ROUTER}
@@ -58,11 +58,11 @@ def access_control(
             subjects.append(subject)
             open_to.append(subject)
         # Without a rule the default applies: a member that uses the
-        # coordinator's certificate may do nothing.
+        # coordinator's certificate has no rights.
         elif not holder.may(HUB):
             own = _rules(keys, holder)
             rules += own
-            # A common name counts only on links that authenticate it.
+            # A common name is only valid on links that authenticate it.
             subjects.append({**subject, "link_protocols": list(SECURED)})
             policies.append({"rules": [rule["id"] for rule in own], "subjects": [holder.name]})
     if open_to:
@@ -86,7 +86,7 @@ def _rules(keys: Keys, holder: Rights) -> list[Rule]:
     if holder.may(OPERATOR):
         asked.append(control_key(ANY_WORLD, own))
     # A member needs its own token to check that its name is free, and the coordinator's to detect
-    # that it is gone; it does not learn who else takes part.
+    # that it is gone; the names of other members stay hidden.
     tokens = [keys.alive(COORDINATOR), keys.alive(own)]
     sent = [keys.sent_by("*"), f"{keys.base}/topic/*/*"]
     return [
@@ -96,7 +96,7 @@ def _rules(keys: Keys, holder: Rights) -> list[Rule]:
         _rule(f"{name} receives tokens", (_OUT,), _TOKEN, tokens),
         _rule(f"{name} subscribes", (_IN,), _SUBSCRIBE, received),
         _rule(f"{name} receives", (_OUT,), _PUT, received),
-        # A publisher sends nothing to the hub before it learns of a subscriber there.
+        # A publisher sends nothing to the hub until it is notified of a subscriber there.
         _rule(f"{name} receives subscriptions", (_OUT,), _SUBSCRIBE, sent),
         _rule(f"{name} asks", (_IN,), ("query",), asked),
         _rule(f"{name} receives answers", (_OUT,), ("reply",), asked),

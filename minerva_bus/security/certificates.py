@@ -1,4 +1,4 @@
-"""Certificates of a world: their contents, how they are issued and read (X.509, RFC 5280).
+"""Certificates of a world: their contents, and how to issue and read them (X.509, RFC 5280).
 
 The common name is the member's (a family's is hosts-*). Roles are organizational units (OU).
 Alternative names hold restrictions as URIs (`minerva:kind/AFox`, `minerva:event/eNear`,
@@ -88,7 +88,7 @@ class Authority:
 
     @property
     def ends(self) -> datetime:
-        """When the authority and everything that it signed expires."""
+        """The expiry date of the authority and everything that it signed."""
         return self.certificate.not_valid_after_utc
 
     @staticmethod
@@ -190,7 +190,7 @@ def read_revoked(path: Path, authority: x509.Certificate) -> frozenset[int]:
         raise KeysError(f"{path.parent} has an authority without a key of an elliptic curve")
     try:
         revocations = x509.load_pem_x509_crl(path.read_bytes())
-        # Serial numbers mean something only together with the authority that issued them.
+        # Serial numbers are unique only per authority.
         signed = revocations.is_signature_valid(key)
     except (OSError, ValueError, TypeError) as error:
         raise KeysError(f"{path} is no list of what was revoked: {error}") from None
@@ -239,7 +239,7 @@ def _builder(
         subject_name=subject,
         public_key=key,
         serial_number=x509.random_serial_number(),
-        # Otherwise a machine whose clock is a little behind would reject a new certificate.
+        # Otherwise a machine whose clock is slightly slow would reject a new certificate.
         not_valid_before=now - _SKEW,
         # A certificate that outlives its authority cannot be verified.
         not_valid_after=ends if latest is None else min(ends, latest),

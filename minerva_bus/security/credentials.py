@@ -1,4 +1,4 @@
-"""Identities on the bus and what they may do: roles, rights and credentials."""
+"""Identities on the bus and their permissions: roles, rights and credentials."""
 
 from __future__ import annotations
 
@@ -79,14 +79,14 @@ def _common_names(member: str) -> Iterator[str]:
     yield member
     end = member.find("-")
     while end >= 0:
-        # A name with several hyphens may be of a family at each of them.
+        # A name with several hyphens may belong to a family at each of them.
         yield member[:end] + FAMILY
         end = member.find("-", end + 1)
 
 
 @dataclass(frozen=True, slots=True)
 class Credentials:
-    """Files by which a process authenticates, in PEM; only their owner may read the plain key."""
+    """PEM files with which a process authenticates; only their owner may read the plain key."""
 
     name: str
     authority: Path

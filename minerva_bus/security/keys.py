@@ -54,7 +54,7 @@ class KeyFolder:
         self.folder = folder
         self.now = at or now()
 
-    # --- making ---
+    # --- issuing and revoking ---
 
     def init(self, hosts: Iterable[str] = (), days: int = AUTHORITY_DAYS) -> Issued:
         """Create the authority and the coordinator's certificate. Raises KeysError."""
@@ -96,8 +96,8 @@ class KeyFolder:
         others = [other.rights.name for other in issued.values() if other is not there]
         _check_alone(common, others, "choose another name")
         certificate, key = self._authority().issue(common, wanted, self.now)
-        # Two files cannot change at once. The new key waits beside the former pair, the certificate
-        # commits the change, and whoever reads the folder next, here `issued`, completes it.
+        # Two files cannot change at once. The new key is stored beside the former pair, the
+        # certificate commits the change, and the next reader, here `issued`, completes it.
         _put(self._path(name, _STAGED), key_pem(key), 0o600)
         _put(self._path(name, "pem"), certificate_pem(certificate), 0o644)
         return self.issued()[name]
@@ -181,7 +181,7 @@ class KeyFolder:
             public = read_key(staged).public_key()
         except KeysError:
             return  # Another process has just moved it, or only its owner may read it.
-        # A key of another certificate is left from an `issue` that did not reach its commit.
+        # A key of another certificate is left over from an `issue` without a commit.
         if public != read_certificate(self._path(name, "pem")).public_key():
             return
         try:
@@ -197,8 +197,8 @@ class KeyFolder:
     def _has(self, name: str) -> bool:
         """Whether the folder has a certificate or list of this name.
 
-        Raises KeysError where the folder cannot be read: a missing certificate would be another
-        problem, with another remedy.
+        Raises KeysError if the folder cannot be read: that is not the same problem as a missing
+        certificate.
         """
         try:
             return self._path(name, "pem").exists()
@@ -290,7 +290,7 @@ def _put(path: Path, data: bytes, mode: int) -> None:
     """Write a file atomically, with its mode from the first byte on."""
     beside = path.with_suffix(f".{os.getpid()}.new")
     try:
-        # A killed process of the same id, which is always 1 in a container, may have left one.
+        # May be left from a killed process with the same id, which is always 1 in a container.
         beside.unlink(missing_ok=True)
         # O_EXCL, so that a link at this path is not followed.
         descriptor = os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode)
