@@ -47,7 +47,7 @@ def ids() -> SearchStrategy[str]:
 
 
 def given_ids() -> SearchStrategy[str]:
-    """Ids such as people write; those of newborns and copies contain : and -."""
+    """Ids as written in world files; only those of newborns and copies contain : and -."""
     return st.text(LETTERS, min_size=1, max_size=6)
 
 
@@ -147,7 +147,7 @@ def agent_node(symbol: str, name: str, data: dict[str, Value], scope: Scene) -> 
 
 
 def with_unique_ids(scene: Scene) -> Scene:
-    """The same string, in which the second and later agents with an id have another one."""
+    """The same string with new ids for the second and later agents that share an id."""
     taken: set[str] = set()
 
     def leave(node: Node, scope: Scene) -> Node:

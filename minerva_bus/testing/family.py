@@ -1,6 +1,6 @@
-"""A small set of agent kinds that together do everything λ and θ may do.
+"""A small set of agent kinds that together cover everything that λ and θ may do.
 
-For tests of engines, hosts and buses. There is no randomness or clock: the same string and the
+For tests of engines, hosts and buses. Without randomness or a clock, the same string and the
 same events always give the same string.
 """
 # ruff: noqa: N816 - event types are named as the paper names them

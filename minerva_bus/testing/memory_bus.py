@@ -1,4 +1,4 @@
-"""An in-memory bus that delays, reorders and loses messages on demand: a world under any schedule.
+"""An in-memory bus that delays, reorders and loses messages on demand, under any schedule.
 
     bus = MemoryBus(world, {"steps": lambda: Member("steps", Steps()), ...})
     bus.start()
@@ -49,7 +49,7 @@ class QueueTransport:
         return self.queues.setdefault((kind, name), deque())
 
     def send(self, to: str, message: m.ToMember) -> tuple[()]:
-        """Queue a message for the members that listen, whether or not they have joined."""
+        """Queue a message for the members that subscribe to it, whether or not they have joined."""
         for member in receivers(to, self.alive.values()):
             self.queue("down", member.name).append(message)
         return ()
@@ -121,10 +121,10 @@ class MemoryBus:
         self._runner = Runner(algorithm, self._transport, [self._log, *self._sinks])
         self._log.is_ready = False
 
-    # --- members come and go ------------------------------------------------------------------
+    # --- start and end of members -------------------------------------------------------------
 
     def start(self) -> None:
-        """Let all members appear."""
+        """Start all members' processes."""
         for name in sorted(self.makers):
             self.appear(name)
 
@@ -216,7 +216,7 @@ class MemoryBus:
         self._held.update(links)
 
     def release(self) -> None:
-        """Hold no link any longer."""
+        """Release all links."""
         self._held.clear()
 
     def settle(self) -> None:
@@ -230,7 +230,7 @@ class MemoryBus:
         self.settle()
 
     def run(self, frames: int = 1000) -> None:
-        """Run until the world ends, for so many frames, or until it waits."""
+        """Run until the world ends or waits, for at most `frames` frames."""
         self.settle()
         for _ in range(frames):
             if self.ended is not None or not self._log.is_ready:
@@ -251,7 +251,7 @@ class MemoryBus:
         self._transport.queues[link].popleft()
 
     def put(self, message: Outgoing) -> None:
-        """Send a message in a member's name."""
+        """Send a message on behalf of a member."""
         self._transport.queue("up", message.member).append(message)
 
     def handle(self, stimulus: s.Stimulus) -> None:
@@ -292,7 +292,7 @@ class MemoryBus:
 
     @property
     def said(self) -> list[str]:
-        """Each message about a member, as "name: text"."""
+        """All log lines about members, as "name: text"."""
         return self._log.said
 
     @property
@@ -304,7 +304,7 @@ class MemoryBus:
     def stuck(self) -> list[str]:
         """Members for which the world waits forever: all are alive, and no message is in transit.
 
-        A world that waits for nobody and does not continue names itself.
+        A world that waits for no member and does not continue is listed under its own name.
         """
         if self.ended is not None or self.ready():
             return []
@@ -327,7 +327,7 @@ class MemoryBus:
             return
         for answer in answers:
             self.put(answer)
-        # After its last replies, which are still delivered.
+        # Only after its last replies, which are still delivered.
         if member.stopped:
             self.vanish(name)
 

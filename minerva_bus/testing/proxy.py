@@ -1,4 +1,4 @@
-"""A bad line for tests: TCP connections that delay all data and can be cut."""
+"""A TCP proxy for tests that delays all data and can cut connections."""
 
 from __future__ import annotations
 
@@ -78,8 +78,7 @@ class Proxy:
                 try:
                     far = socket.create_connection(self._to)
                 except OSError:
-                    # The client sees a closed connection, as from a port where nothing listens any
-                    # more.
+                    # The client sees a closed connection, as from a port without a listener.
                     near.close()
                     continue
                 with self._lock:
@@ -95,7 +94,7 @@ class Proxy:
             threading.Thread(target=what, args=(link, late), daemon=True).start()
 
     def _take(self, link: socket.socket, late: queue.SimpleQueue[tuple[float, bytes]]) -> None:
-        """Read until the end, which is passed on as an empty chunk."""
+        """Read until the end of the stream, which becomes an empty chunk."""
         data = b" "
         while data:
             try:

@@ -142,7 +142,7 @@ def _entries(
 
 
 def _is_free(name: str) -> bool:
-    # Names of other arguments of the constructors, and attributes that every event has.
+    # Excludes names of other constructor arguments, and attributes of all events.
     return name not in ("shape", "motion", "visual") and not hasattr(Event, name)
 
 
@@ -188,7 +188,7 @@ def _one(names: Iterable[str], make: Callable[[str], SearchStrategy[Node]]) -> S
 
 
 def worlds() -> SearchStrategy[tuple[Vocabulary, Scene]]:
-    """A vocabulary and a string of it."""
+    """A vocabulary with one of its strings."""
     # The string depends on the vocabulary that is drawn.
     return vocabularies().flatmap(lambda v: st.tuples(st.just(v), strings_of(v)))
 

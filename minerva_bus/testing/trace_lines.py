@@ -10,7 +10,7 @@ from minerva_bus.grammar.batch import AnyEvent, single
 
 
 def trace_line(what: object) -> str:  # noqa: C901
-    """A stimulus or an instruction as a line; empty for one that adds nothing."""
+    """A stimulus or an instruction as a line; empty for one without information."""
     match what:
         case s.Send(to, message):
             line = _sent(message)

@@ -137,7 +137,7 @@ def system(
     phi_g: Callable[[Scene], None],
     evolved: Callable[[Scene, Sequence[Event], Lambda], Scene] = eta_sequential,
 ) -> Iterator[Scene]:
-    """Table 2, step by step; yields w of every frame. `evolved` is how equation 3 is read."""
+    """Table 2, step by step; yields w of every frame. `evolved` is the reading of equation 3."""
     w, t = w0, 0  # 1
     while True:
         yield w

@@ -84,7 +84,7 @@ def _wrong_answers(observed: Observed) -> Iterator[str]:
 
 
 def _wrong_strings(played: Played) -> Iterator[str]:
-    """Strings, events and views are those of the undisturbed run with the same orders."""
+    """Strings, events and views equal those of the undisturbed run with the same orders."""
     observed = played.observed
     # Reported by `_wrong_frames`; without consecutive frames there is nothing to compare.
     if [frame.number for frame in observed.frames] != list(range(len(observed.frames))):

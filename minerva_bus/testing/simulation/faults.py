@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from minerva_bus.testing.simulation.playing import Play
 
 RESET: Final = 0.02
-"""Seconds after which the client of a link that is cut notices."""
+"""Seconds after which a client notices that its link is cut."""
 
 
 class Faults:
@@ -66,7 +66,7 @@ class Faults:
 
     def _crash(self, process: SimulatedProcess) -> None:
         """Kill a process during a turn; its later writes to the journal are lost."""
-        # The simulated code runs on to the end of its turn, where a real process would have died.
+        # The simulated code continues to the end of its turn; a real process would be dead by then.
         before = _content(self._journal)
         process.after_turn = lambda: _restore(self._journal, before)
         process.kill()

@@ -1,4 +1,4 @@
-"""A history: length and pace of a world, its faults and the acts of a person, from one seed."""
+"""A history: length and pace of a world, its faults and a person's acts, from one seed."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ def drawn(seed: int) -> History:
     faults: list[Fault] = []
     for _ in range(chance.randint(0, MAX_FAULTS)):
         fault = _fault(chance, frames, span)
-        # With more deaths the launcher would rightly give the process up, and the world would end.
+        # With more deaths the launcher would give up the process, as specified, and end the world.
         if _deaths(faults, fault.target) < MAX_KILLS:
             faults.append(fault)
     acts = _acts(chance, span) if chance.random() < 0.6 else ()

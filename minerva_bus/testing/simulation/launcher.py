@@ -35,7 +35,7 @@ class Quiet(Console):
 
 
 class Launcher:
-    """Runs a world on a simulated machine; `over` when none of its processes runs any more."""
+    """Runs a world on a simulated machine; `over` is set when all of its processes have ended."""
 
     def __init__(
         self,
@@ -55,12 +55,12 @@ class Launcher:
 
     @property
     def endpoint(self) -> str:
-        """Where local processes connect; empty before the coordinator listens."""
+        """Endpoint for local processes; empty before the coordinator listens."""
         return self._supervisor.endpoint
 
     @property
     def failure(self) -> str:
-        """Why the world stopped before its end; empty if it did not."""
+        """Reason for a premature end of the world; otherwise empty."""
         return self._supervisor.failure
 
     def begin(self) -> None:

@@ -16,7 +16,7 @@ from minerva_bus.testing.simulation.timeline import Timeline
 
 LATENCY: Final = 20e-6, 150e-6
 SLOW: Final = 1e-3, 40e-3
-"""Latency in seconds: usually, and if a scheduler or a network is busy."""
+"""Ranges of latency in seconds: usually, and while a scheduler or a network is busy."""
 
 MIN_SECONDS: Final = 1e-9
 

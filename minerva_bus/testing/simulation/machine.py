@@ -25,7 +25,7 @@ from minerva_bus.testing.simulation.timeline import Timeline
 from minerva_bus.wire.keys import COORDINATOR
 
 PIPE: Final = 20e-6, 200e-6
-"""Seconds until what is written to a pipe is read."""
+"""Seconds until data written to a pipe are readable."""
 
 LAST: Final = 1.0
 """Seconds within which the end of a killed process is reported."""
@@ -133,7 +133,7 @@ class SimulatedMachine(Machine):
         self._chance = timeline.stream("pipes")
         self._arrives: dict[int, float] = {}
 
-    # --- as the launcher sees it ---
+    # --- the launcher's interface ---
 
     def monotonic(self) -> float:
         """Simulated seconds."""
@@ -164,7 +164,7 @@ class SimulatedMachine(Machine):
     def start_coordinator(
         self, start: CoordinatorStart, lifeline: int
     ) -> tuple[ChildProcess, int, int]:
-        """Start a coordinator: its process, where to write commands, where to read reports."""
+        """Start a coordinator; returns its process and the pipes for commands and reports."""
         commands, reports = self._pipes.open(), self._pipes.open()
         process, child = self._process(COORDINATOR, (reports,))
         told = SimulatedReports(process, lambda data: self._written(reports, data))
@@ -212,7 +212,7 @@ class SimulatedMachine(Machine):
             self.timeline.run(self.timeline.now + LAST, lambda: bool(self.ended))
         return self.ended.popleft() if self.ended else None
 
-    # --- how it works ---
+    # --- implementation ---
 
     def _process(self, name: str, pipes: tuple[int, ...]) -> tuple[SimulatedProcess, ChildProcess]:
         pid, output = next(self._pids), self._pipes.open()
@@ -250,7 +250,7 @@ class SimulatedMachine(Machine):
 
 
 class _Obeyed:
-    """Reads the commands of a coordinator, once there is one."""
+    """Reads the commands for a coordinator; earlier ones wait for its start."""
 
     def __init__(self, process: SimulatedProcess) -> None:
         self._process = process

@@ -152,7 +152,7 @@ class Network:
         self.timeline.after(seconds, notice)
 
     def _lost(self, link: Link) -> None:
-        """Let a client notice that its link and the tokens that it knew are gone."""
+        """Let a client notice that its link and the tokens received over it are gone."""
         session = link.client
         # A newer link has replaced this one.
         if session.link is not link:
@@ -175,7 +175,7 @@ class Network:
     def freeze(self, process: SimulatedProcess, seconds: float) -> None:
         """Freeze a process; after a lease it loses its links."""
         process.freeze(seconds)
-        # Shorter than a lease: nothing but a delay is noticed.
+        # Shorter than a lease: only a delay is noticed.
         if seconds <= LEASE:
             return
         self.timeline.after(LEASE, lambda: self._lease_over(process))
@@ -228,7 +228,7 @@ class Network:
         session = link.client
 
         def told() -> None:
-            # From a former link, or known already: watchers see changes only.
+            # From a former link, or without a change: watchers receive changes only.
             if session.link is not link or (key in session.known) is there:
                 return
             if there:
@@ -242,7 +242,7 @@ class Network:
     def tell_of_tokens(self, session: Session, watch: Declared) -> None:
         """Notify a new watcher of the present tokens."""
         if session.hub:
-            return  # The first coordinator succeeds no other.
+            return  # The first coordinator has no predecessor.
         link = session.link
         if link is not None:
 
@@ -285,7 +285,7 @@ class Network:
 
     def _carried(self, link: Link, key: str, data: bytes) -> None:
         link.hub.hear(key, data)
-        # Not back to the sender, whose own subscribers have received it in `Session.publish`.
+        # Not to the sender, whose own subscribers have received it in `Session.publish`.
         self._spread(link.hub, link, key, data, droppable=False)
         echoes = self.timeline.now < self.echoes_until.get(link.client.process.name, 0.0)
         # Only replies may arrive twice; the other messages are sent once on an ordered link.

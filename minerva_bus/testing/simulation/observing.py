@@ -1,4 +1,4 @@
-"""Observations of a history while it is played, beside its members' own views."""
+"""Observations of a history while it is played, independent of its members' own views."""
 
 from __future__ import annotations
 

@@ -59,7 +59,7 @@ def _said(asked: Asked) -> str:
 
 
 def _wrong_pace(observed: Observed, frames: int) -> Iterator[str]:
-    """No frame begins after a confirmed pause; after a confirmed step the requested number do.
+    """No frame begins after a confirmed pause; after a confirmed step, the requested number do.
 
     A frame in progress when its coordinator died begins again and counts as the same frame.
     """

@@ -133,7 +133,7 @@ class Play:
         if name in self.guests and self.guests[name][0].alive:
             self.guests[name][1].inbox.put(Leave())
 
-    # --- what happens ---
+    # --- events of a run ---
 
     def _on_begin(self, frame: int) -> None:
         # A frame begins again under a successor; its faults have been executed already.
@@ -180,8 +180,7 @@ class Play:
     def _bury(self) -> None:
         """Close the coroutines of killed processes without effects."""
         for process in self._processes():
-            # Dead before their coroutines are closed: what these do in `finally` has no effect any
-            # more.
+            # Dead before their coroutines are closed: their `finally` blocks must have no effect.
             process.alive = False
         lives: list[Generator[None, None, int] | None] = list(self.network.graveyard)
         lives += [process.life for process in self._processes()]

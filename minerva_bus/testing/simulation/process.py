@@ -17,10 +17,10 @@ if TYPE_CHECKING:
 FAILED: Final = 70
 KILLED: Final = -9
 TURN: Final = 20e-6, 120e-6
-"""Seconds that a turn takes, at least and at most."""
+"""Duration of a turn in seconds: minimum and maximum."""
 
 THREAD: Final = 10e-6, 200e-6
-"""Seconds until a thread has begun."""
+"""Seconds until a thread has started: minimum and maximum."""
 
 
 class SimulatedProcess:
@@ -99,7 +99,7 @@ class SimulatedProcess:
             next(self.life)
         except StopIteration as end:
             self._end(end.value)
-        # `after_turn` undoes what a killed process has written, however its turn ends.
+        # `after_turn` undoes the writes of a killed process, however its turn ends.
         finally:
             if self.after_turn is not None:
                 self.after_turn()
@@ -124,7 +124,7 @@ class SimulatedProcess:
             self.network.gone(self)
             self._exited(code)
 
-    # --- what happens to it ---
+    # --- faults ---
 
     def kill(self) -> None:
         """End it at once; later effects are ignored."""
@@ -171,7 +171,7 @@ class SimulatedSystem:
         return Repeated(self, seconds, call)
 
     def aside(self, call: Callable[[], object]) -> None:
-        """Call something as a thread would; it runs to its end without a pause."""
+        """Call something as in a thread; it runs to its end without a pause."""
         chance = self._timeline.stream(f"threads of {self._process.name}")
         self.later(chance.uniform(*THREAD), call)
 

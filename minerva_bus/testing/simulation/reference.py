@@ -15,7 +15,7 @@ from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.testing.simulation.worlds import ORDERS, eCry, processes, world
 
 Orders = tuple[tuple[int, tuple[tuple[str, int], ...]], ...]
-"""What people sent, by frame: event types with their numbers."""
+"""Orders of people by frame: event types with their numbers."""
 
 
 @dataclass(frozen=True, slots=True)

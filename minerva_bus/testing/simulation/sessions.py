@@ -178,9 +178,9 @@ class Session:
     watches: list[Declared] = field(default_factory=list[Declared])
     tokens: list[Token] = field(default_factory=list[Token])
     known: dict[str, None] = field(default_factory=dict[str, None])
-    """Tokens of other sessions that a client knows."""
+    """Visible tokens of other sessions, for a client."""
 
-    # --- as Zenoh's ---
+    # --- the interface of Zenoh's sessions ---
 
     def declare_subscriber(self, key: str, handler: Any) -> Declared:
         """Subscribe with a callback or a channel."""
@@ -212,7 +212,7 @@ class Session:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    # --- how it works ---
+    # --- implementation ---
 
     def _declared(self, key: str, handler: Any, among: list[Declared]) -> Declared:
         call = getattr(handler, "callback", None)
@@ -227,7 +227,7 @@ class Session:
         return declared
 
     def _by_thread(self, call: Callable[[Any], None]) -> Callable[[Any], None]:
-        """Call back as Zenoh's thread does: in order, but later than a channel."""
+        """A callback as from Zenoh's thread: in order, but later than a channel."""
         timeline, process = self.process.timeline, self.process
         chance, last = timeline.stream(f"callbacks of {process.name}"), [0.0]
 
@@ -258,7 +258,7 @@ class Session:
         self.network.token(self, token.key, there=False)
 
     def publish(self, key: str, data: bytes, *, droppable: bool) -> None:
-        """Publish to all subscribers, here and elsewhere."""
+        """Publish to all subscribers, of this process and of others."""
         self.hear(key, data)
         self.network.publish(self, key, data, droppable=droppable)
 

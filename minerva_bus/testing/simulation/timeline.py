@@ -31,7 +31,7 @@ class Timeline:
     """A clock that advances from call to call; calls at equal times keep their order.
 
     Random streams are keyed by the seed and a name, so that the draws of one do not
-    depend on the others: a shortened history stays the same otherwise.
+    depend on the others: shortening a history changes nothing else.
     """
 
     def __init__(self, seed: str) -> None:
@@ -70,7 +70,7 @@ class Timeline:
             if call is not None:
                 call()
         if not over():
-            # Without calls, too, the clock reaches the time asked for.
+            # The clock reaches the requested time even without calls.
             self.now = max(self.now, until)
 
     def note(self, who: str, text: str) -> None:

@@ -13,7 +13,7 @@ from minerva_bus.testing.simulation.playing import Played, play
 from minerva_bus.testing.simulation.shrinking import shortened
 
 LINES: Final = 20
-"""Lines of a failure's report."""
+"""Lines of a failure's report, including the end of the trace."""
 
 MEMORY: Final = Path("/dev/shm")  # noqa: S108
 """Folder for journals, if it exists: in memory, because they are temporary."""

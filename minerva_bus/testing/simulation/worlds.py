@@ -1,8 +1,8 @@
 """The simulated world: small, but with every kind of member.
 
-Herons stride, call and breed at random; eels flee; a bed of reeds is an agent around others. The
-tide has state; the water is coupled and publishes readings of its view, from which the lookout
-creates events. A clerk accepts orders of people, and gulls run freely.
+Herons stride, call and breed at random; eels flee; a bed of reeds is an agent that contains others.
+The tide has state; the water is coupled and publishes readings of its view, from which the lookout
+creates events. A clerk accepts orders of people, and gulls are free-running.
 """
 
 from __future__ import annotations
@@ -198,8 +198,8 @@ class Gulls(Generator, events=("eCry",), lockstep=False):
     """Cry after joining, each cry with a new number."""
 
     def __init__(self, numbers: Iterator[int], cries: int = 3) -> None:
-        # Numbers of the whole world: a restarted process continues with new ones, so an event that
-        # counts twice can be recognized.
+        # Numbers are unique in the whole world, also after a restart, so an event that counts twice
+        # is detectable.
         self.cries = [next(numbers) for _ in range(cries)]
 
     def run(self, emit: Emit, stop: threading.Event) -> None:
