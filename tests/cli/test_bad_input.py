@@ -1,4 +1,4 @@
-"""Bad input of any kind gets one clear message and an exit code, never a traceback or a hang."""
+"""Any kind of bad input gives one clear message and an exit code, never a traceback or a hang."""
 
 import json
 import os
@@ -234,7 +234,7 @@ def test_a_command_is_searched_where_it_runs(folder):
     for command, code in (("./tool", 0), ("tool", 1), ("./other", 1), ("sh", 0)):
         text = WORLD.replace('agents = "words:Walker"', f'command = ["{command}"]')
         (folder / "world.toml").write_text(text, encoding="utf-8")
-        # From another folder: the command runs in that of the world file.
+        # The command also works from another folder: it runs in the folder of the world file.
         (folder / "elsewhere").mkdir(exist_ok=True)
         done = minerva(folder / "elsewhere", "check", "../world.toml")
         assert (done.returncode, "not an executable" in done.stderr) == (code, bool(code)), command

@@ -1,4 +1,4 @@
-"""`minerva check` warns of norms whose refused agents would try the same action again."""
+"""`minerva check` warns about norms whose rejected agents would repeat the same action."""
 
 import json
 import subprocess

@@ -1,4 +1,4 @@
-"""The command line on good, wrong and strange input: an answer, an exit code, never a traceback."""
+"""The command line with valid, invalid and unusual input: output, exit code and no traceback."""
 
 import json
 import signal
@@ -93,7 +93,7 @@ def home(tmp_path_factory):
 
 @pytest.fixture
 def minerva(home, monkeypatch, capsys):
-    """Run the command in this very process; exit code, standard output and error."""
+    """A function that runs a command in this process: exit code, standard output and error."""
     monkeypatch.chdir(home)
     monkeypatch.setenv("MINERVA_RUNTIME_DIR", str(home / "runtime"))
 
@@ -238,7 +238,7 @@ def test_a_world_is_checked_and_run(minerva, home):
 
 
 def test_json_output_is_json(minerva, home):
-    """Also where a member reports a figure that JSON has no word for: it is left out."""
+    """The summary omits a member's metric that JSON cannot represent."""
 
     def no_constants(name):
         raise AssertionError(f"{name} is no JSON")
@@ -440,7 +440,7 @@ def test_leftovers_in_the_runtime_folder_are_removed(minerva, home, text):
     assert not (folder / "old.json").exists()
 
 
-# --- any file at all -------------------------------------------------------------------------
+# --- arbitrary files -------------------------------------------------------------------------
 
 law = settings(
     max_examples=60, deadline=None, suppress_health_check=list(HealthCheck)

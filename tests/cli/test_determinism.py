@@ -94,7 +94,7 @@ service = "garden:Watch"
 
 
 def check(folder, *words, when="pass", light="1.0", file=FILE):
-    """The exit code, what is printed and what goes wrong, of a world with a line of code in it."""
+    """Exit code, output and errors for a world with `when` and `light` inserted into its code."""
     code = CODE.replace("WHEN", when).replace("LIGHT", light)
     (folder / "garden.py").write_text(code)
     (folder / "garden.toml").write_text(file)

@@ -1,4 +1,4 @@
-"""`minerva doctor` on a machine that has what worlds need, and on one that has not."""
+"""`minerva doctor` on a machine with all dependencies, and on one without."""
 
 import json
 import tomllib

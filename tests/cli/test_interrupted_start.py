@@ -1,4 +1,4 @@
-"""Ctrl-C at any moment of the start of a command is exit code 130, and never a traceback."""
+"""Ctrl-C at any time during the start of a command gives exit code 130 and no traceback."""
 
 import subprocess
 import sys
@@ -31,8 +31,7 @@ from minerva_bus.__main__ import main
 
 main()
 """
-"""A command that is interrupted while it looks for its n-th module after its own.
-"""
+"""A command that is interrupted at the n-th module search after that of its own package."""
 
 MODULES = [*range(1, 9), *range(10, 50, 5), *range(50, 210, 20), *range(210, 690, 30)]
 

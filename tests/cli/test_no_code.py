@@ -1,4 +1,4 @@
-"""What looks at files of others can do so without running their code."""
+"""Commands that inspect files of others can do so without running their code."""
 
 import json
 import subprocess
@@ -64,7 +64,7 @@ def minerva(folder, *words):
 
 
 def ran(folder):
-    """Whether the file's module was imported since the last time."""
+    """Whether the file's module was imported since the last call."""
     mark = folder / "ran"
     there = mark.exists()
     mark.unlink(missing_ok=True)

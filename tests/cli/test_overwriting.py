@@ -1,4 +1,4 @@
-"""Commands do not overwrite files that the program did not write, also not by derived names."""
+"""Commands do not overwrite files that the program did not write, including derived names."""
 
 import signal
 import sys
@@ -16,7 +16,7 @@ MAP += "occupied_thresh: 0.65\nfree_thresh: 0.196\nmarkers: {A: [2.5, 1.5]}\nsta
 
 @pytest.fixture
 def house(tmp_path, monkeypatch):
-    """The folder of a map that a user has drawn."""
+    """A folder with a map drawn by a user."""
     from PIL import Image, ImageDraw
 
     monkeypatch.setattr(outputs, "_policy", outputs._Policy())

@@ -1,4 +1,4 @@
-"""What members print is a line of the log, also where they have no process of their own."""
+"""Output of members becomes log lines, also for members without a process of their own."""
 
 import json
 import sys

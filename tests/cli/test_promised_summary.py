@@ -1,4 +1,4 @@
-"""`minerva run --json` prints one summary on standard output, however it ends."""
+"""`minerva run --json` prints one summary on standard output, however the run ends."""
 
 import json
 import os
@@ -21,7 +21,7 @@ KEYS = {
 
 
 def only_summary(text):
-    """The one object on standard output."""
+    """The single JSON object on standard output."""
     (line,) = text.splitlines()
     found = json.loads(line)
     assert set(found) >= KEYS

@@ -1,4 +1,4 @@
-"""The command line may be interrupted at any time, also while its modules are read."""
+"""The command line can be interrupted at any time, also during its imports."""
 
 import subprocess
 import sys

@@ -1,4 +1,4 @@
-"""The dashboard, operated as by a person, over a scripted world."""
+"""The dashboard of a scripted world, operated by key presses."""
 
 import asyncio
 from dataclasses import replace
@@ -35,7 +35,7 @@ STATUS = WorldStatus(
 
 
 class Told:
-    """An operator that notes what it is told."""
+    """An operator that records the calls it receives."""
 
     def __init__(self):
         self.now = STATUS

@@ -1,4 +1,4 @@
-"""What the files of deploy/ tell a shell or a container to run, and what `minerva` knows of it."""
+"""The `minerva` commands in the files of deploy/, and the options that `minerva` accepts."""
 
 import re
 import shlex
@@ -14,7 +14,7 @@ DEPLOY = Path(__file__).parents[2] / "deploy"
 
 
 def known(words):
-    """The options of a `minerva` command, and whether it takes others; the words after it."""
+    """Options of a `minerva` command, whether it accepts others, and the remaining words."""
     group = typer.main.get_command(app)
     assert words[0] in group.commands, f"there is no minerva {words[0]}"
     command, rest = group.commands[words[0]], words[1:]
@@ -26,7 +26,7 @@ def known(words):
 
 
 def own_options(spec):
-    """The options of a world, or of a service."""
+    """Options of a world or a service."""
     if spec in entries(WORLDS):
         found = read_world_file(find_world(spec)).options
     else:
@@ -35,7 +35,7 @@ def own_options(spec):
 
 
 def wrong_with(words):
-    """What `minerva` would not know of a command line, or nothing."""
+    """Unknown options in a `minerva` command line, sorted."""
     options, open_, rest = known(words)
     given = {word.partition("=")[0] for word in rest if word.startswith("--")}
     left = given - options
@@ -45,7 +45,7 @@ def wrong_with(words):
 
 
 def in_markdown(text):
-    """The `minerva` command lines of a page's shell blocks, as words."""
+    """The `minerva` command lines in the shell blocks of a page, as lists of words."""
     for block in re.findall(r"^```sh\n(.*?)^```", text, re.S | re.M):
         plain = re.sub(r"<<'END'.*?^END$", "", block, flags=re.S | re.M)
         for line in re.split(r"\n|;|&&", plain):

@@ -1,4 +1,4 @@
-"""The files of deploy/, read once for their tests."""
+"""The files of deploy/, loaded once for their tests."""
 
 import yaml
 

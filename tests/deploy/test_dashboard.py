@@ -1,4 +1,4 @@
-"""The dashboard and the alerts ask for figures that there are."""
+"""The dashboard and the alerts query only metrics that exist."""
 
 import json
 import re
@@ -16,7 +16,7 @@ RULES = yaml.safe_load((DEPLOY / "prometheus" / "rules.yaml").read_text(encoding
 
 
 def exported():
-    """The names of all samples that a world's figures have."""
+    """Names and labels of all samples that a world exports."""
     pytest.importorskip("prometheus_client")
     from minerva_bus.launch.metrics import world_metrics
 

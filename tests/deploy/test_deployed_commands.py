@@ -1,4 +1,4 @@
-"""What the files of deploy/ tell shells, containers and units to run exists."""
+"""The commands in the files of deploy/ for shells, containers and units exist."""
 
 import re
 

@@ -1,4 +1,4 @@
-"""The commands of the Kubernetes manifests, run as they stand there: a coordinator and two pods."""
+"""The literal commands of the Kubernetes manifests: a coordinator and two pods."""
 
 import json
 import re
@@ -20,7 +20,7 @@ PODS_NAMES = ("hosts-5d8c7b9f4-x2x7k", "hosts-5d8c7b9f4-q9l4d")
 
 
 def words(pod, **places):
-    """What its container runs, with places of this machine."""
+    """The command of the pod's container, with paths and addresses of this machine."""
     (container,) = PODS[pod]["containers"]
     found = {one.partition("=")[0]: one for one in container["args"]}
     assert {f"--{name}" for name in places} <= set(found)

@@ -1,4 +1,4 @@
-"""A world whose members are started by others, watched over HTTP and by its log lines."""
+"""A world whose members other processes start, monitored over HTTP and by its log lines."""
 
 import json
 import re
@@ -43,7 +43,7 @@ def url_in(line):
 
 
 def apart(world):
-    """`minerva metrics`, a process of its own."""
+    """Run `minerva metrics` in a separate process."""
     words = ("metrics", "--listen", "127.0.0.1:0", "--connect", world.endpoint())
     return Run(world.folder, *words)
 

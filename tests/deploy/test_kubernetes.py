@@ -1,4 +1,4 @@
-"""The manifests: schemas, what they refer to, and how little pods may do."""
+"""The manifests: schemas, references and the restricted permissions of pods."""
 
 import re
 import shutil
@@ -75,7 +75,7 @@ def test_names_that_the_page_scales_exist():
 
 
 def test_pods_of_a_deployment_are_of_the_family_that_the_page_issues(tmp_path):
-    """With the files that its commands put into the secret, and under any name of a pod."""
+    """The secret has the files that the page's commands put there; any pod name works."""
     section = README.partition("## Kubernetes")[2].partition("\n## ")[0]
     for words in in_markdown(section):
         assert here(tmp_path, *words).returncode == 0

@@ -37,7 +37,7 @@ def totals():
 
 
 class World:
-    """Answers as a coordinator does; `gone`: it does not."""
+    """A coordinator's client that returns a fixed status; with `gone` it fails."""
 
     def __init__(self, status=STATUS):
         self.status, self.gone, self.asked = status, False, []

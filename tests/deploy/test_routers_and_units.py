@@ -1,4 +1,4 @@
-"""The router's configuration by Zenoh itself, and the units by systemd."""
+"""The router's configuration, checked by Zenoh, and the units, checked by systemd."""
 
 import json
 import re
@@ -29,7 +29,7 @@ def test_zenoh_reads_the_routers_configuration():
 
 
 def checked_access(access):
-    """Zenoh takes unknown names in silence: so they are looked for here."""
+    """Check the names in an access control section, since Zenoh ignores unknown names."""
     assert access["enabled"] is True
     assert access["default_permission"] == "deny"
     rules = {one["id"] for one in access["rules"]}

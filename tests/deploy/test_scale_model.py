@@ -1,4 +1,4 @@
-"""What the model of benchmarks/scale_model.py calculates, from costs that are given."""
+"""Results of benchmarks/scale_model.py for given costs."""
 
 import numpy as np
 import pytest
@@ -63,7 +63,7 @@ def test_a_late_region_delays_its_neighbours():
 
 
 def test_lateness_reaches_one_neighbour_further_with_each_frame(monkeypatch):
-    """One slow region in a corner of 4 × 4: after two frames the far corner knows nothing of it."""
+    """One slow region in a corner of 4 × 4: after two frames the far corner is unaffected."""
 
     class Once:
         frames = 0

@@ -1,4 +1,4 @@
-"""The network that the documentation's commands are typed in."""
+"""The network in which the documentation's commands run."""
 
 import pytest
 from terminal import Island

@@ -1,4 +1,4 @@
-"""The documentation's pages: their blocks of code, and the shell commands in them."""
+"""The documentation's pages: their code blocks, and the shell commands in them."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ PAGES = {
 
 @dataclass(frozen=True)
 class Block:
-    """A fenced block: its language, its text, and the line of the page where the text begins."""
+    """A fenced block: its language, its text, and the line of the page where the text starts."""
 
     language: str
     text: str
@@ -28,7 +28,7 @@ class Block:
 
 
 def blocks(page: str, *languages: str) -> list[Block]:
-    """The fenced blocks of a page in one of the languages, in order."""
+    """The fenced blocks of a page in the given languages, in order."""
     text = PAGES[page].read_text(encoding="utf-8")
     matches = re.finditer(r"^```(\w*)[^\n]*\n(.*?)^```", text, re.S | re.M)
     found = [Block(m[1], m[2], text.count("\n", 0, m.start(2)) + 1) for m in matches]
@@ -36,9 +36,9 @@ def blocks(page: str, *languages: str) -> list[Block]:
 
 
 def commands(block: Block) -> list[str]:
-    """The command lines of a shell block as a reader types them: without prompts and comments.
+    """The command lines of a shell block as a reader types them, without prompts and comments.
 
-    Lines that end in a backslash are one command, and so is what a here-document belongs to.
+    Lines joined by backslashes form one command, and so do a command and its here-document.
     """
     lines = block.text.splitlines()
     if block.language == "console":
@@ -59,5 +59,5 @@ def commands(block: Block) -> list[str]:
 
 
 def shell(page: str) -> list[list[str]]:
-    """The commands of a page, by block."""
+    """The shell commands of a page, by block."""
     return [commands(block) for block in blocks(page, "sh", "bash", "shell", "console")]

@@ -1,4 +1,4 @@
-"""A reader of the documentation, who types every shell command of a page."""
+"""A reader of the documentation who types every shell command of a page."""
 
 import re
 import shutil
@@ -12,20 +12,20 @@ from terminal import Terminal
 
 TABLES = tomllib.loads(Path(__file__).with_name("commands.toml").read_text(encoding="utf-8"))
 GROUPS = {"studies": "docs/studies.md", "docs": "docs/", "worlds": "worlds/", "others": ""}
-"""How the pages of each group begin; one test file types one group, because some pages are slow."""
+"""Path prefixes of the pages in each group; one test file per group, as some pages are slow."""
 ASKS = re.compile(
     r"minerva (attach|bridge|echo|list|logs|metrics|pause|pub|rate|resume|step|stop|top)\b"
 )
-"""Commands that ask a world that runs, unless they say where another one is."""
+"""Commands that need a running world, unless an option names another one."""
 
 
 def means(name, line):
-    """Whether an entry of a table is about a command."""
+    """Whether an entry of a table applies to a command."""
     return line == name or (name.endswith("...") and line.startswith(name.removesuffix("...")))
 
 
 class Reader:
-    """Somebody who types a page from its first command to its last."""
+    """Types the commands of a page from first to last."""
 
     def __init__(self, page, folder, island):
         self.table = TABLES.get(page, {})
@@ -44,13 +44,13 @@ class Reader:
             self.ends_well(line.replace("{root}", str(ROOT)).replace("{here}", str(folder)))
 
     def says(self, key, line):
-        """What the page's table has for a command, or None."""
+        """The entry of the page's table for a command, or None."""
         return next(
             (text for name, text in self.table.get(key, {}).items() if means(name, line)), None
         )
 
     def types(self, line):
-        """One command, as the page's table says."""
+        """Run one command as the page's table specifies."""
         if self.says("skip", line):
             return
         if first := self.says("first", line):
@@ -72,14 +72,14 @@ class Reader:
             self.ends_well(line)
 
     def let_a_world_run(self):
-        """The world of the other terminal."""
+        """Start the world of the other terminal unless it runs."""
         if self.world is None or self.world.code is not None:
             self.world = self.terminal.start(self.table["world"])
             self.world.shows("bus at")
             self.terminal.until("minerva list", r"\w")
 
     def let_the_open_world_run(self):
-        """The world that members from elsewhere come into; it knows the keys there are by now."""
+        """Start the world that remote members join; it reads the keys that exist at that time."""
         self.guests = self.terminal.start(self.open_world)
         self.guests.shows(self.says("stays", self.open_world))
 
@@ -89,7 +89,7 @@ class Reader:
         assert "Traceback" not in output, f"{line}\n{output}"
 
     def is_interrupted(self, line, text):
-        """Wait for what it shows, and for frames if it is a world, then press Ctrl-C."""
+        """Wait for its output, and for frames if it is a world, then press Ctrl-C."""
         running = self.terminal.start(line)
         running.shows(text)
         if line.startswith("minerva run"):
@@ -99,7 +99,7 @@ class Reader:
         assert "Traceback" not in running.output, f"{line}\n{running.output}"
 
     def turns_over(self):
-        """The next block begins without what the last one has left running."""
+        """Stop the processes of a block, so that the next one starts without them."""
         if not self.table.get("keeps"):
             for running in self.background:
                 running.interrupt()
@@ -112,7 +112,7 @@ class Reader:
 
 
 def of(group):
-    """The pages with shell commands of a group; each page belongs to the first that it fits."""
+    """The pages of a group with shell commands; the first matching group gets a page."""
     fits = {
         page: next(name for name, start in GROUPS.items() if page.startswith(start))
         for page in PAGES
@@ -121,10 +121,10 @@ def of(group):
 
 
 def type_page(page, folder, island):
-    """Type each command of a page in the folder; fail at the first that does not do what it says.
+    """Type each command of a page in the folder, and fail at the first unexpected result.
 
-    Without a network namespace the pages run in the machine's own network, where the hosts that
-    some pages name do not exist.
+    Without a network namespace the commands run in the machine's own network, where the hosts that some
+    pages name do not exist.
     """
     if TABLES.get(page, {}).get("hosts") and not island.inside:
         pytest.skip("the hosts that the page names need a network namespace (unshare, nsenter)")

@@ -1,4 +1,4 @@
-"""A terminal that types the commands of a page, and one that runs a world."""
+"""Terminals that run the commands of a page, and its worlds."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ import time
 from pathlib import Path
 
 PATIENCE = 150.0
-"""Seconds in which a command ends, or shows what it is to show: far more than it needs."""
+"""Time limit in seconds for a command to end or to print; far more than it needs."""
 
 NAMES = "127.0.0.1 localhost lab.example server server.local router.example coordinator\n"
 
 
 class Island:
-    """A network namespace of one's own, where ports are free and the pages' names lead home."""
+    """A separate network namespace with free ports, where the pages' host names are local."""
 
     def __init__(self, folder: Path) -> None:
         self.inside: list[str] = []
@@ -31,7 +31,7 @@ class Island:
             return
         hosts = folder / "hosts"
         hosts.write_text(NAMES)
-        # Whoever is root needs no user namespace, where a broker could not drop its privileges.
+        # Root needs no user namespace, in which a broker could not drop its privileges.
         user = ["--map-root-user"] if os.geteuid() else []
         script = f"ip link set lo up && mount --bind {hosts} /etc/hosts && echo ready && exec cat"
         self._holder = subprocess.Popen(
@@ -47,13 +47,13 @@ class Island:
             ]  # fmt: skip
 
     def close(self) -> None:
-        """Give it up; it also ends with this process."""
+        """End the namespace; it also ends with this process."""
         if self._holder is not None:
             self._holder.communicate()
 
 
 class Running:
-    """A command in a terminal of its own, in the foreground of it."""
+    """A command in the foreground of its own terminal."""
 
     def __init__(self, line: str, words: list[str], environment: dict[str, str]) -> None:
         self.line = line
@@ -71,11 +71,11 @@ class Running:
 
     @property
     def code(self) -> int | None:
-        """Its exit code; None while it runs."""
+        """Its exit code, or None while it runs."""
         return self._process.poll()
 
     def _read(self) -> None:
-        """Take what it prints, so that it never waits for anybody to look."""
+        """Read its output continuously, so that it never blocks."""
         while True:
             try:
                 text = os.read(self._screen, 65536).decode(errors="replace")
@@ -89,26 +89,26 @@ class Running:
                     return
 
     def shows(self, text: str) -> None:
-        """Wait until it has printed something, a regular expression."""
+        """Wait until its output matches a regular expression."""
         with self._changed:
             self._changed.wait_for(lambda: self._over or re.search(text, self.output), PATIENCE)
         assert re.search(text, self.output), f"{self.line!r} never shows {text!r}:\n{self.output}"
 
     def interrupt(self, key: bytes = b"\x03") -> int:
-        """Press Ctrl-C, or another key, and wait for the end; its exit code."""
+        """Press Ctrl-C or another key and wait for its end; returns its exit code."""
         if self.code is None:
             os.write(self._screen, key)
         return self.ends()
 
     def ends(self) -> int:
-        """Wait until it has ended; its exit code."""
+        """Wait until it has ended; returns its exit code."""
         with self._changed:
             over = self._changed.wait_for(lambda: self._over, PATIENCE)
         assert over, f"{self.line!r} does not end:\n{self.output}"
         return self._process.wait(PATIENCE)
 
     def kill(self) -> None:
-        """Leave nothing of it behind, whatever has happened."""
+        """Kill it and all its child processes."""
         if self.code is None:
             os.killpg(self._process.pid, signal.SIGKILL)
             self._process.wait()
@@ -117,7 +117,7 @@ class Running:
 
 
 class Terminal:
-    """A reader's folder, and the commands that run there."""
+    """A reader's folder, and the commands that run in it."""
 
     def __init__(self, folder: Path, island: Island) -> None:
         self.folder = self.place = folder
@@ -144,7 +144,7 @@ class Terminal:
         }
 
     def start(self, line: str) -> Running:
-        """Type a command and leave it running."""
+        """Start a command and leave it running."""
         compound = re.search(r"[;|&\n<>]|^for ", line)
         script = f"cd {self.place} && {'' if compound else 'exec '}{line}"
         running = Running(line, [*self._inside, "bash", "-c", script], self.environment)
@@ -152,12 +152,12 @@ class Terminal:
         return running
 
     def type(self, line: str) -> tuple[int, str]:
-        """Type a command and wait for its end: its exit code, and what it has printed."""
+        """Run a command to its end; returns its exit code and its output."""
         running = self.start(line)
         return running.ends(), running.output
 
     def until(self, line: str, text: str) -> None:
-        """Type a command again and again until it ends well and prints something."""
+        """Repeat a command until it succeeds and its output matches a regular expression."""
         until = time.monotonic() + PATIENCE
         code, output = self.type(line)
         while code or not re.search(text, output):
@@ -165,6 +165,6 @@ class Terminal:
             code, output = self.type(line)
 
     def close(self) -> None:
-        """Leave nothing running."""
+        """Kill all commands that still run."""
         for running in self._started:
             running.kill()

@@ -1,4 +1,4 @@
-"""The documentation's Python and TOML: it can be read, and what stands by itself runs."""
+"""The documentation's Python and TOML: all of it parses, and self-contained blocks run."""
 
 import textwrap
 import tomllib
@@ -18,13 +18,13 @@ ELSEWHERE = {
     "worlds/minerva_worlds/plants/README.md": "tests/examples/test_plants.py",
     "worlds/minerva_worlds/warehouse/README.md": "tests/examples/test_warehouse.py",
 }
-"""Pages whose Python is run, or compared with the files that it comes from, by tests of their own."""
+"""Tests that run the Python of a page, or compare it with its source files."""
 
 EXCERPTS = {
     "docs/norms.md": ["moment.emit"],
     "docs/worlds.md": ["from minerva_bus import portable\n\nself."],
 }
-"""What blocks begin with that show a line of an agent and cannot run by themselves."""
+"""Beginnings of blocks that show lines of an agent and cannot run on their own."""
 
 
 def of(language):
@@ -42,7 +42,7 @@ def test_python_can_be_read(page, block):
 
 @pytest.mark.parametrize(("page", "block"), of("toml"), ids=place)
 def test_toml_can_be_read(page, block):
-    if block.text.startswith("·"):  # a piece of a string within a world file
+    if block.text.startswith("·"):  # a fragment of a string within a world file
         assert page.startswith("worlds/")
         return
     tomllib.loads(block.text)

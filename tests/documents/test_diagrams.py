@@ -1,4 +1,4 @@
-"""The diagrams of ARCHITECTURE.md are those of the code, and the table of phases is complete."""
+"""The diagrams of ARCHITECTURE.md match the code, and the table of phases is complete."""
 
 import ast
 from pathlib import Path

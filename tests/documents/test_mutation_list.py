@@ -1,4 +1,4 @@
-"""The list of surviving mutants: what the command makes of it (tools/mutation.py)."""
+"""The list of surviving mutants (tools/mutation.py)."""
 
 import tomllib
 

@@ -1,4 +1,4 @@
-"""The tables of the shell commands agree with the pages, and each page is typed by one file."""
+"""The tables of shell commands match the pages, and one test file types each page."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Every shell command of the documents does what a reader expects of it."""
+"""Every shell command in docs/ works as described."""
 
 import pytest
 from reader import of, type_page

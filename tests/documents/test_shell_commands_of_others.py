@@ -1,4 +1,4 @@
-"""Every shell command of the first page and of deployment does what a reader expects of it."""
+"""Every shell command of the main README and of deploy/ works as described."""
 
 import pytest
 from reader import of, type_page

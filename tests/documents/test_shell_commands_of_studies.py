@@ -1,4 +1,4 @@
-"""Every shell command of the page on studies does what a reader expects of it."""
+"""Every shell command of the page on studies works as described."""
 
 import pytest
 from reader import of, type_page

@@ -1,4 +1,4 @@
-"""Every shell command of the ready-made worlds does what a reader expects of it."""
+"""Every shell command in the READMEs of the ready-made worlds works as described."""
 
 import pytest
 from reader import of, type_page

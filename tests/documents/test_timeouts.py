@@ -1,4 +1,4 @@
-"""docs/timeouts.md: its tables agree with the code's constants, and its two claims hold."""
+"""docs/timeouts.md: its tables match the code's constants, and its two claims hold."""
 
 import re
 from importlib import import_module

@@ -1,4 +1,4 @@
-"""What the tests of examples share: a world of the examples, frame by frame, and its README."""
+"""Shared helpers for the tests of examples: in-process runs and README code blocks."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ EXAMPLES = Path(__file__).resolve().parents[2] / "worlds" / "minerva_worlds"
 
 
 class Run:
-    """A world file run in one process to its end: strings, digests and events of its frames."""
+    """A complete in-process run of a world file: strings, digests and events by frame."""
 
     def __init__(self, world: Path, frames: int = 0, *settings: str, **options: str) -> None:
         overrides = Overrides(frames=frames or None, settings=settings, options=options)
@@ -41,5 +41,5 @@ class Run:
 
 
 def blocks(readme: Path, language: str) -> list[str]:
-    """The blocks of code of a README."""
+    """The code blocks of a README in one language."""
     return re.findall(rf"```{language}\n(.*?)```", readme.read_text(encoding="utf-8"), re.DOTALL)

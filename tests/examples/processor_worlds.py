@@ -1,10 +1,10 @@
-"""Runs worlds in this process, and prints the digests of their frames and of their events as JSON.
+"""Run worlds in this process and print the digests of their frames and events as JSON.
 
     python processor_worlds.py [nudged]
 
-For `test_processors.py`, which runs it with parts of the processor switched off. Of a sine and its
-like only one of some thousand values changes by that; `nudged` changes each of them that Python's
-math and numpy give, by one unit in the last place.
+`test_processors.py` runs this with parts of the processor's instruction set disabled. That changes
+the results of functions such as sine for only about one in a thousand values; `nudged` changes all
+results of Python's math and numpy by one unit in the last place.
 """
 
 import hashlib
@@ -27,7 +27,7 @@ LINALG = "inv norm solve eigh svd lstsq"
 
 
 def nudged(function: Callable[..., Any]) -> Callable[..., Any]:
-    """The function with other last bits; not where each library is exact: 0, 1, infinity, nan."""
+    """The function with a changed last bit, except where all libraries are exact (0, ±1, inf, nan)."""
 
     @wraps(function)
     def other(*args: Any, **options: Any) -> Any:
@@ -44,7 +44,7 @@ def nudged(function: Callable[..., Any]) -> Callable[..., Any]:
     return other
 
 
-if __name__ == "__main__" and "nudged" in sys.argv:  # before others import names from these
+if __name__ == "__main__" and "nudged" in sys.argv:  # before other modules import these names
     for module, names in ((math, MATH), (np, NUMPY), (np.linalg, LINALG)):
         for name in names.split():
             setattr(module, name, nudged(getattr(module, name)))

@@ -1,4 +1,4 @@
-"""docs/geometries.md and examples/ascii: the code on the page is the code in the folder, and runs."""
+"""docs/geometries.md and examples/ascii: the page shows the code of the folder, and it runs."""
 
 import re
 import subprocess
@@ -45,7 +45,7 @@ def block(kind: str) -> str:
 
 
 def show(spec: str, world: str, frames: int) -> None:
-    """Run a world for some frames and let a device of the folder show it at the end only."""
+    """Run a world and let a device of the folder show only the last frame."""
     file = read_world_file(find_world(world), Overrides(frames=frames))
     device = find_service(spec, FOLDER)()
     device.every = 10**6  # type: ignore[attr-defined]

@@ -1,4 +1,4 @@
-"""The world of evolution: creatures hatch and eat, and evolution gives the README's result."""
+"""The evolution world: creatures hatch and eat, and a study reproduces the README's result."""
 
 import json
 import re

@@ -1,4 +1,4 @@
-"""The meadow: its agents without a bus, the whole world in one process, and over the bus."""
+"""The meadow: its agents on their own, the world in one process, and the world on the bus."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def state(scene: Scene, agent: str) -> dict[str, object]:
     return dict(next(one for one in agents(scene) if one.id == agent).state)
 
 
-# --- agents, without a bus ------------------------------------------------------------------------
+# --- agents without a bus -------------------------------------------------------------------------
 
 
 def test_a_bite_kills_and_feeds():
@@ -148,7 +148,7 @@ def test_a_picture_holds_no_agents():
 
 
 class Run:
-    """The world of the file, frame by frame."""
+    """An in-process run of the world file, frame by frame."""
 
     def __init__(self, seed: int, *settings: str) -> None:
         overrides = Overrides(seed=seed, settings=settings)
@@ -165,7 +165,7 @@ class Run:
             self.heard.update(event.type for event in events)
 
     def frames(self, count: int) -> Iterator[dict[str, int]]:
-        """The population after each frame."""
+        """Yields the number of agents of each kind after each frame."""
         for _ in range(count):
             self._runner.handle(s.Begin())
             nodes = self.algorithm.scene.nodes
@@ -218,7 +218,7 @@ def test_another_seed_is_another_world():
 
 @pytest.fixture
 def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A copy of the example's folder, where no other worlds of this machine are seen."""
+    """A copy of the example's folder, isolated from other worlds of this machine."""
     monkeypatch.setenv("MINERVA_RUNTIME_DIR", str(tmp_path / "run"))
     packages = [str(ROOT / name) for name in ("", "services", "agents")]
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join(packages))
@@ -226,7 +226,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def minerva(here: Path, words: list[str]) -> str:
-    """What the command says on its standard output."""
+    """The standard output of a command."""
     done = subprocess.run([*MINERVA, *words], cwd=here, capture_output=True, text=True, timeout=90)
     assert done.returncode == 0, done.stderr
     return done.stdout
@@ -252,7 +252,7 @@ def test_the_readme_shows_the_files(block: str):
 
 
 def commands(block: str) -> list[list[str]]:
-    """What a person types, without the comments and the program's name."""
+    """The commands of a block, without comments and the program's name."""
     return [shlex.split(line, comments=True)[1:] for line in block.splitlines()]
 
 

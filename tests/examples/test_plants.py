@@ -1,4 +1,4 @@
-"""Plants: rules that rewrite, brackets that are scopes, and room that is found by events."""
+"""Plants: rewriting rules, brackets as scopes, and events that detect free space."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def grown(string: Any, times: int = 1) -> Any:
 
 
 def shape(string: Any) -> str:
-    """The string without its parameters."""
+    """The string without parameters."""
     return re.sub(r"<[^<>]*>", "", str(string)).replace("()", "")
 
 

@@ -1,4 +1,4 @@
-"""docs/populations.md: its two kinds of sheep are one, and its world runs."""
+"""docs/populations.md: its two forms of sheep are equivalent, and its world runs."""
 
 import json
 import re
@@ -18,7 +18,7 @@ def block(kind):
 
 @pytest.fixture
 def pasture(tmp_path):
-    """The document's world, with the sheep of one form."""
+    """A function that writes the document's world with one of the two forms of sheep."""
 
     def write(form):
         one, many = block("python one"), block("python many")

@@ -1,5 +1,8 @@
-"""Worlds are the same whatever the processor can do: numpy's and the C library's code for AVX-512,
-AVX2 and FMA is switched off, and OpenBLAS takes that for an older processor."""
+"""Worlds give the same digests on any processor.
+
+The tests disable the AVX-512, AVX2 and FMA code of numpy and the C library, and make OpenBLAS assume
+an older processor.
+"""
 
 import json
 import os

@@ -1,4 +1,4 @@
-"""What the README shows is true: its world runs, its test passes."""
+"""The README is correct: its world runs, its test passes."""
 
 import json
 import re
@@ -76,5 +76,5 @@ def test_a_member_of_the_recorded_robot_is_swapped(tmp_path):
     run = ("run", "robot", "--in-process", "--frames", "10", "--record", "run.mcap", "--quiet")
     assert minerva(tmp_path, *run).returncode == 0
     done = minerva(tmp_path, *swap.split(), "--json")
-    assert done.returncode in (0, 1), done.stderr  # 1: it has become another run
+    assert done.returncode in (0, 1), done.stderr  # 1: the resumed run differs
     assert json.loads(done.stdout)

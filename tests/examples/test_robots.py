@@ -1,4 +1,4 @@
-"""Four robots in one house: owners of devices, errands, and no collisions."""
+"""Four robots in one house: device owners, errands, and no collisions."""
 
 import json
 import os

@@ -1,4 +1,4 @@
-"""The crossing: norms prevent crashes; the string is the same in every layout."""
+"""The crossing: norms prevent crashes, and the string is the same in every layout."""
 
 import json
 import shutil
@@ -26,7 +26,7 @@ from traffic import Car, eHonk, eLight, vocabulary  # noqa: E402
 
 
 def lived(norms, frames=500):
-    """A run in this process: its figures, and the drivers at its end."""
+    """An in-process run: its metrics, and the states of the drivers at its end."""
     overrides = Overrides(options={"norms": norms}, frames=frames)
     file = read_world_file(FOLDER / "traffic.toml", overrides)
     algorithm = FrameAlgorithm(file.world)

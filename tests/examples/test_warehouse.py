@@ -1,4 +1,4 @@
-"""The warehouse: its agents without a bus, the whole world, and what its README says."""
+"""The warehouse: its agents on their own, the complete world, and the claims of its README."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def answer(carrier, message):
     return said.performative, said.content
 
 
-# --- agents, without a bus ------------------------------------------------------------------------
+# --- agents without a bus -------------------------------------------------------------------------
 
 
 def test_a_carrier_bids_what_the_way_costs():
@@ -105,7 +105,7 @@ def test_a_picture_has_no_agents():
 
 
 class Run:
-    """The world of the file, frame by frame."""
+    """An in-process run of the world file, frame by frame."""
 
     def __init__(self, frames, *settings, seed=None, **options):
         overrides = Overrides(seed=seed, frames=frames, settings=settings, options=options)

@@ -1,4 +1,4 @@
-"""The frame algorithm's parts by themselves: the table of states, places, pace and strings in parts."""
+"""Parts of the frame algorithm: member states, placement, pace and composition of strings."""
 
 import re
 from dataclasses import replace
@@ -164,7 +164,7 @@ def test_the_announced_policy_for_a_silent_member_is_applied(guest, then, on_fai
     assert (who, text) == ("m", f"it for 1.0 s; {said}")
 
 
-# --- places ----------------------------------------------------------------------------------
+# --- placement -------------------------------------------------------------------------------
 
 hosts = st.lists(ids(), min_size=1, max_size=6, unique=True)
 
@@ -220,7 +220,7 @@ def test_two_frames_are_never_due_closer_than_a_period_unless_one_was_late(rate,
         last, now = due, max(now, due) + pause
 
 
-# --- strings in parts ------------------------------------------------------------------------
+# --- composition of strings ------------------------------------------------------------------
 
 
 @law

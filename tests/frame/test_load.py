@@ -1,4 +1,4 @@
-"""Shares of a population that suit its hosts."""
+"""Shares of a population in proportion to the measured speed of its hosts."""
 
 from minerva_bus.frame.load import WINDOW, Load
 
@@ -29,7 +29,7 @@ def test_a_host_twice_as_quick_gets_twice_as_much():
 
 
 def test_of_few_rows_each_host_has_as_many():
-    """Else whoever has fewer would seem slower, and have ever fewer, to the last one."""
+    """Otherwise a host with fewer rows would measure slower and lose rows until none remain."""
     assert measured(a=2e6, b=1e3).weights(["a", "b"], 200) == [1.0, 1.0]
 
 

@@ -1,4 +1,4 @@
-"""Where agents may live, and how many of them: rules, room, and shares of a population."""
+"""Placement of agents: rules, capacity, and shares of a population."""
 
 from hypothesis import given
 from hypothesis import strategies as st

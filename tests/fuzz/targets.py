@@ -1,7 +1,7 @@
-"""What is fuzzed: every reader of bytes that others have written, and how it may refuse them.
+"""Fuzzing targets: every reader of external bytes, and the errors that it may raise.
 
-A target takes bytes and may raise what it declares, nothing else; it neither hangs nor fills the
-memory. What it reads well has to keep its laws, such as parse(print(w)) = w.
+A target takes bytes and raises only its declared errors; it neither hangs nor exhausts memory. Input
+that it accepts must satisfy the reader's laws, such as parse(print(w)) = w.
 """
 
 import struct
@@ -61,7 +61,7 @@ from minerva_services.sensors.rplidar.packets import (
 from minerva_services.sensors.serial_line import LineSplitter
 
 MOST = 500
-"""Readings, or frames, that are looked at of one file."""
+"""Maximum number of readings or frames to read from one file."""
 
 WORLD = World("yard", parse("AWalker#a<x=0> · AWalker#b<x=1>"), yard.vocabulary, seed=7)
 _ENTRY = struct.Struct(">II")
@@ -70,7 +70,7 @@ _folder = Path(tempfile.mkdtemp(prefix="minerva-fuzz-"))
 
 @dataclass(frozen=True)
 class Target:
-    """`read` may raise `declared`. `longest` is how many bytes are worth trying."""
+    """`read` may raise `declared`. `longest` is the maximum useful input length in bytes."""
 
     read: Callable[[bytes], object]
     declared: tuple[type[Exception], ...]
@@ -103,7 +103,7 @@ def _pass_over(what, line):
 
 
 def _message(data):
-    """The first byte says from whom it is."""
+    """The first byte selects the sender."""
     kind, body, decoder = data[:1], data[1:], Decoder(yard.vocabulary)
     if kind == b"m":
         decoder.from_member("a", body)
@@ -158,7 +158,7 @@ def _record(data):
 
 
 def _journal(data):
-    """Entries as their lengths say; their checks are made right, that more than the first is read."""
+    """Entries by their length fields, with valid checksums so that the reader passes the first."""
     whole, begin = b"", 0
     while begin + _ENTRY.size <= len(data):
         length, _ = _ENTRY.unpack_from(data, begin)
@@ -196,7 +196,7 @@ _CDR = {
 
 
 def _cdr(data):
-    """The first byte says which message."""
+    """The first byte selects the message type."""
     kind, read = _CDR.get(data[:1], _CDR[b"s"])
     read(messages().decode(kind, data[1:]))
 
@@ -221,7 +221,7 @@ def _rplidar(data):
 
 
 def _mqtt(data):
-    """A pattern, a topic and a payload, each on a line."""
+    """A pattern, a topic and a payload, one per line."""
     pattern, topic, payload, *_ = [*data.split(b"\n", 2), b"", b""]
     Pattern.of(_text(pattern)).levels(_text(topic))
     assert Payload.of(payload).at("a.0.b") is not None or True

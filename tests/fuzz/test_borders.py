@@ -1,4 +1,4 @@
-"""Input that is small to send and expensive to read, non-finite numbers, escaping paths."""
+"""Small input that is expensive to read, non-finite numbers, and paths outside their folder."""
 
 import math
 import struct
@@ -42,7 +42,7 @@ def heard(*message):
     return DECODER.from_member("a", msgpack.packb(list(message)))
 
 
-# --- maps of others ---
+# --- external maps ---
 
 KEYS = "resolution: 0.05\norigin: [0, 0, 0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.2\n"
 
@@ -65,7 +65,7 @@ def test_a_map_that_would_grow_as_it_is_read_is_refused(tmp_path, bomb):
 
 
 def png(width, height):
-    """A PNG with a declared size and almost no data."""
+    """A PNG file with a declared size and almost no data."""
 
     def chunk(kind, data):
         return (
@@ -121,7 +121,7 @@ def test_an_invalid_key_is_located_fast_in_a_long_file(tmp_path):
         read_world_file(path)
 
 
-# --- numbers that are none ---
+# --- non-finite numbers ---
 
 
 @NO_NUMBERS

@@ -1,7 +1,7 @@
 """Readers accept external bytes or reject them with an error.
 
-The corpus has well-formed inputs, and such as once broke something; python -m benchmarks.fuzz goes
-on from it. Here it is read as it is, cut off, and with single bytes changed.
+The corpus has well-formed inputs and inputs that once caused failures; python -m benchmarks.fuzz
+continues from it. These tests use it unchanged, truncated, and with single bytes changed.
 """
 
 import random

@@ -1,4 +1,4 @@
-"""Every message travels as recorded, and is read back as what it was: tools/golden_messages.py."""
+"""Every message encodes to its recorded bytes and decodes to itself: tools/golden_messages.py."""
 
 from typing import get_args
 

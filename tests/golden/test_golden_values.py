@@ -1,4 +1,4 @@
-"""The shipped worlds do what they did, and their messages travel as they did: tools/golden.py."""
+"""The shipped worlds give their recorded digests, and their messages the recorded bytes."""
 
 import json
 import subprocess
@@ -15,7 +15,7 @@ WHY = "tools/golden.py says what to do where a value changes"
 
 @pytest.fixture(scope="module")
 def values():
-    """From a process of its own: the worlds' modules have the names of some of the tests'."""
+    """Values from a separate process, because some of the worlds' modules share names with tests."""
     words = [sys.executable, "-m", "tools.golden", "--json"]
     done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=False)
     assert not done.stderr

@@ -1,4 +1,4 @@
-"""Equation 6 over events in columns: what is collected is what the same events one by one give."""
+"""Equation 6 for columns of events: the collection equals that of the single events."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ NUMBERS = st.integers(0, 3)
 
 
 def events():
-    """Events of which many are equal, and many differ in one thing only."""
+    """Events of which many are equal and many differ in a single field."""
     rest = {"sender": SENDERS, "receivers": RECEIVERS, "condition": CONDITIONS}
     return (
         st.builds(eFirst, NUMBERS, **rest)
@@ -38,7 +38,7 @@ SOURCES = st.dictionaries(st.sampled_from(["x", "y", "z"]), st.lists(events(), m
 
 
 def in_columns(given_events, cuts):
-    """The same events, where neighbours of one type are put into columns if they can be."""
+    """The same events, with runs of one type in columns where possible."""
     made = []
     for _, run in groupby(enumerate(given_events), lambda pair: (pair[1].type, cuts(pair[0]))):
         together = [event for _, event in run]
@@ -50,7 +50,7 @@ def in_columns(given_events, cuts):
 @given(SOURCES, st.sets(st.integers(0, 7)))
 @settings(max_examples=100)
 def test_columns_change_nothing(sources, separate):
-    """Some neighbours are in columns of their own, so that columns meet columns and events."""
+    """Runs are split at random, so that columns are next to columns and to single events."""
     plain = collect(ORDER, sources)
     held = {
         name: in_columns(given_events, lambda at: at if at in separate else -1)
@@ -74,7 +74,7 @@ def test_columns_beside_single_events_change_nothing(sources, data):
 
 
 def test_packable_agents_return_to_columns():
-    """Columns and single events of one type are put together; other types stay as they are."""
+    """Columns and single events of one type are merged; other types are unchanged."""
     columns = Events.of([eFirst(1), eFirst(2), eFirst(1)])
     held = {"x": [columns, eAlone()], "y": [eFirst(3), eFirst(2)], "z": [Events.of([eFirst(4)])]}
     together, alone = collect(ORDER, held)

@@ -1,4 +1,4 @@
-"""Columns are another way to hold a string, and a population another way to write agents."""
+"""Columns are an equivalent representation of strings, and populations one of agents."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ eShow = EventType("eShow", visual=True)
 
 
 class State(Agent):
-    """What both forms have in common."""
+    """State that both forms share."""
 
     x: Metres = 0.0
     hits: int = 0
@@ -57,7 +57,7 @@ class State(Agent):
 
 
 class One(State, symbol="AFish"):
-    """Written for one."""
+    """Activities for a single agent."""
 
     @on("eStep")
     def step(self, step, moment):
@@ -88,7 +88,7 @@ class One(State, symbol="AFish"):
 
 
 class Many(State, symbol="AFish"):
-    """Written for all at once."""
+    """Activities for a population."""
 
     @on("eStep", population=True)
     def step(self, step, moment):
@@ -114,7 +114,7 @@ class Many(State, symbol="AFish"):
 
 
 class Mixed(State, symbol="AFish"):
-    """Some of it this way, some the other."""
+    """Some activities for a population, some for a single agent."""
 
     step = Many.step
     hit = One.hit
@@ -132,7 +132,7 @@ counts = st.sampled_from([1, 2, 31, 32, 33, 70])
 
 @st.composite
 def shoals(draw):
-    """A string of fish in columns, numbered or with any ids."""
+    """A string of fish in columns, with numbered or arbitrary ids."""
     count = draw(counts)
     xs = draw(st.lists(numbers, min_size=count, max_size=count))
     hits = draw(st.lists(st.integers(0, 4), min_size=count, max_size=count))
@@ -146,7 +146,7 @@ def shoals(draw):
 
 @st.composite
 def batches(draw, ids):
-    """A frame's events, some of them in columns, in order."""
+    """The ordered events of a frame, some of them in columns."""
     found = []
     for _ in range(draw(st.integers(0, 4))):
         count = draw(st.integers(1, 40))
@@ -179,7 +179,7 @@ def frames(draw):
 
 
 def sent(result: Evolved):
-    """What was sent, by type: between types the order decides anyway."""
+    """Sent events by type, since the frame's order separates types anyway."""
     events = [e for one in result.emitted.values() for e in one] + list(single(result.batches))
     return {name: [e for e in events if e.type == name] for name in TYPES}
 
@@ -206,7 +206,7 @@ def test_columns_print_parse_compare_and_digest_as_what_they_stand_for(w):
 
 @given(shoals(), st.data())
 def test_a_digest_that_has_grown_is_the_one_from_scratch(w, data):
-    """However often some rows are put into columns whose digest is known."""
+    """Repeated updates of some rows reuse the digests of the other chunks."""
     now = w.pieces[0]
     for _ in range(3):
         assert Scene((now,)).digest == plain(Scene((now,))).digest
@@ -240,7 +240,7 @@ def test_parts_beside_one_another_are_the_whole(w, data):
 
 @pytest.mark.parametrize("count", [31, 32])
 def test_numbers_digest_as_they_print(count):
-    """3 and 3.0 print the same, and so do whole numbers beyond 2^53 that float64 has."""
+    """3 and 3.0 print the same, and so do integers beyond 2^53 that float64 can represent."""
     for number in (3, 2**53 + 2, 10**16 - 2, 2**62):
         whole = parse(" · ".join([f"P<n={number}>"] * count))
         real = Scene(tuple(one.__class__("P", ("n",), (float(number),)) for one in whole.nodes))
@@ -391,7 +391,7 @@ def test_shares_cover_everything_and_none_is_empty(rows, weights):
 
 
 def test_ids_of_long_lineages_are_as_short_as_they_can_be_and_the_same_either_way():
-    """A child's id is hashed where it would have more than 64 characters."""
+    """Ids of children are hashed if they would exceed 64 characters."""
     moment = Frame(1, 0.1, 3)
     w = One.many(Ids.of(["a" * 63, "b:" * 30 + "1", "c"]))
     events = [eStep(1.0)] * 8
@@ -404,7 +404,7 @@ def test_ids_of_long_lineages_are_as_short_as_they_can_be_and_the_same_either_wa
 
 
 class Plot(Geometry):
-    """Where dots are, one by one; or, if it may, all at once."""
+    """Positions of dots, drawn one at a time or, if `at_once`, as columns."""
 
     def __init__(self, at_once):
         self.at_once = at_once
@@ -431,7 +431,7 @@ class Plot(Geometry):
 
 
 def test_a_geometry_may_draw_many_at_once():
-    """Also within the scope of a transformation; agents are refused in columns too."""
+    """Also within the scope of a transformation; agents in columns are rejected too."""
     count = 50
     dots = TMove(np.arange(count) / 7, 0)(PDot(np.arange(count) + 0.0, "a"))
     w = PDot(1, "b") + TMove(100, 0)(dots + PDot(2, "c")) + dots
@@ -447,7 +447,7 @@ def test_a_geometry_may_draw_many_at_once():
 
 @pytest.mark.parametrize("changed", [0, 1, 10, 39, 40])
 def test_a_patch_has_just_what_differs_or_a_whole_column(changed):
-    """Between columns of which one was not made of the other, as two views are."""
+    """The columns were created independently of each other, like those of two views."""
     rows = np.arange(changed)
     w = One.many("f", 40, x=np.arange(40.0))
     other = np.arange(40.0)

@@ -1,4 +1,4 @@
-"""Events in columns count once, as single ones do (equation 6)."""
+"""Equal events in columns count once, like single events (equation 6)."""
 
 from hypothesis import given
 from hypothesis import strategies as st
@@ -26,7 +26,7 @@ def test_each_is_kept_where_it_is_first(events):
 
 
 def test_a_million_equal_events_are_one():
-    """Row by row this took five seconds."""
+    """A comparison row by row takes five seconds."""
     assert list(Events.repeated(eBare(), 1_000_000).distinct()) == [eBare()]
     event = eMany(1.0, 2, True, "x")
     assert list(Events.repeated(event, 1_000_000).distinct()) == [event]

@@ -1,4 +1,4 @@
-"""Laws of η, π, φ and E, equations 1 and 3 to 6, and the engine against the paper's own words."""
+"""Laws of η, π, φ and E (equations 1 and 3 to 6): the engine equals the paper's definitions."""
 
 import re
 from dataclasses import dataclass, field
@@ -35,7 +35,7 @@ def concerns(event, agent, event_types):
 
 @dataclass
 class PlainLambda:
-    """λ as the paper has it, from the same classes and with none of the engine."""
+    """λ as in the paper, with the same agent classes and without the engine."""
 
     frame: Frame
     moments: dict = field(default_factory=dict)
@@ -74,7 +74,7 @@ def test_evolve_is_equation_3_with_events_one_after_another(case):
 @law
 @given(lived)
 def test_evolve_is_equation_3_to_the_letter(case):
-    """Copies of an agent have ids of their own in the engine: `a`, `a:7-2`; in the paper, none."""
+    """Copies of an agent have distinct ids in the engine (`a`, `a:7-2`), but not in the paper."""
     w, events, frame = case
     evolved = evolve(w, events, FAMILY, frame, Policy.LITERAL)
     literal = transcription.eta(w, events, PlainLambda(frame))
@@ -84,7 +84,7 @@ def test_evolve_is_equation_3_to_the_letter(case):
 
 
 def without_copies(scene):
-    """The string with `a:7-2` called `a` again."""
+    """The string with ids such as `a:7-2` reduced to `a`."""
 
     def leave(node, scope):
         node = rescoped(node, scope)
@@ -142,7 +142,7 @@ def test_eta_distributes_over_concatenation(case, cut):
 @law
 @given(lived, lived)
 def test_an_agent_never_knows_of_the_others(one, other):
-    """Evolution of an agent is the same alone and in company: hosts may share the work."""
+    """An agent evolves the same alone and with others, so hosts can share the work."""
     w, events, frame = one
     for node in w.nodes:
         alone = evolve(scene_of(node), events, FAMILY, frame).scene
@@ -168,7 +168,7 @@ def test_a_view_is_of_the_language_without_agents(case):
 
 
 class Log(Geometry):
-    """A geometric system that writes down what is done in it."""
+    """A geometric system that logs the operations on it."""
 
     def __init__(self):
         self.said = []
@@ -209,7 +209,7 @@ def test_collect_does_not_depend_on_arrival(sources, order, chance):
 @law
 @given(sources, st.permutations(sorted(FAMILY_VOCABULARY.events)))
 def test_collect_is_equation_6(sources, order):
-    """The paper's generators make one type of event each: ask them in the order of priority."""
+    """The paper's generators make one event type each, so they are called in priority order."""
     generators = [
         lambda t, source=source, event_type=event_type: [
             event for event in sources[source] if event.type == event_type

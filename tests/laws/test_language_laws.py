@@ -1,4 +1,4 @@
-"""Laws of the language L(M), Table 1, for any string at all."""
+"""Laws of the language L(M), Table 1, for arbitrary strings."""
 
 from random import Random
 
@@ -28,7 +28,7 @@ def test_print_is_canonical(w):
 
 
 def spelled(w, chance):
-    """A text of a string as a person may write it: blanks and comments, and figures without dots."""
+    """A text of a string as in hand-written files: whitespace, comments, primitives without dots."""
     text, before = "", None
     for opens, node in walk(w):
         if not opens:
@@ -46,7 +46,7 @@ def spelled(w, chance):
 @settings(law, max_examples=40)
 @given(scenes(depth=1), st.integers(0, 1 << 32))
 def test_a_figure_may_be_spelled_without_dots(w, seed):
-    """Rule 6, p⁺: the dots between primitives are one way to write their concatenation."""
+    """Rule 6, p⁺: dots between primitives are optional in a concatenation."""
     again = parse(spelled(w, Random(seed)))
     assert again == w
     assert str(again) == str(w)
@@ -77,7 +77,7 @@ def test_equal_means_same_text_and_same_digest(w, v):
 @law
 @given(st.data())
 def test_strings_that_differ_a_little_are_not_equal(data):
-    """Random pairs seldom come close: change one value of a string instead."""
+    """Random pairs are rarely close, so this changes a single value of a string."""
     one, other = data.draw(values(depth=1)), data.draw(values(depth=1))
     w = scene_of(FigureNode("PAny", ("value",), (one,)))
     v = scene_of(FigureNode("PAny", ("value",), (other,)))
@@ -138,7 +138,7 @@ SIGNS = 'PTA#<>()[]{}=,"\\*x·./ 0159-eErεm\n\t\u2028\ud800é'
 
 
 def mangled(text, chance):
-    """A text with some of it deleted, repeated, reversed or overwritten."""
+    """The text with parts deleted, repeated, reversed or overwritten."""
     for _ in range(chance.randint(1, 4)):
         i, j = sorted((chance.randint(0, len(text)), chance.randint(0, len(text))))
         signs = "".join(chance.choices(SIGNS, k=chance.randint(1, 3)))
@@ -220,12 +220,12 @@ def test_a_mangled_text_never_gets_past_a_vocabulary_unchecked(world, seed):
     ids=lambda text: text[:12],
 )
 def test_hostile_texts_fail_at_once(text):
-    """Nothing here may recurse without bound, or go over the text once for each of its signs."""
+    """Parsing has bounded recursion and no quadratic rescans of the text."""
     with pytest.raises(SceneError):
         parse(text)
 
 
 def test_a_scene_is_never_two_strings():
-    """ε prints as nothing, and nothing reads as ε."""
+    """ε prints as the empty text, and the empty text parses as ε."""
     assert parse("") == parse("ε") == parse(" // nothing\n") == EMPTY == Scene()
     assert str(EMPTY) == ""

@@ -1,4 +1,4 @@
-"""Mutations lead from L(M) into L(M), whatever the string, the vocabulary and the stream."""
+"""Mutations map L(M) into L(M), for any string, vocabulary and random stream."""
 
 import hypothesis.strategies as st
 import numpy as np
@@ -20,7 +20,7 @@ pairs = vocabularies().flatmap(
 
 
 def check(vocabulary, made, *before):
-    """It is in canonical form, reads back, has unique ids, and grew no more than it may."""
+    """Check canonical form, round trip, unique ids and the size limit of a mutated string."""
     assert vocabulary.check(made) is made
     assert vocabulary.read(str(made)) == made
     assert len(ids_of(made)) == len(list(agents(made)))

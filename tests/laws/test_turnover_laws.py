@@ -1,4 +1,4 @@
-"""Births and deaths in columns: what travels instead of all of them makes exactly the new string."""
+"""Births and deaths in columns: the transmitted delta reproduces exactly the new string."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ TMove = Transformation("TMove", x=Metres)
 
 
 class Fish(Agent, symbol="AFish"):
-    """An attribute of each type that can be a column."""
+    """One attribute of each type that a column can hold."""
 
     x: Metres = 0.0
     age: int = 0
@@ -62,7 +62,7 @@ def through(plain):
 
 
 def fish(ids: Ids, number: float) -> Columns:
-    """Fish whose state says who they are."""
+    """Fish whose state identifies them."""
     rows = np.arange(len(ids))
     names = np.array([f"{one}é" for one in ids], object)
     made = Fish.many(ids, x=rows + number, age=rows, calm=rows % 2 == 0, name=names)
@@ -79,7 +79,7 @@ def ids_of(count: int, *, numbered: bool) -> Ids:
 
 @st.composite
 def generations(draw):
-    """Fish, and what has become of them; somebody is left or has been born."""
+    """Fish before and after births and deaths; at least one fish remains."""
     old = fish(ids_of(draw(st.integers(1, 40)), numbered=draw(st.booleans())), 0.5)
     gone = draw(st.sets(st.integers(0, old.count - 1)))
     born = draw(st.integers(1 if len(gone) == old.count else 0, 9))
@@ -98,13 +98,13 @@ def generations(draw):
 
 
 def shown(some: Columns) -> Columns:
-    """What is seen of them, each around its id."""
+    """A view of the fish with the id of each."""
     (piece,) = TMove(some.column("x"))(PDot(some.ids, 1.0)).pieces
     return piece
 
 
 def from_scratch(some: Columns) -> Columns:
-    """The same, of which nothing is known but what it is."""
+    """Equal columns without any information about their origin."""
     (piece,) = READER.scene(through([1, plain_columns(some)])).pieces
     return piece
 
@@ -125,7 +125,7 @@ def test_a_turnover_leaves_the_others_in_their_order(generation):
 
 @given(generations(), st.booleans(), st.booleans())
 def test_a_patch_with_births_and_deaths_makes_the_new_of_the_old(generation, known, travelled):
-    """Also where it is not known how the new came about, and on the other side of the bus."""
+    """Also if the origin of the new columns is unknown, and after a transfer over the bus."""
     old, turnover, now = generation
     patch = difference(old, now if known else from_scratch(now))
     if patch is None:
@@ -170,7 +170,7 @@ def test_a_record_has_the_patch_alone(generation):
 
 @given(st.lists(generations(), min_size=1, max_size=3))
 def test_a_string_in_parts_finds_newborns(parts):
-    """An id that another part has already is refused, and no other."""
+    """Only an id that another part already has is rejected."""
     old = [one.with_columns(one.columns) for one, _, _ in parts]
     ids = [Ids.of([f"p{n}-{one}" for one in part.ids]) for n, part in enumerate(old)]
     before = [fish(one, 0.5) for one in ids]
@@ -190,7 +190,7 @@ def test_a_string_in_parts_finds_newborns(parts):
 
 
 class Prey(Agent, symbol="APrey"):
-    """All look the same, and do nothing but die and have young."""
+    """Agents with identical views that only die and reproduce."""
 
     births: int = 0
 
@@ -213,13 +213,13 @@ HUNT = Vocabulary.of(PDot, Prey, eBite, eSpring, eShow)
 
 @given(st.lists(st.tuples(st.sampled_from([eBite, eSpring]), st.sets(st.integers(0, 7)))))
 def test_deltas_of_views_add_up_to_the_views(frames):
-    """Also where nobody who is left looks otherwise than before."""
+    """Also if the views of all survivors are unchanged."""
     host = Host("h", {"APrey": Prey})
     host.take(m.Fragments({"~APrey.1": Prey.many("p", 9)}))
     parts, views = {"~APrey.1": Prey.many("p", 9)}, {}
     for number, (event, rows) in enumerate(frames):
         (part,) = parts["~APrey.1"].pieces
-        rows = sorted(row for row in rows if row + 1 < part.count)  # somebody is left
+        rows = sorted(row for row in rows if row + 1 < part.count)  # at least one remains
         to = part.ids.take(np.array(rows, np.intp))
         events = (event(receivers=to),) if rows else ()
         request = m.EvolveRequest(number, ("h",), events, (eShow(),))
@@ -236,7 +236,7 @@ def test_deltas_of_views_add_up_to_the_views(frames):
 
 @given(st.lists(st.text("ab01:", min_size=1, max_size=5), unique=True, min_size=1), st.data())
 def test_ids_are_found_even_where_hashes_are_the_same(texts, data):
-    """Those of a real collision would have to be made on purpose."""
+    """The test sets equal hashes, because real collisions are too rare."""
     ids, wanted = Ids(None, np.array(texts, "S5")), Ids(None, np.array([*texts, "zz"], "S5"))
     same = data.draw(st.sampled_from([1, 2, 3]))
     ids.__dict__["hashes"] = np.arange(len(texts), dtype=np.uint64) % same
