@@ -1,4 +1,4 @@
-"""Worlds that run in this process and are recorded."""
+"""In-process runs of worlds, and their records."""
 
 import io
 from functools import cache
@@ -28,7 +28,7 @@ WORLDS = {
 }
 
 CHECKPOINTS = {}
-"""Those after each frame, by world and seed."""
+"""Checkpoints after each frame, by world and seed."""
 
 
 def world_file(world, **overrides):
@@ -39,7 +39,7 @@ def world_file(world, **overrides):
 def run(file, watch):
     """Run a world file to its end.
 
-    `watch(record, string after it, checkpoint there)` is told of each frame.
+    Calls `watch(record, string after the frame, checkpoint)` for each frame.
     """
     algorithm = FrameAlgorithm(file.world)
 
@@ -60,7 +60,7 @@ def description(file):
 
 @cache
 def happened(name, seed=None) -> tuple[WorldFile, list[tuple[Any, Any]]]:
-    """A run of one of the worlds: its file, and the frames with the strings after them."""
+    """A run of one of the worlds: its file, and its frames with the strings after them."""
     world, overrides = WORLDS[name]
     file, frames = world_file(world, seed=seed, **overrides), []
     checkpoints = CHECKPOINTS[name, seed] = []
@@ -74,14 +74,14 @@ def happened(name, seed=None) -> tuple[WorldFile, list[tuple[Any, Any]]]:
 
 
 def strings_of(name):
-    """The strings with which its frames began, and the one at its end."""
+    """The initial string, and the string after each frame."""
     file, frames = happened(name)
     return [file.world.scene, *(string for _, string in frames)]
 
 
 @cache
 def bytes_of(name, flush_every=8, finished=True, seed=None):
-    """The record of a run, with a chunk every so many frames."""
+    """The record of a run, with a chunk every `flush_every` frames."""
     file, frames = happened(name, seed)
     stream = io.BytesIO()
     writer = RecordWriter(stream, description(file))

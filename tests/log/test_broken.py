@@ -1,4 +1,4 @@
-"""A record that was cut off anywhere, damaged, or is none at all."""
+"""Records that are truncated, damaged, or no records at all."""
 
 import struct
 from itertools import pairwise
@@ -15,7 +15,7 @@ mcap = pytest.importorskip("mcap")
 
 
 def boundaries(data):
-    """Where the records of an MCAP file begin, after its magic."""
+    """Offsets of the records in an MCAP file, without its magic bytes."""
     at, found = 8, []
     while at + 9 <= len(data) and data[at] not in (0, 0x89):
         found.append(at)
@@ -30,7 +30,7 @@ def frames_in(data, folder, check=True):
 
 
 def cuts(data):
-    """Before, at, just behind and in the midst of every record, and the very ends."""
+    """Offsets before, at, after and inside each record, and at both ends of the file."""
     places = boundaries(data)
     end = next((place for place in places[:-1] if data[place] == 0x0F), len(data))
     around = [place + by for place in places if place <= end for by in (-1, 0, 4, 9)]
@@ -52,11 +52,11 @@ def test_cut_off_anywhere(finished, tmp_path):
             continue
         counts.append(len(numbers))
         assert numbers == list(range(len(numbers)))
-        assert read[-1:] == strings[: len(read)][-1:]  # each is made of the one before
+        assert read[-1:] == strings[: len(read)][-1:]  # each string depends on the one before
         assert not complete or len(read) == len(strings)
     assert counts == sorted(counts)
     assert counts[0] == 0
-    assert counts[-1] == (60 if finished else 48)  # 3 chunks of 16 frames had been flushed
+    assert counts[-1] == (60 if finished else 48)  # 3 chunks of 16 frames are flushed
     assert set(counts) >= {0, 16, 32, 48}
 
 

@@ -1,4 +1,4 @@
-"""The cursor has the state before any frame, and its inputs lead to the frames that follow."""
+"""The cursor restores the state before any frame, and its inputs lead to the next frames."""
 
 import json
 from dataclasses import replace
@@ -35,7 +35,7 @@ def test_the_state_before_each_frame_is_that_of_the_run(name, tmp_path):
 
 
 def futures(record, number, file, seed):
-    """The digests of a run that starts with the state before a frame of a record."""
+    """The digests of a run that starts from the state before a frame of a record."""
     cursor = Cursor(record, state=True)
     scene = cursor.seek(number)
     world = replace(file.world, scene=scene, past=cursor.checkpoint, seed=seed)
@@ -63,7 +63,7 @@ def test_a_run_has_more_than_one_future(tmp_path):
 
 @pytest.fixture(scope="module")
 def shared(tmp_path_factory):
-    """A recorded world in which two members make events of the same type."""
+    """A recorded world in which two members generate events of the same type."""
     folder = tmp_path_factory.mktemp("shared")
     members = LOCKSTEP + '\n[process.fast]\nservice = "others:Slow"\nstride = 1000\n'
     path = write_world(folder, members, frames=8)

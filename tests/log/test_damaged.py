@@ -1,4 +1,4 @@
-"""Damaged records: intact parts are used, and losses are reported."""
+"""Damaged records: intact parts remain usable, and losses are reported."""
 
 import io
 import json
@@ -41,7 +41,7 @@ CHUNK, MESSAGE_INDEX, METADATA, DATA_END, FOOTER = 0x06, 0x07, 0x0C, 0x0F, 0x02
 
 
 def parts(data, opcode):
-    """Where the records of an opcode begin, and their whole lengths."""
+    """Offsets and total lengths of the records with an opcode."""
     return [
         (at, 9 + struct.unpack_from("<Q", data, at + 1)[0])
         for at in boundaries(data)[:-1]
@@ -50,7 +50,7 @@ def parts(data, opcode):
 
 
 def frames_of_chunks(data, folder):
-    """Which frames each chunk has, and with which frames whole strings begin there."""
+    """The frame numbers in each chunk."""
     with record_of(data, folder) as record:
         chunks = record._chunks
         return [
@@ -60,7 +60,7 @@ def frames_of_chunks(data, folder):
 
 
 def kept(data, folder, check=True):
-    """The numbers of the frames that can be used, each with the right string; and the losses."""
+    """Numbers of the usable frames, after a check of their strings, and the losses."""
     strings = strings_of("meadow")[1:]
     with record_of(data, folder) as record:
         read = [(frame.number, string) for frame, string in record.strings(check=check)]
@@ -109,7 +109,7 @@ def test_a_damaged_chunk_costs_its_own_frames_and_those_up_to_the_next_string(
 
 
 def test_strings_are_known_again_behind_the_damage(tmp_path):
-    """There is a whole string in the seventh chunk of nine: what follows is used."""
+    """The seventh of nine chunks has a key frame, so the frames after it are usable."""
     data = bytes_of("meadow")
     at, size = parts(data, CHUNK)[3]
     numbers, losses = kept(flipped(data, at + 100), tmp_path)
@@ -249,7 +249,7 @@ def test_any_damage_is_no_traceback_and_costs_no_frame_before_it(
 
 
 def bomb(chunks):
-    """A file of ours with these chunks instead: (data, declared size, compressed data)."""
+    """A record whose chunks are replaced by (data, declared size, checksum)."""
     data = bytes_of("meadow", finished=False)
     first = parts(data, CHUNK)[2][0]
     made = data[:first]
@@ -288,7 +288,7 @@ print(more * 1024, time.process_time() - began)
 
 
 def measured(data, folder):
-    """What is said of a file, and what that costs: bytes of memory, seconds of a processor."""
+    """Output for a file, and its cost in bytes of memory and seconds of CPU time."""
     path = folder / "bomb.mcap"
     path.write_bytes(data)
     words = [sys.executable, "-c", MEASURED, str(path)]
@@ -349,11 +349,11 @@ def test_damage_at_very_many_places_is_gone_over_once(tmp_path):
     assert seconds[1] < 30 * seconds[0]
 
 
-# --- what is intact is used ---
+# --- use of intact parts ---
 
 
 def stopped(path):
-    """A record of the meadow with a chunk every four frames."""
+    """Write a record of the meadow with a chunk every four frames; returns its bytes."""
     file, frames = happened("meadow")
     stream = io.BytesIO()
     told = replace(description(file), path=str(file.path))
@@ -390,7 +390,7 @@ def test_a_recovered_record_is_usable_like_any_other(chunk, tmp_path):
 
 @pytest.mark.parametrize("chunk", [5, 10, 16])
 def test_a_damaged_record_is_gone_on_from(chunk, tmp_path):
-    """Where it goes on it goes on to the very strings of the run that was never stopped."""
+    """The resumed run has the same strings as the run that was never stopped."""
     path, on = tmp_path / "run.mcap", tmp_path / "on.mcap"
     data = stopped(path)
     path.write_bytes(flipped(data, parts(data, CHUNK)[chunk][0] + 80))

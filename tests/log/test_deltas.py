@@ -1,4 +1,4 @@
-"""A delta turns one string exactly into the other, and invalid deltas are refused."""
+"""A delta converts one string exactly into the other; invalid deltas are rejected."""
 
 import pytest
 from hypothesis import given, settings
@@ -26,7 +26,7 @@ def sent(plain):
 
 
 def decoded(scene, vocabulary):
-    """The string as one has it who has read it: other objects, the same pieces."""
+    """The string after decoding: different objects, equal pieces."""
     return Reader(vocabulary).scene(sent(plain_scene(scene)))
 
 
@@ -47,13 +47,13 @@ def test_any_string_is_made_of_any_other(given):
     known = {piece.id for piece in pieces if hasattr(piece, "id")}
     inner = any(list(piece.scope) for piece in pieces if hasattr(piece, "scope"))
     if inner or len(known) < sum(hasattr(piece, "id") for piece in pieces):
-        check(old, other, vocabulary)  # mixed, an id might be there twice
+        check(old, other, vocabulary)  # a mixture could have duplicate ids
     else:
         check(old, Scene(tuple(pieces)), vocabulary)
 
 
 class Bare(Agent, symbol="ABare"):
-    """An agent of whom nothing is known but who it is."""
+    """An agent without attributes."""
 
 
 def test_another_agent_of_the_same_kind_is_another():

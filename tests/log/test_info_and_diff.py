@@ -26,7 +26,7 @@ def files(folder, *data) -> tuple[Any, Any]:
 
 
 def written(frames, **changed):
-    """A record of frames that never were like this."""
+    """A record of arbitrary frames that need not be from one run."""
     file, _ = happened("meadow")
     told = description(file)
     stream = io.BytesIO()

@@ -1,4 +1,4 @@
-"""Records of runs that were killed, whose disk was full, or that were cut: what counts is there."""
+"""Records of runs that were killed, truncated, or stopped by a full disk keep confirmed frames."""
 
 import os
 import random
@@ -50,11 +50,11 @@ runner.start()
 while True:
     runner.handle(s.Begin())
 """
-"""A run that says after each frame how many are sure to be in its record, until it is killed."""
+"""A run that prints the number of confirmed frames in its record after each frame."""
 
 
 def killed(folder, moment, flush, durable):
-    """The record of a run that was killed at some moment, and how many frames it had confirmed."""
+    """The record of a run killed at a random time, and its number of confirmed frames."""
     path = folder / "run.mcap"
     words = [sys.executable, "-c", CONFIRMING, MEADOW, path, str(flush), durable]
     with subprocess.Popen(
@@ -63,7 +63,7 @@ def killed(folder, moment, flush, durable):
         chance = random.Random(moment)
         said = [run.stdout.readline() for _ in range(chance.randrange(1, 60))]
         for _ in range(chance.randrange(20_000)):
-            pass  # Somewhere in the midst of a frame.
+            pass  # Delay into the middle of a frame.
         run.send_signal(signal.SIGKILL)
         said += run.stdout.read().splitlines(keepends=True)
     return path, max([0, *(int(one) for one in said if one.endswith("\n"))])
@@ -71,7 +71,7 @@ def killed(folder, moment, flush, durable):
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory):
-    """A record of the same run that was closed as it should be."""
+    """A record of the same run that was closed normally."""
     path = tmp_path_factory.mktemp("whole") / "run.mcap"
     words = ["run", MEADOW, "--in-process", "--rate", "0", "--frames", "90", "--record", path]
     subprocess.run(
@@ -82,7 +82,7 @@ def whole(tmp_path_factory):
 
 
 def works(path, least, whole=None):
-    """How many frames a record has, if all that can be done with it can be done."""
+    """Check every use of a record; returns its number of frames."""
     with Record(path) as record:
         info = info_of(record, check=True)
         frames = info.frames
@@ -127,7 +127,7 @@ def test_kills_at_very_many_moments(moment, durable, tmp_path, whole):
 
 
 def cut_every(path, folder, step):
-    """A record cut off at every so many bytes, from its first chunk on."""
+    """Yields a record truncated at every multiple of `step` bytes."""
     data = path.read_bytes()
     cut = folder / "cut.mcap"
     for size in range(step, len(data), step):
@@ -156,7 +156,7 @@ def test_cut_off_at_every_thousandth_byte(tmp_path, whole):
 
 
 def recorded_run(path, **process):
-    """A run of the meadow for 150 frames that is recorded there; what it said."""
+    """Run and record the meadow for 150 frames; returns standard error."""
     words = ["run", MEADOW, "--in-process", "--rate", "0", "--frames", "150", "--flush", "0"]
     done = subprocess.run(
         [sys.executable, "-m", "minerva_bus.cli.main", *words, "--record", path],

@@ -1,5 +1,8 @@
-"""Four robots give the same strings in any layout: few processes or many, TCP or unix sockets,
-one process, reckoned again from the record, or resumed in another layout."""
+"""Four robots give the same strings in any layout.
+
+The layouts have different numbers of processes and use TCP, Unix sockets or a single process; others
+recompute the record, or resume it in another layout.
+"""
 
 import tempfile
 from pathlib import Path
@@ -16,19 +19,19 @@ LAYOUTS = [(count, kind) for count in (1, 2, 4, 8) for kind in ("tcp", "unix")]
 
 
 def spread(count, kind, folder):
-    """The options of a run on the bus with so many processes of robots."""
+    """The options of a run on the bus with `count` robot processes."""
     listen = "tcp/127.0.0.1:0" if kind == "tcp" else f"unixsock-stream/{folder}/{count}.sock"
     return "--set", f"robots.processes={count}", "--listen", listen, "--name", f"r{count}-{kind}"
 
 
 def ran(folder, *words):
-    """The digest of a run, and how many frames it had."""
+    """Digest and number of frames of a run."""
     done = summary(minerva(folder, *words, "--json", timeout=600))
     return done["digest"], done["frames"]
 
 
 class Layouts:
-    """One run of so many frames in a folder, and the same in other layouts."""
+    """A reference run in one process, and runs of the same world in other layouts."""
 
     def __init__(self, frames, folder):
         self.frames = frames
@@ -38,7 +41,7 @@ class Layouts:
         assert self.whole[1] == frames
 
     def check(self, count, kind):
-        """The record of another layout is the same."""
+        """Check that the record of another layout is equal."""
         name = f"{count}-{kind}.mcap"
         words = (*ROBOTS, *spread(count, kind, self.folder), "--record", name)
         assert ran(self.folder, *words, "--frames", self.frames) == self.whole
@@ -46,12 +49,12 @@ class Layouts:
         assert done.returncode == 0, done.stdout
 
     def check_reckoned_again(self):
-        """λ gives all frames again from the record."""
+        """Check that λ reproduces all frames of the record."""
         done = here(self.folder, "replay", "whole.mcap", "--recompute")
         assert done.returncode == 0, done.stdout
 
     def check_resumed(self, half, count, kind):
-        """A run that was stopped half-way and goes on in another layout is the same."""
+        """Check that a run which is stopped half-way and resumed in another layout is equal."""
         words = ("--frames", half, "--record", "cut.mcap", *spread(2, "tcp", self.folder))
         assert ran(self.folder, *ROBOTS, *words)[1] == half
         words = ("--resume", "cut.mcap", "--frames", self.frames, "--record", "on.mcap")
@@ -63,7 +66,7 @@ class Layouts:
 
 @pytest.fixture(scope="module")
 def few():
-    with tempfile.TemporaryDirectory(prefix="mnv") as folder:  # A socket's name must be short.
+    with tempfile.TemporaryDirectory(prefix="mnv") as folder:  # The path of a socket must be short.
         yield Layouts(40, folder)
 
 

@@ -1,4 +1,4 @@
-"""A literal world over real processes: one record in any layout, recomputed, resumed, swapped."""
+"""A world with the literal policy: its record in any layout, recomputed, resumed and swapped."""
 
 import pytest
 
@@ -55,7 +55,7 @@ STRING = "PBowl · AYeast#a · AYeast#b(ACrumb#c) · AYeast#d"
 
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory):
-    """A folder with a world file, the record of its run in one process, and the summary."""
+    """A folder with a world file and the record of its run in one process, digest and frames."""
     folder = tmp_path_factory.mktemp("letter")
     (folder / "yeast.py").write_text(YEAST)
     path = write_world(

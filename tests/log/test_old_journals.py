@@ -1,9 +1,9 @@
-"""Journals of earlier versions are read, and lead to the same strings as then.
+"""Journals of earlier versions are readable and lead to the original strings.
 
     PYTHONPATH=tests/log python -m test_old_journals
 
-writes one of this version; earlier ones are kept. The world is the simulated one: a change of its
-vocabulary or rules makes another world of it, whose journals these are not.
+writes a journal of the current version; those of earlier versions remain. The world is the simulated
+one: a change of its vocabulary or rules invalidates the journals.
 """
 
 import json
@@ -25,7 +25,7 @@ FRAMES = 6
 
 
 def write(path):
-    """Write a journal of a run that is not over, and beside it what it leads to."""
+    """Write the journal of an unfinished run, and beside it the expected digests."""
     digests = []
 
     def watch(instruction):

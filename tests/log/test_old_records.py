@@ -1,8 +1,8 @@
-"""Records of earlier versions are read: every frame, string and event, without the world's code.
+"""Records of earlier versions are readable without the world's code: frames, strings and events.
 
     python -m tests.log.test_old_records
 
-writes one of this version; earlier ones are kept.
+writes a record of the current version; those of earlier versions remain.
 """
 
 import json
@@ -23,7 +23,7 @@ RECORDS = sorted(CORPUS.glob("*.mcap"))
 
 
 def contents(path):
-    """What a reader finds in a record: the digest of each frame's string, and its events."""
+    """The digest of each frame's string and its events, as the reader returns them."""
     with Record(path) as record:
         return [
             {"digest": frame.digest.hex(), "events": [str(event) for event in frame.events]}

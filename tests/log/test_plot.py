@@ -1,4 +1,4 @@
-"""`minerva plot`: what it draws, and that it can be drawn."""
+"""`minerva plot`: the data of its figures, and drawing them."""
 
 import io
 import sys

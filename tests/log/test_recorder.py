@@ -1,4 +1,4 @@
-"""Recording never harms the world: not by a slow disk, nor by a full one."""
+"""Recording never disturbs the world, with a slow or a full disk."""
 
 import errno
 import io
@@ -27,9 +27,9 @@ mcap = pytest.importorskip("mcap")
 
 
 class Disk(io.BytesIO):
-    """A file that is slow until it is let go, and full after so many bytes.
+    """A file that blocks until it is released, and is full after `full_after` bytes.
 
-    `when_asked` is called once, when the next bytes come.
+    `when_asked` is called once, at the next write.
     """
 
     def __init__(self, full_after=None):
@@ -207,7 +207,7 @@ def test_a_disk_that_stands_still_holds_nothing_up_for_long(tmp_path, monkeypatc
     disk.asked.clear()
     frames = happened("meadow")[1]
     recorder.frame(*frames[0], 0.0)
-    disk.asked.wait()  # The thread is with the disk now, and takes nothing.
+    disk.asked.wait()  # The thread is blocked in a write and takes no more frames.
     for record, string in frames[1:50]:
         recorder.frame(record, string, 0.0)
     assert recorder.lost == 49 - queues.WAITING
@@ -293,7 +293,7 @@ def test_without_the_library_nothing_is_touched(tmp_path, monkeypatch):
 
 
 def writers_of(monkeypatch):
-    """The threads that write frames, in order."""
+    """Names of the threads that write frames, in order."""
     found, frame = [], RecordWriter.frame
 
     def written(self, *what):
@@ -339,7 +339,7 @@ def test_large_frames_are_left_to_the_thread(why, monkeypatch):
 
 
 def test_a_large_string_is_left_to_the_thread(monkeypatch):
-    """A frame may be little, and yet the whole string be due behind it."""
+    """A key frame with the whole string can be due after a small frame."""
     whole, put = [], RecordWriter._put_keyframe
 
     def written(self, *what):
@@ -358,14 +358,14 @@ def test_a_large_string_is_left_to_the_thread(monkeypatch):
             recorder.idle()
     recorder.close()
     assert not said
-    assert whole[0] == "MainThread"  # The first string is there before any frame.
+    assert whole[0] == "MainThread"  # The recorder writes the first string before any frame.
     assert set(whole[1:]) == {"recorder"}
 
 
 def test_frames_are_written_without_help(monkeypatch):
     writers = writers_of(monkeypatch)
     recorder, _ = recorder_on(monkeypatch, Disk(), flush_seconds=60.0)
-    recorder.idle()  # And never again.
+    recorder.idle()  # The only call of `idle`.
     for record, string in happened("meadow")[1][: module.HELPED_WITHIN + 1]:
         recorder.frame(record, string, 0.0)
     while len(writers) <= module.HELPED_WITHIN:
@@ -381,7 +381,7 @@ def test_the_helping_thread_never_waits_for_the_disk(monkeypatch):
     disk.asked.clear()
     frames = happened("meadow")[1]
     recorder.frame(*frames[0], 0.0)
-    disk.asked.wait()  # The thread is with the disk now.
+    disk.asked.wait()  # The thread is blocked in a write.
     for record, string in frames[1 : queues.WAITING]:
         recorder.frame(record, string, 0.0)
         recorder.idle()

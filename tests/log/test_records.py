@@ -1,4 +1,4 @@
-"""Records survive a round trip, from any position, also for other readers."""
+"""Records round-trip from any position, also through other MCAP readers."""
 
 import io
 import json
@@ -110,7 +110,7 @@ def test_the_log_survives_a_round_trip(tmp_path):
 
 
 def others(data):
-    """The content for a generic MCAP reader."""
+    """The messages by topic, read by a generic MCAP reader."""
     from mcap.reader import make_reader
 
     found = {}
@@ -123,7 +123,7 @@ def others(data):
 
 
 def fits(value, schema):
-    """A small part of JSON schema: every member that the schema has is there, and of its type."""
+    """Check a value against a subset of JSON schema: required members and their types."""
     kinds = {"object": dict, "array": list, "string": str, "integer": int, "number": (int, float)}
     assert isinstance(value, kinds[schema["type"]])
     for name, inner in schema.get("properties", {}).items():

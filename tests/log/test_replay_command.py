@@ -1,4 +1,4 @@
-"""`minerva replay` over the bus: it is operated as a running world is."""
+"""`minerva replay` on the bus supports the commands for running worlds."""
 
 import json
 
@@ -17,7 +17,7 @@ SCREEN = "yard:Screen:said=true"
 
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory):
-    """A folder with a world of 60 frames and its record, and the run's summary."""
+    """The path of a recorded world of 60 frames, and the run's summary."""
     folder = tmp_path_factory.mktemp("recorded")
     path = write_world(folder, frames=60)
     done = here(folder, "run", path, "--in-process", "--record", "run.mcap", "--json")
@@ -25,7 +25,7 @@ def recorded(tmp_path_factory):
 
 
 class Replayed(World):
-    """`minerva replay`, with its members known by their processes."""
+    """A `minerva replay` process."""
 
     def __init__(self, path, *words):
         Run.__init__(self, path.parent, "replay", "run.mcap", *words)

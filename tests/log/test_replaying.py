@@ -1,4 +1,4 @@
-"""A record is played again: the views are those of the run, wherever it is begun or moved to."""
+"""Replays show the views of the run, from any start and after any seek."""
 
 from functools import cache, partial
 
@@ -24,7 +24,7 @@ SHOWN = {"meadow": "ePicture", "flock": "ePicture", "robot": "eRepresent"}
 
 
 class Seen(Device):
-    """Remembers the digest of each view; it wants one each frame."""
+    """Stores the digest of each view; it requests one in every frame."""
 
     every = 1
 
@@ -38,7 +38,7 @@ class Seen(Device):
 
 @cache
 def lived(name):
-    """What the views of a run were, and its digests."""
+    """The views of a run, and its digests."""
     world, overrides = WORLDS[name]
     file, seen, digests = world_file(world, **overrides), Seen(name), []
     algorithm = FrameAlgorithm(file.world)
@@ -56,7 +56,7 @@ def lived(name):
 
 
 class Projector:
-    """A record that is being played in this process."""
+    """A record that is replayed in this process."""
 
     def __init__(self, name, folder, begin=0, stay=False, seen=True):
         file, _ = happened(name)
@@ -74,7 +74,7 @@ class Projector:
         self.runner = InProcessRunner(self.algorithm, members, self.told.append)
         self.runner.start()
         if not seen:
-            self.runner.handle(s.Begin())  # Nobody is waited for: this only gets it ready.
+            self.runner.handle(s.Begin())  # Without members this only starts the world.
 
     def play(self, frames=1000):
         for _ in range(frames):
@@ -168,7 +168,7 @@ def test_it_takes_no_orders(tmp_path):
     assert not projector.algorithm.inbox.events
 
 
-# --- λ again ---
+# --- λ recomputed ---
 
 
 @pytest.mark.parametrize("name", WORLDS)

@@ -1,4 +1,4 @@
-"""What a record has for going on after its last whole frame, and that the future is the same."""
+"""A record has all state to resume after its last complete frame, with the same future."""
 
 import errno
 import io
@@ -48,7 +48,7 @@ RUNS = {
 
 
 def lived(file, stop=None):
-    """Run a world in this process, and record it where it says so; the digests by frame."""
+    """Run a world in this process, with a record if its file has one; returns digests by frame."""
     algorithm, digests = FrameAlgorithm(file.world), {}
     record = recording(file, algorithm, lambda text: pytest.fail(text))
 
@@ -171,7 +171,7 @@ def test_a_checkpoint_lists_new_data(tmp_path):
 
 
 def written(checkpoints, folder, last=None):
-    """A record of so many frames with these checkpoints, and perhaps one more of a torn frame."""
+    """A record of frames with these checkpoints, optionally with one more of a torn frame."""
     file, frames = happened("meadow")
     stream = io.BytesIO()
     writer = RecordWriter(stream, description(file))

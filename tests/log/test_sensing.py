@@ -1,4 +1,4 @@
-"""Sensor topics in a record: nothing of a reading is lost, and nothing waits for it."""
+"""Sensor topics in a record: readings are lossless and do not delay frames."""
 
 import base64
 import io
@@ -54,7 +54,7 @@ LOCKSTEP = ALL_KINDS.split("[process.noise]")[0]
 
 
 def same(one, other):
-    """Whether readings are the same bit by bit."""
+    """Whether readings are identical bit by bit."""
     plain = [(told.topic, told.member, told.frame, told.readings) for told in (one, other)]
     return plain[0][:3] == plain[1][:3] and [*map(plain_reading, plain[0][3])] == [
         *map(plain_reading, plain[1][3])
@@ -95,7 +95,7 @@ def test_an_invalid_message_of_a_topic_is_rejected(data):
 
 
 def topics_in(path):
-    """All messages of an MCAP file by topic, as mcap's own reader finds them."""
+    """All messages of an MCAP file by topic, read by the mcap library."""
     from mcap.reader import make_reader
 
     found = {}
@@ -214,7 +214,7 @@ def test_no_frame_is_skipped_under_a_flood(tmp_path, monkeypatch):
     sensed, said = RecordWriter.sensed, []
 
     def written(self, *what):
-        recorder.received("battery", "m", data, 0.0)  # Another one has come meanwhile.
+        recorder.received("battery", "m", data, 0.0)  # Another reading arrives meanwhile.
         sensed(self, *what)
 
     monkeypatch.setattr(RecordWriter, "sensed", written)

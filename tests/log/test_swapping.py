@@ -1,4 +1,4 @@
-"""A recorded run once more with one member replaced: all others do what they did."""
+"""Replay of a record with one member replaced: all other members behave as recorded."""
 
 import json
 
@@ -56,7 +56,7 @@ class Paper(Device, draws=("eShow",)):
 
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory):
-    """A folder with a world of 30 frames, its record with and without topics, and its summary."""
+    """A folder with a world of 30 frames and its records with and without topics; its summary."""
     folder = tmp_path_factory.mktemp("swapped")
     path = write_world(folder, LOCKSTEP, frames=30)
     (folder / "others.py").write_text(OTHERS)

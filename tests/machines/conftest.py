@@ -1,8 +1,8 @@
-"""Machines for deploy/: an empty Debian, containers by podman, a system that boots. As root.
+"""Machines for deploy/: an empty Debian, podman containers and a bootable system; requires root.
 
-A Debian by debootstrap stands in for the Dockerfile's base image, with its name, and is the machine
-of the systemd units. All is made once for the tests and removed with them; MINERVA_MACHINES names a
-folder in which it is kept instead.
+A Debian created by debootstrap replaces the Dockerfile's base image under the same name, and is the
+machine of the systemd units. The machines are created once for the tests and removed afterwards;
+MINERVA_MACHINES names a folder in which they are kept instead.
 """
 
 import os
@@ -49,7 +49,7 @@ def needs(*programs):
 
 
 def run(*words, **rest):
-    """What a command prints. AssertionError with both of its outputs where it fails."""
+    """The output of a command; AssertionError with both outputs if it fails."""
     done = subprocess.run([*map(str, words)], capture_output=True, text=True, **rest)
     assert done.returncode == 0, f"{words}: {done.returncode}\n{done.stdout}\n{done.stderr}"
     return done.stdout
@@ -69,7 +69,7 @@ def place():
 
 @pytest.fixture(scope="session")
 def debian(place):
-    """The root of an empty Debian with Python and systemd, which reaches the same package index."""
+    """The root of an empty Debian with Python, systemd and access to the same package index."""
     root = place / "debian"
     if not (root / "complete").exists():
         run("debootstrap", "--variant=minbase", f"--include={INCLUDED}", "bookworm", root)
@@ -83,7 +83,7 @@ def debian(place):
 
 
 class Podman:
-    """podman with images and containers of its own."""
+    """podman with separate images and containers."""
 
     def __init__(self, place):
         (place / "containers.conf").write_text(CONTAINERS)
@@ -95,11 +95,11 @@ class Podman:
         }
 
     def __call__(self, *words, **rest):
-        """What `podman ...` prints."""
+        """The output of `podman ...`."""
         return run("podman", *words, env=self.environment, **rest)
 
     def said(self, container):
-        """What a container has printed on both of its outputs."""
+        """Standard output and error of a container."""
         done = subprocess.run(
             ["podman", "logs", container], env=self.environment, capture_output=True, text=True
         )
@@ -118,7 +118,7 @@ def podman(place):
 
 @pytest.fixture(scope="session")
 def image(debian, podman, place):
-    """The image that the Dockerfile makes, on the empty Debian."""
+    """The image of the Dockerfile, built on the empty Debian."""
     if BASE not in podman("images", "--format", "{{.Repository}}:{{.Tag}}"):
         with subprocess.Popen(
             ["tar", "-C", debian, "-cf", "-", "."], stdout=subprocess.PIPE

@@ -1,4 +1,4 @@
-"""The compose file by podman-compose: each member in a container of its own, with its own key."""
+"""The compose file with podman-compose: each member in its own container, with its own key."""
 
 import os
 import signal
@@ -17,7 +17,7 @@ OURS = [name for name, one in COMPOSE["services"].items() if "profiles" not in o
 
 @pytest.fixture
 def compose(podman, image, tmp_path):
-    """podman-compose for the project, with the keys that the page's commands make."""
+    """podman-compose for the project, with the keys from the page's commands."""
     needs("podman-compose", "aardvark-dns")
     text = README.partition("## Containers")[2].split("```")[1]
     script = "\n".join(line for line in text.splitlines() if "minerva keys" in line)
@@ -45,7 +45,7 @@ def ready():
 
 
 def listed(podman):
-    """The state of each member, as `minerva list` in the coordinator's container shows it."""
+    """The state of each member, from `minerva list` in the coordinator's container."""
     lines = podman("exec", "docker_coordinator_1", "minerva", "list").splitlines()[2:]
     return {line.split()[0]: line.split()[1] for line in lines}
 

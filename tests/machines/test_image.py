@@ -1,4 +1,4 @@
-"""The image is built and runs worlds: with a read-only root, killed, and on its own journal."""
+"""The image builds and runs worlds: with a read-only root, after a kill, and from its journal."""
 
 import json
 import re
@@ -13,7 +13,7 @@ WORLD = ("run", "robot", "--until=", "--json")
 
 
 def frame_of(podman, container):
-    """The frame that `minerva list` in a container shows."""
+    """The frame number from `minerva list` in a container."""
     found = re.search(r"\bframe (\d+)", podman("exec", container, "minerva", "list"))
     return int(found[1]) if found else -1
 
@@ -22,7 +22,7 @@ def frame_of(podman, container):
     "tmpfs", [(), ("--read-only-tmpfs=false", "--tmpfs=/tmp")], ids=["plain", "named"]
 )
 def test_a_world_runs_with_a_read_only_root(podman, image, tmp_path, tmpfs):
-    """Plain `--read-only` is what the page promises; podman gives such a container a /tmp."""
+    """The page documents plain `--read-only`; podman then provides a /tmp."""
     told = podman("run", "--rm", *SMALL, *tmpfs, image, *WORLD, "--frames", 30)
     alone = summary(here(tmp_path, *WORLD, "--frames", 30, "--in-process"))
     assert json.loads(told.splitlines()[-1])["digest"] == alone["digest"]

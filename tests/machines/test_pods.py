@@ -1,8 +1,8 @@
-"""The manifests' pods by `podman kube play`: the coordinator, and two hosts of one certificate.
+"""The manifests' pods with `podman kube play`: the coordinator and two hosts.
 
-A pod is what the manifest's template says, with folders in place of secrets and claims, a fixed
-address in place of the service's name, its own name in its arguments, and without what takes a kubelet: probes, resources and
-what spreads pods over nodes.
+The hosts share one certificate. A pod follows the manifest's template, with folders instead of
+secrets and claims, a fixed address instead of the service name, and its own name in its arguments.
+It omits probes, resources and spread constraints, which require a kubelet or several nodes.
 """
 
 import re
@@ -25,12 +25,12 @@ KUBELET = ("startupProbe", "livenessProbe", "readinessProbe", "resources")
 
 
 def pod(name, manifest, folders):
-    """A Pod that podman can play.
+    """A Pod that podman can run.
 
     Args:
         name: name of the pod.
-        manifest: the StatefulSet or Deployment whose template it has.
-        folders: the folder of each volume that is a secret or a claim.
+        manifest: the StatefulSet or Deployment that has its template.
+        folders: the folder of each volume for a secret or a claim.
 
     """
     spec = deepcopy(PODS[manifest])
@@ -51,7 +51,7 @@ def pod(name, manifest, folders):
 
 
 def secret(keys, name):
-    """The folder of the secret that the page's command makes of the folder of keys."""
+    """The files of a secret that the page's command creates from the folder of keys."""
     (files,) = re.findall(rf"secret generic {name}-keys \$\((.*)\)", README)
     folder = keys.parent / f"{name}-keys"
     folder.mkdir()
@@ -62,7 +62,7 @@ def secret(keys, name):
 
 @pytest.fixture
 def play(podman, image, tmp_path):
-    """Start a pod of a manifest."""
+    """A function that starts a pod of a manifest."""
     needs("catatonit")
     section = README.partition("## Kubernetes")[2].partition("\n## ")[0]
     commands = "\n".join(line for line in section.splitlines() if line.startswith("minerva keys"))
@@ -70,7 +70,7 @@ def play(podman, image, tmp_path):
     minerva = f'minerva() {{ {sys.executable} -m minerva_bus.cli.main "$@"; }}'
     run("bash", "-ec", f"{minerva}\n{commands}", cwd=tmp_path)
     folders = {name: secret(tmp_path / "keys", name) for name in PODS}
-    podman("network", "rm", "--force", NETWORK)  # An interrupted run leaves it.
+    podman("network", "rm", "--force", NETWORK)  # An interrupted run leaves it behind.
     podman("network", "create", "--subnet", SUBNET, NETWORK)
 
     def start(name, manifest, *options):
@@ -100,7 +100,7 @@ def answer(path):
 
 
 def members(podman):
-    """The state of each member, as `minerva list` in the coordinator's pod shows it."""
+    """The state of each member, from `minerva list` in the coordinator's pod."""
     lines = podman("exec", "coordinator-0-world", "minerva", "list").splitlines()[2:]
     return {line.split()[0]: line.split()[1] for line in lines}
 

@@ -1,4 +1,4 @@
-"""The systemd units on a machine that boots: the page's commands, typed as they stand there."""
+"""The systemd units on a booted machine, with the page's literal commands."""
 
 import re
 import shutil
@@ -41,7 +41,7 @@ shown() { eval "$LIST" | grep --extended-regexp --quiet "$1"; }
 
 @pytest.fixture
 def machine(debian, place):
-    """A copy of the empty Debian that boots, runs a script as root, and gives what it printed."""
+    """A function that boots a copy of the Debian, runs a script as root, and returns its output."""
     needs("systemd-nspawn")
     root = place / "machine"
     run("cp", "--archive", "--reflink=auto", debian, root)
@@ -73,7 +73,7 @@ def machine(debian, place):
 
 
 def test_a_world_and_a_member_run_by_the_pages_commands(machine):
-    """The member is a host of agents: a lidar takes a serial line."""
+    """The member is a host of agents, because a lidar needs a serial line."""
     keys = (
         "PATH=/opt/minerva/bin:$PATH; minerva keys init --host server\n"
         "minerva keys issue lidar --role agent\n"

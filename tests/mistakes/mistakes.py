@@ -1,6 +1,6 @@
-"""A small world, and the mistakes that beginners make in it: each one a change of its text.
+"""A small world, and typical beginners' mistakes as changes of its text.
 
-A line that ends with `#!` is the line at fault, which a message has to name.
+A line that ends with `#!` is the faulty line, which the error message must name.
 """
 
 from __future__ import annotations
@@ -91,8 +91,8 @@ AGENTS = 'agents = "garden:Plant"'
 class Mistake:
     """A replacement of text in the code or in the world file.
 
-    `says` are words of the message; `at` is False where the line at fault is in no module.
-    `goes_on`: the world runs nevertheless.
+    `says` are words of the message; `at` is False if no module has the faulty line. `goes_on`: the
+    world runs nevertheless.
     """
 
     name: str
@@ -117,7 +117,7 @@ class Mistake:
 
     @property
     def line(self) -> int:
-        """The number of the line at fault."""
+        """Number of the faulty line."""
         return next(
             number
             for number, line in enumerate(self.code.split("\n"), 1)
@@ -125,7 +125,7 @@ class Mistake:
         )
 
     def write(self, folder: Path) -> Path:
-        """The world file, with its module beside it."""
+        """Write the world file and its module; returns the path of the world file."""
         (folder / "garden.py").write_text(self.code, encoding="utf-8")
         path = folder / "garden.toml"
         path.write_text(self.file, encoding="utf-8")
@@ -242,4 +242,4 @@ HARMLESS = (
     Mistake("a view that shows nothing", SEE, "        return EMPTY\n"),
     Mistake("save returns a number", SHINE, SHINE + "\n    def save(self):\n        return 7\n"),
 )
-"""What is allowed, though other systems refuse it."""
+"""Changes that are allowed here, although other systems reject them."""

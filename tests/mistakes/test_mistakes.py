@@ -1,4 +1,4 @@
-"""Beginners' mistakes are reported in a few lines, with file and line of their code."""
+"""Reports of beginners' mistakes are a few lines, with file and line of the user's code."""
 
 import os
 import sys
@@ -17,13 +17,13 @@ ERROR, ALL = 10, 25
 
 @pytest.fixture(scope="module", autouse=True)
 def warm():
-    """What the command line imports when it is first used is there before the forks."""
+    """Trigger the lazy imports of the command line before the forks."""
     with pytest.raises(SystemExit):
         app(["check", "nothing.mnv"])
 
 
 def minerva(folder: Path, *words: str) -> tuple[int, str]:
-    """The exit code and the output of a command, run in a fork: modules are imported again."""
+    """Exit code and output of a command in a forked process, which imports the modules again."""
     output = folder / "output"
     pid = os.fork()
     if not pid:
@@ -62,7 +62,7 @@ def test_a_mistake_is_explained_in_a_few_lines(mistake, tmp_path):
     assert len(text.splitlines()) <= ERROR
     assert code in (1, 2) or mistake.goes_on
     checked, said = minerva(tmp_path, "check", path)
-    if code == 2:  # What makes a run impossible shows before it.
+    if code == 2:  # `check` finds mistakes that prevent a run.
         assert checked == 1
         explained(mistake, said)
 

@@ -1,11 +1,11 @@
-"""Hosts for tests: network namespaces on switches of their own, which nothing outlives.
+"""Hosts for tests: network namespaces on separate switches, removed at the end.
 
     with Network(folder) as network:
         hub, east = network.host("hub"), network.host("east")
         east.link("down")
 
-Every host has a folder, an address on each of its networks (10.77.NETWORK.NUMBER), and knows the
-others by their names. It takes root, and `ip` (package iproute2).
+Every host has a folder, an address on each of its networks (10.77.NETWORK.NUMBER), and a hosts file
+with the names of the others. This requires root and `ip` (package iproute2).
 """
 
 import itertools
@@ -27,14 +27,14 @@ NAMES = Path("/etc/netns")
 
 
 def ip(*words):
-    """Run `ip`; what it prints."""
+    """Run `ip` and return its output."""
     done = subprocess.run(["ip", *map(str, words)], capture_output=True, text=True)
     assert done.returncode == 0, f"ip {' '.join(map(str, words))}: {done.stderr}"
     return done.stdout
 
 
 def why_not():
-    """Why there can be no hosts here, or nothing."""
+    """Reason why hosts are unavailable here, or an empty string."""
     if shutil.which("ip") is None:
         return "there is no ip (package iproute2)"
     if os.geteuid() != 0:
@@ -53,9 +53,9 @@ def why_not():
 
 
 def why_no_lines():
-    """Why there can be no bad lines here, or nothing.
+    """Reason why lossy lines are unavailable here, or an empty string.
 
-    Not every kernel has netem, which `tc` would ask for the same; tap devices are nearly everywhere.
+    Lines use tap devices, which nearly every kernel has, unlike netem (`tc`).
     """
     return "" if os.access("/dev/net/tun", os.R_OK | os.W_OK) else "there is no /dev/net/tun"
 
@@ -69,13 +69,13 @@ LINE = Path(__file__).with_name("line.py")
 
 
 class Line:
-    """A bad line, for as long as it is looked at, between a host and its switch.
+    """A slow and lossy line between a host and its switch, as a context manager.
 
         with Line(host, 0.05, 0.01) as line:
             eventually(lambda: line.dropped > 3, "some packets are lost")
 
-    What goes over it takes so many seconds to either side, and a share of it is lost. The packets
-    are real, so TCP finds out by itself.
+    It delays packets by `seconds` in each direction and drops a fraction `lost` of them. The packets
+    are real, so TCP detects and repairs the losses.
     """
 
     def __init__(self, host, seconds, lost):
@@ -113,12 +113,12 @@ class Line:
 
     @property
     def dropped(self):
-        """How many packets were lost."""
+        """Number of dropped packets."""
         return len(self._lines)
 
 
 class Host:
-    """A machine: commands, files, links."""
+    """A machine: commands, files and links."""
 
     def __init__(self, network, name, number):
         self.network, self.name, self.number = network, name, number
@@ -132,11 +132,11 @@ class Host:
 
     @property
     def address(self):
-        """That on its first network."""
+        """Address on its first network."""
         return self.addresses[min(self.addresses)]
 
     def join(self, net):
-        """A cable to the switch of a network."""
+        """Connect it to the switch of a network."""
         space, switch = self.space, self.network.switch(net)
         self.addresses[net] = f"10.77.{net}.{self.number}"
         port = f"p{self.number}"
@@ -147,12 +147,12 @@ class Host:
         ip("-n", space, "link", "set", f"net{net}", "up")
 
     def link(self, state, net=None):
-        """Pull the cable ("down"), or put it in again ("up")."""
+        """Unplug the cable ("down") or plug it in ("up")."""
         device = f"net{min(self.addresses) if net is None else net}"
         ip("-n", self.space, "link", "set", device, state)
 
     def move(self, number):
-        """The host has another address from now on."""
+        """Change the address of the host."""
         (net,) = self.addresses
         old, self.addresses[net] = self.addresses[net], f"10.77.{net}.{number}"
         device = f"net{net}"
@@ -161,13 +161,13 @@ class Host:
         self.network.tell_names()
 
     def vanish(self):
-        """It is off: first no word comes from it, then nothing runs on it."""
+        """Power off: first its links go down, then all its processes are killed."""
         for net in self.addresses:
             self.link("down", net)
         self.kill()
 
     def kill(self):
-        """Nothing runs on it any more."""
+        """Kill all its processes."""
 
         def dead():
             pids = [int(pid) for pid in ip("netns", "pids", self.space).split()]
@@ -181,22 +181,22 @@ class Host:
         eventually(dead, f"nothing runs on {self.name}")
 
     def starts(self, *words):
-        """A `minerva` command that runs on it."""
+        """Start a `minerva` command on the host."""
         return Run(self.folder, *words, inside=self.inside)
 
     def runs_world(self, path, *words):
-        """`minerva run` of a file in its folder."""
+        """Start `minerva run` with a file in its folder."""
         return World(path, *words, inside=self.inside)
 
     def does(self, *words, **variables):
-        """Run a program on it to its end; variables are of its environment."""
+        """Run a program on the host to its end, with additional environment variables."""
         return subprocess.run(
             [*self.inside, *map(str, words)], cwd=self.folder, capture_output=True, text=True,
             timeout=60, stdin=subprocess.DEVNULL, env=environment(self.folder) | variables,
         )  # fmt: skip
 
     def program(self, *words):
-        """Run a program on it, which has begun when it has printed a line."""
+        """Start a program on the host and wait for its first line of output."""
         process = subprocess.Popen(
             [*self.inside, *map(str, words)], cwd=self.folder, env=environment(self.folder),
             stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, text=True,
@@ -206,7 +206,7 @@ class Host:
 
 
 class Network:
-    """Hosts on switches; when it ends, none of them is left, nor what ran on them."""
+    """Hosts on switches; the end of the context removes them and their processes."""
 
     def __init__(self, folder):
         self.folder = folder
@@ -225,7 +225,7 @@ class Network:
             shutil.rmtree(NAMES / space, ignore_errors=True)
 
     def host(self, name, *nets):
-        """A new host on these networks, or on network 1."""
+        """A new host on these networks, by default on network 1."""
         host = self.hosts[name] = Host(self, name, len(self.hosts) + 1)
         for net in nets or (1,):
             host.join(net)
@@ -233,7 +233,7 @@ class Network:
         return host
 
     def switch(self, net):
-        """The switch of a network: a bridge in a namespace of its own."""
+        """The switch of a network: a bridge in a separate namespace."""
         if net not in self._switches:
             space = self._switches[net] = f"{self.space}s{net}"
             ip("netns", "add", space)
@@ -242,7 +242,7 @@ class Network:
         return self._switches[net]
 
     def tell_names(self):
-        """All hosts know how those are called that share a network with them, and where they are."""
+        """Write the hosts file of each host, with the names and addresses on shared networks."""
         for host in self.hosts.values():
             lines = ["127.0.0.1 localhost"]
             for one in self.hosts.values():

@@ -1,10 +1,10 @@
-"""A bad line between two bridges: what Ethernet frames one gets, the other gets later, or never.
+"""A slow and lossy line between two bridges: it delays or drops Ethernet frames.
 
     python line.py PORT OTHER SECONDS LOST BRIDGE OTHER
 
-Makes two ports (tap devices), which belong to one bridge each. Every frame takes so many seconds,
-and of all frames the share LOST is dropped, so that TCP itself has to send again what was in them.
-It prints a line when it has begun, and then how many were dropped so far.
+Creates two ports (tap devices), one on each bridge. Every frame is delayed by SECONDS, and a
+fraction LOST of the frames is dropped, so that TCP has to retransmit their content. The script
+prints a line when it is ready, and then the number of dropped frames after each drop.
 """
 
 import fcntl
@@ -23,14 +23,14 @@ LONGEST = 65536
 
 
 def port(name):
-    """A tap device of this name, open for as long as this process lives."""
+    """A tap device with this name, open until the process ends."""
     device = os.open("/dev/net/tun", os.O_RDWR | os.O_NONBLOCK)
     fcntl.ioctl(device, SET_INTERFACE, struct.pack("16sH22x", name.encode(), TAP_WITHOUT_HEADER))
     return device
 
 
 def carry(one, other, seconds, lost):
-    """Carry frames both ways, for ever."""
+    """Forward frames in both directions forever."""
     random, dropped = Random(1), 0
     on_the_way = deque()
     to = {one: other, other: one}

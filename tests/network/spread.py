@@ -1,4 +1,4 @@
-"""A world spread over hosts, for tests: one runs it, each of the others one member."""
+"""A world distributed over several hosts, for tests: one runs it, each other host has a member."""
 
 import json
 import shutil
@@ -23,7 +23,7 @@ THERE = {
     "water": ('service = "yard:Water"', ("generator", "view")),
     "screen": ('service = "yard:Screen"', ("view",)),
 }
-"""Members that live elsewhere, and what their certificates are for."""
+"""Sections of the remote members, and the roles of their certificates."""
 
 STRING = " · ".join(f"AWalker#{name}<x={x}>" for x, name in enumerate("abcdefgh"))
 PORT = 7447
@@ -31,9 +31,9 @@ SECURED = f'listen = "tls/0.0.0.0:{PORT}"\nkeys = "keys"\n'
 
 
 class Spread:
-    """A world whose host is `hub`, and hosts for some members; in the end all have left.
+    """A world on the host `hub`, with members on other hosts.
 
-    `options` are more words of the command that attaches a member, by its name.
+    `options` are additional arguments of the command that attaches a member, by its name.
     """
 
     def __init__(self, hub, hosts, door="hub", more=None, rate=20, options=None):
@@ -55,14 +55,14 @@ class Spread:
             self.send_keys(name, host)
 
     def send_keys(self, name, host):
-        """What its host needs to show who it is."""
+        """Copy the key and certificates of a member to its host."""
         folder = host.folder / "keys"
         folder.mkdir(mode=0o700)
         for one in ("ca.pem", f"{name}.pem", f"{name}.key"):
             shutil.copy(self.keys.folder / one, folder / one)
 
     def begin(self, *words):
-        """The world, once all members take part."""
+        """Start the world and wait until all members have joined."""
         self.world = self.hub.runs_world(self.path, "--record", "run.mcap", "--json", *words)
         self.world.says("coordinator │ listens at tls/")
         for name in self.hosts:
@@ -97,7 +97,7 @@ class Spread:
 
     @contextmanager
     def missing(self, name, outlook=""):
-        """What is done herein is noticed: the world says that somebody is gone, and what then."""
+        """Check that the world reports the loss of a member, and the given consequence."""
 
         def said():
             words = f"{name} │ is gone; {outlook}" if outlook else f"{name} │ is gone"
@@ -108,7 +108,7 @@ class Spread:
         eventually(lambda: said() > before, f"{name} is missed\n{self.world.text}")
 
     def ends(self):
-        """Stop it; return its summary if all have ended without an error."""
+        """Stop it; returns its summary if all processes have ended without an error."""
         with self.world.client() as asked:
             asked.ask("stop")
         found = self.world.summary()
@@ -126,7 +126,7 @@ class Spread:
         return json.loads(done.stdout)
 
     def is_as_if_nothing_had_happened(self):
-        """Stop it; every frame of it is that of a run that nobody disturbed."""
+        """Stop it and check that every frame equals that of an undisturbed run."""
         found = self.ends()
         alone = self.undisturbed(found["frames"])
         assert (found["frames"], found["digest"]) == (alone["frames"], alone["digest"])
@@ -136,7 +136,7 @@ class Spread:
         return True
 
     def close(self):
-        """Nothing of it runs on, whatever has become of it."""
+        """End all its processes, whatever their state."""
         for one in [*self.runs.values(), *([self.world] if hasattr(self, "world") else [])]:
             one.__exit__()
 

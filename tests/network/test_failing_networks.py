@@ -1,9 +1,9 @@
 """A world on five hosts whose links and addresses fail; the string does not change.
 
-The world's own host has the coordinator and two generators; agents live on two hosts, a coupled
-sensor and a view on one each, and all of them come in by certificate. What is done is done to one
-world, one thing after another. Members come back by themselves; only those that were killed, or
-have given up, are started again, as systemd does.
+The host of the world runs the coordinator and two generators; agents run on two hosts, a coupled
+sensor and a view on one host each, and all of them authenticate with certificates. The tests share
+one world and disturb it in sequence. Members reconnect automatically; only those that were killed or
+have given up are restarted, as systemd does.
 """
 
 import signal
@@ -30,7 +30,7 @@ def spread(tmp_path_factory):
 
 
 def pulled_for(host, seconds):
-    """The cable is out for a while."""
+    """Unplug the cable of a host for some seconds."""
     host.link("down")
     threading.Event().wait(seconds)
     host.link("up")
@@ -81,7 +81,7 @@ def test_a_host_whose_address_changes(spread):
 
 
 def test_the_world_s_own_address_changes(spread):
-    """Its name is looked up again; and no dead link holds up the live ones."""
+    """Members resolve its name again, and dead links do not delay live ones."""
     with spread.missing("east"), spread.missing("water"), spread.missing("screen"):
         spread.hub.move(98)
     spread.goes_on()
@@ -96,7 +96,7 @@ def test_the_world_s_own_cable(spread):
 
 @needs_lines
 def test_a_long_and_lossy_line(spread):
-    """50 ms to either side, and every hundredth packet is lost."""
+    """50 ms in each direction, and one packet in a hundred is lost."""
     with Line(spread.hosts["east"], 0.05, 0.01) as line:
         eventually(lambda: line.dropped > 0, "a packet is lost")
         spread.goes_on()
@@ -104,7 +104,7 @@ def test_a_long_and_lossy_line(spread):
 
 
 def test_ctrl_c_without_an_answer(spread):
-    """A connection that is being made to one who says nothing does not hold it up."""
+    """A connection attempt to an unresponsive endpoint does not delay the exit."""
     screen, hub = spread.runs["screen"], spread.hub.address
     space = spread.hosts["screen"].space
     words = ("neighbour", "replace", hub, "lladdr", "02:00:00:00:00:01", "dev", "net1")

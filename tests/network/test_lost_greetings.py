@@ -1,4 +1,4 @@
-"""After a reconnection a member may be visible before it subscribes: it is greeted repeatedly."""
+"""A member that is visible before it subscribes is greeted repeatedly."""
 
 import sys
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Two networks with a router between them, as docs/security.md says; and a long, lossy line."""
+"""Two networks with a router between them, as in docs/security.md, and a slow, lossy line."""
 
 import sys
 from pathlib import Path
@@ -17,14 +17,14 @@ ROUTER = Path(__file__).with_name("zenoh_router.py")
 
 
 class Middle:
-    """A host with a cable to either network, and a Zenoh router on it."""
+    """A host on both networks, with a Zenoh router."""
 
     def __init__(self, network):
         self.host = network.host("middle", 1, 2)
         self.router = None
 
     def begins(self, spread):
-        """The router, with its own keys and the world's rules."""
+        """Start the router with its own keys and the world's rules."""
         if self.router is None:
             spread.send_keys("middle", self.host)
         words = ("router", "middle", "spread", "--listen", f"tls/0.0.0.0:{PORT}")
@@ -43,7 +43,7 @@ class Middle:
 
 @pytest.fixture(scope="module")
 def middle(tmp_path_factory):
-    """The router's host, and a world on one side of it whose members are on the other."""
+    """The router's host, and a world on one network with its members on the other."""
     with Network(tmp_path_factory.mktemp("two")) as network:
         hub, middle = network.host("hub", 1), Middle(network)
         far = {name: network.host(name, 2) for name in THERE if name != "west"}
@@ -105,7 +105,7 @@ elsewhere = true
 
 
 def test_a_slow_and_lossy_line_that_is_cut(tmp_path):
-    """50 ms to either side, every hundredth chunk lost; once the connection breaks."""
+    """50 ms in each direction, one chunk in a hundred lost, and one broken connection."""
     path = write_world(tmp_path, MEMBERS, frames=40)
     alone = path.with_name("alone.toml")
     alone.write_text(path.read_text().replace("elsewhere = true\n", ""))

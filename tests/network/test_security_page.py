@@ -1,4 +1,4 @@
-"""docs/security.md on two machines: the commands of its first chapter and of families, literally."""
+"""docs/security.md on two machines: the literal commands of its first chapter and of families."""
 
 import re
 import shutil
@@ -27,9 +27,9 @@ def blocks(title):
 
 @pytest.fixture
 def typist():
-    """Two machines, each with the world's files, and somebody who types there.
+    """Two machines with the world's files, and a reader who types commands on them.
 
-    The path of a socket has 100 bytes at most, and pytest's folders are long.
+    The folder is not pytest's, because the path of a socket is limited to about 100 bytes.
     """
     with TemporaryDirectory() as name, Network(Path(name)) as network:
         typist = Typist(Path(name), network, (HERE, THERE))
@@ -40,7 +40,7 @@ def typist():
 
 
 def carry(typist, *names):
-    """What goes to the other machine "by a way that you trust"."""
+    """Copy files to the other machine ("by a way that you trust")."""
     source, target = (typist.hosts[name].folder / "keys" for name in (HERE, THERE))
     target.mkdir(exist_ok=True)
     for name in names:

@@ -1,4 +1,4 @@
-"""Two machines as deploy/README.md has it: every command of its first chapter, typed as written."""
+"""deploy/README.md on two machines: every command of its first chapter, as written."""
 
 import re
 import shutil
@@ -15,11 +15,11 @@ pytestmark = [
 ]
 README = Path(__file__).parents[2] / "deploy" / "README.md"
 UNTYPED = ("python3 -m venv", "minerva/bin/pip", ". minerva/bin/activate", "minerva top")
-"""What has been done already, and what takes a screen."""
+"""Commands to skip: installation steps, and a command that needs a screen."""
 
 
 def commands():
-    """(host, line) of the chapter, as a reader would type them."""
+    """(host, line) of each command of the chapter."""
     chapter = re.search(r"^## Two machines\n(.*?)^##", README.read_text(), re.S | re.M).group(1)
     host = ""
     for text, block in re.findall(r"(.*?)^```sh\n(.*?)^```", chapter, re.S | re.M):

@@ -1,4 +1,4 @@
-"""Somebody who types what a page says, on machines of a network."""
+"""A reader who types the commands of a page on the machines of a network."""
 
 import signal
 import subprocess
@@ -12,11 +12,11 @@ PROGRAMS = {
     "scp": 'for last; do :; done; place="{folder}/${{last%%:*}}/${{last#*:}}"\n'
     'while [ $# -gt 1 ]; do cp "$1" "$place"; shift; done',
 }
-"""What the shell finds: of ssh and scp as much as the chapter needs."""
+"""Programs in the shell's path; ssh and scp as far as the chapter uses them."""
 
 
 class Typist:
-    """Somebody at the keyboards of machines with these names."""
+    """Types commands on machines with these names."""
 
     def __init__(self, folder, network, names):
         self.hosts = {name: network.host(name) for name in names}
@@ -30,7 +30,7 @@ class Typist:
         self.path = f"{programs}:/usr/sbin:/usr/bin:/sbin:/bin"
 
     def types(self, name, line):
-        """A line; what stays is left running, everything else must end well."""
+        """Run a line; worlds and attached members keep running and return None."""
         host = self.hosts[name]
         words = [*host.inside, "bash", "-c", f"exec {line}"]
         there = {"cwd": host.folder, "env": environment(host.folder) | {"PATH": self.path}}
@@ -41,7 +41,7 @@ class Typist:
         return subprocess.run(words, capture_output=True, text=True, timeout=60, **there)
 
     def until(self, name, line, words):
-        """Type it again and again until it says something."""
+        """Repeat a command until it succeeds and its output has `words`."""
 
         def said():
             done = self.types(name, line)
@@ -53,14 +53,14 @@ class Typist:
             raise AssertionError(f"{error}\n{self.logs()}") from None
 
     def logs_say(self, words):
-        """Wait until somebody has said something."""
+        """Wait until some log has `words`."""
         eventually(lambda: words in self.logs(), f"somebody says {words!r}")
 
     def logs(self):
         return "\n".join((host.folder / "log").read_text() for host, _ in self.stay)
 
     def ends(self):
-        """Ctrl-C everywhere, the last one first; the exit codes."""
+        """Press Ctrl-C in all processes, the last one first; returns the exit codes."""
         codes = []
         for _, process in reversed(self.stay):
             process.send_signal(signal.SIGINT)

@@ -1,4 +1,4 @@
-"""What `zenohd -c FILE` is: a Zenoh router by a configuration, until it is killed."""
+"""Stand-in for `zenohd -c FILE`: a Zenoh router that runs until it is killed."""
 
 import sys
 import threading
