@@ -1,4 +1,4 @@
-"""e^d_c of 3.2: an event is carried out only by agents that fulfil its condition."""
+"""e^d_c of section 3.2: only agents that satisfy an event's condition process it."""
 
 import numpy as np
 import pytest
@@ -142,11 +142,11 @@ def test_numbers_of_numpy_that_lambda_assigned_count_as_numbers():
 
 
 def test_a_condition_knows_attributes_and_nothing_else():
-    """An agent's id is no part of its state; events have receivers for that."""
+    """An agent's id is not an attribute of its state; events have receivers for this purpose."""
     assert "energy=0" in evolved("AFox#a", eHit(1, condition='id == "a"'))
 
 
-# --- checked against the vocabulary, wherever an event comes in ---
+# --- checks against the vocabulary, wherever events enter ---
 
 WRONG = [
     ("enrgy > 2", "Fox has no enrgy; did you mean 'energy'", 1),

@@ -10,7 +10,7 @@ from minerva_bus.semantics.geometry import Geometry, interpret
 
 
 class Log(Geometry):
-    """G writes down what is done; its constructor does not call its base's, as people forget."""
+    """G logs its operations; the constructor omits `super().__init__()`, a common mistake."""
 
     def __init__(self):
         self.said = []
@@ -81,7 +81,7 @@ def test_phi_is_for_strings_without_agents():
 
 
 def test_each_beta_gets_its_delta_even_when_drawing_fails():
-    """Or the next frame would be drawn from wherever this one stopped."""
+    """Otherwise the next frame would start with the transformation of the failed one."""
     log = Log()
     with pytest.raises(ZeroDivisionError):
         interpret(parse("TMove<dist=1>(TMove<dist=2>(PBroken) · PStar)"), log)

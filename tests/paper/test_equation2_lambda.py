@@ -1,4 +1,4 @@
-"""Equation 2: λ(a, e^f) is a new string where f = d, and the agent itself where f ≠ d."""
+"""Equation 2: λ(a, e^f) is a new string if f = d, and the agent itself if f ≠ d."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""Equation 3: η carries λ through a whole string, under both readings of its third line."""
+"""Equation 3: η applies λ to a whole string, under both readings of its third line."""
 
 import pytest
 
@@ -70,7 +70,7 @@ def test_a_concatenation_evolves_part_by_part(policy):
 
 
 def test_the_scope_of_an_agent_evolves_before_the_agent():
-    """λ is applied to a(η(y, e^v)): #in has had its child when #out counts what is in it."""
+    """λ is applied to a(η(y, e^v)): #in already has its child when #out counts its scope."""
     assert eta("ANumber#out(ANumber#in)", eCount(receivers=["out"]), eGrow(receivers=["in"])) == (
         "ANumber#out<n=2>(ANumber#in<n=0, births=1>() · ANumber#in:1<n=0>())"
     )
@@ -110,7 +110,7 @@ def test_newborns_receive_their_first_events_in_the_next_frame():
 
 
 def test_newborns_within_the_scope_wait_as_well():
-    """What an inner agent bears is in the scope when the outer one lives, but does not live."""
+    """The child of an inner agent is in the scope of the outer agent but does not evolve yet."""
     assert eta("ANumber#out(ANumber#in)", eGrow(receivers=["in"]), eAdd(1)) == (
         "ANumber#out<n=1>(ANumber#in<n=1, births=1>() · ANumber#in:1<n=0>())"
     )
@@ -129,7 +129,7 @@ def test_the_letter_makes_a_copy_for_each_event():
 
 
 def test_the_letter_keeps_a_copy_for_an_event_that_does_not_concern_the_agent():
-    """λ(a, e^f) = a where f ≠ d, and the product is over all of v."""
+    """λ(a, e^f) = a if f ≠ d, and the product is over all of v."""
     assert eta("ANumber#a", eAdd(1, receivers=["b"]), eAdd(2), policy=Policy.LITERAL) == (
         "ANumber#a<n=0>() · ANumber#a:0-2<n=2>()"
     )

@@ -1,4 +1,4 @@
-"""Equation 4: θ(a, e^f) shows an agent in primitives and transformations, or as ε."""
+"""Equation 4: θ(a, e^f) represents an agent by primitives and transformations, or by ε."""
 
 import pytest
 
@@ -36,7 +36,7 @@ class Fox(Agent, symbol="AFox"):
 
     @view("eDraw")
     def picture(self, event):
-        self.x += 1.0  # a view changes nothing: this is thrown away
+        self.x += 1.0  # a view has no effect on the state: this is discarded
         return TMove(self.x - 1.0)(PFox())
 
     @view("ePlan")
@@ -68,7 +68,7 @@ def test_an_event_of_another_type_shows_nothing():
 
 
 def test_an_event_that_is_not_visual_shows_nothing():
-    """d ∈ V: evolution and views are kept apart."""
+    """d ∈ V: views are separate from evolution."""
     assert theta(eHit()) is EMPTY
 
 

@@ -1,4 +1,4 @@
-"""Equation 5: π carries θ through a whole string, and leaves no agent in it."""
+"""Equation 5: π applies θ to a whole string, and the result has no agents."""
 
 from minerva_bus import (
     EMPTY,

@@ -1,4 +1,4 @@
-"""Equation 6: E(C*, t) collects the events of all generators, each once, in one order."""
+"""Equation 6: E(C*, t) collects the events of all generators, each once, in a single order."""
 
 from itertools import permutations
 
@@ -26,7 +26,7 @@ def test_no_event_is_collected_twice():
 
 
 def test_two_sensors_that_see_the_same_report_it_once():
-    """4.3: a new device gives redundant information, with no other modification."""
+    """Section 4.3: a new device provides redundant information without other modifications."""
     seen, also = eLaser(1.0, 90.0), eLaser(2.0, 0.0)
     assert collect(ORDER, {"front": [seen], "rear": [seen, also]}) == (seen, also)
 
@@ -47,12 +47,12 @@ def test_events_that_differ_in_anything_are_two(other):
 
 
 def test_plus_and_minus_zero_are_two():
-    """They print differently, so a record would tell them apart."""
+    """They print differently, so a record distinguishes them."""
     assert len(collect(ORDER, {"a": [eLaser(0.0, 0.0), eLaser(-0.0, 0.0)]})) == 2
 
 
 def test_the_order_is_priority_then_generator_then_sequence():
-    """4.2.2: events that acquire data go before those of decision."""
+    """Section 4.2.2: events of data acquisition precede those of decision making."""
     sources = {
         "mind": [eDecide()],
         "rear": [eLaser(3.0, 0.0), eCamera("m1")],

@@ -1,4 +1,4 @@
-"""PAPER.md names modules, functions and tests that exist, and tests that import what they test."""
+"""PAPER.md names existing modules, functions and tests, and its tests import the engine."""
 
 import ast
 import re
@@ -12,14 +12,14 @@ CODE = ("minerva_bus", "agents/minerva_agents", "services/minerva_services")
 PROJECT = tuple(Path(__file__).parents[2] / one for one in CODE)
 ROBOT = ("agents/minerva_agents/robot", "services/minerva_services", "minerva_bus")
 PACKAGES = ("minerva_bus", "minerva_agents", "minerva_services", "tests", "running")
-"""What a test imports that runs the engine; `running` starts worlds as processes."""
+"""Packages that run the engine if a test imports them; `running` starts worlds as processes."""
 NAME = re.compile(r"@?\.?[A-Za-z_][A-Za-z0-9_]*(\.[A-Za-z_][A-Za-z0-9_]*)*")
 PATH = re.compile(r"[\w/.]+(\.py|\.toml|\.md|/)")
 
 
 @dataclass(frozen=True)
 class Row:
-    """One row of a table, and what the text before the table says of all its rows."""
+    """One row of a table, with the heading and the text before the table."""
 
     line: int
     cells: tuple[str, ...]
@@ -50,7 +50,7 @@ def quoted(text):
 
 
 def found(path, row):
-    """The file or folder that a path of a row stands for."""
+    """The file or folder for a path in a row, or None."""
     roots = ROBOT if "## 4" in row.heading or "Rulings" in row.heading else ("minerva_bus",)
     places = [ROOT / root / path for root in (*roots, "tests", "")]
     return next((place for place in places if place.exists()), None)
@@ -58,7 +58,7 @@ def found(path, row):
 
 @cache
 def names(path):
-    """All that a file, or the files of a folder, define: `name` and `Class.name`."""
+    """All definitions in a file, or in the files of a folder: `name` and `Class.name`."""
     files = [path] if path.is_file() else sorted(path.rglob("*.py"))
     made = set()
     for file in files:
@@ -105,7 +105,7 @@ def test_every_path_of_a_row_exists():
 
 
 def tokens():
-    """What stands in backquotes in the cells of rows, each with the module named before it."""
+    """The text in backquotes in cells of rows, each with the module named before it."""
     for row in ROWS:
         paths = [found(one, row) for one in quoted(row.intro) if PATH.fullmatch(one)]
         tested = next((one for one in paths if one is not None and "tests" in one.parts), None)
@@ -119,7 +119,7 @@ def tokens():
 
 
 def test_every_name_of_a_row_is_in_the_module_before_it():
-    """A name that no module stands before is somewhere in the project."""
+    """A name without a preceding module can be anywhere in the project."""
     missing = []
     for row, token, module, _ in tokens():
         if NAME.fullmatch(token) and not token.startswith("test_"):
@@ -140,7 +140,7 @@ def test_every_test_of_a_row_is_in_the_file_before_it():
 
 @cache
 def imported(file):
-    """What a file imports, by its full name."""
+    """The full names of a file's imports."""
     result = []
     for node in ast.walk(ast.parse(file.read_text())):
         if isinstance(node, ast.ImportFrom) and node.module:
@@ -158,7 +158,7 @@ def runs_the_engine(file):
 
 
 def test_every_test_of_a_row_imports_the_engine():
-    """Not the transcription alone: a test has to fail where the code of its row is wrong."""
+    """The transcription alone is not enough: a test must fail if the code of its row is wrong."""
     missing = []
     for row in ROWS:
         for token in quoted(" ".join((*row.cells[1:], row.intro))):

@@ -1,4 +1,4 @@
-"""a^{d,h} of section 5: an agent that answers events of a type with a probability only."""
+"""a^{d,h} of section 5: an agent that processes events of a type with a probability."""
 
 import numpy as np
 import pytest
@@ -26,7 +26,7 @@ class State(Agent):
 
 
 class One(State, symbol="AFox"):
-    """Written for one."""
+    """Activities for a single agent."""
 
     @on("eNear", probability=0.3)
     def near(self, near, moment):
@@ -41,7 +41,7 @@ class One(State, symbol="AFox"):
 
 
 class Many(State, symbol="AFox"):
-    """Written for all at once."""
+    """Activities for a population."""
 
     @on("eNear", probability=0.3, population=True)
     def near(self, near, moment):
@@ -56,7 +56,7 @@ class Many(State, symbol="AFox"):
 
 
 class Together(Many):
-    """Events of a type in one call."""
+    """All events of a type in a single call."""
 
     @on("eNear", probability=0.3, together=True)
     def near(self, near, moment):
@@ -79,7 +79,7 @@ def met(result):
 
 
 def test_the_rate_is_the_probability():
-    """Of 20,000 events that 200 agents get in 100 frames 0.3 are answered: within 4 deviations."""
+    """200 agents process 0.3 of 20,000 events in 100 frames, within 4 standard deviations."""
     w = Many.many("f", 200)
     answered = sum(
         int(met(evolve(w, [eNear(0)], [Many], Frame(t, 0.1, 5))).sum()) for t in range(100)
@@ -103,7 +103,7 @@ def test_it_may_be_an_attribute_and_ends_are_certain(shy, expected):
 
 
 def test_the_probability_is_that_of_the_agent_when_it_processes_the_event():
-    """Every answered call makes the next less likely: from 0.25 there is never a second."""
+    """Each processed call lowers the probability: from 0.25 there is never a second one."""
     w = VOCABULARY.read("AFox#f<shy=0.25>")
     found = {
         evolve(w, [eCall(), eCall(receivers=["f"])], [One], Frame(t)).scene.nodes[0].state["shy"]
@@ -124,7 +124,7 @@ def test_runs_repeat_and_differ_by_seed_frame_and_agent():
 
 
 def test_its_chance_takes_nothing_from_that_of_lambda():
-    """Whoever answers draws the number that an agent without a probability would draw."""
+    """An agent that processes the event draws the same number as one without a probability."""
     for t in range(12):
         sure = evolve(VOCABULARY_OF_DOGS.read("ADog#f"), [eNear(1)], [Certain], Frame(t))
         fox = evolve(VOCABULARY.read("AFox#f"), [eNear(1)], [One], Frame(t)).scene.nodes[0].state
@@ -185,7 +185,7 @@ def test_it_does_not_depend_on_placement(frame, data):
     assert together == evolve(w, events, [Many], moment).scene
 
 
-# --- the kind, and its way over the wire ---
+# --- agent kind and wire format ---
 
 
 def test_the_kind_has_its_chances():

@@ -73,7 +73,7 @@ eRepresent = EventType("eRepresent", visual=True)
 
 
 class Ball(Agent, symbol="ABall"):
-    """Rolls on, and off what it is told to have hit: all that it ever learns of others."""
+    """Moves in a straight line and bounces off the obstacles of its collision events."""
 
     x: Metres
     y: Metres
@@ -99,7 +99,7 @@ class Ball(Agent, symbol="ABall"):
 
 
 class PlainBall(Agent, symbol="ABall"):
-    """The same, written for one."""
+    """The same as Ball, with activities for a single agent."""
 
     x: Metres
     y: Metres
@@ -123,7 +123,7 @@ class PlainBall(Agent, symbol="ABall"):
 
 
 class Robot(Agent, symbol="ARobot"):
-    """Drives on; an agent of a physics world, and of one that only looks."""
+    """Drives straight on, in a physics world and in a world with collision detection only."""
 
     x: Metres = 1.5
     told: tuple[str, ...] = ()
@@ -152,7 +152,7 @@ VOCABULARY = Vocabulary.of(
 
 
 class Story:
-    """A run in one process: digests, strings and collisions of its frames."""
+    """An in-process run: digests, strings and collisions of its frames."""
 
     def __init__(self, scene: Scene, members: list[Member], frames: int) -> None:
         names = frozenset(member.name for member in members)
@@ -256,7 +256,7 @@ def test_the_string_is_the_same_on_any_number_of_processes_and_for_one_or_for_al
 
 def test_physics_and_scene_geometry_report_the_same_collisions() -> None:
     walls = np.zeros((10, 10), np.int16)
-    walls[6:, :] = 1  # from x = 3 on
+    walls[6:, :] = 1  # a wall from x = 3 on
     scene = PMap(walls, 0.5) + VOCABULARY.read("ARobot#r")
     stories: list[Any] = []
     for service in (Physics(), Collisions(who="name", persist=True)):

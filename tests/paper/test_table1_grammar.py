@@ -1,4 +1,4 @@
-"""Table 1: the production rules of grammar M, and what is not in L(M)."""
+"""Table 1: the production rules of grammar M, and texts outside L(M)."""
 
 import pytest
 
@@ -57,13 +57,13 @@ def test_rule_6_a_figure_is_one_primitive_or_more():
     ],
 )
 def test_rule_6_the_primitives_of_a_figure_need_no_dot(text, printed):
-    """p⁺ is a concatenation, as `·` is: one string, which prints with dots."""
+    """p⁺ is a concatenation like `·`: the same string, printed with dots."""
     assert str(parse(text)) == printed
     assert parse(text) == parse(printed)
 
 
 def test_the_papers_robot_is_a_string_of_the_language():
-    """4.2.4, with the agent's state between < and >."""
+    """Section 4.2.4, with the agent's state between < and >."""
     w = parse('PMap · ARobot#r1<row=3, column=4, angle=90, speed=0, objective="", action={ε}>')
     assert str(w) == (
         'PMap · ARobot#r1<row=3, column=4, angle=90, speed=0, objective="", action={}>()'

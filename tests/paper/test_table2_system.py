@@ -1,8 +1,8 @@
-"""Table 2: the engine runs the system algorithm, frame by frame as the paper writes it down.
+"""Table 2: the engine executes the system algorithm frame by frame, as in the paper.
 
 The engine is `FrameAlgorithm` with real hosts, generators and a device; the paper is
-`testing/transcription.py`. Both are given the same generators and agents, and what is compared is
-what Table 2 has: t, e*, w, and what φ does in the device's geometric system.
+`testing/transcription.py`. Both receive the same generators and agents. The tests compare the
+variables of Table 2: t, e*, w, and the operations of φ on the device's geometric system.
 """
 
 import re
@@ -52,7 +52,7 @@ Script = dict[str, Callable[[int], list[Event]]]
 
 @dataclass
 class Run:
-    """What Table 2 has, frame by frame."""
+    """The variables of Table 2, frame by frame."""
 
     strings: list[Scene] = field(default_factory=list)
     asked: list[tuple[str, int]] = field(default_factory=list)
@@ -63,7 +63,7 @@ class Run:
 
 
 class Log(Geometry):
-    """A geometric system that writes down what φ does in it."""
+    """A geometric system that logs the operations of φ."""
 
     def __init__(self):
         self.calls = []
@@ -92,7 +92,7 @@ class Scripted(Generator):
 
 
 class Host(Member):
-    """A host of agents that writes down which events it is given for evolution, which for views."""
+    """A host that logs the events it receives for evolution and for views."""
 
     def __init__(self, name, kinds, run):
         super().__init__(name, None, kinds)
@@ -107,7 +107,7 @@ class Host(Member):
 
 
 class Screen(Device):
-    """A device with a geometric system, which draws the views of a visual event type."""
+    """A device with a geometric system that draws the views of a visual event type."""
 
     def __init__(self, run, *draws):
         self.draws, self.run_ = draws, run
@@ -120,7 +120,7 @@ class Screen(Device):
 
 @dataclass
 class Setting:
-    """A world: w₀, its generators and agents; `hosts` are how many hosts share the agents."""
+    """A world: w₀, its generators and agents; `hosts` is the number of hosts for the agents."""
 
     w0: Scene
     script: Script
@@ -133,7 +133,7 @@ class Setting:
     most: int = 8
 
     def engine(self) -> Run:
-        """The world's frames as `FrameAlgorithm` runs them."""
+        """Run the world's frames with `FrameAlgorithm`."""
         run = Run()
         members = [
             Member(name, Scripted(name, made, self.vocabulary, run))
@@ -163,7 +163,7 @@ class Setting:
             run.ended = instruction.reason
 
     def paper(self) -> Run:
-        """The world's frames as Table 2 is written down."""
+        """Run the world's frames as specified in Table 2."""
         run, lam = Run(), Lambda(kinds_of(self.kinds))
         types = sorted(
             self.vocabulary.events,
@@ -205,7 +205,7 @@ class Setting:
         return self.vocabulary.events[event.type].visual
 
     def check(self) -> Run:
-        """Run both, and hold the one to the other."""
+        """Run both and compare them."""
         engine, paper = self.engine(), self.paper()
         assert engine.ended == paper.ended
         assert engine.strings == paper.strings
@@ -229,10 +229,10 @@ class Setting:
 
 
 class Lambda:
-    """λ and θ as the paper has them, from the agents' own classes and with none of the engine.
+    """λ and θ as in the paper, with the agents' own classes and without the engine.
 
-    Among the generators of a frame it is the agents: what they sent in the frame before, in the
-    order of the string.
+    It is also the generator of the agents' events: those sent in the previous frame, in the order of
+    the string.
     """
 
     def __init__(self, kinds):
@@ -243,7 +243,7 @@ class Lambda:
         self.sent = []
 
     def begin(self, t, w):
-        """Frame t begins with w, and with the events that were sent in the frame before."""
+        """Start frame t with w and with the events sent in the previous frame."""
         self.sent = [
             event
             for agent in agents(self.w)
@@ -360,7 +360,7 @@ def test_step_2_asks_every_generator_in_every_frame_and_takes_each_event_once():
 
 
 def test_steps_3_and_4_part_the_events_of_views_from_those_of_evolution():
-    """A frame with nothing but a view changes nothing, and one without a view shows nothing."""
+    """A frame with views only changes nothing, and a frame without views draws nothing."""
     run = foxes(script={"gDraw": SCRIPT["gDraw"]}, most=3).check()
     assert run.strings == [foxes().w0] * 3
     assert [t for t, _ in run.drawn] == [0, 2]
@@ -389,7 +389,7 @@ def test_steps_8_to_11_go_on_until_the_string_is_empty():
 
 
 def test_the_empty_world_is_run_once():
-    """Step 9 stands at the end: even w_0 = ε has its frame."""
+    """Step 9 is at the end of the loop: even w_0 = ε has one frame."""
     run = foxes("").check()
     assert run.strings == [EMPTY]
     assert run.ended == "the string is empty"
@@ -399,7 +399,7 @@ def test_the_empty_world_is_run_once():
 
 
 def sound(event):
-    """An event whose condition agents of this world can fulfil."""
+    """The event, without its condition if agents of this world cannot evaluate it."""
     try:
         return FAMILY_VOCABULARY.check_event(event)
     except VocabularyError:
@@ -408,7 +408,7 @@ def sound(event):
 
 @st.composite
 def families(draw):
-    """A string of the family, and what three generators make in a few frames."""
+    """A string of the family, and the events of three generators for a few frames."""
     w0 = draw(family_strings())
     plain = st.lists(family_events(w0), max_size=4)
     seen = family_events(w0, visual=True).map(lambda some: [e for e in some if e.type == "eShow"])
@@ -431,7 +431,7 @@ def test_the_engine_is_table_2(setting):
 
 @pytest.mark.parametrize("hosts", [1, 3])
 def test_the_engine_is_table_2_by_the_letter_of_equation_3(hosts):
-    """The paper's copies share a name and ours have ids, so they are compared without."""
+    """The paper's copies share a name and the engine's have ids, so this compares without ids."""
     script: Script = {
         "g": lambda t: [[eStep(1)], [eStep(1), eHop()], [eHop(), eStep(2)], [eStep(1)], []][t],
         "gDraw": SCRIPT["gDraw"],

@@ -1,4 +1,4 @@
-"""Random scenes of discs, walls and boxes, and words for them."""
+"""Random scenes of discs, walls and boxes, and the vocabulary for them."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def slots(*names: str, kind: str = "ABall") -> Scene:
 def told(
     service: Collisions, scene: Scene, frame: int = 0, parts: dict[str, Scene] | None = None
 ) -> list[Event]:
-    """What a view leads to in the frame behind it."""
+    """The events in the frame after a view."""
     service.show(View(frame, "eBody", scene, parts or {}))
     made = [
         VOCABULARY.check_any(event)
@@ -80,7 +80,7 @@ def ball(who: str, x: float, y: float, radius: float = 0.5) -> Scene:
 
 Shape = tuple[str, float, float, float, float, float]
 
-# Eighths: places where things touch exactly, and corners meet, are met with.
+# Multiples of 1/8 often give exact contacts and coincident corners.
 eighths = st.integers(0, 40).map(lambda number: number / 8)
 sizes = st.integers(1, 8).map(lambda number: number / 8)
 angles = st.sampled_from((0.0, 0.0, 30.0, 45.0, 90.0, 111.1, -77.0))
@@ -101,7 +101,7 @@ def figure(shape: Shape, who: str) -> Scene:
 
 
 def scene_of(some: Sequence[Shape], agents: int) -> Scene:
-    """Shapes of some agents in turn, the last one's share scenery."""
+    """Shapes owned by the agents in turn; every (agents + 1)-th shape is scenery."""
     scene = EMPTY
     for number, shape in enumerate(some):
         one = number % (agents + 1)

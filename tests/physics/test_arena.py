@@ -21,22 +21,22 @@ from minerva_services.physics.errors import PhysicsError
 from minerva_services.physics.walls import Segments, wall_segments
 
 MAPS = Path(__file__).parents[3] / "shared" / "data" / "ros_maps"
-"""Real maps are not part of the project: tests that want them are skipped where they are not."""
+"""Real maps are not part of the project; tests that need them are skipped if they are missing."""
 
 TOUCHES = 2e-9
-"""Metres by which bodies at rest against something may overlap it."""
+"""Maximum overlap in metres of a body with the obstacle that it rests against."""
 
 Commands = Sequence[tuple[str, float, float]]
 
 
 def room(width: float, height: float) -> Segments:
-    """Four walls round (0, 0) to (width, height), free space on their left."""
+    """Four walls around (0, 0) to (width, height), with free space on their left."""
     corners = [(0, 0), (width, 0), (width, height), (0, height)]
     return np.array([(*corners[k - 1], *corners[k]) for k in range(4)], np.float64)
 
 
 def clutter(count: int, size: float, rng: np.random.Generator) -> Segments:
-    """A square room of a side in metres with short walls strewn about, none near its middle."""
+    """A square room of `size` metres with random short walls, none near its centre."""
     middle = np.full(2, size / 2)
     starts = rng.uniform(0, size, (4 * count, 2))
     starts = starts[np.hypot(*(starts - middle).T) > 2.5][:count]
@@ -47,7 +47,7 @@ def clutter(count: int, size: float, rng: np.random.Generator) -> Segments:
 
 
 def crowded() -> Arena:
-    """Three bodies in a room that is too small for them, with a free-standing wall."""
+    """Three bodies in a narrow room with a free-standing wall."""
     arena = Arena()
     arena.add_walls(room(3, 3), solid_behind=True)
     arena.add_walls(np.array([[1.5, 1.0, 1.5, 2.0], [0.5, 2.5, 1.0, 2.7]]))
@@ -63,7 +63,7 @@ def drive(arena: Arena, commands: Commands) -> tuple[DriveOutcome, ...]:
 
 
 def gap_to_walls(pose: Pose, walls: Segments) -> float:
-    """Distance in metres from a place to the nearest wall, by projection."""
+    """Distance in metres from a pose to the nearest wall, by projection."""
     a, b = walls[:, :2], walls[:, 2:]
     along = b - a
     at = np.array([pose.x, pose.y])
@@ -74,7 +74,7 @@ def gap_to_walls(pose: Pose, walls: Segments) -> float:
 def ray_lengths(
     pose: Pose, angles: NDArray[np.float64], walls: Segments, range_max: float
 ) -> NDArray[np.float64]:
-    """Every beam against every wall, by Cramer's rule."""
+    """Ranges of all beams by Cramer's rule for every beam and wall."""
     headings = np.radians(pose.angle + angles)[:, None]
     dx, dy = np.cos(headings), np.sin(headings)
     ax, ay, bx, by = walls.T
@@ -217,7 +217,7 @@ def test_a_body_stops_at_the_first_touch_and_not_before(seed: int) -> None:
         assert gap_to_walls(at, walls) >= 0.3 - TOUCHES
 
 
-# Bodies among one another
+# Collisions between bodies
 
 
 def pair(distance: float) -> Arena:
@@ -399,7 +399,7 @@ COMMANDS = st.lists(
 
 
 def follow(arena: Arena, frames: Sequence[dict[str, tuple[float, float]]]) -> list[object]:
-    """Everything that can be observed while a list of commands is carried out."""
+    """All observable results of a sequence of commands."""
     seen: list[object] = []
     for frame in frames:
         seen.append(drive(arena, [(name, *command) for name, command in frame.items()]))

@@ -1,4 +1,4 @@
-"""Who touches whom: the events, against brute force, and against another library's geometry."""
+"""Collision events, compared with brute force and with the geometry of another library."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def said(events: list[Any]) -> list[tuple[str, str, str]]:
     return [(event.receivers[0], event.other, event.what) for event in events]
 
 
-# --- what is told ---------------------------------------------------------------------------------
+# --- contents of events ---------------------------------------------------------------------------
 
 
 def test_both_agents_receive_it_from_their_perspective() -> None:
@@ -305,7 +305,7 @@ def pymunk_shapes(found: Volumes, body: pymunk.Body) -> list[pymunk.Shape]:
 
 
 def anywhere(seed: int, count: int) -> list[Shape]:
-    """Shapes in general position: where corners meet exactly, pymunk loses its way."""
+    """Shapes in general position, because pymunk fails if corners coincide exactly."""
     rng = np.random.default_rng(seed)
     kinds = ("disc", "bar", "block")
     shapes: list[Shape] = []
@@ -317,7 +317,7 @@ def anywhere(seed: int, count: int) -> list[Shape]:
 
 
 def depths_by_pymunk(found: Volumes) -> dict[tuple[int, int], float]:
-    """By pair, the lesser row first."""
+    """Depths by pair of rows, the smaller row first."""
     space = pymunk.Space()
     others = pymunk_shapes(found, space.static_body)
     space.add(*others)
@@ -365,7 +365,7 @@ def test_along_the_normal_by_the_depth_and_they_just_touch(one: Shape, other: Sh
     if depth > 1e-6:
         moved[found.first[0] : found.first[1]] -= depth / 10 * touch.normal[0]
         assert len(touches(out, *pair).first)
-    # The contact point is no farther from either than half of their overlap.
+    # The contact point is at most half of the overlap away from either shape.
     place = TPlace(*touch.point[0].tolist(), 0.0)(PBody(depth / 2 + 1e-6))
     probe = volumes(scene_of([one, other], 2) + place, VOCABULARY)
     last = len(probe) - 1

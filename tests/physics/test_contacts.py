@@ -1,4 +1,4 @@
-"""Where a body was stopped, and by what."""
+"""The position of a stopped body, and the contact that stopped it."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def test_of_two_walls_that_more_ahead_counts() -> None:
 def test_a_body_is_touched_where_it_was_in_that_moment() -> None:
     arena = Arena()
     arena.add_body("a", 0, 0, 0, 0.5)
-    arena.add_body("b", 2, -2, 90, 0.5)  # crosses the way of a and goes on
+    arena.add_body("b", 2, -2, 90, 0.5)  # crosses the path of a and moves on
     found = stopped(arena, ("a", 0, 2), ("b", 0, 4))
     contact = found["a"]
     assert contact is not None

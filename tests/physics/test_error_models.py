@@ -1,4 +1,4 @@
-"""The models of imperfect motors and sensors have the distributions that they are named after."""
+"""The models of imperfect motors and sensors have the distributions of their names."""
 
 import math
 
@@ -78,7 +78,7 @@ def test_random_ranges_are_uniform_over_all_of_the_range() -> None:
 
 
 def test_the_four_parts_have_their_shares_of_all_beams() -> None:
-    """`Noise` takes the lost beams from what is left, so that here each part is larger by it."""
+    """`Noise` removes the lost beams, so these shares are relative to the kept beams."""
     made = ranges(BeamModel(short=0.2, decay=1.0, random=0.1, lost=0.5), 7.9)
     kept = 1 - 0.5
     assert (made != 7.9).mean() * kept == pytest.approx(0.3, abs=0.01)

@@ -1,4 +1,4 @@
-"""Neighbours: against brute force in a plane, round its edges, and on a lattice."""
+"""Neighbours: compared with brute force in a plane, on a torus, and on a lattice."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ INFO = WorldInfo("test", VOCABULARY, seed=0, dt=0.1)
 Point = tuple[float, float, float]
 
 WIDTH, HEIGHT = 8.0, 6.0
-# Eighths: their sums and products are exact, so that what is reckoned otherwise is equal too.
+# Sums and products of eighths are exact, so that different computations give equal results.
 eighths = st.integers(-16, 80).map(lambda number: number / 8)
 points = st.lists(st.tuples(eighths, eighths, eighths), max_size=45)
 radii = st.integers(1, 23).map(lambda number: number / 8)
@@ -89,7 +89,7 @@ def ids(count: int) -> list[str]:
 
 
 def spots(some: Sequence[Point], names: Sequence[str] | None = None) -> Scene:
-    """A figure for each, held as columns or, where they are few, one by one."""
+    """A figure for each point, in columns if their number is even, otherwise as single nodes."""
     names = ids(len(some)) if names is None else names
     if len(some) % 2 == 0 and some:
         x, y, vx = np.array(some, float).T.copy()
@@ -99,7 +99,7 @@ def spots(some: Sequence[Point], names: Sequence[str] | None = None) -> Scene:
 
 
 def way(one: float, other: float, size: float) -> float:
-    """From one to the other along an axis; round the edges where it has a size."""
+    """Signed distance along an axis, the shorter way around if the axis has a period `size`."""
     if not size:
         return other - one
     one, other = one % size, other % size
@@ -107,7 +107,7 @@ def way(one: float, other: float, size: float) -> float:
 
 
 def brute_force(some: Sequence[Point], radius: float, periodic: bool) -> list[tuple[Any, ...]]:
-    """(to, who, dx, dy, distance, vx) of all pairs, in order."""
+    """(receiver, neighbour, dx, dy, distance, vx) of all pairs, in order."""
     size = (WIDTH, HEIGHT) if periodic else (0.0, 0.0)
     found = []
     for i, one in enumerate(some):
@@ -224,7 +224,7 @@ def test_collision_events_do_not_depend_on_the_order_of_agents(
         plain = told(joined(radius=1.5, **options), spots(some))
         again = told(joined(radius=1.5, **options), mixed)
         key = lambda event: (event.receivers, str(event))  # noqa: E731
-        if "nearest" not in options:  # among those equally near the order decides
+        if "nearest" not in options:  # among equally near neighbours the order decides
             assert sorted(again, key=key) == sorted(plain, key=key)
         assert len(again) == len(plain)
 
@@ -302,7 +302,7 @@ def test_an_agent_outside_all_cells_is_named(x: int, y: int) -> None:
         told(service, PCell("a", 1, 1, 1, 0.0) + PCell("b", x, y, 1, 0.0))
 
 
-# --- what is refused ------------------------------------------------------------------------------
+# --- rejected options and views -------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(

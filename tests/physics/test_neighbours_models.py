@@ -1,4 +1,4 @@
-"""Whole worlds of agents that see one another: the same string however they are written and run."""
+"""Worlds of agents that perceive their neighbours: one string for all forms and layouts."""
 
 from __future__ import annotations
 

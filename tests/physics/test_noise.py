@@ -1,4 +1,4 @@
-"""Noise has the given size, uses the caller's generator, and is zero at zero."""
+"""Noise has the given size, uses the caller's generator, and is zero for size zero."""
 
 import math
 

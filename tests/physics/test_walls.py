@@ -25,7 +25,7 @@ MATRICES = hnp.arrays(
 
 
 def unit_edges(cells: Cells) -> set[Edge]:
-    """Every cell side between free and solid, free on the left, found one cell at a time."""
+    """The sides between free and solid cells, free on the left, found cell by cell."""
     rows, columns = cells.shape
     edges: set[Edge] = set()
     for i, j in np.argwhere(cells == 0).tolist():
@@ -38,7 +38,7 @@ def unit_edges(cells: Cells) -> set[Edge]:
 
 
 def cut(segments: Segments) -> list[Edge]:
-    """Segments on the integer grid, cut into sides of cells."""
+    """Segments on the integer grid, split into sides of cells."""
     edges: list[Edge] = []
     for ax, ay, bx, by in segments.tolist():
         count = round(abs(bx - ax) + abs(by - ay))
