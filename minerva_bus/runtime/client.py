@@ -68,21 +68,26 @@ class Client:
         keys, inbox = Keys(self.world), Watch()
         decoder = Decoder(self.vocabulary())
         coordinator = keys.alive(COORDINATOR)
-        # Declared before the records, so that the end of the world cannot be missed.
-        watching = self._session.liveliness().declare_subscriber(coordinator, inbox.handler())
-        subscriber = self._session.declare_subscriber(keys.record, inbox.handler())
-        while True:
-            item: Any = inbox.get(time.monotonic() + 0.5)
-            if not isinstance(item, zenoh.Sample):
-                continue
-            if str(item.key_expr) == coordinator:
-                # No record marks the end of the records; the coordinator's token does.
-                if item.kind == zenoh.SampleKind.DELETE:
-                    break
-                continue
-            try:
-                yield decoder.record(item.payload.to_bytes())
-            except (ProtocolError, SceneError) as error:
-                raise BusError(f"the record of {self.world!r} cannot be read: {error}") from None
-        subscriber.undeclare()
-        watching.undeclare()
+        session = self._session
+        # The coordinator's is declared before that of the records, so that the end of the world
+        # cannot be missed. `with`, because a caller may stop early and a record may be unreadable.
+        with (
+            session.liveliness().declare_subscriber(coordinator, inbox.handler()),
+            session.declare_subscriber(keys.record, inbox.handler()),
+        ):
+            while True:
+                item: Any = inbox.get(time.monotonic() + 0.5)
+                if not isinstance(item, zenoh.Sample):
+                    continue
+                if str(item.key_expr) == coordinator:
+                    # No record marks the end of the records; the coordinator's token does.
+                    if item.kind == zenoh.SampleKind.DELETE:
+                        return
+                    continue
+                yield self._record(decoder, item)
+
+    def _record(self, decoder: Decoder, sample: zenoh.Sample) -> m.FrameRecord:
+        try:
+            return decoder.record(sample.payload.to_bytes())
+        except (ProtocolError, SceneError) as error:
+            raise BusError(f"the record of {self.world!r} cannot be read: {error}") from None

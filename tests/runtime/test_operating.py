@@ -5,11 +5,13 @@ from contextlib import nullcontext
 from unittest.mock import Mock
 
 import pytest
+import zenoh
 from running import World, eventually, here, write_world
 
 from minerva_bus.cli import operating
 from minerva_bus.cli.options import WorldTarget
-from minerva_bus.errors import BusError
+from minerva_bus.errors import BusError, ProtocolError
+from minerva_bus.wire.codec import Decoder
 
 MEMBERS = """
 [process.steps]
@@ -111,6 +113,42 @@ def test_following_a_silent_world_ends_with_it(answers, monkeypatch):
     monkeypatch.setattr(operating, "client", lambda *_: nullcontext(asked))
     with nullcontext() if answers else pytest.raises(BusError):
         operating.show_logs("", True, WorldTarget(), False)
+
+
+class Declaring:
+    """A session, or its liveliness, that gathers the subscribers declared with it."""
+
+    def __init__(self, session, subscribers):
+        self.session, self.subscribers = session, subscribers
+
+    def __getattr__(self, name):
+        return getattr(self.session, name)
+
+    def liveliness(self):
+        return Declaring(self.session.liveliness(), self.subscribers)
+
+    def declare_subscriber(self, *words):
+        self.subscribers.append(self.session.declare_subscriber(*words))
+        return self.subscribers[-1]
+
+
+@pytest.mark.parametrize("broken", [False, True])
+def test_records_that_end_early_leave_no_subscribers(world, monkeypatch, broken):
+    subscribers = []
+    with world.client() as asked:
+        monkeypatch.setattr(asked, "_session", Declaring(asked._session, subscribers))
+        records = asked.records()
+        next(records)
+        assert len(subscribers) == 2
+        if broken:
+            monkeypatch.setattr(Decoder, "record", Mock(side_effect=ProtocolError("torn")))
+            with pytest.raises(BusError, match=f"the record of '{world.name}' cannot be read"):
+                list(records)
+        else:
+            records.close()
+        for subscriber in subscribers:
+            with pytest.raises(zenoh.ZError, match="Undeclared"):
+                subscriber.undeclare()
 
 
 def test_a_world_continues_while_a_view_restarts(world, operator):
