@@ -1,8 +1,8 @@
-"""A pond: a small world in which everything can happen that the frame algorithm must cope with.
+"""A pond: a small world with all situations that the frame algorithm must handle.
 
-Frogs move by chance, croak, are born and die; flies hear frogs; a lily is an agent around others.
-Water is a coupled device and a generator with a memory, and publishes what it sees; an eye makes
-events of it; steps have a memory too.
+Frogs move at random, croak, are born and die; flies react to frogs; a lily contains other agents.
+Water is a coupled device and a generator with state, and publishes what it sees; an eye turns that
+into events; steps have state, too.
 """
 
 from collections.abc import Iterable, Mapping
@@ -45,7 +45,7 @@ eShow = EventType("eShow", visual=True)
 
 
 class Counter(Agent, symbol="ACounter"):
-    """As plain as can be, for traces that a person can follow."""
+    """The simplest agent, for traces that a person can follow."""
 
     n: int = 0
 
@@ -64,7 +64,7 @@ class Counter(Agent, symbol="ACounter"):
 
 
 class Mother(Agent, symbol="AMother"):
-    """Bears a counter beside itself with every event."""
+    """Creates a counter beside itself for every event."""
 
     births: int = 0
 
@@ -74,7 +74,7 @@ class Mother(Agent, symbol="AMother"):
 
 
 class Tadpole(Agent, symbol="ATadpole"):
-    """Turns into a counter in time."""
+    """Turns into a counter after some events."""
 
     n: int = 0
 
@@ -127,7 +127,7 @@ class Fly(Agent, symbol="AFly"):
 
 
 class Lily(Agent, symbol="ALily"):
-    """Stands around other agents."""
+    """Contains other agents."""
 
     steps: int = 0
 
@@ -141,7 +141,7 @@ class Lily(Agent, symbol="ALily"):
 
 
 class Minnow(Agent, symbol="AMinnow"):
-    """One of many: swims, splits, dies and croaks at random."""
+    """Member of a population: swims, splits, dies and croaks at random."""
 
     x: Metres = 0.0
     births: int = 0
@@ -163,7 +163,7 @@ class Minnow(Agent, symbol="AMinnow"):
 
 
 class Add(Generator, events=("eAdd",)):
-    """One event a frame, always the same."""
+    """Emits one event per frame, always the same."""
 
     def __init__(self, n: int = 1) -> None:
         self.n = n
@@ -176,7 +176,7 @@ class Add(Generator, events=("eAdd",)):
 
 
 class Steps(Generator, events=("eStep",)):
-    """Has a memory that a successor must inherit."""
+    """Has a state that a successor must inherit."""
 
     def __init__(self) -> None:
         self.count = 0
@@ -193,7 +193,7 @@ class Steps(Generator, events=("eStep",)):
 
 
 class Forward(Steps, ahead=True):
-    """As it depends on nothing, it may be asked before its frame begins."""
+    """Has no inputs, so its events can be requested before its frame begins."""
 
 
 class Water(Generator, Device, events=(), draws=("eShow",), coupled=True):
@@ -233,7 +233,7 @@ class Eye(Generator, events=("eSeen",)):
 
 
 class Screen(Device, draws=("eShow",)):
-    """An observer that remembers what it was shown, each time a text."""
+    """An observer that stores each view that it is shown as text."""
 
     def __init__(self, every: int = 1) -> None:
         self.every = every
@@ -268,7 +268,7 @@ VOCABULARY = Vocabulary.of(
 
 
 def world(text: str | Scene, expected: Iterable[str], **rest: Any) -> World:
-    """A world of the pond's vocabulary."""
+    """A world with the pond's vocabulary."""
     rest = {"order": Order(("eAdd", "eStep", "eSeen", "eCroak")), **rest}
     return World(
         rest.pop("name", "pond"),
@@ -280,12 +280,12 @@ def world(text: str | Scene, expected: Iterable[str], **rest: Any) -> World:
 
 
 def service(name: str, make: Any) -> Any:
-    """A maker of a member with a service."""
+    """A factory of a member with a service."""
     return lambda: Member(name, make())
 
 
 def host(name: str, *kinds: type[Agent]) -> Any:
-    """A maker of a host of agents."""
+    """A factory of a host of agents."""
     return partial(Member, name, None, kinds)
 
 
@@ -301,7 +301,7 @@ def counters(text: str = "ACounter#a · ACounter#b", **rest: Any) -> MemoryBus:
 
 
 def expect(bus: MemoryBus, trace: str) -> None:
-    """The trace since this was last asked must be this one; blanks around lines do not count."""
+    """Check the trace since the last call; blanks around lines are ignored."""
     lines = [line.strip() for line in bus.trace]
     bus.trace.clear()
     assert lines == [line.strip() for line in trace.strip().splitlines()], "\n".join(lines)

@@ -1,4 +1,4 @@
-"""A street for norms: runners run, shout and breed; a light changes; both forms of the same λ."""
+"""A street for norms: runners run, shout and breed; a light changes; λ in both forms."""
 
 from minerva_bus import EMPTY, Agent, Context, Event, EventType, Generator, Tick, Vocabulary, on
 from minerva_bus.frame.description import World
@@ -13,7 +13,7 @@ eFine = EventType("eFine", amount=int, norm=str)
 
 
 class State(Agent):
-    """What both forms have in common."""
+    """The common part of both forms."""
 
     x: float = 0.0
     y: float = 0.0
@@ -24,7 +24,7 @@ class State(Agent):
 
 
 class One(State, symbol="ARunner"):
-    """Written for one."""
+    """λ for a single agent."""
 
     @on("eStep")
     def step(self, step, moment):
@@ -46,7 +46,7 @@ class One(State, symbol="ARunner"):
 
 
 class Many(State, symbol="ARunner"):
-    """Written for all at once."""
+    """λ for the whole population."""
 
     @on("eStep", population=True)
     def step(self, step, moment):
@@ -76,7 +76,7 @@ class Light(Agent, symbol="ALight"):
 
 
 class Steps(Generator, events=("eStep", "eBoo")):
-    """A step in every frame, and a boo in every second."""
+    """A step in every frame, and a boo in every second frame."""
 
     def generate(self, tick: Tick):
         yield eStep()
@@ -85,7 +85,7 @@ class Steps(Generator, events=("eStep", "eBoo")):
 
 
 class Passer(Agent, symbol="APasser"):
-    """Hears boos."""
+    """Counts boos."""
 
     boos: int = 0
 
@@ -99,7 +99,7 @@ FINE = Norm("fine", then=Then.SANCTION, sanction=eFine(5, "fine"))
 
 
 def street(scene, norms, expected=("runners", "steps"), **rest):
-    """A world of the street."""
+    """The world of the street."""
     rest = {"frames": 8, "seed": 3, "order": Order(("eFine", "eShout", "eBoo", "eStep")), **rest}
     found = VOCABULARY.read(scene) if isinstance(scene, str) else scene
     return World("street", found, VOCABULARY, expected=frozenset(expected), norms=norms, **rest)

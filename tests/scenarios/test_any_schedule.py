@@ -1,6 +1,6 @@
 """Any schedule and any deaths give the same strings, or a stop with a reason.
 
-Never a hang: when nothing is under way, either the world is over or it waits for a dead member.
+Never a hang: when no message is pending, the world either has ended or waits for a dead member.
 """
 
 from collections.abc import Callable
@@ -47,7 +47,7 @@ FRAMES = 8
 
 @dataclass(frozen=True)
 class Setting:
-    """A world, who takes part in it, and who may come by."""
+    """A world, its members, and guests that may join."""
 
     scene: Scene
     members: dict[str, Callable[[], Member]]
@@ -59,7 +59,7 @@ class Setting:
 
     @cached_property
     def undisturbed(self):
-        """The digests of a run in one process, and how it ended."""
+        """The digests of a run in one process, and the reason for its end."""
         found = []
 
         def watch(instruction):
@@ -75,7 +75,7 @@ class Setting:
 
 
 LOOK = service("look", lambda: Screen(2))
-NOISE = service("noise", Add)  # for counters, of which there are none
+NOISE = service("noise", Add)  # for counters, which this world does not contain
 SETTINGS = {
     "pond": Setting(
         VOCABULARY.read(POND),
@@ -107,7 +107,7 @@ both = pytest.mark.parametrize("setting", SETTINGS.values(), ids=SETTINGS)
 
 @dataclass(frozen=True)
 class Blow:
-    """After so many steps a member goes, and comes back after so many more (or not: 0)."""
+    """A member fails after `after` steps, and returns after `back` more (0: never)."""
 
     after: int
     member: str
@@ -117,7 +117,7 @@ class Blow:
 
 @st.composite
 def blows(draw, setting, back, most, guests=True):
-    """Members of the world die; guests may also take their leave."""
+    """Members of the world die; guests may also leave in order."""
     names = [*setting.members, *(setting.guests if guests else ())]
     leaves = [(g, "leave") for g in setting.guests]
     after = st.integers(0, 200)
@@ -127,7 +127,7 @@ def blows(draw, setting, back, most, guests=True):
 
 
 def play(bus, chance, blows, limit=20000):
-    """Let things happen in any order until the world is over or nothing can happen."""
+    """Execute steps in random order until the world ends or no step is possible."""
     due = [(blow.after, blow.how, blow.member, blow.back) for blow in blows]
     for now in range(limit):
         for one in sorted(one for one in due if one[0] <= now):
@@ -166,7 +166,7 @@ def test_any_order_of_messages_gives_the_digests_of_one_process(setting, seed):
 @schedule
 @given(seed=seeds, data=st.data())
 def test_a_repeated_message_counts_once(setting, seed, data):
-    """Questions and answers come again, much later too, while members and coordinators die."""
+    """Requests and replies are repeated, also much later, while members and coordinators die."""
     digests, _ = setting.undisturbed
     bus, chance = MemoryBus(setting.world, setting.members), Random(seed)
     bus.start()

@@ -1,4 +1,4 @@
-"""The coordinator is killed at every step of a run: another one goes on, and the strings are the same."""
+"""The coordinator is killed at every step of a run: a successor produces the same strings."""
 
 from functools import partial
 
@@ -13,7 +13,7 @@ from minerva_bus.testing.memory_bus import BEGIN, MemoryBus
 
 
 def run(setting, kills):
-    """Run a world in a fixed order; the coordinator is killed after so many steps."""
+    """Run a world in a fixed order; kill the coordinator after the given steps."""
     bus = MemoryBus(setting.world, setting.members)
     bus.start()
     steps = 0
@@ -25,7 +25,7 @@ def run(setting, kills):
         if steps in kills:
             bus.kill_coordinator()
             for name in sorted(setting.members.keys() - bus.alive.keys()):
-                if len(bus.records) == FRAMES:  # It was told of the end, and has gone.
+                if len(bus.records) == FRAMES:  # It was notified of the end and has left.
                     bus.handle(Abandoned(name))
     return bus, steps
 
@@ -56,7 +56,7 @@ def test_a_trace_reports_a_killed_coordinator():
 
 
 def test_a_member_restarted_during_the_first_frame_returns_to_its_start():
-    """It was given what was saved in a frame that never ended: a successor has nothing for it."""
+    """It received state saved in an incomplete frame; the next coordinator has no state for it."""
     asked = m.TickRequest(0)
     welcome = partial(m.Welcome, "pond", VOCABULARY, 5, 0.1, 0, "sequential")
     first, again = Member("steps", Steps()), Member("steps", Steps())

@@ -1,4 +1,4 @@
-"""How a world ends: by its rules, by a person, in any phase; and what its members report."""
+"""Ends of a world: by its rules, by an operator, in any phase; reports of members."""
 
 import pytest
 from pond import Add, Counter, Mother, Screen, counters, eCroak, eDone, expect, host, service
@@ -20,7 +20,7 @@ def test_after_so_many_frames(frames):
 
 
 def test_when_every_agent_has_sent_an_event():
-    """Counters send eDone when they come to 7."""
+    """Counters send eDone when they reach 7."""
     bus = counters("ACounter#a<n=5> · ACounter#b<n=3>", until="eDone")
     bus.start()
     bus.run()
@@ -45,7 +45,7 @@ def test_it_is_not_reached_while_one_of_the_kind_has_not_sent_it():
 
 
 class Quitter(Counter, symbol="ACounter"):
-    """Gives up at 4, and is done at 7 all the same."""
+    """Gives up at 4, but still reports eDone at 7."""
 
     @on("eAdd")
     def add(self, add, moment):
@@ -92,7 +92,7 @@ def test_giving_up_ends_nothing_without_until():
 
 
 class Mayfly(Agent, symbol="ACounter"):
-    """Says that it is done, and dies of it."""
+    """Reports eDone and dies in the same step."""
 
     n: int = 0
 
@@ -239,7 +239,7 @@ def test_one_that_dies_with_its_report_unsaid_does_not_hold_the_end_up():
 
 
 def test_a_silent_member_is_not_awaited_for_ever():
-    """The clock at the rim says when it has been long enough."""
+    """The time-out is detected outside the algorithm, which receives `End`."""
     bus = counters(frames=1)
     bus.start()
     bus.settle()

@@ -1,4 +1,4 @@
-"""More events than frames take: memory is bounded; dropped events are counted and reported."""
+"""Excess events: memory is bounded; dropped events are counted and reported."""
 
 from minerva_bus.frame import inbox as a
 from minerva_bus.frame import messages as m

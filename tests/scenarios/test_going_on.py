@@ -1,4 +1,4 @@
-"""A world that goes on from a checkpoint has the future of the one that never stopped."""
+"""A world resumed from a checkpoint has the same future as one that never stopped."""
 
 from dataclasses import replace
 
@@ -15,7 +15,7 @@ KINDS = kinds_of([Counter, Fly, Frog, Lily, Minnow])
 
 
 def resumed(world, bus, before, members):
-    """The world of a bus that stands between two frames, on a new one; `before` is its last w."""
+    """Resume the world of a bus between two frames on a new bus; `before` is its last w."""
     algorithm, record = bus.algorithm, bus.records[-1]
     shows = [event for event in record.events if VOCABULARY.events[event.type].visual]
     past = algorithm.checkpoint

@@ -1,4 +1,4 @@
-"""Members that come: before the start, late, while the world runs, twice, or wrongly."""
+"""Members that join: before the start, late, while the world runs, twice, or incorrectly."""
 
 from dataclasses import replace
 
@@ -218,7 +218,7 @@ def test_a_generator_that_joins_is_asked_from_the_next_frame_on():
 
 
 def test_a_successor_with_the_same_name_and_other_faces_is_taken_for_what_it_is():
-    """A member leaves in the midst of a frame and another of its name comes, as a host."""
+    """A member leaves in the middle of a frame, and another one of its name joins as a host."""
     bus = counters()
     bus.start()
     bus.makers["heir"] = service("heir", Screen)

@@ -1,4 +1,4 @@
-"""Journals: what they have is what there was, whatever was cut off; and one coordinator writes one."""
+"""Journals: wherever cut off, they contain all whole frames; each has one writer."""
 
 from dataclasses import replace
 
@@ -17,7 +17,7 @@ from minerva_bus.testing.memory_bus import BEGIN, MemoryBus
 
 
 def kept(algorithm):
-    """The checkpoint as bytes: events in columns are compared by what is in them."""
+    """The checkpoint as bytes, so that events in columns are compared by content."""
     return encode_checkpoint(Kept.of(algorithm.checkpoint), None)
 
 
@@ -77,7 +77,7 @@ def test_a_rewritten_journal_continues_from_its_keyframe(tmp_path, name, monkeyp
 
 @both
 def test_a_successor_from_a_rewritten_journal_gives_the_same_strings(tmp_path, name):
-    """Views too: what hosts say of them next is a patch of what they have shown."""
+    """This includes views: hosts send their next views as patches of those already shown."""
     for frames in range(1, 7):
         written = Written(tmp_path / f"{frames}.journal", name)
         for _ in range(frames):
@@ -103,7 +103,7 @@ def test_cut_off_anywhere_it_has_all_whole_frames(tmp_path, name):
         written.path.write_bytes(data[:cut])
         whole = sum(end <= cut for end in ends)
         if not whole:
-            continue  # It has no beginning, or no frame yet.
+            continue  # It has no header or no frame yet.
         _, algorithm, seen = written.read()
         assert algorithm.frame == whole - 1
         assert seen == written.bus.digests[: whole - 1]
@@ -193,7 +193,7 @@ def test_people_s_events_between_two_frames_are_not_lost(tmp_path):
     written = Written(tmp_path / "w.journal", "pond")
     written.bus.frame()
     algorithm = written.bus.algorithm
-    for _ in range(2):  # The second event equals the one of the frame before.
+    for _ in range(2):  # The second event equals that of the previous frame.
         written.bus.handle(Order(written.world.vocabulary.events["eAdd"](n=3)))
         written.journal.waiting(algorithm.ordered)
         _, again, _ = written.read()

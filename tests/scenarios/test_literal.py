@@ -1,4 +1,4 @@
-"""Worlds under `policy = "literal"`: the letter of equation 3, wherever fragments are evolved."""
+"""Worlds under `policy = "literal"`: equation 3 as written, on any number of hosts."""
 
 from dataclasses import replace
 from functools import partial
@@ -34,7 +34,7 @@ SEED = 5
 
 
 class Script(Generator, events=()):
-    """Makes the events of a script, a list for each frame; none after its last."""
+    """Generates the events of a script: a list per frame, none after the last list."""
 
     def __init__(self, vocabulary, script):
         self.script = script
@@ -93,7 +93,7 @@ def ids(scene):
 
 
 def copies(scene, events):
-    """How many agents there are after a frame in which nobody dies and nobody is born."""
+    """The number of agents after a frame without births and deaths."""
     depth = count = 0
     for opens, node in walk(scene):
         if isinstance(node, AgentNode):
@@ -103,7 +103,7 @@ def copies(scene, events):
 
 
 def strings(scene, script, kinds, vocabulary, most=120):
-    """w of each frame by `evolve` on the whole string, for as long as it stays small."""
+    """w of each frame by `evolve` on the whole string, as long as it stays small."""
     emitted = []
     for frame, made in enumerate(script):
         sources = {"script": made} | ({"#": emitted} if emitted else {})
@@ -144,7 +144,7 @@ LAYOUTS = [
 
 @pytest.mark.parametrize("hosts", LAYOUTS)
 def test_two_events_in_each_of_two_frames(hosts):
-    """Every agent is copied for every event of a frame, wherever it lives and whatever it hears."""
+    """Every agent is copied for every event of a frame, whatever its host and handlers."""
     script = [[eTick(), eOther()]] * 2
     bus = ran("AY#y · AN#n", script, hosts, vocabulary=TWO)
     assert str(bus.algorithm.scene) == (
@@ -155,7 +155,7 @@ def test_two_events_in_each_of_two_frames(hosts):
 
 
 def sound(event):
-    """An event whose condition agents of this world can fulfil."""
+    """The event; without its condition if agents of this world cannot satisfy that."""
     try:
         return FAMILY_VOCABULARY.check_event(event)
     except VocabularyError:
@@ -174,7 +174,7 @@ def cases(draw):
 @settings(max_examples=40, deadline=None, suppress_health_check=list(HealthCheck))
 @given(cases(), st.integers(1, 3), st.integers(0, 1 << 32))
 def test_a_world_is_evolve_on_the_whole_string(case, count, seed):
-    """In every frame, on any number of hosts, under any schedule and in one process."""
+    """This holds in every frame, for any number of hosts, any schedule, and in one process."""
     scene, script = case
     wanted = list(strings(scene, script, FAMILY, FAMILY_VOCABULARY))
     script = script[: len(wanted)]
@@ -228,7 +228,7 @@ def test_without_events_figures_stay_and_so_do_agents_without_a_host():
 
 
 def test_a_view_is_no_event_of_evolution():
-    """e^v goes to π alone: a frame with nothing but a picture shows its agents, and leaves none."""
+    """e^v goes to π alone: a frame with only a visual event shows its agents and leaves none."""
     eye = Screen()
     bus = ran(
         "ACounter#a", [[eShow()]], {"host": (Counter,)}, more={"eye": service("eye", lambda: eye)}
@@ -239,7 +239,7 @@ def test_a_view_is_no_event_of_evolution():
 
 def test_a_world_in_which_agents_would_vanish_does_not_rest():
     class Bell(Add, lockstep=False):
-        """Adds when somebody rings."""
+        """Adds when it is triggered."""
 
     members = {
         "bell": service("bell", Bell),
@@ -270,7 +270,7 @@ def test_a_world_in_which_agents_would_vanish_does_not_rest():
 
 
 class Talker(Agent, symbol="ATalker"):
-    """Answers a question to whoever asked."""
+    """Answers a question to its sender."""
 
     asked: int = 0
     answered: int = 0
@@ -341,7 +341,7 @@ def test_ids_of_copies_are_not_those_that_people_write_nor_those_of_newborns():
 
 
 def test_ids_of_copies_of_copies_stay_short():
-    """Each frame copies the second copy and lets the first die, so copies become copies for ever."""
+    """Each frame copies the second copy and removes the first, so names nest indefinitely."""
     script = [[eAdd(100), eHop(1)]] * 60
     bus = ran("ACounter#a", script, {"host": (Counter,)})
     (name,) = ids(bus.algorithm.scene)
@@ -410,7 +410,7 @@ def test_too_many_copies_are_refused_before_they_are_made():
 
 @pytest.mark.parametrize("hosts", [{"one": SCHOOL}, {"a": SCHOOL, "b": SCHOOL, "c": SCHOOL}])
 def test_a_norm_refuses_all_copies_that_a_frame_makes_of_an_agent(hosts):
-    """One copy that breaks it is enough: the agent stands still, as one."""
+    """One copy that violates the norm suffices: the agent keeps its state and stays single."""
     norm = Norm("few", ("ACounter",), where="n > 4")
     script = [[eAdd(1), eAdd(2)], [eAdd(3)]]
     text = "ACounter#a · ACounter#b<n=3> · ALily#l(ACounter#c<n=9>)"
@@ -421,7 +421,7 @@ def test_a_norm_refuses_all_copies_that_a_frame_makes_of_an_agent(hosts):
 
 
 def ran_with(norm, *what):
-    """As `ran`, with a norm, which says what it refused."""
+    """Like `ran`, with a norm; checks that only rejections are reported."""
     bus = bus_of(*what, norms=(norm,))
     bus.run()
     assert bus.ended is not None

@@ -1,4 +1,4 @@
-"""When newborns get events: section 9 of PROTOCOL.md."""
+"""Events for newborns: section 9 of PROTOCOL.md."""
 
 from pond import VOCABULARY, Counter, Mother, eAdd
 

@@ -1,4 +1,4 @@
-"""Norms, enforced while the world runs (section 1): who may do what, where, and how often."""
+"""Norms, enforced at run time (section 1): permitted actions, places and frequencies."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -29,7 +29,7 @@ CROWD = One.many(
 
 
 def live(scene, norms, kinds=KINDS, hosts=1, frames=8, before=(), **rest):
-    """A run: its frames' events and strings, and the algorithm."""
+    """Run a world; returns the events and strings of its frames, the algorithm and the figures."""
     members = {f"runners-{n}": host(f"runners-{n}", *kinds) for n in range(hosts)}
     members["steps"] = service("steps", Steps)
     found = []
@@ -49,7 +49,7 @@ def live(scene, norms, kinds=KINDS, hosts=1, frames=8, before=(), **rest):
 
 
 def happened(frames, event_type, sender=None):
-    """How many events of a type there were in each frame, of one sender or all."""
+    """Numbers of events of a type per frame, of one sender or of all."""
     return [
         sum(e.type == event_type and sender in (None, e.sender) for e in single(events))
         for events, _ in frames
@@ -107,7 +107,7 @@ def test_events_that_people_may_send():
 
 
 def test_so_many_times_in_so_many_frames():
-    """Shouts come in frames 1, 2, 3, ...; of three frames running the third is one too many."""
+    """Shouts are sent in frames 1, 2, 3, ...; the norm allows two within three frames."""
     norm = Norm("seldom", on=("eShout",), most=2, per=3)
     frames, _, _ = live("ARunner#a", (norm,), frames=10)
     assert happened(frames, "eShout", "a") == [0, 1, 1, 0, 1, 1, 0, 1, 1, 0]
@@ -121,7 +121,7 @@ def test_how_often_is_each_ones_own():
     assert happened(frames, "eShout", "a") == happened(frames, "eShout", "b") == [0, 1, 0, 0, 0]
 
 
-# --- norms on what agents become ---
+# --- norms on new states of agents ---
 
 
 def test_a_rejected_agent_stands_still_and_sends_nothing():
@@ -140,7 +140,7 @@ def test_the_previous_state_counts_too():
 
 
 def test_another_agents_state_counts_too():
-    """Nobody moves where the light was red as the frame began."""
+    """No agent moves if the light was red at the beginning of the frame."""
     norm = Norm("red", ("ARunner",), when="#light.green == false")
     frames, _, _ = live("ALight#light · ARunner#a<speed=2>", (norm,), frames=9)
     xs = [0.0, *(states(scene)["a"]["x"] for _, scene in frames)]
@@ -204,7 +204,7 @@ def test_it_is_reported_once():
     assert "limit is broken by #a in frame 0: refused" in said[0]
 
 
-# --- the string is the same, whoever runs it, and however it is held ---
+# --- the string does not depend on the hosts and on its representation ---
 
 ALL = (
     Norm("limit", ("ARunner",), when="speed > 2.8 and was.speed < 2.8", sanction=eFine(2, "limit")),
@@ -239,7 +239,7 @@ def test_one_by_one_is_all_at_once_on_any_number_of_hosts(alone, form, hosts):
 
 
 def test_a_few_that_are_no_columns_live_as_those_that_are():
-    """With births among them, and twice as many hosts: 20 agents stay separate, 40 do not."""
+    """This includes births; 20 agents stay separate nodes, 40 do not."""
     runs = []
     for count in (20, 40):
         crowd = One.many("r", count, x=np.arange(1.0 * count), speed=np.arange(1.0 * count) % 3)
@@ -301,7 +301,7 @@ class Passes(Generator, events=("eShout",)):
 
 
 class Keys(Generator, events=("eShout",), lockstep=False):
-    """What somebody does with hands."""
+    """Input by hand."""
 
     people = True
 
@@ -310,7 +310,7 @@ HUSH = Norm("hush", (PEOPLE,), on=("eShout",), when="event.loud > 5")
 
 
 def ordered(members, orders, norms=(HUSH,), expected=None, emitted=()):
-    """The shouts of a world in which people have ordered some, and the algorithm."""
+    """The shouts of a world after orders of people, and the bus."""
     members = {"steps": service("steps", Steps), "runners": host("runners", *KINDS), **members}
     bus = MemoryBus(street("APasser#p", norms, expected or members, frames=0), members)
     bus.start()

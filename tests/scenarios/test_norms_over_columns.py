@@ -1,7 +1,7 @@
-"""Norms over agents in columns give what they give over the same agents one by one, row by row.
+"""Norms over agents in columns have the same effect as over the same agents one by one.
 
-Nobody is born and nobody dies here, so that rows stay rows: each frame's columns are judged as
-columns. The runs with births in test_norms.py judge them as strings of their own.
+There are no births and deaths here, so rows stay rows: each frame's columns are judged as columns.
+The runs with births in test_norms.py judge them as separate strings.
 """
 
 from itertools import pairwise
@@ -29,7 +29,7 @@ COUNT = 20
 
 
 class Walker(Agent, symbol="AWalker"):
-    """Walks by chance to the right of 0 and shouts how fast; it rests to the left."""
+    """Walks at random to the right of 0 and shouts its speed; it rests to the left."""
 
     x: float = 0.0
     speed: float = 1.0
@@ -74,7 +74,7 @@ LIGHT = VOCABULARY.read("ALight#light")
 
 
 def run(scene, norms, kind=Walker, frames=4):
-    """Each frame's string and events, and how often each norm was broken."""
+    """The strings and events of each frame, and how often each norm was broken."""
     members = {"walkers": host("walkers", kind, Light), "steps": service("steps", Steps)}
     order = Order(("eFine", "eShout", "eBoo", "eStep"))
     expected = frozenset(members)
@@ -123,7 +123,7 @@ both_ways = pytest.mark.parametrize("held", [in_columns, one_by_one])
 
 @pytest.mark.parametrize("kind", [Walker, Walkers])
 def test_the_previous_state_of_a_row_counts(kind):
-    """Nobody crosses a line; who has been behind it goes on."""
+    """No agent crosses the line; those already beyond it move on."""
     line = Norm("line", when="was.x < 10 and x >= 10")
     free, _, _ = in_columns((), kind)
     scenes, _, figures = in_columns((line,), kind)
@@ -138,7 +138,7 @@ def test_the_previous_state_of_a_row_counts(kind):
 
 
 def fines(events, norm=""):
-    """The ids of those who were fined in a frame, by one norm or by any."""
+    """The ids of agents fined in a frame, by one norm or by any."""
     found = [event for event in events if event.type == "eFine" and norm in ("", event.norm)]
     return sorted(who for event in found for who in event.receivers)
 
@@ -146,7 +146,7 @@ def fines(events, norm=""):
 @both_ways
 @pytest.mark.parametrize("then", [Then.SANCTION, Then.REFUSE])
 def test_all_agents_that_violate_a_norm_in_one_frame_are_sanctioned(held, then):
-    """Also by several norms at once: each gets an event of every norm that it breaks."""
+    """Each agent gets an event of every norm that it breaks, even of several at once."""
     fast = Norm("fast", when="was.speed >= 1", then=then, sanction=eFine(2, "fast"))
     far = Norm("far", when="x > 20", then=Then.SANCTION, sanction=eFine(3, "far"))
     _, events, _ = held((far, fast), frames=2)
@@ -158,7 +158,7 @@ def test_all_agents_that_violate_a_norm_in_one_frame_are_sanctioned(held, then):
 
 @both_ways
 def test_a_sanction_follows_once(held):
-    """Who crosses a line is fined in the next frame, and never again for that."""
+    """An agent that crosses the line is fined in the next frame, and only then."""
     line = Norm(
         "line", when="was.x < 10 and x >= 10", then=Then.SANCTION, sanction=eFine(1, "line")
     )
@@ -184,7 +184,7 @@ def test_all_senders_that_violate_a_norm_in_one_frame_are_sanctioned(held):
 
 @both_ways
 def test_only_the_state_of_the_sender_counts(held):
-    """Only some rows send: each event is judged by its own sender's row."""
+    """Only some rows send: each event is judged by its sender's row."""
     _, free, _ = held(())
     slow = Norm("slow", on=("eShout",), when="x > 12 and event.loud < 2")
     scenes, events, figures = held((slow,))
@@ -201,7 +201,7 @@ def test_only_the_state_of_the_sender_counts(held):
 
 @both_ways
 def test_unchanged_agents_are_not_judged(held):
-    """Of those to the left of 0 nobody moves, whatever the others in the same columns do."""
+    """Agents to the left of 0 do not move, whatever other rows of the same columns do."""
     left = Norm("left", when="was.x < 0", then=Then.COUNT)
     right = Norm("right", when="was.x >= 0", then=Then.COUNT)
     assert held((left, right), frames=1)[2] == {"norm_right": COUNT - len(RESTING)}
@@ -227,7 +227,7 @@ def test_a_norm_applies_to_its_kinds_alone(held):
 
 @both_ways
 def test_another_agents_state_counts_as_each_frame_began(held):
-    """Nobody moves where the light was red as the frame began."""
+    """No agent moves if the light was red at the beginning of the frame."""
     red = Norm("red", ("AWalker",), when="#light.green == false")
     scenes, _, _ = held((red,), frames=9)
     lights = [True, *(light(scene) for scene in scenes[:-1])]

@@ -1,7 +1,7 @@
-"""Norms over events in columns give what they give over the same events one by one.
+"""Norms over events in columns have the same effect as over the same events one by one.
 
-A generator that speaks for agents sends them in any order: of agents in several columns, of some
-that are in none, and of nobody.
+A generator that speaks for agents sends their events in any order: of agents in several columns,
+of separate agents, and without a sender.
 """
 
 import numpy as np
@@ -48,7 +48,7 @@ class Rider(State, symbol="ARider"):
 
 
 class Crier(Generator, events=("eShout", "eHorn")):
-    """Sends what it is given in each frame."""
+    """Sends the given events in each frame."""
 
     def __init__(self, events):
         self.cries = events
@@ -145,7 +145,7 @@ def test_events_in_columns_are_judged_as_one_by_one(norms, senders, of_somebody)
 
 
 def test_each_sender_is_judged_by_what_it_is():
-    """The first row of each column, those in no column, and a norm for one kind."""
+    """This includes the first row of each column, separate agents, and a norm for one kind."""
     norm = Norm("low", ("AWalker", "ALight"), ("eShout",), "event.loud < 20")
     ((events, _), *_), figures = run((norm,), [cries(eShout, SENDERS, of_somebody=True)])
     assert [event.sender for event in events] == [f"r{n}" for n in range(5)]

@@ -1,4 +1,4 @@
-"""Who is judged, and who is sanctioned, where an agent is within another or has just been born."""
+"""Judged and sanctioned agents if an agent is inside another one or has just been born."""
 
 from street import FINE, eFine
 from test_norms import happened, live, states
@@ -10,7 +10,7 @@ FAST = Norm("fast", when="speed > 20", then=Then.SANCTION, sanction=eFine(2, "fa
 
 
 def fined(frames):
-    """Who is fined in each frame."""
+    """The ids of the agents fined in each frame."""
     return [
         [who for event in single(events) if event.type == "eFine" for who in event.receivers]
         for events, _ in frames
@@ -25,7 +25,7 @@ def test_an_agent_within_another_is_sanctioned_itself():
 
 
 def test_all_agents_within_an_agent_are_judged():
-    """An agent of another kind, or one that has not changed, stands before those who have."""
+    """An agent of another kind, or an unchanged one, precedes those that have changed."""
     runners = Norm("fast", ("ARunner",), when="speed > 20", then=Then.COUNT)
     w = "APasser#p(ALight#light · ARunner#a<speed=30> · ARunner#b<speed=30>)"
     assert live(w, (runners,), frames=1)[2] == {"norm_fast": 2}
@@ -34,7 +34,7 @@ def test_all_agents_within_an_agent_are_judged():
 
 
 def test_for_a_newborn_its_parent_is_sanctioned():
-    """The newborn is nobody's yet: it is not there if it is refused."""
+    """A rejected newborn does not enter the string, so it cannot be sanctioned."""
     norm = Norm("young", when="births == 0", sanction=eFine(4, "young"))
     frames, _, figures = live("ARunner#a<births=1, speed=-9>", (norm,), frames=20)
     assert {tuple(states(scene)) for _, scene in frames} == {("a",)}
@@ -43,7 +43,7 @@ def test_for_a_newborn_its_parent_is_sanctioned():
 
 
 def test_only_events_of_rejected_agents_are_lost():
-    """Among many of whom some breed, those who did nothing shout on."""
+    """Even if some agents of many breed, compliant agents keep sending their events."""
     w = " · ".join(f"ARunner#r{n}<speed={-9 - n}>" for n in range(40))
     norm = Norm("calm", when="was.speed > -20", most=0)
     frames, algorithm, _ = live(w, (norm,), frames=3)

@@ -1,4 +1,4 @@
-"""What people send: through a generator that takes it, or straight into the next frame."""
+"""Orders of people: through a generator that takes them, or directly into the next frame."""
 
 from pond import Add, Steps, counters, eAdd, eStep, expect, service
 
@@ -6,7 +6,7 @@ from minerva_bus.frame import stimuli as s
 
 
 class Taker(Add):
-    """Doubles what people order, and adds nothing of its own."""
+    """Doubles the orders of people, and adds nothing else."""
 
     def takes_orders(self):
         return self.events
@@ -105,7 +105,7 @@ def test_many_orders_keep_their_order_and_each_counts():
 
 
 def test_an_order_whose_taker_is_away_is_not_lost():
-    """It waits for the frame, and goes through a taker that is back by then."""
+    """It is kept until the frame and passes through the taker, which has returned by then."""
     bus = taking()
     bus.start()
     bus.run(1)

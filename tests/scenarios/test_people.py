@@ -1,4 +1,4 @@
-"""What people may send: not what a generator makes, unless the world file gives it to them."""
+"""Events that people may send: none of a generator, unless the world file allows that."""
 
 from typing import Annotated
 

@@ -16,7 +16,7 @@ FOUR = " · ".join(f"ACounter#{one}" for one in "abcd")
 
 
 def pond(hosts, placement, text=FOUR, **rest):
-    """Counters on hosts whose machines are given; the generator runs on the machine `lab`."""
+    """Counters on hosts with given machines; the generator runs on the machine `lab`."""
     members = {"add": on("lab", "add", service("add", Add))}
     members |= {name: on(where, name, host(name, Counter)) for name, where in hosts.items()}
     bus = MemoryBus(world(text, ["add"], placement=placement, **rest), members)
@@ -25,7 +25,7 @@ def pond(hosts, placement, text=FOUR, **rest):
 
 
 def on(machine, name, make):
-    """A maker of a member that runs on this machine."""
+    """A factory of a member that runs on this machine."""
 
     def made():
         participant = make()
@@ -125,7 +125,7 @@ def test_a_population_is_cut_so_that_its_parts_have_room(most):
     if most == 100:
         parts = bus.algorithm.composition.parts
         assert len(parts) >= 2
-        assert all(part.count <= 2 * most for part in parts.values())  # as they grow, till recut
+        assert all(part.count <= 2 * most for part in parts.values())  # parts grow until divided again
 
 
 def test_excess_rows_of_a_population_stand_still():
@@ -139,7 +139,7 @@ def test_excess_rows_of_a_population_stand_still():
 
 
 def test_a_host_that_dies_amid_a_frame_leaves_its_string_as_it_is():
-    """Whoever is left takes all of its agents for the rest of the frame, and then what it may."""
+    """The other hosts take all of its agents until the frame ends, then up to the limit."""
     members = {"one": "1", "two": "1", "six": "1"}
     text = " · ".join(f"ACounter#n{n}" for n in range(9))
     plain = pond(members, PlacementRules(), text)

@@ -1,4 +1,4 @@
-"""A step that a norm refuses: it is not carried out either, and what led to it alone is lost."""
+"""Rejected steps are not executed by bodies; earlier events of the frame still count."""
 
 from dataclasses import replace
 
@@ -71,11 +71,11 @@ class State(Agent):
 
 
 class Cart(State, symbol="ACart", rest=("push",)):
-    """Carries out in a frame what it has chosen in the one before."""
+    """Executes in each frame the push that it chose in the previous one."""
 
 
 class Walker(State, symbol="AWalker"):
-    """The same, without anything to rest by."""
+    """The same, without a rest attribute."""
 
 
 class Moth(State, symbol="AMoth"):
@@ -102,7 +102,7 @@ class Spore(State, symbol="ASpore"):
 
 
 class Train(Agent, symbol="ATrain"):
-    """A cart with others within."""
+    """An agent that contains carts."""
 
 
 class Clock(Generator, events=("eWord", "eStep", "eAfter", "eShow")):
@@ -111,7 +111,7 @@ class Clock(Generator, events=("eWord", "eStep", "eAfter", "eShow")):
 
 
 class Motor(Device, Generator, draws=("eShow",), coupled=True, events=()):
-    """Pushes bodies as views say."""
+    """Pushes bodies as views specify."""
 
     def __init__(self):
         self.bodies, self.push = {}, {}
@@ -157,7 +157,7 @@ def states(bus):
 
 
 def together(bus, frames):
-    """Run frame by frame: bodies are where the string had the agents as the frame began."""
+    """Run frame by frame; check that bodies are where the agents were at the frame's begin."""
     bus.start()
     bus.settle()
     first = {who: state["x"] for who, state in states(bus).items()}
@@ -202,7 +202,7 @@ def test_events_before_the_step_count_and_sanctions_always_do(symbol):
 
 
 def test_a_fine_reaches_an_agent_whose_changes_are_all_rejected():
-    """What it is already is forbidden; of the rest nothing counts, each time."""
+    """Its initial state is forbidden already, so every step is rejected."""
     bus = world("AWalker#a<x=9>", (replace(WALL, name="all"),))
     end = together(bus, 14)["a"]
     assert bus.algorithm.norms.broken == {"all": 14}

@@ -1,4 +1,4 @@
-"""A world in which nothing happens rests, until something does."""
+"""A world in which nothing happens rests until an event occurs."""
 
 import signal
 from contextlib import suppress
@@ -15,7 +15,7 @@ from tests.runtime.running import World, eventually, write_world
 
 
 class Bell(Add, lockstep=False):
-    """Adds when somebody rings."""
+    """Adds when it is triggered."""
 
 
 def resting(text="ACounter#a<n=6>", *, frames=0, **more):
@@ -32,7 +32,7 @@ def test_it_rests_until_an_event_waits_and_while_agents_answer_one_another():
     bus.handle(m.Emitted("add", (eAdd(1),)))
     assert not bus.algorithm.at_rest
     bus.run(1)
-    assert not bus.algorithm.at_rest  # At 7 a counter sends eDone, which the next frame has.
+    assert not bus.algorithm.at_rest  # At 7 a counter sends eDone for the next frame.
     bus.run(1)
     assert bus.algorithm.at_rest
     expect(
@@ -94,7 +94,7 @@ def test_on_the_bus_a_world_at_rest_makes_few_frames(tmp_path):
     members = '[process.walkers]\nagents = "yard:Walker"\n'
     with World(write_world(tmp_path, members, frames=0)) as world, world.client() as asked:
         world.runs("walkers")
-        # As fast as it goes it would be thousands a second.
+        # Without rest it would run thousands of frames per second.
         eventually(lambda: 0 < asked.operator.status().hz < 100, "it rests")
         rested = asked.operator.status().frame
         eventually(lambda: asked.operator.status().frame > rested + 3, "and goes on all the same")

@@ -1,4 +1,4 @@
-"""Generators speak for themselves, or for the agents that the world file names."""
+"""Generators send events in their own name, or in that of agents that the world file names."""
 
 import pytest
 from pond import VOCABULARY, eAdd, eCroak
@@ -90,7 +90,7 @@ def test_permissions_of_another_member_do_not_apply():
 
 @pytest.mark.parametrize("in_columns", [False, True])
 def test_the_events_of_one_that_is_no_more_are_left_out_and_counted(in_columns):
-    """A bridge cannot know yet who has died; nor may it speak for who is born later."""
+    """A bridge learns of deaths late; it may not speak for later newborns either."""
     world = begun(rain=("ACounter",))
     events = (eAdd(1, sender="a"), eAdd(1, sender="a:1"))
     if in_columns:

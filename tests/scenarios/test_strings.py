@@ -1,4 +1,4 @@
-"""What becomes of the string: births, deaths, shapes that change, and fragments on their way."""
+"""Changes of the string: births, deaths, new shapes, and fragments in transit."""
 
 import pytest
 from pond import (
@@ -120,7 +120,7 @@ def test_the_world_ends_with_the_empty_string():
 
 
 def test_only_what_has_changed_travels():
-    """A host that makes its fragments itself is never given them."""
+    """A host that computes its fragments itself never receives them."""
     members = {"host": host("host", Counter), "steps": service("steps", Steps)}
     bus = counters(members=members)
     bus.start()
@@ -246,7 +246,7 @@ def test_without_events_nothing_is_asked_and_nothing_changes():
 
 
 class Spawner(Agent, symbol="ASpawner"):
-    """Bursts into many at once and is no more."""
+    """Is replaced by many agents at once."""
 
     n: int = 0
 

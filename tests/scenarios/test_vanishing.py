@@ -1,4 +1,4 @@
-"""Members that go: in a tick, in evolution, between frames; waited for, given up, or not missed."""
+"""Members that leave: in a tick, in evolution, between frames; awaited or given up."""
 
 import pytest
 from pond import (
@@ -94,7 +94,7 @@ def test_the_world_waits_for_a_generator_that_died_between_frames():
 
 
 def test_a_dead_generators_reply_is_requested_again_during_the_tick():
-    """Its successor must know what it had published; here there is nothing, the answer is one."""
+    """Its successor must know what it had published; here it had published nothing."""
     bus = counters(members={"slow": service("slow", Steps)})
     bus.start()
     bus.run(1)
@@ -257,7 +257,7 @@ def test_a_dead_hosts_reply_counts_and_goes_to_its_successor():
 
 
 def test_the_first_of_two_hosts_that_is_back_is_given_what_the_other_had_answered():
-    """Both were lost in a frame, and the other one is not back yet when the next one begins."""
+    """Both were lost in a frame, and one of them is still absent when the next frame begins."""
     members = {"host": host("host", Counter), "other": host("other", Counter)}
     bus = counters(members=members)
     bus.start()
@@ -277,7 +277,7 @@ def test_the_first_of_two_hosts_that_is_back_is_given_what_the_other_had_answere
 
 
 def test_a_host_that_returns_in_the_frame_of_its_reply_has_no_fragments():
-    """It alone has mothers, for which the frame waits; it shares counters with another."""
+    """Only `host` has mothers, so the frame waits for it; it shares the counters with `other`."""
     members = {"host": host("host", Counter, Mother), "other": host("other", Counter)}
     text = "ACounter#a · ACounter#b · ACounter#c · ACounter#d · AMother#m"
     bus = counters(text, members=members)
@@ -294,7 +294,7 @@ def test_a_host_that_returns_in_the_frame_of_its_reply_has_no_fragments():
 
 
 def test_agents_that_move_to_another_host_while_the_old_one_answers_move_with_what_it_answered():
-    """`host` alone has flies, for which the frame waits; when it comes back, counters move to it."""
+    """Only `host` has flies, so the frame waits for it; on its return, counters move to it."""
     members = {"host": host("host", Counter, Fly), "other": host("other", Counter)}
     text = "ACounter#a · ACounter#b · ACounter#c · ACounter#d · AFly#y"
     bus = counters(text, members=members)
@@ -401,7 +401,7 @@ def test_a_member_given_up_before_the_start_is_not_awaited():
     "hold", [("down", "guest"), ("up", "guest"), ("up", "slow"), ("up", "host")]
 )
 def test_a_guest_that_goes_is_not_waited_for(how, hold):
-    """A generator that the world file does not name goes: before its answer, or after it."""
+    """The world file does not name this generator; it leaves before or after its reply."""
     bus = counters(members={"slow": service("slow", Steps)})
     bus.start()
     bus.makers["guest"] = service("guest", Add)
@@ -565,7 +565,7 @@ def test_a_generator_does_not_wait_for_a_source_that_has_left():
 @pytest.mark.parametrize("who", ["add", "host", "more"])
 @pytest.mark.parametrize("frames", [0, 1])
 def test_a_member_has_left_even_if_its_token_vanishes_first(who, frames):
-    """What a member says and whether it is there come to the coordinator on ways of their own."""
+    """Messages of a member and its token reach the coordinator on separate paths."""
     members = {"more": host("more", Counter)}
     plain, overtaken = counters(members=members), counters(members=members)
     for bus in (plain, overtaken):

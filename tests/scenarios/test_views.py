@@ -1,4 +1,4 @@
-"""Views: visual events, devices that are their own source, coupled ones, and observers that miss."""
+"""Views: visual events, devices that request them, coupled devices, late observers."""
 
 from dataclasses import replace
 
@@ -41,7 +41,7 @@ def shown(bus, name="screen"):
 
 
 class Show(Generator, events=("eShow",)):
-    """Asks for a view every other frame."""
+    """Requests a view every other frame."""
 
     def generate(self, tick):
         return () if tick.number % 2 else (eShow(),)
@@ -76,7 +76,7 @@ def test_a_device_is_its_own_source_every_so_many_frames():
 
 
 def test_visual_events_are_collected_once_and_do_not_evolve_anything():
-    """Two screens and a generator ask for the same view: one event, by equation 6."""
+    """Two screens and a generator request the same view: one event, by equation 6."""
     members = {
         "one": service("one", Screen),
         "two": service("two", Screen),
@@ -298,7 +298,7 @@ def test_a_guest_that_watches_changes_no_digest():
 
 
 class Sizes(Device, draws=("eMark",)):
-    """Draws events with data, which it cannot make itself."""
+    """Draws events with data, which it cannot create itself."""
 
     every = 1
 
@@ -339,7 +339,7 @@ def test_a_view_arrives_in_the_order_of_frames_also_for_one_that_lags():
 
 
 class Drifter(Agent, symbol="ADrifter"):
-    """One of many, of whom now and then a few move, and seldom one is born."""
+    """Member of a population in which few agents move per frame, and births are rare."""
 
     x: Metres = 0.0
     births: int = 0
@@ -360,7 +360,7 @@ DRIFTING = Vocabulary.of(PDot, TAt, eStep, eShow, Drifter)
 
 @pytest.mark.parametrize("hosts", [1, 2])
 def test_key_views_and_what_differs_add_up_to_the_view_of_the_whole(hosts):
-    """Also for a screen that comes late, and through births."""
+    """This includes a screen that joins late, and births."""
     w = World("drift", Drifter.many("d", 200, x=np.arange(200.0)) + PDot(5), DRIFTING)
     members = {f"h{n}": host(f"h{n}", Drifter) for n in range(hosts)}
     members |= {"steps": service("steps", Steps), "screen": service("screen", Screen)}

@@ -157,7 +157,7 @@ STRANGE = {
 
 @pytest.mark.parametrize("how", STRANGE)
 def test_a_host_that_answers_for_agents_of_another_is_shut_out(how):
-    """`other` has #a, `host` has #b; what is not its own is not taken, and #a goes to `host`."""
+    """`other` has #a, `host` has #b; foreign fragments are rejected, and #a moves to `host`."""
     bus = started(members={"other": host("other", Counter)}, expected=["add", "host"])
     mine = list(bus.alive["other"].host.fragments)
     swap = {"other": "host", "host": "other"} if mine == ["b"] else {}
