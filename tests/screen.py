@@ -26,13 +26,13 @@ class Message(ctypes.Structure):
 
 
 class Screen:
-    """An X server of its own."""
+    """A separate X server."""
 
     def __init__(self, width=1100, height=800):
         read, write = os.pipe()
         self.process = subprocess.Popen(
             ["Xvfb", "-displayfd", str(write), "-screen", "0", f"{width}x{height}x24",
-             "-nolisten", "tcp", "-noreset"],  # else it is not there while its last client leaves
+             "-nolisten", "tcp", "-noreset"],  # else it resets when its last client disconnects
             pass_fds=[write], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
         )  # fmt: skip
         os.close(write)
@@ -47,7 +47,7 @@ class Screen:
         self.process.wait()
 
     def hands(self, *words):
-        """What xdotool prints."""
+        """Run xdotool; returns its output."""
         environment = {**os.environ, "DISPLAY": self.display}
         done = subprocess.run(
             ["xdotool", *map(str, words)], env=environment, capture_output=True, text=True
@@ -59,22 +59,22 @@ class Screen:
         self.hands("click", button)
 
     def pixels(self):
-        """Red, green and blue of all that is seen, (height, width, 3)."""
+        """Red, green and blue of the whole screen, (height, width, 3)."""
         return np.asarray(ImageGrab.grab(xdisplay=self.display).convert("RGB"))
 
     def window(self):
-        """The number of the program's window, its left and its top; None while there is none."""
+        """The number of the program's window, its left and its top; None if there is none."""
         found = self.hands("search", "--onlyvisible", "--class", "minerva").split()
         if not found:
             return None
         shown = self.hands("getwindowgeometry", "--shell", found[-1]).splitlines()
         values = dict(line.split("=", 1) for line in shown if "=" in line)
-        if "Y" not in values:  # gone meanwhile: SDL tries one before the one that it shows
+        if "Y" not in values:  # already closed: SDL tries one window before the one that it shows
             return None
         return int(found[-1]), int(values["X"]), int(values["Y"])
 
     def ask_to_close(self, window):
-        """What a window manager does when somebody clicks on the cross."""
+        """Send the message that a window manager sends when the user clicks on the close button."""
         x = ctypes.CDLL("libX11.so.6")
         x.XOpenDisplay.restype = ctypes.c_void_p
         x.XInternAtom.restype = ctypes.c_ulong

@@ -1,4 +1,4 @@
-"""What tests of a world with a door have in common; `world` is each module's own."""
+"""Common fixtures of tests with a listening world; each module defines its own `world`."""
 
 import sys
 from pathlib import Path
@@ -11,7 +11,7 @@ from secured import KeyFolder, secured_endpoint
 
 @pytest.fixture(scope="module")
 def door(world):
-    """Where others come in."""
+    """The endpoint for remote members."""
     return secured_endpoint(world)
 
 

@@ -1,4 +1,4 @@
-"""A secured world and those who would like to be in it."""
+"""A secured world, and members that try to join it."""
 
 import re
 import sys
@@ -19,7 +19,7 @@ BUS = 'listen = "tls/127.0.0.1:0"\nkeys = "keys"\n'
 
 
 def keyed_world(folder, issue, bus="", members=MEMBERS, **world):
-    """A world file with keys beside it; `issue` has what is wanted, by name."""
+    """A world file with keys beside it; `issue` maps names to the requested certificates."""
     keys = KeyFolder(folder / "keys")
     keys.init()
     for name, wanted in issue.items():
@@ -28,13 +28,13 @@ def keyed_world(folder, issue, bus="", members=MEMBERS, **world):
 
 
 def secured_endpoint(world):
-    """Where others than its own processes find a world."""
+    """The endpoint of a world for processes other than its own."""
     line = world.says("coordinator │ listens at tls/")
     return re.search(r"listens at (\S+);", line).group(1)
 
 
 def stolen(folder, name, roles=()):
-    """What the files of a name are good for, whatever became of it."""
+    """Credentials from the files of a name, even if they are expired or revoked."""
     return Credentials(
         name, folder / "ca.pem", folder / f"{name}.pem", folder / f"{name}.key", frozenset(roles)
     )

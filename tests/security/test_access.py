@@ -1,4 +1,4 @@
-"""The access rules for Zenoh: what no member may send."""
+"""The access rules for Zenoh: messages that no member may send."""
 
 import zenoh
 from hypothesis import given, settings
@@ -20,7 +20,7 @@ MANY = st.lists(RIGHTS, unique_by=lambda one: one.name, max_size=4)
 
 
 def may(access, name, flow, message, key):
-    """What Zenoh makes of it: something is let through where a rule's key includes its key."""
+    """Zenoh's decision: a message passes if the key of a matching rule includes its key."""
     wanted = zenoh.KeyExpr(key)
     of_name = {
         rule
@@ -97,7 +97,7 @@ def test_every_member_does_what_its_roles_allow(many):
 @given(MANY, st.booleans())
 @settings(max_examples=30)
 def test_no_id_is_unknown_and_none_is_there_twice(many, carrier):
-    """Zenoh takes unknown ids without a word."""
+    """Zenoh accepts unknown ids silently."""
     many = [
         *many, Rights("mid", frozenset({ROUTER})), Rights(COORDINATOR, frozenset({HUB}))
     ]  # fmt: skip

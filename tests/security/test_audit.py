@@ -33,7 +33,7 @@ from minerva_bus.runtime.session import open_client
 from minerva_bus.settings.overrides import Overrides
 from minerva_bus.wire.keys import Keys as WorldKeys
 
-# --- lines of a log, as Zenoh 1.10.2 has written them ---
+# --- log lines as written by Zenoh 1.10.2 ---
 
 kind = WorldKeys("w").kind
 
@@ -69,7 +69,7 @@ def ruled(*given, thread=6, src=LINK, **more):
 
 
 def heard(*lines):
-    """What is counted of lines that come at once, and one by one; and what is left of them."""
+    """Counts for lines that arrive at once and one by one, and the lines that are passed on."""
     found = []
     for pieces in ([b"".join(lines)], lines):
         times = Counter()
@@ -106,7 +106,7 @@ def test_the_identity_of_a_link_is_kept_with_a_remembered_ruling():
 @pytest.mark.parametrize(
     "line",
     [
-        ruled("Put", "minerva/w/tick"),  # Of what might come: nothing is dropped.
+        ruled("Put", "minerva/w/tick"),  # A check in advance: nothing is dropped.
         ruled("Put", "minerva/w/tick") + entry(DROPPED, thread=7),
         ruled("Put", "minerva/w/tick") + entry(DROPPED, link=OTHER),
         ruled("Put", "minerva/w/tick") + ruled("Put", "k", flow="egress") + entry(DROPPED),
@@ -141,7 +141,7 @@ def test_it_is_counted_once_and_threads_do_not_mix():
 
 
 def test_no_key_can_accuse_another():
-    """Zenoh writes ends of lines as they are, but the escape character as text."""
+    """Zenoh writes line ends unchanged, but the escape character as text."""
     another = TLS.replace("sensor", "ann")
     forged = ruled("Put", "minerva/w/tick", on=f" on {another}") + entry(DROPPED)
     as_text = forged.decode().replace("\x1b", "\\x1b")
@@ -255,7 +255,7 @@ def world(tmp_path_factory):
 
 @pytest.fixture
 def attack(door, keys):
-    """Somebody's session, who has a certificate."""
+    """Opens sessions with valid certificates."""
     sessions = []
 
     def begin(name):
@@ -272,14 +272,14 @@ def answers(session, key):
 
 
 def counted(world, who, before, more):
-    """Wait until so many refusals more are counted, and not one beyond."""
+    """Wait until exactly `more` additional rejections are counted."""
     eventually(lambda: refused(world, who) >= before + more, f"{more} of {who} are counted")
     goes_on(world)
     assert refused(world, who) == before + more
 
 
 def test_an_honest_world_counts_no_refusal(world, door, keys):
-    """With all roles, who join, leave, are killed, and come back; first in this file, on purpose."""
+    """Members of all roles join, leave, are killed and return. It must run first here."""
     who = ("--connect", door, "--world", world.name, "--keys", "keys/host.pem", "--name", "host")
     with (
         Joined(world, door, keys.credentials("sensor"), yard.Noise()),
@@ -308,7 +308,7 @@ def test_an_honest_world_counts_no_refusal(world, door, keys):
 def test_publishing_as_the_coordinator_is_attributed_and_counted(world, attack):
     session, base = attack("sensor"), f"minerva/{world.name}"
     before = refused(world, "sensor")
-    tick = session.declare_keyexpr(f"{base}/tick")  # A publisher finds out that nobody listens.
+    tick = session.declare_keyexpr(f"{base}/tick")  # A publisher detects missing subscribers.
     for _ in range(3):
         put(session, tick, EVIL)
         put(session, f"{base}/all", EVIL)
@@ -350,7 +350,7 @@ def test_a_query_in_another_name_is_attributed_and_counted(world, attack):
     counted(world, "watcher", before, 3)
     world.says(f"watcher │ queried {base}/control, which its certificate does not allow")
     world.says(f"watcher │ queried {base}/ask/ann, which its certificate does not allow")
-    # The same kind of key: it is logged once.
+    # It is logged once per kind of key.
     assert f"queried {base}/control/ann" not in world.text
 
 

@@ -1,4 +1,4 @@
-"""One certificate for any number of members: hosts-a, hosts-b ... join with that of hosts-*."""
+"""One certificate for many members: hosts-a, hosts-b ... join with that of hosts-*."""
 
 import json
 import signal
@@ -47,7 +47,7 @@ COMMON_NAMES = STARTS | STARTS.map(lambda start: f"{start}-*")
 
 @given(COMMON_NAMES, COMMON_NAMES, st.text("ab-", max_size=6))
 def test_names_overlap_if_a_member_matches_both(one, other, member):
-    """Zenoh's own opinion of key expressions is the judge."""
+    """Zenoh's key expressions are the reference."""
     chunks = [zenoh.KeyExpr(name.replace("*", "$*")) for name in (one, other)]
     assert overlap(one, other) == overlap(other, one) == chunks[0].intersects(chunks[1])
     if member:
@@ -241,7 +241,7 @@ def test_a_family_certificate_admits_members_of_the_family_only(world, door, key
 
 
 def test_a_name_outside_a_family_does_not_match(world, door, keys):
-    """A certificate whose name merely begins alike."""
+    """The name of the certificate only begins with the same text."""
     with (
         open_client("inside", world.endpoint()) as inside,
         open_client("hostsx", door, own=keys.credentials("hostsx")) as session,
@@ -302,7 +302,7 @@ def test_a_family_gives_no_orders_that_its_role_does_not_include(world, door, ke
     "name", ["hosts-$*", "hosts-a$*", "hosts-\x1b[2J", "hosts-ä", "hosts-" + "x" * 90]
 )
 def test_a_family_s_names_are_names(world, door, keys, name):
-    """What Zenoh's rules let through, for it matches: wildcards, and what no member is called."""
+    """Wildcards and invalid names match Zenoh's rules, so the coordinator must reject them."""
     base, before = f"minerva/{world.name}", refused(world, "hosts-*")
     own = keys.credentials("hosts-a")
     with open_client("hosts-a", door, own=own) as session:

@@ -94,7 +94,7 @@ def test_a_client_without_name_is_a_stranger(name):
 
 
 class Folder:
-    """Keys that change under a guard's eyes."""
+    """Keys that change while a guard uses them."""
 
     def __init__(self, *rights):
         self.now, self.stamp, self.readable = {one.name: one for one in rights}, 0, True
@@ -126,7 +126,7 @@ def test_a_deleted_certificate_counts_as_revoked_not_unknown():
     guard, _ = guarded(folder)
     assert guard.look(LOOK_EVERY) == []
     folder.change(OWL)
-    assert guard.look(1.5 * LOOK_EVERY) == []  # It does not look all the time.
+    assert guard.look(1.5 * LOOK_EVERY) == []  # It checks at intervals only.
     assert guard.look(2 * LOOK_EVERY) == ["fox"]
     assert guard.rules.shut_out("fox") == "its certificate was revoked"
     assert guard.rules.objection(m.Hello("fox", 1)) == "its certificate was revoked"

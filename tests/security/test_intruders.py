@@ -1,7 +1,6 @@
-"""An attacker's afternoon: a real world, and real sessions that want what they may not have.
+"""Attacks on a real world by real sessions that request more than they are allowed.
 
-What is tried is refused, said with a name and a reason, and counted; and no frame is another one
-for it.
+All attempts are rejected, reported with a name and a reason, and counted; the frames are the same.
 """
 
 import socket
@@ -71,7 +70,7 @@ def world(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def inside(world):
-    """A session of this machine, which may hear all."""
+    """A session on this machine, which may receive everything."""
     with open_client("inside", world.endpoint()) as session:
         yield session
 
@@ -85,11 +84,11 @@ def listen(session, key):
     return heard, kept
 
 
-# --- who has nothing to show ---
+# --- clients without a valid certificate ---
 
 
 def knock(door, folder=None, name="", trust=None):
-    """A TLS handshake, whatever the other side's certificate is, and what comes of it."""
+    """Perform a TLS handshake that accepts any server certificate, then read one byte."""
     host, _, port = door.partition("/")[2].rpartition(":")
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
     context.check_hostname = False
@@ -173,7 +172,7 @@ def test_a_command_with_a_rejected_certificate_reports_it_and_exits(world, door,
     assert "it rejects later, whose certificate" in asked.stderr
 
 
-# --- who has, but for something else ---
+# --- clients with a certificate for something else ---
 
 
 def test_a_member_speaks_on_its_own_keys_only(world, door, keys, inside):
@@ -216,7 +215,7 @@ def test_a_member_confined_to_topics_publishes_on_these_only(world, door, keys, 
 
 
 def test_a_subscription_to_everything_receives_nothing(world, door, keys):
-    """Its own keys it can hear: another session with the same certificate does."""
+    """It can receive its own keys: another session with the same certificate does."""
     own = keys.credentials("sensor")
     with open_client("sensor", door, own=own) as spy, open_client("sensor", door, own=own) as good:
         ticks, kept = listen(good, f"minerva/{world.name}/tick")
@@ -253,7 +252,7 @@ def test_a_hello_beyond_the_certificate_is_rejected(
 
 
 class Liar(MemberProcess):
-    """A host that answers for all agents there are."""
+    """A host that replies for all agents of the world."""
 
     def __init__(self, *args, **options):
         super().__init__(*args, **options)
@@ -334,7 +333,7 @@ def test_oversized_input_is_rejected_before_it_is_read(world, door, keys):
         present(world, "giant")
         message = joined.member.link.stamp + bytes(50 << 20)
         with open_client("giant", door, own=keys.credentials("giant")) as session:
-            for _ in range(9):  # A link that is too slow for so much is closed, and comes back.
+            for _ in range(9):  # A link that is too slow for this size is closed and reconnects.
                 put(session, f"minerva/{world.name}/from/giant", message)
                 joined.over.wait(2)
                 if joined.over.is_set():
@@ -344,7 +343,7 @@ def test_oversized_input_is_rejected_before_it_is_read(world, door, keys):
     goes_on(world)
 
 
-# --- who gives orders ---
+# --- commands ---
 
 
 def test_orders_are_an_operator_s(world, door, keys):
@@ -377,7 +376,7 @@ def test_a_query_in_another_name_is_rejected(world, door, keys, key):
             assert [one.ok for one in answers] == []
 
 
-# --- and then ---
+# --- the string afterwards ---
 
 
 def test_the_string_contains_none_of_it(world):

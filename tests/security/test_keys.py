@@ -1,4 +1,4 @@
-"""The certificate authority: files, what certificates say, and what counts no more."""
+"""The certificate authority: files, contents of certificates, and invalid certificates."""
 
 import json
 import ssl
@@ -27,7 +27,7 @@ def keys(tmp_path):
 
 
 def shake_hands(client, server, name):
-    """A whole TLS handshake in memory. Raises what either side objects to."""
+    """A complete TLS handshake in memory; raises the error of either side."""
     up, down = ssl.MemoryBIO(), ssl.MemoryBIO()
     ours = client.wrap_bio(down, up, server_hostname=name)
     theirs = server.wrap_bio(up, down, server_side=True)
@@ -208,7 +208,7 @@ def test_an_interrupted_renewal_leaves_a_pair_that_belongs_together(keys, monkey
     own = KeyFolder(keys.folder).credentials("sensor")
     ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT).load_cert_chain(own.certificate, own.key)
     assert (keys.issued()["sensor"].serial != serial) == (step == "move the key")
-    # What the interruption has left does not prevent another attempt.
+    # The remains of the interruption do not prevent another attempt.
     renewed = keys.issue("sensor", wanted, renew=True)
     ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT).load_cert_chain(own.certificate, own.key)
     assert renewed.serial != serial
@@ -282,7 +282,7 @@ def test_the_commands_do_it_all(tmp_path):
 
 
 def test_a_folder_that_cannot_be_read_is_reported(tmp_path):
-    """By a name that no file can have, since root may read every folder."""
+    """A name too long for any file serves, because root can read every folder."""
     folder = tmp_path / ("x" * 300)
     with pytest.raises(KeysError, match="cannot be read: File name too long; the process needs"):
         KeyFolder(folder).rights()

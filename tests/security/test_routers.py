@@ -1,4 +1,4 @@
-"""Where there are several networks: a client, a router between, the world behind it."""
+"""Several networks: a client, a router in between, and the world behind it."""
 
 import json
 import sys
@@ -28,12 +28,12 @@ ISSUED = {
 
 @pytest.fixture(scope="module")
 def chain(tmp_path_factory):
-    """A world that has joined a router, and where the router is."""
+    """A world connected to a router, the router's endpoint, and the keys."""
     folder = tmp_path_factory.mktemp("chain")
     path, keys = keyed_world(folder, ISSUED, frames=0, rate=50)
     printed = here(folder, "keys", "router", "middle", path.stem, "--listen", LISTEN)
     config = zenoh.Config.from_json5(printed.stdout)
-    config.insert_json5("adminspace/enabled", "true")  # It says which port it was given.
+    config.insert_json5("adminspace/enabled", "true")  # It provides the actual port.
     with zenoh.open(config) as router:
         place = listening_at(router, LISTEN)
         with World(path, "--connect", place) as world:
@@ -87,7 +87,7 @@ def test_the_router_holds_the_world_s_rules(chain):
 
 
 def test_a_family_joins_through_a_router_until_it_is_revoked(chain):
-    """Their links are the router's, which are not cut."""
+    """Their links end at the router and are not closed."""
     world, place, keys = chain
     names = ("hosts-a", "hosts-b")
     one, two = (

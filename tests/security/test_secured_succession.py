@@ -1,4 +1,4 @@
-"""A coordinator that is killed is followed by one that others still find where it was."""
+"""The successor of a killed coordinator listens at the same endpoint."""
 
 from tests.runtime.yard import Screen
 from tests.security.secured import (

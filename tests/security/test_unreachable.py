@@ -37,7 +37,7 @@ def keys(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def hub(keys):
-    """A secured session, and where it listens."""
+    """A secured session; returns its endpoint."""
     access = access_control(WorldKeys("w"), keys.rights().values(), [])
     local = f"unixsock-stream/{keys.folder.parent}/hub.sock"
     secured = Secured(keys.credentials("coordinator"), local, access)
@@ -48,7 +48,7 @@ def hub(keys):
 
 @pytest.fixture(scope="module")
 def silent():
-    """A port at which somebody listens who never says a word."""
+    """A port with a listener that never sends anything."""
     with socket.create_server(("127.0.0.1", 0)) as server:
         yield server.getsockname()[1]
 
@@ -99,7 +99,7 @@ def test_a_member_rejects_a_world_with_an_untrusted_certificate(hub, keys):
     assert "its certificate is not of your authority" in told(hub, foreign)
     port = hub.rpartition(":")[2]
     said = told(f"tls/127.0.0.2:{port}", keys.credentials("sensor"))
-    if "nothing listens" not in said:  # Where 127.0.0.2 is not this machine, too.
+    if "nothing listens" not in said:  # where 127.0.0.2 is this machine, too
         assert "its certificate is not for '127.0.0.2'" in said
 
 
