@@ -125,7 +125,7 @@ def test_a_population_is_cut_so_that_its_parts_have_room(most):
     if most == 100:
         parts = bus.algorithm.composition.parts
         assert len(parts) >= 2
-        assert all(part.count <= 2 * most for part in parts.values())  # parts grow until divided again
+        assert all(part.count <= 2 * most for part in parts.values())  # parts grow until divided
 
 
 def test_excess_rows_of_a_population_stand_still():
