@@ -115,7 +115,7 @@ class GeneratorSide:
             if isinstance(service, Device) and service.coupled:
                 yield m.TickReply(self._name, frame.number)
             return
-        readings, orders = self.buffer.taken(), self._ordered(frame.number)
+        readings, orders = self.buffer.taken(frame.number), self._ordered(frame.number)
         tick = Tick(frame, self._name, readings=readings, orders=orders)
         with blamed(service.generate):
             made = service.generate(tick)

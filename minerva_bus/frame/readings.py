@@ -66,14 +66,21 @@ class ReadingBuffer:
                 if readings is None or readings.frame != frame:
                     yield publisher
 
-    def taken(self) -> tuple[Reading, ...]:
-        """The readings that count now, by topic and publisher; free publishers' count once."""
+    def taken(self, frame: int) -> tuple[Reading, ...]:
+        """Remove and return the readings that count in a frame, by topic and publisher."""
         if not self._in_step and not self._free:
             return ()
-        taken = {key: message.readings for key, message in self._in_step.items()}
+        # Readings of an earlier frame are those of a publisher that has left, or repeated for a
+        # newcomer: they have counted in their own frame.
+        taken = {
+            key: message.readings
+            for key, message in self._in_step.items()
+            if message.frame == frame
+        }
         taken |= {key: tuple(waiting) for key, waiting in self._free.items()}
-        # Readings of free publishers count in one frame only. Those in step stay until the
-        # readings of the next frame replace them.
+        self._in_step = {
+            key: message for key, message in self._in_step.items() if message.frame > frame
+        }
         self._free = {}
         return tuple([reading for _, readings in sorted(taken.items()) for reading in readings])
 

@@ -25,8 +25,8 @@ def test_the_newest_counts_once_and_the_others_are_counted():
     intake = ReadingBuffer()
     for battery in BATTERIES[:3]:
         intake.put(free(battery))
-    assert intake.taken() == (BATTERIES[2],)
-    assert intake.taken() == ()
+    assert intake.taken(0) == (BATTERIES[2],)
+    assert intake.taken(0) == ()
     assert intake.dropped == 2
 
 
@@ -35,14 +35,14 @@ def test_all_count_in_their_order():
     intake.put(free(*BATTERIES[:2], member="b"))
     intake.put(free(BATTERIES[5], member="a"))
     intake.put(free(BATTERIES[2], member="b"))
-    assert intake.taken() == (BATTERIES[5], *BATTERIES[:3])
+    assert intake.taken(0) == (BATTERIES[5], *BATTERIES[:3])
     assert intake.dropped == 0
 
 
 def test_every_nth_counts():
     intake = ReadingBuffer("all", nth=3)
     intake.put(free(*BATTERIES))
-    assert intake.taken() == (BATTERIES[2], BATTERIES[5], BATTERIES[8])
+    assert intake.taken(0) == (BATTERIES[2], BATTERIES[5], BATTERIES[8])
     assert intake.dropped == 7
 
 
@@ -50,8 +50,25 @@ def test_waiting_items_are_bounded():
     intake = ReadingBuffer("all")
     for _ in range(MAX_READINGS + 5):
         intake.put(free(BATTERIES[0]))
-    assert len(intake.taken()) == MAX_READINGS
+    assert len(intake.taken(0)) == MAX_READINGS
     assert intake.dropped == 5
+
+
+def test_readings_in_step_count_only_in_the_tick_of_their_frame():
+    buffer = ReadingBuffer()
+
+    def put(member, frame):
+        buffer.put(Readings(member, "battery", frame, (BATTERIES[frame],)))
+
+    put("leaves", 3)
+    put("stays", 3)
+    assert buffer.taken(3) == (BATTERIES[3], BATTERIES[3])
+    put("leaves", 3)  # Repeated for a newcomer, then its publisher leaves.
+    put("stays", 4)
+    assert buffer.taken(4) == (BATTERIES[4],)
+    put("stays", 6)  # For a later frame than the one that is asked.
+    assert buffer.taken(5) == ()
+    assert buffer.taken(6) == (BATTERIES[6],)
 
 
 @pytest.mark.parametrize(

@@ -553,10 +553,10 @@ def test_a_generator_does_not_wait_for_a_source_that_has_left():
         """
         > water is given up
             says water: will not come back; the world goes on without it
-        > eye: ticked 1: eSeen<figures=0>
-            ~hosts ← evolve 1 on host: eAdd<n=1>, eSeen<figures=0>
+        > eye: ticked 1: no events
+            ~hosts ← evolve 1 on host: eAdd<n=1>
         > host: evolved 1: #a
-            frame 1 done: eAdd<n=1>, eSeen<figures=0>; #a: ACounter#a<n=2>()
+            frame 1 done: eAdd<n=1>; #a: ACounter#a<n=2>()
             ready for frame 2
     """,
     )
