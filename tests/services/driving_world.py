@@ -1,4 +1,4 @@
-"""A small robotic vocabulary, an agent that drives blindly, and a world that can be hurt."""
+"""A small robotic vocabulary, an agent that drives blindly, and a world with failures."""
 
 import math
 from collections.abc import Callable, Iterable
@@ -61,7 +61,7 @@ RADIUS = 0.2
 
 
 class ADriver(Agent, symbol="ADriver"):
-    """Turns and drives the same in every frame, and believes its own dead reckoning."""
+    """Turns and drives the same amount in every frame; its pose is from dead reckoning."""
 
     x: Metres = 2.0
     y: Metres = 2.0
@@ -116,7 +116,7 @@ ORDER = Order(("eLaser", "eCamera", "eCollision", "eObjective", "eDecide", "eRep
 
 
 def world_with(*events: EventType) -> WorldInfo:
-    """A world that has these event types, and no others of their names."""
+    """A world with these event types, and no others."""
     return WorldInfo("yard", Vocabulary.of(*events), 7, 0.1)
 
 
@@ -136,10 +136,10 @@ def joined(service: Any, world: WorldInfo = INFO) -> Any:
 
 
 class Mortal:
-    """A participant that dies at a message, and of which some answers may never get out.
+    """A participant that dies at a message and may lose some of its replies to that message.
 
-    `answers` tells how many of the answers to that message get out: none and it may as well never
-    have arrived, all and it died a moment later.
+    `answers` is the number of replies that are still sent: with none, the message has no effect;
+    with all, the participant dies immediately afterwards.
     """
 
     def __init__(self, name: str, born: Callable[[], Service]) -> None:
@@ -152,7 +152,7 @@ class Mortal:
         self.reborn()
 
     def reborn(self) -> None:
-        """A new process takes its place, without any memory."""
+        """Replace the process by a new one without state."""
         self.dead = False
         self._participant = Member(self.name, self._born())
 
@@ -171,7 +171,7 @@ class Mortal:
 
 
 class Yard(InProcessRunner):
-    """A world of drivers in one process, which starts its physics again when that dies."""
+    """A world of drivers in one process, which restarts its physics when that dies."""
 
     def __init__(
         self,
@@ -218,7 +218,7 @@ class Yard(InProcessRunner):
             self.handle(s.Begin())
             while len(self.frames) == done:
                 self._raise_the_dead()
-            if self.mortal.dead:  # nobody has missed it yet
+            if self.mortal.dead:  # the death has not been noticed yet
                 self._raise_the_dead()
         return self
 
@@ -237,11 +237,11 @@ class Yard(InProcessRunner):
         return [one for one in single(self.frames[frame].events) if one.type == event_type]
 
     def pose(self, name: str) -> tuple[float, ...]:
-        """Where the physics world has a body now: x, y in metres, angle in degrees."""
+        """The pose of a body in the physics world: x, y in metres, angle in degrees."""
         return tuple(self.mortal.service.save()["arena"]["bodies"][name][:3])
 
     def belief(self, frame: int, name: str) -> Any:
-        """The state of an agent in the string that a frame began with."""
+        """The state of an agent in the string at the beginning of a frame."""
         (found,) = [one for one in agents(self.scenes[frame]) if one.id == name]
         return Belief(**found.state)
 

@@ -1,4 +1,4 @@
-"""Physics, laser, camera and clocks with agents in one world: Table 2 with section 4.2's cast."""
+"""Physics, laser, camera and clocks with agents in one world: Table 2, section 4.2."""
 
 import math
 from itertools import pairwise
@@ -115,7 +115,7 @@ def test_noise_makes_beliefs_drift() -> None:
 
 FRAMES = 6
 FIRST_TICK = 3
-"""The messages before it: a greeting, a welcome and who publishes what; behind it a view each."""
+"""It follows a greeting, a welcome and the publishers; after each tick there is a view."""
 
 
 @pytest.fixture(scope="module")
@@ -136,7 +136,7 @@ def test_there_is_something_to_lose(undisturbed: Yard) -> None:
 def test_a_death_of_physics_at_any_point_leaves_the_same_strings(
     undisturbed: Yard, dies_at: int, answers: int, notices_at_once: bool
 ) -> None:
-    """Its answers to a tick are two topics' readings and the reply: none to all of them get out."""
+    """Per tick, physics sends readings of two topics and a reply; 0 to 3 of them get out."""
     yard = Yard(CROWD, physics=noisy, notices_at_once=notices_at_once)
     yard.mortal.dies_at, yard.mortal.answers = dies_at, answers
     yard.run(FRAMES)

@@ -1,4 +1,4 @@
-"""gDecide, gRepresent, gObjective and gSpeed: each frame, and what people want."""
+"""gDecide, gRepresent, gObjective and gSpeed: events of each frame, and orders of people."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""Errors of motors and sensors in the physics service: whose they are, and what they depend on."""
+"""Errors of motors and sensors in the physics service: per robot, and reproducible."""
 
 import math
 from typing import Any

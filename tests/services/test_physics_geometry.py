@@ -1,4 +1,4 @@
-"""What a string means to walls, markers and bodies: α, β and δ of the physical system."""
+"""Walls, markers and bodies from a string: α, β and δ of the physical system."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The physics world by itself: views in, readings and collisions out."""
+"""The physics world alone: views in, readings and collisions out."""
 
 import json
 from typing import Any
@@ -246,7 +246,7 @@ def test_a_successor_goes_on_whenever_its_predecessor_died() -> None:
     for frame, view in enumerate(views):
         for service in (undisturbed, always_new):
             show(service, frame, *view)
-        if frame:  # what had died before this frame's tick has saved that of the frame before
+        if frame:  # a process that dies before this tick has saved the previous frame
             always_new = successor(saved, **NOISY)  # noqa: F821
             show(always_new, frame, *view)
         expected, got = run(undisturbed, frame + 1), run(always_new, frame + 1)

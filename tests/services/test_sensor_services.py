@@ -1,4 +1,4 @@
-"""gLaser and gCamera: readings become events, wherever they come from."""
+"""gLaser and gCamera: events from readings of any source."""
 
 import math
 from typing import Any
@@ -56,7 +56,7 @@ def test_the_limit_is_no_hit_although_a_float32_rounds_it(limit: float) -> None:
 
 @pytest.mark.parametrize("beams", [2, 100])
 def test_equal_beams_of_two_scans_are_two_events_where_the_type_has_a_time(beams: int) -> None:
-    """Eq. 6 makes one event of two that are equal: a world that counts hits declares `time`."""
+    """Eq. 6 merges equal events: a world that counts hits declares `time`."""
     from minerva_bus import Seconds, Vocabulary, WorldInfo
 
     scans = [Scan("r", np.ones(beams, np.float32), 0.0, 1.0, 5.0, time) for time in (0.1, 0.2)]

@@ -1,4 +1,4 @@
-"""An engine that is broken on purpose is caught, and the history that catches it gets shorter."""
+"""An intentionally broken engine is detected, and the failing history is shortened."""
 
 from dataclasses import replace
 
@@ -16,7 +16,7 @@ MOST = 1000
 
 
 def lose_frames(patch):
-    """One frame of the journal is lost."""
+    """Omit one frame of the journal."""
     whole = Journal.frame
 
     def frame(self, inputs):
@@ -27,7 +27,7 @@ def lose_frames(patch):
 
 
 def repeat_orders(patch):
-    """A generator that is asked for a frame again obeys its orders once more."""
+    """Let a generator obey its orders again when a frame is requested again."""
     whole = GeneratorSide._ordered
 
     def ordered(self, frame):
@@ -40,7 +40,7 @@ def repeat_orders(patch):
 
 
 def take_stale_answers(patch):
-    """An answer to an earlier frame, or to a coordinator before, counts for this one."""
+    """Accept replies to earlier frames or to earlier coordinators as current ones."""
     for step, name in ((CollectionStep, "tick_reply"), (EvolutionStep, "reply")):
         receive = getattr(step, name)
 
@@ -51,18 +51,18 @@ def take_stale_answers(patch):
 
 
 def forget_orders(patch):
-    """What people have sent, and was confirmed, is not written down."""
+    """Do not write confirmed orders of people to the journal."""
     patch.setattr(Journal, "waiting", lambda self, events: None)
 
 
 def step_twice(patch):
-    """Of a step too many frames are made."""
+    """Run one frame too many per step."""
     whole = Pace.step
     patch.setattr(Pace, "step", lambda self, frames: whole(self, frames + 1))
 
 
 def leave_pauses_out(patch):
-    """A successor does not know that its world is paused."""
+    """Do not write pauses to the journal, so that a successor does not pause."""
     patch.setattr(Journal, "pace", lambda self, rate, left: None)
 
 
@@ -90,7 +90,7 @@ def test_a_broken_engine_is_caught(breaking, monkeypatch):
 
 
 def test_a_history_that_fails_is_shortened_to_what_it_takes(monkeypatch):
-    """One order counts twice whatever else happens, so nothing else is left."""
+    """One order counts twice in any circumstances, so nothing else remains."""
     repeat_orders(monkeypatch)
     wanted = next(one for one in map(drawn, range(MOST)) if "pub eMark" in asks(one))
     failed = tried(replace(wanted, acts_from=0, frames=6))

@@ -1,4 +1,4 @@
-"""Whole worlds under faults: what must hold of every history holds of some thousand."""
+"""Whole worlds under faults: the invariants of every history, checked on a thousand."""
 
 import os
 import subprocess
@@ -14,7 +14,7 @@ from minerva_bus.testing.simulation.writing import read_back, written
 HISTORIES = 1000
 SHARE = 25
 FAILED = Path(__file__).with_name("failed.jsonl")
-"""Histories that failed once, each with what was wrong then."""
+"""Histories that failed once, each with its error."""
 
 
 @pytest.mark.parametrize("first", range(0, HISTORIES, SHARE))
@@ -43,7 +43,7 @@ for seed in (1, 2, 3, 5, 8):
 
 
 def test_a_history_is_the_same_each_time_and_in_each_process():
-    """Order in sets of texts depends on the hash seed: none of it may reach a history."""
+    """The order of sets of texts depends on the hash seed and must not affect a history."""
     traces = [
         subprocess.run(
             [sys.executable, "-c", TRACES], env={**os.environ, "PYTHONHASHSEED": number},

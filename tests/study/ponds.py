@@ -1,4 +1,4 @@
-"""A small world for studies: buds that grow by their vigour, in a folder of its own."""
+"""A small world for studies, in a separate folder: buds that grow by their vigour."""
 
 from pathlib import Path
 
@@ -65,7 +65,7 @@ event = "eDay"
 
 
 def pond(folder: Path) -> Path:
-    """Write the world into a folder; its file."""
+    """Write the world into a folder; returns its file."""
     (folder / "pond_of_buds.py").write_text(MODULE)
     (folder / "pond.toml").write_text(WORLD)
     return folder / "pond.toml"

@@ -1,4 +1,4 @@
-"""`minerva evolve`: the same champion whatever runs where; failures and Ctrl-C do no harm."""
+"""`minerva evolve`: same champion for any distribution; failures and Ctrl-C are handled."""
 
 import json
 import os
@@ -57,7 +57,7 @@ def test_the_champion_is_the_same_on_any_number_of_workers_over_the_bus_and_alon
 
 
 def test_failures_are_named_and_counted_and_plots_are_drawn(tmp_path):
-    """Buds of over 3 burst, those under -3 take a minute."""
+    """Buds over 3 burst, those under -3 take a minute."""
     pytest.importorskip("matplotlib")
     world = pond(tmp_path)
     words = [
@@ -85,14 +85,14 @@ def test_failures_are_named_and_counted_and_plots_are_drawn(tmp_path):
 
 
 def marked(mark):
-    """The processes that have a mark in their environment."""
+    """The ids of the processes with a mark in their environment."""
     found = []
     for environ in Path("/proc").glob("[0-9]*/environ"):
         try:
             if mark.encode() in environ.read_bytes():
                 found.append(environ.parent.name)
         except OSError:
-            continue  # Another's, or just gone.
+            continue  # It belongs to another user or has just ended.
     return found
 
 
@@ -115,7 +115,7 @@ def test_an_interrupt_ends_all_and_reports_the_best_so_far(tmp_path):
     assert told["best"]["fitness"] > 1.0
     assert (tmp_path / "best.mnv").exists()
     while marked(mark):
-        time.sleep(0.01)  # Those whose lifeline has ended are about to die.
+        time.sleep(0.01)  # Processes whose lifeline is closed are about to exit.
 
 
 def read(folder):

@@ -1,4 +1,4 @@
-"""`minerva sweep`: all combinations, once each, whatever happens in between."""
+"""`minerva sweep`: all combinations, once each, despite interruptions."""
 
 import csv
 import json
@@ -45,7 +45,7 @@ def rows(path):
     return found
 
 
-# --- what is to be run ---
+# --- combinations ---
 
 
 @pytest.mark.parametrize(
