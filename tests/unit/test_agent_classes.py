@@ -1,4 +1,4 @@
-"""Classes of agents: what they declare, and what they must not."""
+"""Classes of agents: valid and invalid declarations."""
 
 from typing import ClassVar
 
@@ -267,7 +267,7 @@ def test_kinds_with_matrix_defaults_can_be_compared():
 
 
 class Herdsman(Agent, symbol="AHerdsman"):
-    """Does to its population what it is told to."""
+    """Modifies its population as the event requests."""
 
     x: Metres = 1.0
     n: int = 0

@@ -1,4 +1,4 @@
-"""Chance: one stream for each (seed, who, frame), whatever runs where and in which order."""
+"""Random numbers: one stream per (seed, id, frame), independent of process and order."""
 
 import numpy as np
 
@@ -37,7 +37,7 @@ def test_any_other_key_gives_others():
 
 
 def test_the_numbers_are_those_of_every_platform():
-    """A change here breaks the records that people keep."""
+    """A change here invalidates existing records."""
     assert stream(7, "#a", 0).integers(0, 1000, 4).tolist() == [41, 149, 316, 979]
 
 

@@ -1,4 +1,4 @@
-"""The locks of requirements/ agree with pyproject.toml, and tools/dependencies.py says what is known."""
+"""The locks of requirements/ agree with pyproject.toml; reports of tools/dependencies.py."""
 
 import importlib.metadata
 import json
@@ -25,7 +25,7 @@ def environment(python):
 
 
 def direct(*extras):
-    """What pyproject.toml requires, with extras, and the extras that those name."""
+    """The requirements of pyproject.toml with extras, including extras that those contain."""
     requirements = [Requirement(text) for text in PROJECT["dependencies"]]
     waiting = list(extras)
     while waiting:
@@ -39,7 +39,7 @@ def direct(*extras):
 
 
 def applying(lock, python):
-    """The versions of a lock that are installed with a Python, by name."""
+    """The versions of a lock that apply to a Python version, by name."""
     return {
         entry.name: entry.version
         for entry in read(LOCKS / lock)
@@ -101,7 +101,7 @@ def test_the_image_has_the_versions_that_are_tested(python):
 
 
 def test_requirements_of_locked_packages_are_locked():
-    """As far as the packages that are installed here say so."""
+    """Only packages that are installed here, in the locked version, can be checked."""
     python = f"{sys.version_info.major}.{sys.version_info.minor}"
     locked = applying("dev.txt", python)
     compared = 0
@@ -133,7 +133,7 @@ BAD = {"name": "c", "version": "3", "vulns": [{"id": "PYSEC-1", "fix_versions": 
 
 
 def audited(monkeypatch, **answers):
-    """The exit code when the sources of advisories give these answers: packages, or an error."""
+    """The exit code for given answers of the advisory sources: packages, or an error."""
 
     def run(command, **_):
         answer = answers[command[command.index("--vulnerability-service") + 1]]
@@ -163,7 +163,7 @@ def test_the_second_source_is_asked_where_the_first_cannot_be_reached(monkeypatc
 
 
 def test_no_source_means_unknown_not_none(monkeypatch, capsys):
-    """pip-audit itself says "No known vulnerabilities found" where an index has no advisories."""
+    """pip-audit itself prints "No known vulnerabilities found" if an index has no advisories."""
     assert audited(monkeypatch, pypi=[SKIPPED, SKIPPED], osv="ConnectionError: no such host") == 2
     said = capsys.readouterr().out
     assert "Vulnerabilities: UNKNOWN. No source of advisories can be reached" in said
@@ -178,7 +178,7 @@ def test_packages_that_a_source_does_not_know_are_named(monkeypatch, capsys):
 
 
 def test_the_command_reports_licences_and_unreachable_sources():
-    """With a proxy that is not there, no source can be reached."""
+    """With an unreachable proxy, no source can be reached."""
     pytest.importorskip("pip_audit")
     pytest.importorskip("piplicenses")
     nowhere = "http://127.0.0.1:9"

@@ -1,4 +1,4 @@
-"""Nothing recurses: strings may be nested as deep as memory goes."""
+"""No function recurses: strings may be nested as deeply as memory allows."""
 
 import copy
 
@@ -94,7 +94,7 @@ def test_visualize_and_interpret(deep):
 
 
 def test_show_and_forget(deep):
-    """repr shortens, and the last reference to a deep string can go."""
+    """repr shortens, and the last reference to a deep string can be dropped."""
     assert len(repr(deep)) < 300
     assert len(repr(deep.nodes[0])) < 300
     copy.copy(deep)
@@ -111,7 +111,7 @@ def test_errors_within(deep):
 
 @pytest.mark.timeout(30)
 def test_a_million_symbols():
-    """A bound against what grows with the square, far above what a slow machine needs."""
+    """The time-out detects quadratic growth and is far above the time of a slow machine."""
     w = parse("TIn(PDot · PDot) · PDot · " * 250_000 + "PDot")
     assert len(w) == 500_001
     assert Scene(w.nodes[:2]).digest == parse("TIn(PDot · PDot) · PDot").digest

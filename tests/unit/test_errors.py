@@ -16,7 +16,7 @@ BUILTIN = {name for name, value in vars(builtins).items() if isinstance(value, t
 
 
 def drawn(text):
-    """Base and home of each class of a drawn tree, by its name."""
+    """Base and module of each class of a drawn tree, by its name."""
     tree, above = {}, []
     for match in filter(None, map(LINE.match, text.splitlines())):
         depth = len(match["indent"]) // 4
@@ -28,7 +28,7 @@ def drawn(text):
 
 
 def declared(package):
-    """Base and home of each exception class of a package, by its name."""
+    """Base and module of each exception class of a package, by its name."""
     bases = {}
     for path in sorted(package.rglob("*.py")):
         home = ".".join(path.relative_to(package).with_suffix("").parts)

@@ -44,7 +44,7 @@ class Other(Agent, symbol="AOther"):
 
 
 class Grid(Agent, symbol="ASensor"):
-    """Not of scalars, so it is no row of columns."""
+    """It has an attribute that is not scalar, so it cannot be a row of columns."""
 
     path: tuple[float, ...] = ()
 

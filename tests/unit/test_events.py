@@ -1,4 +1,4 @@
-"""Events as values: equal, hashable, and refused where they are wrong."""
+"""Events as values: equal, hashable, and rejected if invalid."""
 
 import copy
 import pickle

@@ -1,4 +1,4 @@
-"""`pytest --retry`: what fails once and passes alone is flaky, and all else fails as ever."""
+"""`pytest --retry`: a test that fails once and passes alone is flaky; other failures remain."""
 
 from pathlib import Path
 
@@ -25,7 +25,7 @@ BROKEN = "def test_broken():\n    assert 1 == 2\n"
 
 @pytest.fixture
 def suite(pytester, monkeypatch):
-    """Runs pytest on files of tests, in a process of its own."""
+    """Run pytest on test files in a separate process."""
     monkeypatch.setenv("PYTHONPATH", str(ROOT))
     monkeypatch.setenv("PYTEST_DISABLE_PLUGIN_AUTOLOAD", "1")
     monkeypatch.delenv("PYTEST_ADDOPTS", raising=False)
@@ -68,7 +68,7 @@ def test_a_test_that_fails_again_fails_the_run_that_names_the_flaky_one_too(suit
 
 
 def test_it_runs_after_all_others_and_beside_none(suite):
-    """It fails while another test runs, and passes when that one has ended."""
+    """The test fails while another one runs, and passes after that has ended."""
     meeting = """
 import time
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Imports flow one way, and each library has one place (ARCHITECTURE.md)."""
+"""Imports go in one direction, and each library has one place (ARCHITECTURE.md)."""
 
 import ast
 import subprocess
@@ -80,7 +80,7 @@ def test_services_and_agents_do_not_know_each_other():
 def test_the_bus_knows_no_robots():
     for path in files("minerva_bus"):
         if path.name in ("readings.py", "codec.py"):
-            continue  # A scan says which robot it was taken on.
+            continue  # A scan contains the name of its robot.
         code = "\n".join(
             line
             for line in path.read_text(encoding="utf-8").splitlines()

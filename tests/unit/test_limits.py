@@ -1,4 +1,4 @@
-"""Ranges of numbers and texts that the string knows, in the data of event types."""
+"""Value ranges, and texts taken from the string, in the data of event types."""
 
 from typing import Annotated
 

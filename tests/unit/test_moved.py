@@ -1,4 +1,4 @@
-"""Former names of modules give the modules at their new names."""
+"""Former module names resolve to the modules at their new names."""
 
 import importlib
 import sys

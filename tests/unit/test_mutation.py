@@ -1,4 +1,4 @@
-"""Mutations: what may change, within which bounds, and what each operator does."""
+"""Mutations: allowed targets, bounds, and the effect of each operator."""
 
 from typing import Literal
 
@@ -53,7 +53,7 @@ def one(operator, *texts, seed=0, string=BUGS):
     return operator(op.Material(string, targets(*texts), LIMIT, chance, lambda w, _: w))
 
 
-# --- what may change ---
+# --- allowed targets ---
 
 
 def test_only_what_is_named_changes():

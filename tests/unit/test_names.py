@@ -1,4 +1,4 @@
-"""The names of the package, which are imported when they are asked for."""
+"""The names of the package are imported on first access."""
 
 import subprocess
 import sys

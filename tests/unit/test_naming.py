@@ -1,7 +1,7 @@
 """Names and words: no vague variables, one meaning per class name, no archaic expressions.
 
-naming.toml has the exceptions of today; an entry that is no longer needed fails, so the lists only
-get shorter.
+naming.toml contains the current exceptions; an entry that is no longer needed fails, so the lists
+only get shorter.
 """
 
 import ast
@@ -25,7 +25,7 @@ ARCHAIC = re.compile(
 )
 """Use instead: again, recently, gradually, bools, without success, increasingly, received."""
 AUDIBLE = re.compile(r"sound")
-"""Paths of texts about sounds, which are heard."""
+"""Paths of texts about audible sounds, in which "heard" is allowed."""
 TEXTS = {".py", ".md", ".toml", ".txt", ".js", ".html", ".yaml", ".sh"}
 SELF = ("tests/unit/naming.toml", "tests/unit/test_naming.py")
 
@@ -51,12 +51,12 @@ def targets(node):
 
 
 def vague(tree):
-    """How many loop variables and parameters have a name without a meaning."""
+    """The number of loop variables and parameters with a vague name."""
     return sum(name in VAGUE for node in ast.walk(tree) for name in targets(node))
 
 
 def homonyms():
-    """Public class names that are defined in more than one module, with these modules."""
+    """Public class names that several modules define, with these modules."""
     homes = defaultdict(list)
     for path, tree in modules():
         for node in tree.body:
@@ -130,7 +130,7 @@ def test_vague_names_are_counted(code, count):
 
 
 def write_baseline():
-    """Write naming.toml for the names of today: `python tests/unit/test_naming.py`."""
+    """Write naming.toml for the current names: `python tests/unit/test_naming.py`."""
     counts = {path: count for path, tree in modules() if (count := vague(tree))}
     lines = ["# Exceptions of test_naming.py: `python tests/unit/test_naming.py` writes them.", ""]
     lines += ["homonyms = [", *(f'    "{name}",' for name in homonyms()), "]", ""]

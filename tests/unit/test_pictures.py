@@ -1,4 +1,4 @@
-"""The list of things to draw that all form-driven geometric systems share."""
+"""The list of drawable items that all form-driven geometric systems share."""
 
 import math
 

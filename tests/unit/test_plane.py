@@ -1,4 +1,4 @@
-"""The plane: where transformations lead, and how much room a string takes."""
+"""The plane: results of transformations, and the extent of a string."""
 
 import numpy as np
 import pytest

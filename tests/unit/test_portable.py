@@ -1,4 +1,4 @@
-"""Elementary functions whose bits do not depend on the processor."""
+"""Elementary functions whose results are bitwise identical on all processors."""
 
 import ast
 import math
@@ -19,7 +19,7 @@ MATH = {"power": "pow"}
 SPECIAL = [0.0, 0.5, 1.0, 2.0, 3.0, 1e-300, 5e-324, 2.2e-308, 1e300, 1.7976931348623157e308]
 SPECIAL += [math.inf, math.pi, math.pi / 2, math.pi / 4, math.ulp(1.0), 1 - 2**-53, 709.0, 800.0]
 SPECIAL += [-number for number in SPECIAL] + [math.nan]
-ULPS = 2.0  # the libraries err by up to 1
+ULPS = 2.0  # the libraries have an error of up to 1
 
 anything = st.one_of(
     st.floats(), st.floats(-10, 10), st.floats(-2e6, 2e6), st.sampled_from(SPECIAL)
@@ -145,7 +145,7 @@ def test_whole_results_are_exact():
 
 
 def test_the_bits_are_those_of_every_platform():
-    """A change here breaks the records that people keep."""
+    """A change here invalidates existing records."""
     assert portable.sin(1e6).hex() == "-0x1.6664b2568d867p-2"
     assert portable.log(0.3).hex() == "-0x1.34378fcbda721p+0"
     assert portable.power(1.7, -3.3).hex() == "0x1.6381ddcf93584p-3"
@@ -164,7 +164,7 @@ EXACT = {
 
 @pytest.mark.parametrize("path", sorted(Path(portable.__file__).parent.glob("*.py")), ids=str)
 def test_nothing_is_used_that_is_not_exact(path):
-    """`pow` and `power` are used for 0, infinity and nan alone, where all libraries agree."""
+    """`pow` and `power` are used for 0, infinity and nan only, where all libraries agree."""
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
             allowed = EXACT.get(node.value.id)

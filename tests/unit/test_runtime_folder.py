@@ -1,4 +1,4 @@
-"""The folder of running worlds is used only where no other user can have put anything into it."""
+"""The folder of running worlds is used only if no other user owns or can write to it."""
 
 import json
 import os
@@ -12,7 +12,7 @@ from minerva_bus.launch.runtime_folder import make_runtime_folder, runtime_folde
 
 @pytest.fixture
 def place(tmp_path, monkeypatch):
-    """The folder, as it is named in a temporary folder that others can write to, too."""
+    """The folder with its default name in a shared temporary folder."""
     monkeypatch.delenv("MINERVA_RUNTIME_DIR", raising=False)
     monkeypatch.delenv("XDG_RUNTIME_DIR", raising=False)
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
@@ -21,7 +21,7 @@ def place(tmp_path, monkeypatch):
 
 
 def refused(problem):
-    """Neither starting a world nor looking for one uses the folder."""
+    """Check that neither starting a world nor listing worlds uses the folder."""
     for use in (make_runtime_folder, lambda: WorldLock("w"), running):
         with pytest.raises(BusError, match=f"{problem}.*MINERVA_RUNTIME_DIR"):
             use()

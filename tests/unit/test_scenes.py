@@ -65,7 +65,7 @@ def test_an_agent_is_no_figure_of_the_same_text():
 
 
 def test_digests_are_those_of_the_documentation():
-    """Written down twice on purpose: records and other implementations depend on it."""
+    """An independent implementation: records and other implementations depend on these digests."""
     from hashlib import blake2b
 
     def h(data):
@@ -80,7 +80,7 @@ def test_digests_are_those_of_the_documentation():
 
 def test_digests_that_are_kept_are_those_of_the_string():
     w = parse("TA(AB(PC · TD()) · PC) · TD()")
-    part = w.nodes[0].scope.digest  # kept before the whole's
+    part = w.nodes[0].scope.digest  # computed before that of the whole string
     assert part == parse("AB(PC · TD()) · PC").digest
     assert w.digest == scene_digest(parse(str(w)))
     twice = rebuild(w, lambda node, scope: scene_of(node, node) if node.symbol == "PC" else node)

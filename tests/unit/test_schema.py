@@ -1,4 +1,4 @@
-"""The JSON Schema of world files accepts what the reader accepts, and rejects what it rejects."""
+"""The JSON Schema of world files accepts and rejects the same files as the reader."""
 
 import tomllib
 from pathlib import Path
@@ -77,7 +77,7 @@ def test_a_setting_accepts_the_same_values_as_its_schema(cls):
             try:
                 setting.kind.convert(value)
             except MisuseError:
-                # The forms of addresses and names are beyond the schema.
+                # A schema cannot express the forms of addresses and names.
                 rejected = not isinstance(value, str) or "enum" in setting.kind.schema
                 assert not (rejected and validator.is_valid(value)), (setting.name, value)
             else:

@@ -1,4 +1,4 @@
-"""Settings are declared once: file, command line, help and documents follow from that."""
+"""Settings are declared once: file, command line, help and documents are derived from that."""
 
 import inspect
 from dataclasses import fields

@@ -1,4 +1,4 @@
-"""Symbols: calling them gives strings and events; using them wrongly says how."""
+"""Symbols: calls return strings and events; errors describe incorrect use."""
 
 import pytest
 

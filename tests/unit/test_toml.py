@@ -1,4 +1,4 @@
-"""A TOML text of any content is read, or refused with a reason, and does not take long."""
+"""TOML texts of any content are read quickly, or rejected with a reason."""
 
 import tomllib
 

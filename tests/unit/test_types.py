@@ -1,4 +1,4 @@
-"""Types of values: what fits, what is converted, and what is refused."""
+"""Types of values: accepted, converted and rejected values."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""Vocabularies: what a world allows, and where a string breaks it."""
+"""Vocabularies: symbols that a world allows, and the locations of violations in a string."""
 
 from dataclasses import replace
 
@@ -115,7 +115,7 @@ AGENT = AgentNode("AFox", "a", ("x",), (1.0,))
     ],
 )
 def test_nodes_that_were_never_text_are_checked_too(nodes, said):
-    """A fragment that came over the bus has no line and column; the member is named."""
+    """A fragment from the bus has no line and column; the error names the member."""
     with pytest.raises(VocabularyError, match=said) as caught:
         VOCABULARY.check(Scene(nodes), "member foxes")
     assert caught.value.line == 0

@@ -1,4 +1,4 @@
-"""Bounding volumes of a view: what is where, how large, and whose."""
+"""Bounding volumes of a view: places, sizes and agents."""
 
 from __future__ import annotations
 
