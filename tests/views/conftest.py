@@ -1,4 +1,4 @@
-"""Painters let go of their contexts when a test is over."""
+"""Painters release their contexts at the end of a test."""
 
 import sys
 

@@ -1,4 +1,4 @@
-"""A small world to be drawn in three dimensions, and ways to look at what is drawn."""
+"""A small world to be drawn in three dimensions, and functions to inspect the drawing."""
 
 import numpy as np
 import pytest
@@ -58,7 +58,7 @@ WORLD = WorldInfo("orchard", VOCABULARY, 7, 0.1)
 
 
 PAINTERS = []
-"""Those that a test has made; each holds a context of the driver until it is closed."""
+"""The painters of a test; each holds a context of the driver until it is closed."""
 
 
 def has_driver():
@@ -96,7 +96,7 @@ def drawn(scene, size=(900, 600), camera=(-90.0, 60.0, 1.0), **more):
 
 
 def like(pixels, color, tolerance=12):
-    """Where pixels have a colour, up to a tolerance, as (x, y) of shape (n, 2)."""
+    """The positions of pixels of a colour, up to a tolerance, as (x, y) of shape (n, 2)."""
     near = (np.abs(pixels.astype(int) - np.array(color)) <= tolerance).all(axis=2)
     return np.argwhere(near)[:, ::-1]
 

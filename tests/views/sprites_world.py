@@ -1,4 +1,4 @@
-"""A small world to be drawn: a floor, a robot, a plan, a sign; and ways to look at what is drawn."""
+"""A small world with floor, robot, plan and sign, and functions to inspect drawings."""
 
 import numpy as np
 
@@ -71,7 +71,7 @@ def drawn(scene, size=(900, 640), **more):
 
 
 def middle_of(pixels, color, tolerance=12):
-    """The middle (x, y) of all pixels of a colour, and how many they are."""
+    """The centre (x, y) of all pixels of a colour, and their number; None without any."""
     near = (np.abs(pixels.astype(int) - np.array(color)) <= tolerance).all(axis=2)
     rows, columns = np.nonzero(near)
     return (columns.mean(), rows.mean(), len(rows)) if len(rows) else None

@@ -1,4 +1,4 @@
-"""A small vocabulary with every form, and ways to look into a picture."""
+"""A small vocabulary with every form, and functions to inspect a picture."""
 
 import io
 from xml.etree import ElementTree
@@ -76,7 +76,7 @@ def picture(scene: Scene, width: int = 1200) -> str:
 
 
 def elements(document: str, tag: str) -> list[ElementTree.Element]:
-    """The elements of a document with this tag, in its order."""
+    """The elements of a document with this tag, in document order."""
     return list(ElementTree.fromstring(document).iter("{http://www.w3.org/2000/svg}" + tag))
 
 

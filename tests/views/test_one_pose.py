@@ -1,4 +1,4 @@
-"""One string, many geometric systems: in all of them the robot is where its state says it is.
+"""One string, many geometric systems: all of them show the robot at the pose of its state.
 
 A frame of the robot's world in mid-run, shown by sprites, OpenGL, the page and the picture.
 """
@@ -30,7 +30,7 @@ KINDS = [ARobot]
 
 @pytest.fixture(scope="module")
 def moment():
-    """The robot's own figure on its floor after some frames, and where its state says it is."""
+    """The robot's own figure on its floor after some frames, and its position from its state."""
     file = read_world_file(find_world("robot"), Overrides(options={"parcels": ""}))
     algorithm = FrameAlgorithm(file.world)
     runner = InProcessRunner(
@@ -42,14 +42,14 @@ def moment():
     (robot,) = [node for node in algorithm.scene if node.symbol == "ARobot"]
     state = robot.state
     shown = visualize(algorithm.scene, [vocabulary.events["ePicture"]()], KINDS)
-    known = {"PGrid", "PPath", "PGoal"}  # It would lie over and under the robot.
+    known = {"PGrid", "PPath", "PGoal"}  # They would cover the robot or lie beneath it.
     still = type(shown)(tuple(node for node in shown.nodes if node.symbol not in known))
     x = state["x0"] + state["row"] * state["cell"]
     return still, x, state["y0"] + state["column"] * state["cell"]
 
 
 def blob(pixels, color=ORANGE, tolerance=24):
-    """The middle (x, y) of what has a colour: that of the box around it."""
+    """The centre (x, y) of the bounding box of a colour."""
     near = (np.abs(pixels.astype(int) - np.array(color)) <= tolerance).all(axis=2)
     rows, columns = np.nonzero(near)
     assert len(rows) > 20

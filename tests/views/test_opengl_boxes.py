@@ -1,4 +1,4 @@
-"""Walls from cells: rectangles, sides and what they enclose."""
+"""Walls from cells: rectangles, sides and enclosed areas."""
 
 import numpy as np
 import pytest
@@ -27,7 +27,7 @@ def test_sides_are_where_cells_end_and_nowhere_else(mask):
 
 
 def cells_of(side):
-    """The cells that a side belongs to; they must lie left of the way along it."""
+    """The cells that a side belongs to; they must lie left of its direction."""
     row, column, end_row, end_column, way = map(int, side)
     dr, dc = np.sign(end_row - row), np.sign(end_column - column)
     for k in range(max(abs(end_row - row), abs(end_column - column))):
@@ -45,7 +45,7 @@ def test_an_enclosed_cell_has_no_path(hollow, wall):
 
 
 def walled_in(hollow, wall):
-    """The same, cell by cell."""
+    """The reference implementation of `enclosed`, cell by cell."""
     beside = np.pad(~(hollow | wall), 1, constant_values=True)
     out, edge = np.zeros(beside.shape, bool), list(map(tuple, np.argwhere(beside)))
     inner = np.pad(hollow, 1)

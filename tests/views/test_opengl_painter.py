@@ -1,4 +1,4 @@
-"""What is drawn, and where."""
+"""The content and positions of drawings."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The view as a service: its options, its files, and what it says where it cannot."""
+"""The view as a service: its options, its files, and its errors."""
 
 import importlib.util
 import sys

@@ -1,4 +1,4 @@
-"""A real window: what a person does in it reaches a world that runs on the bus."""
+"""A real window: user input reaches a world that runs on the bus."""
 
 import os
 import signal
@@ -45,7 +45,7 @@ def screen():
 
 @pytest.fixture
 def said(screen, tmp_path, monkeypatch):
-    """The file with all that `minerva run robot` says while it runs with a window."""
+    """Run `minerva run robot` with a window; yields the file with its output."""
     monkeypatch.setenv("MINERVA_RUNTIME_DIR", str(tmp_path))
     monkeypatch.setenv("DISPLAY", screen.display)
     for name in [one for one in os.environ if one.startswith(("SDL_", "WAYLAND_"))]:
@@ -74,7 +74,7 @@ def drawn(string):
 
 
 def string_of(operator):
-    """The world's string now: what stands still, and its agents as they are."""
+    """The current string of the world: static nodes, and agents in their current state."""
     texts = [operator.fragment(one.id) if hasattr(one, "id") else "" for one in START.pieces]
     nodes = zip(START.pieces, texts, strict=True)
     return Scene(tuple(vocabulary.read(text).pieces[0] if text else one for one, text in nodes))
@@ -105,7 +105,7 @@ def test_a_persons_hands_reach_the_world(screen, said):
         sign = next(box for box in reversed(painter.labels()) if box.text == "lab")
         middle = left + (sign.left + sign.right) / 2, top + (sign.top + sign.bottom) / 2
 
-        def clicked():  # again, should the window not have heard yet which orders are taken
+        def clicked():  # repeated, because the window may not have received the accepted orders yet
             screen.click(*middle)
             return happened('eObjective<marker="lab">')
 

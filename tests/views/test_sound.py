@@ -1,4 +1,4 @@
-"""What a view sounds like: files are read back, and their spectrum tells what is to be heard."""
+"""The sound of a view: files are read back and analysed by their spectrum."""
 
 import math
 import os
@@ -57,7 +57,7 @@ def home(x: float, y: float = 0.0) -> Scene:
 
 
 def samples(path: Path) -> np.ndarray:
-    """Left and right, -1 to 1."""
+    """Samples of left and right, -1 to 1."""
     with wave.open(str(path)) as file:
         assert (file.getnchannels(), file.getsampwidth(), file.getframerate()) == (2, 2, RATE)
         raw = file.readframes(file.getnframes())
@@ -73,7 +73,7 @@ def peak(sound: np.ndarray) -> float:
 
 
 def strength(sound: np.ndarray, frequency: float) -> float:
-    """How strong a frequency is, 0 to 1."""
+    """The strength of a frequency, 0 to 1."""
     mono = sound.sum(axis=1) * np.hanning(len(sound))
     at = np.exp(-2j * math.pi * frequency * np.arange(len(mono)) / RATE)
     return float(abs(mono @ at)) * 4 / len(mono)
@@ -101,7 +101,7 @@ def seconds(sound: np.ndarray, begin: float, end: float) -> np.ndarray:
 
 
 def clicks(sound: np.ndarray) -> np.ndarray:
-    """Seconds at which something begins that is far above all voices."""
+    """Times in seconds of onsets far above all voices."""
     high = np.abs(np.diff(sound.sum(axis=1), n=3)) > 0.2
     at = np.flatnonzero(high) / RATE
     return at[np.diff(at, prepend=-1.0) > 0.03]
@@ -173,7 +173,7 @@ def test_frames_that_were_not_shown_hold_the_tone(tmp_path: Path):
     st.integers(1, 300),
 )
 def test_nothing_jumps_but_clicks(places: list[tuple[float, float, bool]], count: int):
-    """From one sample to the next a tone of at most 880 Hz and its octave can only go so far."""
+    """A tone of at most 880 Hz and its octave limits the difference between adjacent samples."""
     synthesis = Synthesis(RATE)
     blocks = []
     for x, y, there in places:

@@ -1,4 +1,4 @@
-"""A robot that sees next to nothing drives into walls, and that can be heard."""
+"""A robot with a slow laser drives into walls, and the sound contains the bumps."""
 
 import wave
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Where places are on the screen, and back."""
+"""Conversion between places and the screen."""
 
 import pytest
 from hypothesis import given

@@ -1,4 +1,4 @@
-"""What lists of forms look like: the right colours at the right places."""
+"""Drawings of lists of forms: correct colours at the correct places."""
 
 import math
 
@@ -162,7 +162,7 @@ def test_all_instances_are_drawn_in_their_order():
     x, y = (rows % 100) * 0.5, (rows // 100) * 0.5
     colors = np.tile(np.array(DOT, np.uint8), (10_000, 1))
     colors[-1] = (250, 0, 0)
-    x[-1], y[-1] = x[0], y[0]  # the last is over the first
+    x[-1], y[-1] = x[0], y[0]  # the last is drawn over the first
     discs = Discs(
         x, y, np.zeros(10_000), np.full(10_000, 0.2), np.full(10_000, 0.2), colors,
         np.zeros(10_000, np.bool_), [""] * 10_000, [""] * 10_000,

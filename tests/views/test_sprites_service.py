@@ -1,4 +1,4 @@
-"""The device without a window: which files it writes, and what it says when it cannot."""
+"""The device without a window: the files it writes, and its errors."""
 
 import io
 

@@ -1,4 +1,4 @@
-"""A real window on a running world: what people see, and what their clicks and keys do."""
+"""A real window on a running world: its display, and the effects of clicks and keys."""
 
 import json
 import math
@@ -74,8 +74,8 @@ class Office:
         eventually(self._drawn, "a window shows the map")
 
     def _drawn(self):
-        """Whether the window shows a map, and a person's click on it would mean something."""
-        found = self.screen.window()  # each time, for a window moves when it opens
+        """Whether the window shows a map and accepts clicks."""
+        found = self.screen.window()  # each time, because a window moves when it opens
         if found is None:
             return None
         self.window, self.left, self.top = found
@@ -97,7 +97,7 @@ class Office:
                 self.events += single(record.events)
 
     def _like_it(self):
-        """A painter that has drawn the world as it begins: it knows where things are."""
+        """A painter with the initial drawing of the world, to locate items."""
         first = visualize(scene({}), [vocabulary.events["ePicture"]()], [ARobot, AParcel])
         painter = SpritePainter()
         painter.offscreen(SIZE)
@@ -122,7 +122,7 @@ class Office:
         assert self.heard(text, within=60), text
 
     def heard(self, text, within):
-        """Whether an event with this text comes within so many seconds."""
+        """Whether an event with this text occurs within so many seconds."""
         until = time.monotonic() + within
         while not any(str(one) == text for one in list(self.events)):
             if time.monotonic() > until:
@@ -136,13 +136,13 @@ class Office:
         self.screen.click(self.left + middle[0], self.top + middle[1])
 
     def rests(self):
-        """The frame at which it is paused, once the one under way is over; None before."""
+        """The frame at which the world is paused; None until the current frame has ended."""
         status = self.operator.status()
         still = status.paused and status.phase == Phase.READY.value
         return status.frame if still else None
 
     def step(self):
-        """Press the key for one frame more, and wait for it."""
+        """Press the key for one more frame, and wait for it."""
         frame = self.operator.status().frame
         self.screen.hands("key", "n")
         eventually(lambda: self.rests() == frame + 1, "one frame more")
@@ -176,7 +176,7 @@ def robot(office):
 
 
 def test_a_click_on_a_label_is_an_order(office):
-    def clicked():  # again, should the window not have heard yet which orders are taken
+    def clicked():  # repeated, because the window may not have received the accepted orders yet
         office.click_on("lab")
         return office.heard('eObjective<marker="lab">', within=2)
 
@@ -190,7 +190,7 @@ def test_keys_change_the_speed(office):
 
 
 def uncovered(office):
-    """Whether no label hides the robot."""
+    """Whether no label covers the robot."""
     where = robot(office)
     x, y = office.painter.camera.to_screen(*where.metres(where.position))
     return not any(
@@ -207,7 +207,7 @@ def test_the_space_bar_pauses_and_n_is_one_frame(office):
 
 
 def test_the_robot_is_at_the_pose_of_its_state(office):
-    """The world is paused since the test before; a frame's view shows the string it began with."""
+    """The previous test paused the world; a frame's view shows the string before it."""
     where = robot(office)
     office.step()
     x, y = where.metres(where.position)

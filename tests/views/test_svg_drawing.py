@@ -1,4 +1,4 @@
-"""Shapes land where the string's transformations have led to."""
+"""Shapes are drawn where the string's transformations lead."""
 
 import random
 

@@ -1,4 +1,4 @@
-"""Whatever texts and numbers hold, the document is well-formed and shows them as they are."""
+"""For any texts and numbers, the document is well-formed and shows them unchanged."""
 
 from xml.etree import ElementTree
 

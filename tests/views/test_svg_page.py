@@ -1,4 +1,4 @@
-"""What part of the world a picture shows, and how large."""
+"""The part of the world that a picture shows, and its scale."""
 
 import numpy as np
 import pytest

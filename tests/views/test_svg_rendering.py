@@ -1,4 +1,4 @@
-"""What stands on the PNG: the raster is the matrix, and text can be read anywhere."""
+"""The PNG: the raster equals the matrix, and text is legible on any machine."""
 
 import functools
 import sys
@@ -47,7 +47,7 @@ def test_a_raster_is_its_matrix(x: float, y: float, turn: float, outside: Pose):
     page = page_of(scene)
     for (row, column), value in np.ndenumerate(cells):
         centre = corner.then((row + 0.5) * 0.37, (column + 0.5) * 0.37, 0.0, 0.0)
-        # The grid's faint lines may run through a centre: a pixel beside it is free of them.
+        # The grid's faint lines may pass through a centre, but not through a pixel beside it.
         near = {
             color_at(scene, centre.x + dx / page.scale, centre.y + dy / page.scale, image)
             for dx in (-4, 0, 4)
@@ -69,7 +69,7 @@ def test_opacity_mixes_with_what_is_below():
 
 
 def dark(scene: Scene) -> int:
-    """How many pixels of the map's panel are as dark as letters."""
+    """The number of pixels of the map's panel that are as dark as letters."""
     image = pixels(png(picture(scene)))[60:-60]
     return int((image.sum(axis=2) < 300).sum())
 

@@ -1,4 +1,4 @@
-"""The device: which files it writes, when, and what it says when it cannot."""
+"""The device: the files it writes, when it writes them, and its errors."""
 
 import sys
 from pathlib import Path

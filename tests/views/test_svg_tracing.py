@@ -14,7 +14,7 @@ _RECTANGLE = re.compile(r"M(\d+) (\d+)h(\d+)v(\d+)h-(\d+)z")
 
 
 def painted(paths: tuple[tuple[str, str], ...], shape: tuple[int, ...]) -> NDArray[np.object_]:
-    """The colour of each cell; fails where two rectangles overlap."""
+    """The colour of each cell; fails if two rectangles overlap."""
     cells = np.full(shape, "", object)
     for color, data in paths:
         assert _RECTANGLE.sub("", data) == ""

@@ -1,4 +1,4 @@
-"""A page is for those who have its token, and for no page of another site."""
+"""A page is accessible only with its token, and not from pages of other sites."""
 
 import urllib.error
 import urllib.request
@@ -30,7 +30,7 @@ def server(tmp_path, monkeypatch):
 
 
 def opened(address, **headers):
-    """The status of a page's answer, and its cookie."""
+    """The status of a page's response, and its cookie."""
     try:
         with urllib.request.urlopen(
             urllib.request.Request(address, headers=headers), timeout=10

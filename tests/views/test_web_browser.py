@@ -1,4 +1,4 @@
-"""A real browser at the page of a real run: it sees the world, and its orders arrive there."""
+"""A real browser at the page of a real run: it shows the world, and its orders arrive."""
 
 import json
 import math
@@ -40,7 +40,7 @@ FLAGS = [
     "--disable-sync",
 ]
 WIDTH, HEIGHT = 800, 400
-COARSE = "&fixedDpr=0.2"  # Pixels are drawn by the processor here.
+COARSE = "&fixedDpr=0.2"  # Fewer pixels, because the processor draws them here.
 PATIENCE = 40.0
 
 
@@ -53,7 +53,7 @@ def eventually(what, why, patience=PATIENCE):
 
 
 class Building:
-    """`minerva run robot --view web`, with a record of what its frames have."""
+    """`minerva run robot --view web`, with a record of the events of its frames."""
 
     def __init__(self, folder: Path):
         kept = {key: value for key, value in os.environ.items() if not key.startswith("MINERVA_")}
@@ -142,12 +142,12 @@ def frame_on(page):
 
 
 def pixels(page):
-    """What the canvases show."""
+    """The images of the canvases."""
     return page.evaluate("[...document.querySelectorAll('canvas')].map(one => one.toDataURL())")
 
 
 def pixel_of(page, name):
-    """Where on the page the head of a marker's pin is."""
+    """The position on the page of the head of a marker's pin."""
     shown = Lists(vocabulary).picture(scene({}), {})
     bounds, box = bounds_of(shown), page.locator("canvas").first.bounding_box()
     seen = camera_pose(bounds, 1.0, box["width"] / box["height"])
@@ -208,7 +208,7 @@ def test_two_browsers_show_the_same_and_are_independent(page, building, chromium
     visit(second, building)
     second.get_by_text("ARobot#r2").wait_for()
     killer = other.new_browser_cdp_session()
-    with suppress(playwright.Error):  # It dies before it can say so.
+    with suppress(playwright.Error):  # The browser dies before it can respond.
         killer.send("Browser.crash")
     first = frame_on(page)
     eventually(lambda: frame_on(page) > first + 3, "the page of the other browser stands still")

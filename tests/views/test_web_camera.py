@@ -1,4 +1,4 @@
-"""Where a page looks from, and what a click in it means."""
+"""The camera of a page, and the targets of clicks."""
 
 import math
 
@@ -20,7 +20,7 @@ sides = st.floats(0.01, 1e4)
 
 
 def on_screen(seen, aspect, point):
-    """Where a point is on the screen, from -1 to 1; the camera looks north and down."""
+    """The position of a point on the screen, from -1 to 1; the camera looks north and down."""
     eye, aim = np.array(seen.position), np.array(seen.look_at)
     ahead = (aim - eye) / np.linalg.norm(aim - eye)
     right = np.array([1.0, 0.0, 0.0])

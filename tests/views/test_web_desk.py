@@ -1,4 +1,4 @@
-"""What people do at a page becomes events and orders; what the world refuses is one line."""
+"""User input at a page becomes events and orders; each rejection is one line."""
 
 import time
 
@@ -51,7 +51,7 @@ class Room:
         return {one.label: one for one in handles if type(one).__name__ == f"Gui{kind}Handle"}
 
     def options(self, label):
-        """What can be chosen: nothing while a form is removed and created again."""
+        """The options of a dropdown; empty while a form is removed and created again."""
         return getattr(self.inputs("Dropdown").get(label), "options", ())
 
     def says(self):

@@ -1,4 +1,4 @@
-"""Walls made of matrices, and the few other solids: what is outside is seen, nothing else is."""
+"""Walls from matrices, and the other solids: only outer surfaces are visible."""
 
 import numpy as np
 import pytest
@@ -21,7 +21,7 @@ def triangles(solid):
 
 
 def normals(solid):
-    """Twice the areas, with their directions."""
+    """The normals, with twice the triangle's area as length."""
     a, b, c = np.moveaxis(triangles(solid), 1, 0)
     return np.cross(b - a, c - a)
 

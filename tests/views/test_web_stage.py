@@ -1,4 +1,4 @@
-"""What the page's three dimensions send: what has changed, once, and what is gone."""
+"""Messages of the page's three-dimensional scene: changes, once each, and removals."""
 
 from collections import Counter
 
@@ -41,7 +41,7 @@ def names(sent):
 
 
 def updates(sent):
-    """Properties that were set again, by node."""
+    """Updated properties by node."""
     found = {}
     for one in sent:
         if type(one).__name__ == "SceneNodeUpdateMessage":

@@ -1,4 +1,4 @@
-"""Laser beams: from where a robot is seen, to where they have hit something."""
+"""Laser beams: from the displayed place of a robot to the points that they hit."""
 
 import numpy as np
 import pytest
@@ -50,7 +50,7 @@ def test_the_scan_of_the_picture_is_taken():
     assert beams.ends[0, 0] == pytest.approx(2.0)
     (beams,) = scans.beams(picture, 9.0)
     assert beams.ends[0, 0] == pytest.approx(3.0)
-    (beams,) = scans.beams(picture, 0.0)  # a sensor whose clock is another: its newest
+    (beams,) = scans.beams(picture, 0.0)  # a sensor with another clock: its newest scan
     assert beams.ends[0, 0] == pytest.approx(3.0)
     scans.add(scan("nobody"))
     assert len(scans.beams(picture, 0.2)) == 1

@@ -1,4 +1,4 @@
-"""What is under the mouse."""
+"""The item under the mouse."""
 
 import numpy as np
 import pytest

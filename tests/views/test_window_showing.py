@@ -1,4 +1,4 @@
-"""The options that views in a window share: refused in one line, or understood."""
+"""Options that views in a window share: accepted, or rejected in one line."""
 
 import importlib.util
 

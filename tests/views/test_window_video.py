@@ -1,4 +1,4 @@
-"""Videos: as fast as the world, whole whatever happens, and of the colours that were drawn."""
+"""Videos: same speed as the world, playable in any case, with the colours that were drawn."""
 
 from contextlib import suppress
 
@@ -39,7 +39,7 @@ def test_one_picture_per_view_by_default():
 
 
 def striped(step, size=(64, 48)):
-    """A picture whose left part is red and whose right part is blue, moving."""
+    """A picture with a red left part and a blue right part; the boundary moves."""
     pixels = np.zeros((size[1], size[0], 3), np.uint8)
     pixels[:, : 16 + 4 * step, 0] = 220
     pixels[:, 16 + 4 * step :, 2] = 220
@@ -50,7 +50,7 @@ def frames_of(path):
     av = pytest.importorskip("av")
     found = []
     with av.open(str(path)) as file, suppress(av.error.InvalidDataError):
-        for one in file.decode(video=0):  # up to where its writer was killed
+        for one in file.decode(video=0):  # up to the point at which its writer was killed
             found.append(one.to_ndarray(format="rgb24"))
     return found
 

@@ -1,4 +1,4 @@
-"""The thread that asks a world how it is doing and does deeds."""
+"""The thread that requests the status of a world and executes actions."""
 
 import threading
 import time

@@ -94,7 +94,7 @@ def named(name, x, y):
 
 
 class Nobody:
-    """An operator that notes what it is told; with `silent` it does not answer."""
+    """An operator that records the commands it receives; with `silent` it does not respond."""
 
     def __init__(self):
         self.told, self.silent, self.unheard = [], False, 0
@@ -165,7 +165,7 @@ def listened():
 
 
 def taken_port():
-    """A port that somebody listens at, with its socket."""
+    """A port in use, with its socket."""
     taken = socket.socket()
     taken.bind(("127.0.0.1", 0))
     taken.listen()

@@ -1,4 +1,4 @@
-"""A small world for windows: words, a picture, and an operator that writes down what it is told."""
+"""A small world for windows: vocabulary, picture, and an operator that records commands."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def status(*orders, paused=False, **more):
 
 
 class Ledger:
-    """An operator that writes down what is asked of it."""
+    """An operator that records the commands it receives."""
 
     def __init__(self, speed=0.5, error=""):
         self.told = []
@@ -91,7 +91,7 @@ class Ledger:
 
 
 def shown_by(deed, **more):
-    """What an operator is told by a deed."""
+    """The commands that an operator receives from an action."""
     ledger = Ledger(**more)
     said = deed.do(ledger)
     return SimpleNamespace(said=said, told=ledger.told)
