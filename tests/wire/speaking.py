@@ -1,4 +1,4 @@
-"""Strategies for every message of the protocol, over any vocabulary."""
+"""Strategies for every message of the protocol, with any vocabulary."""
 
 from dataclasses import fields, is_dataclass
 
@@ -25,7 +25,7 @@ conditions = ("", "energy > 0.5", 'name == "x" and alive == true')
 
 
 def plain_data(leaves=None):
-    """What a member may save: plain values in maps and lists."""
+    """Data that a member may save: plain values in maps and lists."""
     if leaves is None:
         leaves = st.none() | st.booleans() | integers() | reals() | texts() | st.binary()
     return st.recursive(
@@ -46,7 +46,7 @@ def without_agents(scene):
 
 
 def with_slots(scene):
-    """Each outermost agent as a mere `A#id()`."""
+    """The string with each outermost agent reduced to `A#id()`."""
 
     def leave(node, scope):
         bare = isinstance(node, AgentNode)
@@ -120,7 +120,7 @@ def to_member(vocabulary):
 
 
 def records(vocabulary):
-    """What happened in a frame."""
+    """Records of frames."""
     some = st.lists(events_of(vocabulary, ["a", "b"], conditions)).map(tuple)
     parts = st.dictionaries(ids(), strings_of(vocabulary), max_size=3)
     return st.builds(m.FrameRecord, numbers, some, parts, st.binary(min_size=16, max_size=16))
@@ -146,7 +146,7 @@ recorded = vocabularies().flatmap(lambda v: st.tuples(st.just(v), records(v)))
 
 
 def same(one, other):
-    """Equality of messages; vocabularies by what they say, arrays by their values."""
+    """Equality of messages; vocabularies by their content, arrays by their values."""
     if is_dataclass(one) and not isinstance(one, Scene) and type(one).__eq__ is object.__eq__:
         pairs = [(getattr(one, f.name), getattr(other, f.name)) for f in fields(one)]
         return type(one) is type(other) and all(same(*pair) for pair in pairs)

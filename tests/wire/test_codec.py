@@ -1,4 +1,4 @@
-"""Every message survives encoding and decoding."""
+"""Encoding followed by decoding preserves every message."""
 
 import hypothesis.strategies as st
 import msgpack
@@ -109,7 +109,7 @@ def test_a_vocabulary_that_has_travelled_reads_the_same_strings(vocabulary):
 @law
 @given(st.data())
 def test_equal_messages_are_equal_bytes(data):
-    """So that a run's bytes can be compared."""
+    """This makes the bytes of runs comparable."""
     vocabulary, message = data.draw(spoken)
     again = Decoder(vocabulary).from_member(message.member, encode(message))
     assert encode(again) == encode(message)
@@ -174,6 +174,6 @@ def test_default_values_of_strings_travel_with_the_vocabulary():
     m.Report("g", {"big": 1 << 70}),
 ])  # fmt: skip
 def test_an_unencodable_message_is_the_senders_error(wrong):
-    """A service that saves or reports what is no plain value is told so, and where."""
+    """Encoding a saved or reported value that is not plain raises an error."""
     with pytest.raises((ProtocolError, SceneError, TypeError, OverflowError)):
         encode(wrong)

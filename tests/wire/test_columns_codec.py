@@ -1,4 +1,4 @@
-"""Columns on the wire: a round trip changes nothing, and invalid data are rejected."""
+"""Columns on the wire: a round trip preserves them, and invalid data are rejected."""
 
 from __future__ import annotations
 
@@ -142,7 +142,7 @@ def test_a_reply_with_patches_travels(w, data):
     assert change.column.list() == x.array[found].tolist()
 
 
-# --- what is wrong ---
+# --- invalid data ---
 
 SHOAL = Fish.many("f", 3, x=np.array([1.0, 2.0, 3.0])).pieces[0]
 PATCH = Delta(
@@ -175,7 +175,7 @@ junk = st.recursive(
 
 @st.composite
 def spoilt(draw, plain):
-    """The same with something in it that may be wrong."""
+    """The data with one item replaced or removed."""
     copy = through(plain)
     at, inside = draw(st.integers(0, len(copy) - 1)), copy
     while isinstance(inside[at], list) and inside[at] and draw(st.booleans()):

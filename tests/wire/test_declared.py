@@ -1,4 +1,4 @@
-"""A message is declared once: its encoder, decoder, limits and table row follow from that."""
+"""Messages are declared once: encoder, decoder, limits and table row are derived."""
 
 import re
 from collections.abc import Mapping
@@ -23,7 +23,7 @@ eNear = EventType("eNear", distance=float)
 
 @dataclass(frozen=True, slots=True)
 class Probe:
-    """A message that exists in this test alone."""
+    """A message for this test only."""
 
     WIRE: ClassVar = Wire("probe", ("from",), "for a test")
 
@@ -97,7 +97,7 @@ def test_a_new_key_of_a_hello_is_declared_in_one_place():
     assert unpack(encode(hello))[1] == unpack(encode(m.Hello("x", 6)))[1] | {"region": "there"}
     assert DECODER.decode(codecs, ("x",), encode(hello)) == hello
     assert DECODER.decode(codecs, ("x",), encode(m.Hello("x", 6))).region == "here"
-    assert DECODER.from_member("x", encode(hello)) == m.Hello("x", 6)  # An older coordinator.
+    assert DECODER.from_member("x", encode(hello)) == m.Hello("x", 6)  # an older coordinator
 
 
 def test_an_error_in_a_key_names_it():

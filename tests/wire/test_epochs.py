@@ -1,4 +1,4 @@
-"""The epoch before a message: short, whole, and nothing else is taken for one."""
+"""The epoch before a message: compact, complete, and distinct from any other prefix."""
 
 import hypothesis.strategies as st
 import msgpack

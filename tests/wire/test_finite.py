@@ -1,4 +1,4 @@
-"""No number comes in that is not finite, wherever in a message it stands."""
+"""Numbers that are not finite are rejected anywhere in a message."""
 
 import math
 
@@ -81,7 +81,7 @@ CASES = [
 
 
 def spoilt(plain, odd):
-    """The same data with another number in place of one: once for each that there is."""
+    """Copies of the data, each with one of its numbers replaced by another."""
     if isinstance(plain, float):
         yield odd
     elif isinstance(plain, list):
@@ -95,7 +95,7 @@ def spoilt(plain, odd):
     elif isinstance(plain, msgpack.ExtType) and plain.code == 2:
         for other in spoilt(unpack(plain.data), odd):
             yield msgpack.ExtType(2, msgpack.packb(other))
-    elif isinstance(plain, msgpack.ExtType):  # A matrix, or a column: the last of its numbers.
+    elif isinstance(plain, msgpack.ExtType):  # A matrix or a column: its last number.
         yield msgpack.ExtType(plain.code, plain.data[:-8] + np.float64(odd).tobytes())
 
 

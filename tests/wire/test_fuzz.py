@@ -1,4 +1,4 @@
-"""Arbitrary bytes give a message, ProtocolError or VocabularyError, in bounded memory and time."""
+"""Arbitrary bytes: a message, ProtocolError or VocabularyError, in bounded memory and time."""
 
 import struct
 import tracemalloc
@@ -25,7 +25,7 @@ DECODER = Decoder(FAMILY_VOCABULARY)
 
 
 def ways(decoder):
-    """The four ways into the decoder."""
+    """The four entry points of the decoder."""
     return (
         lambda data: decoder.from_member("m", data),
         decoder.to_member,
@@ -35,7 +35,7 @@ def ways(decoder):
 
 
 def refused_or_read(data, decoder=DECODER):
-    """Feed bytes to every decoder; only the two errors may be raised."""
+    """Feed bytes to every entry point; only the two errors may be raised."""
     for way in ways(decoder):
         try:
             way(data)
@@ -177,7 +177,7 @@ def test_any_state_for_an_agent(one, two):
         refused_or_read(msgpack.packb(["view", "eShow", 0, 0, {"w": [1, ["PDot", state]]}, scene]))
 
 
-# --- what is let through is whole ------------------------------------------------------------
+# --- accepted data are complete --------------------------------------------------------------
 
 
 def changed(scene):
@@ -284,7 +284,7 @@ def test_two_agents_of_one_id_are_never_let_in():
 
 
 def nested(depth, inner=b"\x90"):
-    """Lists in lists, as bytes."""
+    """Nested lists, as bytes."""
     return b"\x91" * depth + inner
 
 
@@ -315,7 +315,7 @@ def test_strings_in_strings():
 
 
 def test_sendable_values_have_a_text_form():
-    """Values as deep as the protocol lets through are as deep as the language does."""
+    """The protocol and the language have the same limit on nesting."""
     from minerva_bus import EventType, Primitive, Scene, Vocabulary
 
     vocabulary = Vocabulary.of(Primitive("PBox", inside=Scene), EventType("eBox", inside=Scene))
@@ -443,7 +443,7 @@ def test_names_that_do_not_fit_into_a_key_are_refused(name):
     assert not set(name) & set("/*$?# \n")
 
 
-# --- ids, columns, patches and deltas: right in form, wrong in a byte, a length or an offset ---
+# --- ids, columns, patches and deltas: valid form with an invalid byte, length or offset ---
 
 few_rows = st.integers(0, 3)
 arrays = st.builds(

@@ -22,7 +22,7 @@ eBare = EventType("eBare")
 
 
 class Stone(Agent, symbol="AStone"):
-    """Has nothing, so that a row of it takes no byte."""
+    """Has no attributes, so a row of it takes no byte."""
 
 
 VOCABULARY = Vocabulary.of(eNear, eText, eBare, Stone)
@@ -112,7 +112,7 @@ def test_messages_at_a_limit_are_accepted():
     decoder = Decoder(VOCABULARY, SMALL)
     assert len(decoder.from_member("x", events("emitted", 3)).events) == 3
     assert len(decoder.from_member("x", pack(["doing", {"a": 1, "b": 2}])).figures) == 2
-    for _ in range(3):  # The rows of one message are no other's.
+    for _ in range(3):  # Rows are counted per message.
         assert decoder.from_member("x", pack(["emitted", [many(50)]])).events[0].count == 50
 
 
@@ -129,8 +129,8 @@ STALLING = {
 
 @pytest.mark.parametrize("what", STALLING)
 def test_expensive_messages_are_rejected_before_decoding(what, monkeypatch):
-    """Each took seconds, and some gigabytes: that is known without msgpack and the reader."""
-    if what != "rows of nothing":  # Of these the reader has to see the counts.
+    """Each would take seconds and gigabytes; the limit applies before msgpack and the reader."""
+    if what != "rows of nothing":  # For these the reader has to read the counts.
         monkeypatch.setattr("minerva_bus.wire.codec.unpack", lambda *_: pytest.fail("built"))
     monkeypatch.setattr("minerva_bus.wire.columns.read_ids", lambda *_: pytest.fail("read"))
     with pytest.raises(ProtocolError):
@@ -181,7 +181,7 @@ def test_the_name_of_a_message_is_found(name, items):
         assert name_in(head + bytes([0xD9, len(name)]) + name.encode() + b"\x01") == name
 
 
-# --- how a member keeps within them ---
+# --- compliance of members with the limits ---
 
 
 @given(st.lists(st.sampled_from([eNear(1.0), eNear(2.0, receivers=["b"]), eBare(), eText("ä"),
