@@ -1,11 +1,11 @@
-"""Locked dependencies: write the locks, report licences and vulnerabilities, test the bounds.
+"""Locked dependencies: write locks, report licences and vulnerabilities, test the bounds.
 
-    python -m tools.dependencies                # licences, and what is known to be vulnerable
+    python -m tools.dependencies                # licences and known vulnerabilities
     python -m tools.dependencies lock           # write requirements/ from pyproject.toml
-    python -m tools.dependencies try oldest     # tests with the oldest versions that are allowed
-    python -m tools.dependencies try newest     # and with the newest
+    python -m tools.dependencies try oldest     # tests with the oldest allowed versions
+    python -m tools.dependencies try newest     # tests with the newest allowed versions
 
-It needs the extra `audit`: pip install -e '.[dev]' has it.
+It requires the extra `audit`, which pip install -e '.[dev]' includes.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ ROOT = Path(__file__).parents[1]
 LOCKS = ROOT / "requirements"
 OLDEST_PYTHON = "3.11"
 EDITABLE = "editables"
-"""What hatchling needs to install the project in place, besides pyproject's build-system."""
+"""Requirement of hatchling for editable installs, besides pyproject's build-system."""
 
 IMAGE_EXTRAS = ("metrics", "record", "tls")
 RESOLUTIONS = {"oldest": "lowest-direct", "newest": "highest"}
 FAST = ("unit", "laws", "frame", "protocol", "record", "paper", "views", "study", "svg", "sprites",
         "physics", "services", "cli")  # fmt: skip
-"""Folders of tests that together import every dependency which does not need a device."""
+"""Folders of tests that together import every dependency that does not need a device."""
 
 
 @dataclass(frozen=True)
@@ -132,7 +132,7 @@ def licences() -> dict[str, str]:
 
 
 def _licence(package: dict[str, str]) -> str:
-    """The expression if there is one, else the classifier, else the text's first line."""
+    """The licence expression, else the classifier, else the first line of the text."""
     for kind in ("License-Expression", "License-Classifier", "License-Metadata"):
         text = package.get(kind, "UNKNOWN").strip()
         if text and text != "UNKNOWN":
@@ -141,7 +141,7 @@ def _licence(package: dict[str, str]) -> str:
 
 
 def print_vulnerabilities(lock: Path) -> int:
-    """Print the advisories for a lock from the first source that answers."""
+    """Print the advisories for a lock from the first source that responds."""
     silent = []
     for source in ("pypi", "osv"):
         answer, reason = ask(source, lock)

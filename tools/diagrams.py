@@ -1,9 +1,9 @@
-"""The diagrams of ARCHITECTURE.md that follow from the code: phases of a frame, and main types.
+"""Diagrams of ARCHITECTURE.md generated from the code: frame phases and main types.
 
-    python -m tools.diagrams            # compare; 1 where they differ
+    python -m tools.diagrams            # compare; exit code 1 if they differ
     python -m tools.diagrams --write    # write them
 
-In the document each stands between `<!-- diagram: NAME -->` and `<!-- end of diagram -->`.
+In the document each diagram is between `<!-- diagram: NAME -->` and `<!-- end of diagram -->`.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ DIAGRAM = re.compile(r"(<!-- diagram: ([\w ]+) -->\n).*?(<!-- end of diagram -->
 
 
 def owned(owner: object) -> Mapping[str, str]:
-    """Attributes of an object whose class is declared in `minerva_bus.frame`, and their class."""
+    """Attributes of an object with a class from `minerva_bus.frame`, and these classes."""
     parts = {name: type(part) for name, part in vars(owner).items()}
     return {
         name.removeprefix("_"): part.__name__
@@ -35,7 +35,7 @@ def owned(owner: object) -> Mapping[str, str]:
 
 
 def types() -> str:
-    """What `FrameAlgorithm` owns, as a class diagram."""
+    """A class diagram of `FrameAlgorithm` and the objects that it owns."""
     algorithm = FrameAlgorithm(World("w", EMPTY, Vocabulary.of()))
     owners = [("FrameAlgorithm", algorithm), ("LiveSource", algorithm.source)]
     lines = [
@@ -51,7 +51,7 @@ DIAGRAMS: Mapping[str, Callable[[], str]] = {"phases": diagram, "types": types}
 
 
 def written(text: str) -> str:
-    """The document with the diagrams that follow from the code."""
+    """The document with its generated diagrams up to date."""
 
     def block(match: re.Match[str]) -> str:
         return f"{match[1]}```mermaid\n{DIAGRAMS[match[2]]()}\n```\n{match[3]}"

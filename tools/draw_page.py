@@ -26,7 +26,7 @@ PATIENCE = 60_000
 
 
 def photograph(url: str, path: Path) -> None:
-    """Open the page, give the robots orders, and take a screenshot."""
+    """Open the page, send orders to the robots, and take a screenshot."""
     with sync_playwright() as player:
         browser = player.chromium.launch(executable_path=shutil.which("chromium"), args=FLAGS)
         page = browser.new_page(viewport={"width": 1400, "height": 820})

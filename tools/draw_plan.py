@@ -1,10 +1,10 @@
-"""Draw the floor plan that comes with the robot: run `python tools/draw_plan.py`.
+"""Draw the robot's floor plan: run `python tools/draw_plan.py`.
 
 An office of 18 m x 12 m in cells of 0.05 m, written as a map_server pair (office.pgm, office.yaml)
 into agents/minerva_agents/robot/plan. Lengths are metres from the lower left corner, x to the
-right, y up; a box is (left, bottom, right, top), a disc (x, y, radius). Walls are black all
-through; furniture has a black outline round what no laser can see. The same files come out every
-time.
+right, y up; a box is (left, bottom, right, top), a disc (x, y, radius). Walls are solid black;
+furniture has a black outline around an area that no laser can see. Every run writes the same
+files.
 """
 
 import json
@@ -108,7 +108,7 @@ def main() -> None:
 
 
 def draw() -> Picture:
-    """The picture, (240, 360) pixels, its top row first."""
+    """The picture, (240, 360) pixels, top row first."""
     floor = np.full((round(HEIGHT / CELL), round(WIDTH / CELL)), OCCUPIED, np.uint8)
     for boxes in ROOMS.values():
         for box in boxes:
@@ -154,7 +154,7 @@ def _disc(disc: Disc) -> Mask:
 
 
 def _shrunk(shape: Mask) -> Mask:
-    """The shape without its outline, which stays closed to rays between two corners."""
+    """The shape without its outline; rays cannot pass the outline between two corners."""
     inside = shape.copy()
     for down in (-1, 0, 1):
         for across in (-1, 0, 1):

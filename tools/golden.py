@@ -1,11 +1,11 @@
-"""Golden values of the shipped worlds: the digest of their last string, and of all their messages.
+"""Golden values of the shipped worlds: digests of the last string and of all messages.
 
-    python -m tools.golden            # compare with tests/golden/worlds.toml; 1 where they differ
+    python -m tools.golden            # compare with tests/golden/worlds.toml; 1 if they differ
     python -m tools.golden --record   # write it
 
-A change that should not affect worlds or messages leaves them as they are. One that should records
-new values, with the reason in CHANGELOG.md; a change of the wire format also gets a new version in
-PROTOCOL.md.
+A change that should not affect worlds or messages leaves the values unchanged. Any other change
+records new values, with the reason in CHANGELOG.md; a change of the wire format also gets a new
+version in PROTOCOL.md.
 """
 
 from __future__ import annotations
@@ -49,13 +49,13 @@ HEAD = """\
 
 
 class MessageDigests:
-    """Digests of the messages of a run, by the type of the message."""
+    """Digests of the messages of a run, by message type."""
 
     def __init__(self) -> None:
         self._hashes: dict[str, Any] = {}
 
     def add(self, message: Any) -> None:
-        if isinstance(message, m.Hello):  # The process and the machine are not the run's.
+        if isinstance(message, m.Hello):  # Process id and machine are not properties of the run.
             message = replace(message, pid=0, host="")
         name = type(message).__name__
         data = encode(message)
@@ -67,7 +67,7 @@ class MessageDigests:
 
 
 class Tapped:
-    """A member whose messages, in both directions, are also given to a MessageDigests."""
+    """A member whose messages, in both directions, are also passed to a MessageDigests."""
 
     def __init__(self, member: Member, wire: MessageDigests) -> None:
         self._member, self._wire = member, wire

@@ -6,12 +6,12 @@
 mutmut creates the mutants and runs the tests that tools/mutation.toml names for a module, if
 they reach the mutated function. Verdicts are stored in build/mutation: an interrupted run continues
 where it stopped, and only changed functions and survivors run again after a change. A mutant that
-no test kills must stand in tools/survivors.toml with the reason why it is accepted: one that does
-not makes the command exit with 1, a run that is not finished with 2. `--record` writes the run's
-counts there, and each new survivor with an empty reason, for somebody to fill in.
+no test kills must be in tools/survivors.toml with the reason for accepting it; otherwise the
+command exits with 1, and with 2 if the run is incomplete. `--record` writes the run's counts there,
+and each new survivor with an empty reason, to be filled in.
 
-mutmut changes functions and plain, static and class methods; it leaves out properties and other
-decorated functions. A mutant that only changes the type that `cast` is given is not counted.
+mutmut changes functions and plain, static and class methods; it skips properties and other
+decorated functions. A mutant that only changes the type argument of `cast` is not counted.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ HEAD = """\
 
 @dataclass(frozen=True)
 class Survivor:
-    """A mutant that no test kills: its change, and why it is accepted."""
+    """A mutant that no test kills: its change, and the reason for accepting it."""
 
     module: str
     function: str
@@ -77,11 +77,11 @@ class Result:
     verdicts: dict[str, str]
     survivors: tuple[Survivor, ...]
     same: int = 0
-    """How many mutants differ in the type of a cast only, which nothing can notice."""
+    """Number of mutants that only change the type of a cast, which has no effect at run time."""
 
     @property
     def waiting(self) -> int:
-        """How many mutants have no verdict yet."""
+        """Number of mutants without a verdict."""
         return sum(verdict == "not checked" for verdict in self.verdicts.values())
 
     @property
@@ -136,7 +136,7 @@ def recorded(result: Result, path: Path = SURVIVORS) -> None:
 
 
 def only_a_cast(mutation: str) -> bool:
-    """Whether a mutation changes nothing but the type that a cast is given."""
+    """Whether a mutation only changes the type argument of `cast`."""
     plain = re.sub(r'cast\((?:"[^"]*"|None),', "cast(_,", mutation)
     removed = [line[2:] for line in plain.splitlines() if line.startswith("-")]
     return removed == [line[2:] for line in plain.splitlines() if line.startswith("+")]
@@ -193,7 +193,7 @@ def _workspace(module: str, tests: list[str]) -> Path:
 
 
 def _notice_changed_tests(workspace: Path, tests: list[str]) -> None:
-    """Run survivors again if tests have changed; mutmut notices changed functions only."""
+    """Rerun survivors if tests have changed; mutmut only detects changed functions."""
     known, stats = workspace / "tests.sha256", workspace / "mutants" / "mutmut-stats.json"
     files = sorted(path for test in tests for path in _files(ROOT / test))
     now = hashlib.sha256(b"".join(path.read_bytes() for path in files)).hexdigest()
@@ -204,7 +204,7 @@ def _notice_changed_tests(workspace: Path, tests: list[str]) -> None:
 
 
 def _forget_survivors(workspace: Path) -> None:
-    """Make mutmut run survivors again."""
+    """Make mutmut rerun survivors."""
     for path in (workspace / "mutants" / "minerva_bus").rglob("*.meta"):
         data = json.loads(path.read_text(encoding="utf-8"))
         codes = data["exit_code_by_key"]

@@ -1,9 +1,9 @@
-"""The tables of PROTOCOL.md that follow from the declarations of messages and limits.
+"""Tables of PROTOCOL.md that are generated from the declarations of messages and limits.
 
-    python -m tools.protocol_tables            # compare; 1 where they differ
+    python -m tools.protocol_tables            # compare; exit code 1 if they differ
     python -m tools.protocol_tables --write    # write them
 
-In the document each stands between `<!-- table: NAME -->` and `<!-- end of table -->`.
+In the document each table is between `<!-- table: NAME -->` and `<!-- end of table -->`.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ def item(of: DeclaredField, codec: MessageCodec) -> str:
 
 
 def messages(codecs: Mapping[str, MessageCodec], column: str) -> str:
-    """A table of messages; `column` follows the number of items."""
+    """A table of messages; `column` is the header of the column after the number of items."""
     return table(
         ["message", "items", column, "what they are, in order", "meaning"],
         [
@@ -95,7 +95,7 @@ def _if_missing(of: DeclaredField) -> str:
 
 
 def limits() -> str:
-    """The limits; those that a world file may set in bold."""
+    """The limits; those that a world file may set are in bold."""
     notes, bold = limit_notes(), configurable_limits()
     return table(
         ["limit", "most", "of what"],

@@ -1,7 +1,7 @@
-"""Write the tables of settings in docs/ from their declarations: `python -m tools.settings_tables`.
+"""Write the settings tables in docs/: run `python -m tools.settings_tables`.
 
-A table stands between `<!-- settings: NAME ... -->`, with the classes of settings/tables.py that it
-lists, and `<!-- end of settings -->`.
+Tables are generated from declarations. Each is between `<!-- settings: NAME ... -->`, which lists
+classes of settings/tables.py, and `<!-- end of settings -->`.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ _BLOCK = re.compile(r"(<!-- settings: ([\w ]+) -->\n).*?(<!-- end of settings --
 
 
 def table_of(classes: Sequence[type[Any]], qualified: bool = False) -> str:
-    """The Markdown table of these settings; `qualified`: keys with the name of their table."""
+    """The Markdown table of these settings; `qualified`: keys include the name of their table."""
     settings = [each for cls in classes for each in settings_of(cls).values() if each.key]
     options = any(each.option for each in settings)
     titles = ["key", "type", "default", *(["option"] if options else []), "meaning"]
