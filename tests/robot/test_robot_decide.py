@@ -17,7 +17,7 @@ STANDING = {"action": action_of(STAY, "r", 0.18)}
 
 
 def floor(*walls, free=FREE):
-    """Free ground of 40 x 40 cells with walls: (first row, last row, first column, last column)."""
+    """Free ground of 40 x 40 cells; walls are (first row, last row, first column, last column)."""
     grid = np.full((40, 40), free, np.int16)
     for top, bottom, left, right in walls:
         grid[top : bottom + 1, left : right + 1] = 9

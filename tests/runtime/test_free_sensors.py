@@ -1,4 +1,4 @@
-"""Free-running sensors: each reading is counted, and delivered once as requested."""
+"""Free-running sensors: readings arrive at most once, as requested; drops are counted."""
 
 import threading
 

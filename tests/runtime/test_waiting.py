@@ -1,4 +1,4 @@
-"""Members that a frame waits for, and for how long: starting, queued and present ones."""
+"""Deadlines while a frame waits for starting, queued and present members."""
 
 from itertools import pairwise
 

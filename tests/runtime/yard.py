@@ -113,7 +113,7 @@ class Eye(Generator, events=("eSeen",)):
 
 
 class Screen(Device, draws=("eShow",)):
-    """An observer that prints what it draws if `said` is set."""
+    """An observer that prints its views if `said` is set."""
 
     every = 1
 

@@ -1,7 +1,7 @@
 """A pond: a small world with all situations that the frame algorithm must handle.
 
 Frogs move at random, croak, are born and die; flies react to frogs; a lily contains other agents.
-Water is a coupled device and a generator with state, and publishes what it sees; an eye turns that
+Water is a coupled device and a generator with state, and publishes readings; an eye turns these
 into events; steps have state, too.
 """
 
@@ -197,7 +197,7 @@ class Forward(Steps, ahead=True):
 
 
 class Water(Generator, Device, events=(), draws=("eShow",), coupled=True):
-    """Draws the view into its own state, and publishes what can be seen of it."""
+    """Draws the view into its own state, and publishes the visible part."""
 
     every = 1
     publishes = ("sight",)

@@ -157,7 +157,7 @@ def states(bus):
 
 
 def together(bus, frames):
-    """Run frame by frame; check that bodies are where the agents were at the frame's begin."""
+    """Run frame by frame; check that bodies are where the agents were when it began."""
     bus.start()
     bus.settle()
     first = {who: state["x"] for who, state in states(bus).items()}

@@ -1,4 +1,4 @@
-"""`pytest --retry`: a test that fails once and passes alone is flaky; other failures remain."""
+"""`pytest --retry`: tests that fail once and pass alone are flaky; other failures stay."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Generators and devices: what their classes declare."""
+"""Generators and devices: the declarations of their classes."""
 
 from typing import Any
 
