@@ -98,7 +98,7 @@ def compile_lock(path: Path, requirements: list[str], *arguments: str) -> None:
 def report() -> int:
     """Print the licences and the known vulnerabilities of all locked versions.
 
-    Returns: 0 if none is known, 1 if one is, 2 if no source of advisories knows the versions.
+    Returns: 0 if none is known, 1 if one is, 2 if the advisories do not cover every package.
     """
     locked = read(LOCKS / "dev.txt")
     in_image = {entry.name for entry in read(LOCKS / "image.txt")}
@@ -157,7 +157,8 @@ def print_vulnerabilities(lock: Path) -> int:
 def ask(source: str, lock: Path) -> tuple[list[dict] | None, str]:
     """Advisories of a source for a lock, or None with the reason.
 
-    A source that knows none of the packages does not count; pip-audit reports "no vulnerabilities".
+    A source without any of the packages does not count, although pip-audit then reports "no
+    vulnerabilities".
     """
     done = subprocess.run(
         [sys.executable, "-m", "pip_audit", "--vulnerability-service", source,
@@ -188,7 +189,7 @@ def print_answer(source: str, answer: list[dict]) -> int:
 
 
 def try_versions(which: str, python: str, paths: list[str]) -> int:
-    """Install the oldest or newest versions that pyproject.toml allows, and run tests with them."""
+    """Run tests with the oldest or newest versions that pyproject.toml allows."""
     folder = ROOT / "build" / "dependencies" / f"{which}-{python}"
     interpreter = folder / "bin" / "python"
     uv = [sys.executable, "-m", "uv"]

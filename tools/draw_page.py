@@ -1,4 +1,4 @@
-"""Draw the picture of the web page in the documentation: python tools/draw_page.py docs/web.png.
+"""Draw the picture of the web page for the guides: python tools/draw_page.py docs/web.png.
 
 Runs the robot's world with its page and takes a screenshot with Debian's chromium.
 Needs `pip install playwright` and `apt install chromium`.

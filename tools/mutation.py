@@ -232,7 +232,7 @@ def _survivor(module: str, name: str, workspace: Path) -> Survivor:
 
 
 def _function(name: str) -> str:
-    """`Book.breaks` of `minerva_bus.world.norms.xǁBookǁbreaks__mutmut_3`."""
+    """The function of a mutant: for example `A.f` for `module.xǁAǁf__mutmut_3`."""
     return name.rpartition(".")[2].rpartition("__mutmut_")[0][2:].replace("ǁ", ".")
 
 
