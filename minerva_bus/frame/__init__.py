@@ -1,1 +1,1 @@
-"""Table 2 as a pure state machine, and who takes part in it: no clock, socket or thread."""
+"""Table 2 as a pure state machine with its members: no clock, socket or thread."""

@@ -1,7 +1,7 @@
 """Table 2 of the paper as a pure state machine: stimulus in, instructions out.
 
-It does no input or output and reads no clock. Every iteration order is independent of the order in
-which members answer. The phases and their transitions are in `phases.py`.
+It has no I/O and reads no clock. Every iteration order is independent of the order in which
+members answer. The phases and their transitions are in `phases.py`.
 """
 
 from __future__ import annotations
@@ -38,13 +38,13 @@ from minerva_bus.world.norms import SOURCE
 
 MAX_NAMED_STRANGERS: Final = 3
 MAX_PROBLEM_LINES: Final = 10
-"""Lines of a member's failure that are shown; its traceback is for the log file."""
+"""Most lines of a member's failure that are shown; its traceback is for the log file."""
 
 
 class FrameAlgorithm:
     """Runs one world. `receive` takes a stimulus and returns the instructions that follow.
 
-    `source` creates the object that carries out the steps which depend on members; by default
+    `source` creates the object that executes the steps which depend on members; by default
     members are live.
     """
 
@@ -74,7 +74,7 @@ class FrameAlgorithm:
         self.source: FrameSource = (source or LiveSource)(self)
 
     def receive(self, stimulus: s.Stimulus) -> list[s.Instruction]:
-        """Take one stimulus and return the instructions that follow from it, in order."""
+        """Process one stimulus and return the resulting instructions, in order."""
         out = self.out
         out.pending = []  # An exception may have left instructions of the previous stimulus.
         sender: str = getattr(stimulus, "member", "")
@@ -98,9 +98,9 @@ class FrameAlgorithm:
     # --- Table 2 ---
 
     def advance(self) -> None:
-        """Carry out Table 2 as far as the answers received so far allow.
+        """Execute Table 2 as far as the answers received so far allow.
 
-        A phase ends when nothing is outstanding; the next call continues from there. Step 1,
+        A phase ends when no answer is outstanding; the next call continues from there. Step 1,
         w = w₀ and t = 0, is the constructor; step 2 begins with the requests of `on_begin`.
         """
         source, in_flight = self.source, self.in_flight
@@ -110,10 +110,11 @@ class FrameAlgorithm:
             source.collect()  # 2: e* = E(G*, t); 3: e^v of views; 4: e^u of evolution
             self._enter(Awaited.EVENTS)
             source.evolve()  # 5: w_next = η(w, e^u); 6: v = π(w, e^v)
-        # `settle` comes last because it has effects: it applies the norms, and may ask hosts again.
+        # `settle` is the last condition because it has effects: it applies the norms, and may ask
+        # hosts again.
         if self.phase is Phase.EVOLVE and in_flight.requests.complete and source.settle():
             # Views are sent with the results and not before: a coupled device acts on a view, and a
-            # frame that its coordinator never commits must not have moved anything. They are sent
+            # frame that its coordinator never commits must not move anything. They are sent
             # before the commit, because they show the string with which the frame began.
             self.show()  # 7: g = φ(v)
             source.commit()  # 8: w = w_next; t = t + 1
@@ -141,7 +142,7 @@ class FrameAlgorithm:
         """Announce the first frame once all expected members are present."""
         if self.phase is not Phase.WAITING or self.members.awaited():
             return
-        # Step 9 follows a frame, so nothing ends a world before frame 0. A resumed
+        # Step 9 follows a frame, so a world cannot end before frame 0. A resumed
         # world or a successor begins after a frame, and its predecessor may have
         # died before it could end the world.
         reason = self.source.why_over() if self.frame else ""
@@ -176,9 +177,9 @@ class FrameAlgorithm:
         self._stop(Awaited.END)
 
     def _stop(self, awaited: Awaited) -> None:
-        """Ask all members for their reports."""
+        """Request the reports of all members."""
         self._enter(awaited)
-        # The interrupted frame is never committed, so nothing waits for its replies any longer.
+        # The interrupted frame is never committed, so its replies are no longer needed.
         self.in_flight.pending = set()
         self.in_flight.requests.cancel()
         self.shutdown.begin(member.name for member in self.members.active())
@@ -254,13 +255,13 @@ class FrameAlgorithm:
             self.members.change(self.members.get(name), MemberChange.SILENT)
 
     def on_resync(self, resync: m.Resync) -> None:
-        """Send a keyframe to an observer that missed a view."""
+        """Send a keyframe to an observer that has missed a view."""
         keyframe = self.views.keyframe(resync.event_type)
         if keyframe is not None and self.members.get(resync.member).active:
             self.out.send(resync.member, keyframe)
 
     def on_failed(self, failed: m.Failed) -> None:
-        """Log a member's failure, once per process: it is about to end."""
+        """Log a member's failure, once per process, because the process ends after it."""
         member = self.members.get(failed.member)
         if not member.blamed:
             member.blamed = True
@@ -325,9 +326,9 @@ class FrameAlgorithm:
 
     @property
     def at_rest(self) -> bool:
-        """Whether the next frame would neither change the string nor show anything new.
+        """Whether the next frame would change neither the string nor any view.
 
-        There is no lockstep generator, no event waits, and every device has shown the string. A
+        There is no lockstep generator or waiting event, and every device has shown the string. A
         world with a fixed number of frames never rests.
         """
         if self.world.frames or self.phase is not Phase.READY or self.placement.outdated:
@@ -356,7 +357,7 @@ class FrameAlgorithm:
 
     @property
     def finished(self) -> str:
-        """Reason for the end by `until` and `give_up`, or empty while an agent has sent neither."""
+        """Reason for an end by `until` and `give_up`; empty while an agent has sent neither."""
         return self.goal.finished
 
     @property
@@ -377,7 +378,7 @@ class FrameAlgorithm:
 
     @property
     def checkpoint(self) -> Checkpoint:
-        """State beside the string, from which the world can resume; valid between frames."""
+        """State besides the string from which the world can resume; valid between frames."""
         return Checkpoint(
             self.frame,
             dict(self.members.saved),
@@ -394,9 +395,9 @@ class FrameAlgorithm:
 
     @property
     def ordered(self) -> Mapping[str, Sequence[AnyEvent]]:
-        """Events that no complete frame contains, by source, if any of them are from people."""
+        """Events outside of all complete frames, by source, if people have sent any of them."""
         events = self.in_flight.events
-        # `collect` has moved the events of the frame out of the inbox, but they count only once the
+        # `collect` has moved the events of the frame out of the inbox, but they only count when the
         # frame is complete: until then a successor needs them from here.
         taken: dict[str, Sequence[AnyEvent]] = {}
         if self.phase is Phase.EVOLVE:
@@ -412,11 +413,11 @@ class FrameAlgorithm:
         return {name: [*taken.get(name, ()), *waiting.get(name, ())] for name in sources}
 
     def wait_with(self, events: Mapping[str, Sequence[AnyEvent]]) -> None:
-        """Let these events, by source, wait for the next frame."""
+        """Queue these events, by source, for the next frame."""
         self.inbox.replace(events)
 
     def expect(self, members: Iterable[str]) -> None:
-        """Wait for these members too before the next frame."""
+        """Also wait for these members before the next frame."""
         for name in sorted(members):
             self.members.expect(name)
 

@@ -1,7 +1,7 @@
 """Normalizes what a service's methods return.
 
 `generate` returns events, one event or None. `save` returns any plain value. On the bus and in
-records that is always a mapping, so any other value travels as the only entry of one.
+records that is always a mapping, so any other value is sent as the only entry of one.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ from minerva_bus.grammar.symbols import EventType
 from minerva_bus.world.services import Service
 
 VALUE: Final = "="
-"""Key under which a value that is not a mapping travels."""
+"""Key of a value that is not a mapping."""
 
 NOTHING: Final[Mapping[str, Any]] = {VALUE: None}
-"""Replaces what a member saved before, when it no longer saves anything."""
+"""Replaces a member's earlier data when it no longer saves any."""
 
 
 def made_events(made: Any) -> Iterator[AnyEvent]:
-    """The events in what `generate` returned: None, an event, or an iterable of both.
+    """The events in the result of `generate`: None, an event, or an iterable of both.
 
     Raises TypeError.
     """
@@ -50,7 +50,7 @@ def _named(made: object) -> str:
 
 
 def saved_by(service: Service) -> Mapping[str, Any] | None:
-    """What a service saves, as a mapping or None. Raises UserCodeError if it is not plain data."""
+    """A service's saved data as a mapping, or None. Raises UserCodeError if they are not plain."""
     with blamed(service.save):
         saved: Any = service.save()
         _check_plain(saved, "it")
@@ -64,7 +64,7 @@ def saved_by(service: Service) -> Mapping[str, Any] | None:
 
 
 def restore(service: Service, saved: Mapping[str, Any]) -> None:
-    """Restore a service from what its predecessor saved, if anything. Raises UserCodeError."""
+    """Restore a service from the data that its predecessor saved, if any. Raises UserCodeError."""
     value: Any = saved[VALUE] if set(saved) == {VALUE} else saved
     if value is None:
         return
@@ -73,7 +73,7 @@ def restore(service: Service, saved: Mapping[str, Any]) -> None:
 
 
 def _check_plain(value: Any, where: str) -> None:
-    """Raise MisuseError where a value cannot travel or be recorded."""
+    """Raise MisuseError for a value that cannot be sent or recorded."""
     if value is None or isinstance(value, bool | int | float | str | bytes):
         return
     if isinstance(value, list | tuple):

@@ -1,4 +1,4 @@
-"""Capacity of hosts, and how a population is apportioned to hosts of limited capacity."""
+"""Capacity of hosts, and the apportionment of populations to hosts of limited capacity."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ class Capacity:
         self._left = dict.fromkeys(hosts, float(limit) if limit else math.inf)
 
     def left(self, host: str) -> float:
-        """Number of further agents that a host takes."""
+        """Remaining capacity of a host in agents."""
         return self._left[host]
 
     def with_room(self, hosts: Iterable[str], count: int) -> list[str]:
-        """Those hosts that take `count` further agents."""
+        """The hosts with capacity for `count` further agents."""
         return [host for host in hosts if self._left[host] >= count]
 
     def take(self, host: str, count: int) -> None:
@@ -56,7 +56,7 @@ def apportion(rows: int, weights: Sequence[float], capacities: Sequence[float]) 
 def fit(counts: Sequence[int], sizes: Sequence[int], capacities: Sequence[float]) -> bool:
     """Whether parts of these row counts may stay, although `sizes` would be apportioned now.
 
-    Each part must fit its host, and a surplus part must be what no host has capacity for.
+    Each part must fit its host; a surplus part must contain the rows that exceed all capacities.
     """
     inside = all(count <= limit for count, limit in zip(counts, capacities, strict=False))
     return inside and (len(counts) <= len(capacities) or list(counts) == list(sizes))

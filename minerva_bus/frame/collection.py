@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from minerva_bus.frame.algorithm import FrameAlgorithm
 
 HANDED_OVER: Final = "~handed"
-"""Name under which the inputs of a frame have the orders that generators took."""
+"""Key of the orders taken by generators in the inputs of a frame."""
 
 
 class CollectionStep:
@@ -35,7 +35,7 @@ class CollectionStep:
     # --- requests ---
 
     def begin(self) -> None:
-        """Ask the generators of a frame that begins, and hand them people's orders."""
+        """Request the events of a frame's generators, and send them people's orders."""
         algorithm, index = self._algorithm, self._algorithm.members.index
         in_flight = algorithm.in_flight
         in_flight.ticked = algorithm.inbox.early.take()
@@ -51,14 +51,14 @@ class CollectionStep:
         self._ask_ahead(algorithm.frame)
 
     def ask(self, member: MemberEntry) -> None:
-        """Ask a generator that has returned while the frame waits for it."""
+        """Repeat the request to a generator that has returned while the frame waits for it."""
         self._give_orders(member)
         self._algorithm.out.send(member.name, m.TickRequest(self._algorithm.frame))
 
     def _hand_over(self, orders: tuple[AnyEvent, ...]) -> None:
-        """Judge the orders that generators take, and send them those that norms permit.
+        """Apply norms to the orders that generators take, and send the permitted ones.
 
-        Orders are people's events; what a generator makes of them counts as its own.
+        Orders are people's events; the events that a generator derives from them are its own.
         """
         algorithm, events = self._algorithm, self._algorithm.in_flight.events
         events.orders = orders
@@ -67,7 +67,7 @@ class CollectionStep:
             self._give_orders(member)
 
     def _load(self, inputs: FrameInputs) -> None:
-        """Let the logged events of a frame wait, and hand over the logged orders."""
+        """Queue the logged events of a frame, and send the logged orders."""
         algorithm, in_flight = self._algorithm, self._algorithm.in_flight
         algorithm.inbox.replace(inputs.taken)
         in_flight.ticked |= inputs.ticked
@@ -130,7 +130,7 @@ class CollectionStep:
         member.last_reply = algorithm.frame
         if algorithm.inbox.add(emitted.member, emitted.events):
             return
-        # Logged once only: a sensor that is faster than the frames would fill the log.
+        # Logged once, because a sensor that is faster than the frames would fill the log.
         if not member.dropped:
             algorithm.out.log(
                 member.name,
@@ -197,14 +197,14 @@ class CollectionStep:
             events.split(collect(algorithm.world.order, allowed), algorithm.world.vocabulary.events)
 
     def _add_ticked(self, sources: dict[str, Sequence[AnyEvent]]) -> None:
-        """Add the events of lockstep members, and keep what they saved."""
+        """Add the events of lockstep members, and keep their saved data."""
         saved = self._algorithm.members.saved
         for member, reply in self._algorithm.in_flight.ticked.items():
             if reply.events:
                 sources[member] = [*reply.events, *sources.get(member, ())]
             if reply.saved is not None or member in saved:
-                # A successor of a member that saves nothing any more must
-                # not continue from outdated data.
+                # A successor of a member that no longer saves data must not
+                # continue from outdated ones.
                 saved[member] = NOTHING if reply.saved is None else reply.saved
 
     def _leave_out_foreign(self, sources: dict[str, Sequence[AnyEvent]]) -> None:

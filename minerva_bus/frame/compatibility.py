@@ -1,4 +1,4 @@
-"""Checks a member's hello against the vocabulary of the world that it wants to join."""
+"""Checks a member's hello against the vocabulary of the world."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def _kind_mismatch(kind: AgentKind, vocabulary: Vocabulary) -> str:
 
 
 def _state_mismatch(kind: AgentKind, expected: AgentKind) -> str:
-    """How the attributes of a kind differ from the world's, or an empty string."""
+    """Difference between the attributes of a kind and the world's, or an empty string."""
     names, expected_names = kind.fields.names, expected.fields.names
     if names != expected_names:
         return (

@@ -30,10 +30,10 @@ Layout: TypeAlias = tuple[tuple[tuple[str, int], ...], ...]
 class Composition:
     """w as a skeleton with a slot for each *fragment*, and the fragments by name.
 
-    A fragment is what hosts evolve and what travels: an outermost agent with all of its scope,
+    A fragment is the unit of evolution and transfer: an outermost agent with all of its scope,
     under its id; or a part of a population, agents in columns, under a name that begins with ~.
-    Without `columns` each agent is a fragment of its own, however the string is held: under the
-    literal policy a frame turns one row into several, which must not depend on the parts.
+    Without `columns` each agent is a fragment of its own, regardless of the representation: under
+    the literal policy a frame turns one row into several, which must not depend on the parts.
     """
 
     def __init__(self, scene: Scene, *, columns: bool = True) -> None:
@@ -100,7 +100,7 @@ class Composition:
         known = [_ids(part) for part in self.parts.values()]
         if not known:
             return
-        # Single agents have no columns to compare with, so their ids are gathered here.
+        # Single agents have no columns to compare with, so their ids are collected here.
         if self._home:
             known.append(Ids.of(list(self._home)))
         twice = Ids.in_common(known)
@@ -110,7 +110,7 @@ class Composition:
     @property
     def scene(self) -> Scene:
         """The whole string w."""
-        # Put together on demand: most frames change some fragments,
+        # Computed on demand: most frames change some fragments,
         # and nothing reads the whole string.
         if self._scene is None:
             self._scene = fill(self.skeleton, self._as_strings())
@@ -207,7 +207,7 @@ class Composition:
         return cast("AgentNode", fragment.node(fragment.ids.row_of(agent)))
 
     def replace(self, changes: Mapping[str, Scene]) -> bool:
-        """Replace fragments by what λ returned; True if the skeleton has changed.
+        """Replace fragments by the results of λ; True if the skeleton has changed.
 
         Raises VocabularyError, and changes nothing, if two agents would share an id.
         """
@@ -284,7 +284,7 @@ class Composition:
     def divide(self, population: Sequence[str], sizes: Sequence[int]) -> None:
         """Divide a population into parts of these sizes; they get new names."""
         parts = self._as_strings()
-        # All rows stand in the place of the first part, so their
+        # All rows take the place of the first part, so their
         # order in the string does not change.
         divided = _in_place_of(population, self._pieces(population, sizes))
         self._take_apart(fill(self.skeleton, {**parts, **divided}), parts)
@@ -317,7 +317,7 @@ class Composition:
             whole |= _in_place_of(population, pieces)
         strings = self._as_strings().items()
         agents = {name: own for name, own in strings if name not in self.parts}
-        # Names that are given later must not repeat those of the log.
+        # Later names must not repeat those of the log.
         self._named = max(self._named, *(int(name.rpartition(".")[2]) for name in named))
         self._take_apart(fill(self.skeleton, {**agents, **whole}), {**agents, **named})
 
@@ -350,7 +350,7 @@ def shares(rows: int, weights: Sequence[float]) -> list[int]:
 
 
 def _in_place_of(population: Sequence[str], pieces: Sequence[Piece]) -> dict[str, Scene]:
-    """Contents of the slots of a population's parts when it consists of these pieces."""
+    """Contents of the slots of a population's parts after a division into these pieces."""
     return {**dict.fromkeys(population, EMPTY), population[0]: Scene(tuple(pieces))}
 
 

@@ -43,7 +43,7 @@ class PlacementRules:
 
     @property
     def neighbours(self) -> frozenset[str]:
-        """The members whose machines rules refer to."""
+        """The members to whose machines the rules refer."""
         return frozenset(rule.near for rule in self.rules.values() if rule.near)
 
     def allowed(self, offers: Offers, machines: Mapping[str, str]) -> dict[str, frozenset[str]]:

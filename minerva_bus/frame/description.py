@@ -1,4 +1,4 @@
-"""Declaration of a world: what the frame algorithm needs before the first frame."""
+"""Declaration of a world: the input of the frame algorithm before the first frame."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class World:
     `dt`: simulated seconds per frame. The world ends after `frames` frames (0: no limit), when its
     string is ε, or when every agent of the kinds that send `until` has sent `until` or `give_up`.
     `real_time`: an external process, such as a robot, makes each frame last `dt` seconds.
-    `norms`: what is forbidden. `people`: event types that people may send although a generator
+    `norms`: the norms of the world. `people`: event types that people may send although a generator
     makes them. `speaks_for`: by generator, the kinds and `#id`s of agents in whose name it may send
     events. `placement`: which hosts may evolve which agents; it affects the string only if an
     agent has no host.

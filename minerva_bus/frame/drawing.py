@@ -36,7 +36,7 @@ class DeviceSide:
             picture.sequence = -1
 
     def take(self, shown: m.ViewShown) -> bool:
-        """Apply a keyframe or a delta; False where a view was missed, so a keyframe is needed."""
+        """Apply a keyframe or a delta; False if a view was missed, so that a keyframe is needed."""
         picture = self._pictures.get(shown.event_type)
         if shown.skeleton is not None:
             # Equal numbers count: a requested keyframe repeats the sequence of the latest view.
@@ -45,7 +45,7 @@ class DeviceSide:
                 self._pictures[shown.event_type] = picture
                 self._changed(shown)
             return True
-        # Deltas cannot be applied after a gap; a keyframe makes up for all that was missed.
+        # Deltas cannot be applied after a gap; a keyframe replaces all missed views.
         if picture is None or shown.sequence > picture.sequence + 1:
             return False
         # A delta with a lower number is contained in the keyframe that arrived before it.
@@ -61,7 +61,7 @@ class DeviceSide:
         self._unshown[shown.event_type] = shown.frame
 
     def show(self, begin: Callable[[int], None]) -> None:
-        """Let the device show what it has not shown yet; `begin` gets the frame of each view.
+        """Show the pending views on the device; `begin` gets the frame of each view.
 
         A coupled device shows each view at once. An observer that fell behind shows only the
         latest view of each event type, to catch up.

@@ -27,7 +27,7 @@ BALANCE_INTERVAL: Final = 32
 
 
 class EvolutionStep:
-    """Lets hosts evolve and visualize their fragments, and makes the next string of the results."""
+    """Lets hosts evolve and visualize their fragments, and builds the next string."""
 
     def __init__(self, algorithm: FrameAlgorithm) -> None:
         self._algorithm = algorithm
@@ -35,7 +35,7 @@ class EvolutionStep:
     # --- requests ---
 
     def request(self) -> None:
-        """Steps 5 and 6: ask all hosts concerned for w_next = η(w, e^u) and v = π(w, e^v)."""
+        """Steps 5 and 6: request w_next = η(w, e^u) and v = π(w, e^v) from all hosts concerned."""
         algorithm, in_flight = self._algorithm, self._algorithm.in_flight
         requests, events = in_flight.requests, in_flight.events
         if in_flight.logged is not None and in_flight.logged.complete:
@@ -88,7 +88,7 @@ class EvolutionStep:
             return ()
         if placement.unassigned:
             self._wait_or_leave_out(placement.unassigned)
-        if literal:  # Equation 3 then changes every agent, whoever the events are for.
+        if literal:  # Equation 3 then changes every agent, regardless of receivers.
             return tuple(placement.occupied)
         return tuple(placement.concerned(events.evolving, events.visual))
 
@@ -109,7 +109,7 @@ class EvolutionStep:
                 requests.left_out.add(fragment)
 
     def ask_again(self, fragments: list[str]) -> None:
-        """Ask for fragments once more in this frame, wherever they are placed now."""
+        """Request fragments once more in this frame, from their current hosts."""
         algorithm, placement = self._algorithm, self._algorithm.placement
         # The arrangement within a frame ignores this limit, so the next frame has to restore it.
         placement.outdated = algorithm.world.placement.agents_per_host > 0
@@ -141,7 +141,7 @@ class EvolutionStep:
     # --- replies ---
 
     def reply(self, reply: m.EvolveReply) -> None:
-        """Accept what has become of a host's fragments, unless the host must not report it."""
+        """Accept a host's results for its fragments, unless the host may not report them."""
         algorithm, requests = self._algorithm, self._algorithm.in_flight.requests
         member = algorithm.members.get(reply.member)
         key = (reply.member, reply.part)
@@ -202,8 +202,8 @@ class EvolutionStep:
     def settle(self) -> bool:
         """Whether the results are final; if norms reject some, ask again by fewer events."""
         in_flight = self._algorithm.in_flight
-        # A stage may get no replies to wait for: the fragments have no host any longer, or their
-        # logged replies are here already. Then the next stage follows at once.
+        # A stage may have no outstanding replies: the fragments no longer have a host, or their
+        # logged replies are present already. Then the next stage follows at once.
         while True:
             if in_flight.logged is not None:
                 self._merge_logged(in_flight.logged)
@@ -241,11 +241,11 @@ class EvolutionStep:
             result.changed, result.sent = {}, {}
 
     def _enforce(self) -> None:
-        """Replace the results by what norms leave of them; rejected agents are halted."""
+        """Replace the results by the permitted ones; rejected agents are halted."""
         algorithm, in_flight = self._algorithm, self._algorithm.in_flight
         result = in_flight.result
         # The view shows an action of these agents that λ has not counted, because they did not
-        # evolve. A device that executed it would move a body that stands still in the string.
+        # evolve. A device that executes it would move a body that does not move in the string.
         halted = set(self._agents_left_out() if in_flight.events.visual else ())
         if in_flight.trial is not None:
             verdict = algorithm.norms.verdict(in_flight.trial)
@@ -272,7 +272,7 @@ class EvolutionStep:
     # --- step 8 ---
 
     def commit(self) -> None:
-        """Step 8: make the results the next string; the world fails where they cannot be one."""
+        """Step 8: make the results the next string; the world fails if they do not form one."""
         algorithm, in_flight = self._algorithm, self._algorithm.in_flight
         result, inbox = in_flight.result, algorithm.inbox
         algorithm.goal.note(result.sent, algorithm.out)
@@ -292,14 +292,14 @@ class EvolutionStep:
             algorithm.views.last_change = algorithm.frame
 
     def _note_holders(self) -> None:
-        """Note which hosts hold the changed fragments as they are now; others get them again."""
+        """Note which hosts hold the current state of changed fragments; others get them again."""
         result, placement = self._algorithm.in_flight.result, self._algorithm.placement
         accepted = {n: scene for n, scene in result.changed.items() if n not in result.rejected}
         for fragment, scene in accepted.items():
             host = result.changed_by.get(fragment)
             if host is not None:
                 placement.changed(host, fragment, scene)
-            else:  # Its host is gone, and the next one may have received the former state.
+            else:  # Its host is gone, and the next one may have the former state.
                 placement.resend(fragment)
         for fragment in result.rejected:
             placement.resend(fragment)
@@ -314,7 +314,7 @@ class EvolutionStep:
 
 
 def frame_record(algorithm: FrameAlgorithm) -> Callable[[], m.FrameRecord]:
-    """Makes the record of the frame in flight; the digest is computed only when asked for."""
+    """A function that makes the record of the frame in flight; it computes the digest."""
     # Read now, because `commit` increments the frame, and the next frame replaces `in_flight`.
     frame, composition = algorithm.frame, algorithm.composition
     events = algorithm.in_flight.events.ordered

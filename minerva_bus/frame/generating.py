@@ -46,16 +46,16 @@ class GeneratorSide:
     # --- joining ---
 
     def join(self, saved: Mapping[str, Any] | None) -> None:
-        """Continue from what an earlier process of this member saved, if anything."""
+        """Continue from the data that an earlier process of this member saved, if any."""
         self._generates = frozenset(generated_types(self._service))
         if self._service is not None and saved is not None:
             # The state before the first frame, to which `rejoin` may return. A deep copy, because
-            # the service may go on changing the objects that it saved.
+            # the service may still change the objects that it saved.
             self._initial = deepcopy(saved_by(self._service))
             restore(self._service, saved)
 
     def clear(self) -> None:
-        """Forget what was asked and received before the member rejoined."""
+        """Discard the requests and readings from before the member rejoined."""
         self.asked = None
         self.buffer.clear()
 
@@ -80,7 +80,7 @@ class GeneratorSide:
         self._sources = {topic: published[topic] for topic in topics if topic in published}
 
     def repeated(self, frame: int) -> tuple[Outgoing, ...] | None:
-        """The answer to a tick that was answered before; None where it is new.
+        """The answer to a tick that was answered before; None for a new one.
 
         A new tick is noted as asked, unless it is older than those that were answered.
         """
@@ -135,7 +135,7 @@ class GeneratorSide:
         """Keep people's orders for a frame.
 
         A successor of the coordinator sends the orders of a frame again; those that have been
-        obeyed are left out.
+        executed are left out.
         """
         frame, obeyed = orders.frame, self._obeyed.get(orders.frame)
         if obeyed is None:

@@ -19,7 +19,7 @@ _MAX_REASONS: Final = 3
 
 
 class WorldGoal:
-    """Which agents have sent `until`, and which `give_up`.
+    """The agents that have sent `until`, and those that have sent `give_up`.
 
     `reached`: agents that have sent `until`; `striving`: the kinds of agents that send either.
     """
@@ -41,7 +41,7 @@ class WorldGoal:
 
     @property
     def finished(self) -> str:
-        """Reason for the end: every agent has sent `until` or has given up; empty before that."""
+        """Reason for the end if every agent has sent `until` or given up, otherwise empty."""
         given_up = self._given_up()
         done = self.reached.union(given_up)
         # Kinds count once one of their agents has sent an event. Before that no agent strives for
@@ -82,7 +82,7 @@ class WorldGoal:
         given_up = self._given_up()
         if event.type == self._until:
             self.reached = self.reached.union(senders)
-            # Reaching the goal later counts more than having given up.
+            # Reaching the goal later supersedes giving up.
             given_up = {name: why for name, why in given_up.items() if name not in senders}
         else:
             why = event.type if batch else f"{event.type}<{event.data_text()}>"

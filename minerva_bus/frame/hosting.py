@@ -95,7 +95,7 @@ class Host:
             was = Scene((self.fragments[fragment],))
             result = evolve(was, events, self.kinds, frame, policy)
             emitted.update(_checked(fragment, result, vocabulary))
-            # Evolution shares what it does not change, so identity detects it without a comparison.
+            # Evolution shares unchanged objects, so identity detects changes without a comparison.
             if result.scene is not was:
                 self._changed(fragment, vocabulary.check(result.scene, f"#{fragment}"), results)
         return EvolveReply(

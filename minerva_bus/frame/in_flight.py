@@ -72,7 +72,7 @@ class Requests:
 
     @property
     def complete(self) -> bool:
-        """Whether the frame waits for no host."""
+        """Whether no request to a host is outstanding."""
         return not (self.outstanding or self.unassigned)
 
     def of(self, host: str) -> list[tuple[str, int]]:
@@ -80,19 +80,19 @@ class Requests:
         return [key for key in self.outstanding if key[0] == host]
 
     def cancel(self) -> None:
-        """Wait for no further replies."""
+        """Cancel all outstanding requests."""
         self.outstanding, self.unassigned = {}, set()
 
 
 @dataclass(slots=True)
 class FrameResult:
-    """Results of a frame (steps 5 and 6) as hosts reported them, later as norms leave them.
+    """Results of a frame (steps 5 and 6), as reported by hosts and later as permitted by norms.
 
     `replies`: the merged replies; `answers`: their number per request, for the log of inputs.
-    `changed`: what replaces each changed fragment; `changed_by`: the host that reported it.
+    `changed`: the replacement of each changed fragment; `changed_by`: the host that reported it.
     `sent`: events that agents sent. `newborns`: the fragment of each agent in a changed fragment.
     `views`, `view_patches`: changed views by visual event type and fragment.
-    `rejected`: fragments that are not what their hosts reported, because of a norm.
+    `rejected`: fragments that differ from their hosts' reports because of a norm.
     `halted`: agents whose actions devices must not execute in this frame.
     """
 

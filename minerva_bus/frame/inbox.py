@@ -53,7 +53,7 @@ class EarlyTicks:
         return taken
 
     def forget(self, member: str) -> None:
-        """Ask a member again: its process has been replaced."""
+        """Forget the requests to a member, because its process has been replaced."""
         self.replies.pop(member, None)
         self._asked.pop(member, None)
 
@@ -84,7 +84,7 @@ class FrameInbox:
         return {**waiting, SOURCE: tuple(self.sanctions)} if self.sanctions else waiting
 
     def replace(self, events: Mapping[str, Sequence[AnyEvent]]) -> None:
-        """Let exactly these events wait for the next frame."""
+        """Replace all waiting events by these."""
         self.events = {source: list(waiting) for source, waiting in events.items()}
 
     def add(self, source: str, events: Sequence[AnyEvent]) -> bool:
@@ -141,6 +141,6 @@ class FrameInbox:
         return {source: events for source, events in later.items() if events}
 
     def put_back(self, later: Mapping[str, Sequence[AnyEvent]]) -> None:
-        """Let events that were held back wait, before those that arrived since."""
+        """Queue events that were held back, before those that arrived since."""
         for source, events in later.items():
             self.events[source] = [*events, *self.events.get(source, ())]

@@ -13,7 +13,7 @@ from minerva_bus.grammar.batch import AnyEvent
 
 @dataclass(frozen=True, slots=True)
 class FrameInputs:
-    """What the frame algorithm received in one frame and used.
+    """Input of the frame algorithm in one frame, as far as it was used.
 
     `due`: visual event types for which a device requested a view.
     `ticked`: replies of lockstep members (step 2), by member.

@@ -1,4 +1,4 @@
-"""Collects the instructions that follow from one stimulus."""
+"""Collects the instructions that result from one stimulus."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from minerva_bus.grammar.columns import unfolded
 
 
 class Instructions:
-    """Instructions in the order in which they must be carried out; `pending` is their list."""
+    """Instructions in the order of their execution; `pending` is their list."""
 
     def __init__(self, members: Members) -> None:
         self._members = members

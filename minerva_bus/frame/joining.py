@@ -60,8 +60,8 @@ class MemberLifecycle:
         algorithm = self._algorithm
         self._blame(member, f"may not join: {reason}")
         algorithm.out.send(member.name, m.Refused(reason))
-        # The world would wait forever: a process of the world file that
-        # does not fit will not fit later.
+        # Otherwise the world would wait forever: a process of the world file
+        # that is incompatible now stays incompatible.
         if member.expected and algorithm.phase is Phase.WAITING:
             algorithm.fail(f"{member.name} cannot take part: {reason}")
 
@@ -73,9 +73,9 @@ class MemberLifecycle:
 
     def _admit(self, member: MemberEntry, hello: m.Hello) -> None:
         algorithm, world = self._algorithm, self._algorithm.world
-        # First of all, because what follows looks at the active members.
+        # First, because the following code reads the active members.
         algorithm.members.change(member, MemberChange.ADMITTED)
-        # A newcomer has not seen the string, so the world is not at
+        # A newcomer has not shown the string, so the world is not at
         # rest even if nothing has changed.
         member.last_reply = algorithm.views.last_change = algorithm.frame
         saved = algorithm.members.saved.get(member.name)
@@ -100,7 +100,7 @@ class MemberLifecycle:
         algorithm.source.members_changed(hello)
 
     def _send_missed(self, member: MemberEntry, hello: m.Hello) -> None:
-        """Send a newcomer the latest views, and have the latest readings repeated for it."""
+        """Send a newcomer the latest views, and request a repetition of the latest readings."""
         algorithm = self._algorithm
         for event_type in hello.draws:
             keyframe = algorithm.views.keyframe(event_type)
@@ -139,7 +139,7 @@ class MemberLifecycle:
         self._lose(member)
 
     def _outlook_without(self, member: MemberEntry) -> str:
-        """How the world continues without a member that is gone, for the log."""
+        """Text for the log: the consequences for the world while a member is gone."""
         algorithm, placement, hello = self._algorithm, self._algorithm.placement, member.hello
         waits = "; the world waits for it" if member.needed else ""
         if algorithm.phase is Phase.WAITING or hello is None or hello.ticks:
@@ -160,7 +160,7 @@ class MemberLifecycle:
             algorithm.members.change(member, MemberChange.WENT)
             algorithm.out.log(member.name, "has left")
             self._continue_without(member)
-            algorithm.shutdown.report(member.name, {})  # It will not report any more.
+            algorithm.shutdown.report(member.name, {})  # It sends no report.
         algorithm.start_if_complete()
 
     def gave_up(self, gave_up: s.Abandoned) -> None:
@@ -194,13 +194,13 @@ class MemberLifecycle:
         if unassigned:
             requests.left_out |= requests.unassigned
             requests.unassigned = set()
-        # The host may evolve its fragments after all, and its late reply is dropped. What it holds
-        # is therefore unknown, and it receives its fragments again.
+        # The host may still evolve its fragments, and its late reply is dropped. Their state there
+        # is unknown, and it receives its fragments again.
         algorithm.placement.forget(member.name)
         algorithm.placement.outdated = True
 
     def violation(self, violation: s.Violation) -> None:
-        """Exclude a member that sent what the protocol does not allow."""
+        """Exclude a member that violated the protocol."""
         algorithm = self._algorithm
         member = algorithm.members.get(violation.member)
         self._blame(member, f"broke the protocol: {violation.reason}")
@@ -236,7 +236,7 @@ class MemberLifecycle:
         algorithm.source.members_changed(None)
 
     def _reassign(self, member: MemberEntry) -> None:
-        """Assign the fragments of a host that is gone to others, wait for it, or leave them out."""
+        """Reassign the fragments of a host that is gone, wait for it, or leave them out."""
         algorithm, in_flight = self._algorithm, self._algorithm.in_flight
         algorithm.placement.forget(member.name)
         algorithm.placement.outdated = True

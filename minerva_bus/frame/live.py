@@ -1,4 +1,4 @@
-"""Sources of frames: where the events and results of a frame come from."""
+"""Sources of frames: they provide the events and results of a frame."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 class FrameSource:
     """The steps of Table 2 whose inputs come from members or from a record.
 
-    This base class is a source that awaits nobody: it ignores messages of members.
+    This base class is a source without members: it ignores their messages.
     """
 
     def __init__(self, algorithm: FrameAlgorithm) -> None:
@@ -60,7 +60,7 @@ class FrameSource:
         self._algorithm.members.get(reply.member).late += 1
 
     def evolve_reply(self, reply: m.EvolveReply) -> None:
-        """Accept what has become of a host's fragments."""
+        """Accept a host's results for its fragments."""
         self._algorithm.members.get(reply.member).late += 1
 
     def emitted(self, emitted: m.Emitted) -> None:
@@ -73,13 +73,13 @@ class FrameSource:
         """Continue with another frame, if the source can."""
 
     def ask(self, member: MemberEntry) -> None:
-        """Ask a member that has returned while the frame waits for it."""
+        """Repeat the request to a member that has returned while the frame waits for it."""
 
     def ask_again(self, fragments: list[str]) -> None:
-        """Ask for fragments once more: their host is gone, or one has returned."""
+        """Request fragments once more: their host is gone, or one has returned."""
 
     def members_changed(self, hello: m.Hello | None) -> None:
-        """A member has joined with this hello, or None: one has left."""
+        """Process a change: a member has joined with this hello, or, for None, has left."""
 
 
 class LiveSource(FrameSource):
@@ -107,7 +107,7 @@ class LiveSource(FrameSource):
             return "the string is empty"
         if algorithm.goal.finished:
             return algorithm.goal.finished
-        # Last, because an empty string or a reached goal says more about the end.
+        # Last, because an empty string or a reached goal is the more specific reason.
         if algorithm.world.frames and algorithm.frame >= algorithm.world.frames:
             return "the frames are over"
         return ""

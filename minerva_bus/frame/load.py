@@ -1,4 +1,4 @@
-"""Speed of hosts, so that each gets the share of a population that takes all the same time."""
+"""Speed of hosts, for shares of a population that take all hosts the same time."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ WINDOW: Final = 16
 """Frames over which the speed of a host is measured."""
 
 _MIN_ROWS: Final = 8192
-"""Rows per host below which moving rows costs more than it gains."""
+"""Rows per host below which the cost of moving rows exceeds the gain."""
 
 _MAX_RATIO: Final = 1.3
 """Ratio of the slowest host's time to the balanced time that is worth moving rows."""

@@ -1,6 +1,6 @@
 """Member side of the frame protocol as a pure state machine: messages in, messages out.
 
-The same object answers on the bus, in one process and in tests. User code runs in it.
+The same object is used on the bus, in one process and in tests. It calls the user code.
 """
 
 from __future__ import annotations
@@ -82,9 +82,9 @@ class Member:
         return self.service.topics if self.service is not None else ()
 
     def receive(self, message: m.ToMember | m.Readings) -> list[Outgoing]:
-        """Take one message and return what to send because of it, in order.
+        """Process one message and return the messages to send, in order.
 
-        Raises Refusal where the world does not accept the member, and whatever user code raises.
+        Raises Refusal if the world does not accept the member, and any exception of user code.
         """
         self._out = []
         # Before its welcome a member ignores everything else: messages to all members reach
@@ -99,7 +99,7 @@ class Member:
     # --- joining and leaving ---
 
     def hello(self) -> m.Hello:
-        """Who this member is and what it can do."""
+        """Name, roles and capabilities of this member."""
         service = self.service
         generator = service if isinstance(service, Generator) else None
         device = service if isinstance(service, Device) else None
@@ -127,7 +127,7 @@ class Member:
         self._out.append(self.hello())
 
     def _on_welcome(self, welcome: m.Welcome) -> None:
-        """Join a world, or rejoin it after its coordinator lost sight of this member."""
+        """Join a world, or rejoin it after the coordinator has lost this member."""
         rejoins = self.world is not None and self._is_same_run(self.world, welcome)
         self.world = welcome
         # The coordinator that sent this may be a successor, which repeats the frame in progress.
@@ -258,7 +258,7 @@ class Member:
             self.show()
 
     def show(self) -> None:
-        """Let the device show what it has not shown yet."""
+        """Show the pending views on the device."""
         self._drawing.show(self._begin_view)
 
     def _begin_view(self, frame: int) -> None:
@@ -276,7 +276,7 @@ class Member:
         self._out.append(self.host.answer(request, context, policy, self._welcome.vocabulary))
 
     def _has_evolved(self, request: m.EvolveRequest) -> bool:
-        """Whether this was asked before: fragments may evolve only once in a frame."""
+        """Whether this request is a repetition: fragments may evolve only once in a frame."""
         frame, parts = self._evolved
         if request.frame < frame or (request.frame == frame and request.part in parts):
             return True

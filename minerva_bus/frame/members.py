@@ -74,7 +74,7 @@ class MemberEntry:
     `dropped`: number of its events that were discarded.
     `figures`: its metrics, as it last reported them.
     `joins`: number of times a process of this name has joined.
-    `blamed`: its misbehaviour was logged since it appeared.
+    `blamed`: a violation was logged since it appeared.
     """
 
     name: str
@@ -99,7 +99,7 @@ class MemberEntry:
 
     @property
     def ticks(self) -> bool:
-        """Whether each frame asks it in its tick."""
+        """Whether it receives the tick of each frame."""
         return self.hello is not None and self.hello.ticks
 
     @property
@@ -109,7 +109,7 @@ class MemberEntry:
 
     @property
     def needed(self) -> bool:
-        """Whether no frame runs without it. A member that only watches is needed until it joins."""
+        """Whether frames require it. A member that only watches is required until it joins."""
         return self.expected and not (self.hello is not None and self.hello.watches_only)
 
     @property
@@ -122,8 +122,8 @@ class MemberEntry:
 class MemberIndex:
     """Members by role, computed once per change of the table because each frame needs it.
 
-    `tickers` are asked in a tick; `sources` are the devices that generate their own visual events.
-    Both include members that are away and awaited. `ahead` are asked before the frame begins;
+    `tickers` receive a tick; `sources` are the devices that generate their own visual events.
+    Both include members that are away and awaited. `ahead` receive it before the frame begins;
     `joining` are to be admitted. `anyone_ticks`: the tick itself has a recipient. `rates` maps
     the visual event types of devices that want views by the clock to views per second. Every other
     device gets a view within `every` frames.
@@ -233,7 +233,7 @@ class Members:
         return self._index
 
     def _make_index(self) -> MemberIndex:
-        # By name, so that no order of messages or events depends on who joined first.
+        # By name, so that no order of messages or events depends on the order of joining.
         members = list(self)
         tickers = [m for m in members if m.ticks and (m.active or m.awaited)]
         hellos = [m.hello for m in members if m.hello is not None and (m.active or m.awaited)]
@@ -263,12 +263,12 @@ class Members:
 
     def declines_columns(self, name: str) -> bool:
         """Whether a member receives agents and events one by one instead of in columns."""
-        # Not by `get`, which creates entries: addresses of groups, such as ~all, get here, too.
+        # Not by `get`, which creates entries: addresses of groups, such as ~all, occur here, too.
         member = self._entries.get(name)
         return member is not None and member.hello is not None and member.hello.plain
 
     def offers(self) -> dict[str, frozenset[str]]:
-        """The kinds that each active host offers; of a drained host, only those without another."""
+        """The kinds offered by each active host; by a drained host, those that no other offers."""
         hosts = {m.name: _kinds(m.hello) for m in self.active() if m.hello is not None}
         kept = [kinds for name, kinds in hosts.items() if not self._entries[name].drained]
         # A drained host keeps the kinds that no other host offers,

@@ -25,7 +25,7 @@ Sent = Mapping[str, tuple[AnyEvent, ...]]
 
 
 class Norms:
-    """Applies the norms of a world; log lines and sanctions gather until `publish`."""
+    """Applies the norms of a world; `publish` releases log lines and sanctions."""
 
     def __init__(
         self,
@@ -62,7 +62,7 @@ class Norms:
     def publish(
         self, out: Instructions, inbox: FrameInbox, saved: dict[str, Mapping[str, Any]]
     ) -> None:
-        """Log violations, let sanctions wait for the next frame, and save the counts."""
+        """Log violations, queue sanctions for the next frame, and save the counts."""
         for text in self._lines:
             out.log("norms", text)
         inbox.sanctions += self._sanctions
@@ -102,7 +102,7 @@ class Norms:
         return {name: left.get(name, events) for name, events in sources.items()}
 
     def _judged(self, norm: Norm, event: AnyEvent, source: str) -> Iterator[AnyEvent]:
-        """What a norm permits of an event or a batch of events."""
+        """The events of an event or batch that a norm permits."""
         if isinstance(event, Event):
             who = event.sender or source
             forbidden = self._forbids(norm, event, source) and self._breaks(
@@ -164,10 +164,10 @@ class Norms:
         state: dict[str, Any] = {EVENT + name: events.data(name) for name in events.names}
         return state | {name: self._elsewhere(name) for name in _elsewhere(norm)}
 
-    # --- what agents become ---
+    # --- outcomes of agents ---
 
     def agents(self, frame: int, changed: Mapping[str, Scene], sent: Sent) -> Trial | None:
-        """Judge the results of fragments before they enter w; None where no norm concerns them."""
+        """Judge the results of fragments before they enter w; None if no norm applies to them."""
         if not self._on_agents or not changed:
             return None
         self._begin(frame)

@@ -15,11 +15,11 @@ _MAX_LISTED = 12
 
 
 def refusal_of_order(world: FrameAlgorithm, event_type: str) -> str:
-    """Reason why people may not send an event of a type, or an empty string.
+    """Reason for rejecting people's events of a type, or an empty string.
 
-    They may send what a generator takes orders for, what the world file lists, and what no
-    generator makes. All other events are measured or computed; sent from a terminal they would be
-    false statements about the world.
+    They may send event types that a generator takes as orders, that the world file lists, or that
+    no generator makes. All other events are measured or computed; sent from a terminal they would
+    be false statements about the world.
     """
     members = world.members
     if event_type in world.world.people or members.takers(event_type):
@@ -42,7 +42,7 @@ def refusal_of_order(world: FrameAlgorithm, event_type: str) -> str:
 
 
 def unknown_value(world: FrameAlgorithm, event: Event) -> str:
-    """Reason why an order names something that the world lacks, or an empty string.
+    """Reason for rejecting an order with a value that the world lacks, or an empty string.
 
     It compares the order with the values that the string has for the event's type. A string without
     any such value is no reason, because objects that a robot detects are not in it.

@@ -1,9 +1,9 @@
-"""Outcomes of fragments, as norms judge them: who has become what, and how to undo it.
+"""Outcomes of fragments, as norms judge them: the changes of agents, and how to undo them.
 
-The unit of rejection is what λ returned: an agent with everything in its scope, with everything
-that it leaves beside itself, and with the events that it sent. The exception are primitives that an
+The unit of rejection is a result of λ: an agent with everything in its scope, with everything that
+it leaves beside itself, and with the events that it sent. The exception are primitives that an
 agent in columns leaves beside itself, because their author is unknown. A rejected unit is replaced
-by what it was, or by what it becomes through fewer events.
+by its previous state, or by its outcome with fewer events.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ Elsewhere = Callable[[str], Any]
 
 
 class FragmentOutcome:
-    """One outermost agent, and what it has become; base class of `PopulationOutcome`."""
+    """One outermost agent and its outcome; base class of `PopulationOutcome`."""
 
     def __init__(self, old: Fragment, new: Scene) -> None:
         self._old = old
@@ -57,11 +57,11 @@ class FragmentOutcome:
         for agent in agents(self._new):
             old = self._before.get(agent.id)
             unit = self.unit(agent.id)
-            # What an earlier norm has undone does not exist any longer, so no later norm counts it.
+            # A state undone by an earlier norm no longer exists, so later norms do not count it.
             if unit in self._undone or not norm.concerns(agent.symbol):
                 continue
-            # An agent that was in a forbidden state before, and stays
-            # as it is, has not done anything.
+            # An agent that stays unchanged in a state that was forbidden
+            # before is no offender.
             if old is not None and same_values(old.values, agent.values):
                 continue
             if norm.holds(state_of(norm, agent, old, elsewhere)):
@@ -77,11 +77,11 @@ class FragmentOutcome:
         return cast("AgentNode", self._old).id
 
     def undo(self, who: str) -> None:
-        """Replace an agent's unit by what it was."""
+        """Replace an agent's unit by its previous state."""
         self._undone[self.unit(who)] = None
 
     def replace(self, unit: str, other: FragmentOutcome) -> None:
-        """Replace a unit that was undone by what it is in another outcome, by fewer events."""
+        """Replace a unit that was undone by its state in another outcome, by fewer events."""
         self._undone[unit] = other
 
     def was(self, who: str) -> AgentNode | None:
@@ -94,7 +94,7 @@ class FragmentOutcome:
 
     @property
     def scene(self) -> Scene:
-        """The fragment in the end."""
+        """The final fragment."""
         if not self._undone:
             return self._new
         (other,) = self._undone.values()
@@ -158,7 +158,7 @@ class ColumnsOutcome(PopulationOutcome):
         return part.column(name) if name in part.names else None
 
     def undo(self, who: str) -> None:
-        """Replace an agent's unit by what it was."""
+        """Replace an agent's unit by its previous state."""
         super().undo(who)
         self._kept[_ids(self._old).row_of(who)] = False
 
@@ -172,7 +172,7 @@ class ColumnsOutcome(PopulationOutcome):
 
     @property
     def scene(self) -> Scene:
-        """The fragment in the end."""
+        """The final fragment."""
         if not self._undone:
             return self._new
         others = {other for other in self._undone.values() if other is not None}
@@ -195,8 +195,8 @@ class MixedOutcome(PopulationOutcome):
 
     def __init__(self, old: Columns, new: Scene) -> None:
         super().__init__(old, new)
-        # All agents of before are possible parents, because a parent may die in the frame of its
-        # births; then the newborns are all that is left of its unit.
+        # All previous agents are possible parents, because a parent may die in the frame of its
+        # births; then only the newborns are left of its unit.
         newborns = [agent.id for agent in agents(new) if agent.id not in self._before]
         counts = {who: node.state.get("births") for who, node in self._before.items()}
         # Only kinds that count their births can be parents.
@@ -225,7 +225,7 @@ class MixedOutcome(PopulationOutcome):
 
     @property
     def scene(self) -> Scene:
-        """The fragment in the end."""
+        """The final fragment."""
         return _put_together(self, self._new, self._undone) if self._undone else self._new
 
 

@@ -1,4 +1,4 @@
-"""Overruns: frames that take longer than real time, and the member that answered last in each.
+"""Overruns: frames that take longer than real time, and the last member to answer in each.
 
 Times are seconds of one monotonic clock; they are passed in, so that this module reads no clock.
 """
@@ -35,7 +35,7 @@ class Overruns:
         self._next_report: int = _FIRST_REPORT
 
     def began(self, period: float, now: float) -> None:
-        """Note the begin of a frame that should take `period` seconds."""
+        """Note the beginning of a frame that should take `period` seconds."""
         self._period, self._began, self._parts = period, now, {}
 
     def answered(self, part: str, member: str, now: float) -> None:

@@ -27,12 +27,12 @@ class Pace:
         return self.left == 0
 
     def due(self, now: float) -> float | None:
-        """When the next frame is due, given that the one before has ended; None while paused.
+        """Time at which the next frame is due after the end of the previous one; None while paused.
 
         After a late frame the rhythm starts again; the following frames do not catch up.
         """
         if self.paused:
-            # A pause is no delay: after it the rhythm starts again.
+            # A pause is no delay: the rhythm starts again after it.
             self._next = None
             return None
         if self.rate <= 0:
@@ -45,9 +45,9 @@ class Pace:
         return self._next
 
     def rest(self, last: float, view: float) -> float:
-        """Until when the world may rest if nothing changes; `last` is the end of its last frame.
+        """Time until which the world may rest without changes; `last` is the end of its last frame.
 
-        `view` is when a view by the clock is due. A world with a frame rate never rests.
+        `view` is the time of the next view by the clock. A world with a frame rate never rests.
         """
         return min(last + REST_SECONDS, view) if self.rate <= 0 and self.left is None else last
 
@@ -57,15 +57,15 @@ class Pace:
             self.left -= 1
 
     def pause(self) -> None:
-        """Let no frame begin."""
+        """Pause: no frame may begin."""
         self.left = 0
 
     def resume(self) -> None:
-        """Let any number of frames begin."""
+        """Allow any number of frames."""
         self.left = None
 
     def step(self, frames: int) -> None:
-        """Let this number of further frames begin."""
+        """Allow this number of further frames."""
         self.left = frames + (self.left or 0)
 
     def change(self, rate: float) -> None:
@@ -75,7 +75,7 @@ class Pace:
 
 @dataclass(slots=True)
 class ViewClock:
-    """Which devices with a view rate are due for a view."""
+    """Times of the views for devices with a view rate."""
 
     _last: dict[str, float] = field(default_factory=dict[str, float])
 
@@ -87,7 +87,7 @@ class ViewClock:
         return due
 
     def next(self, rates: Mapping[str, float]) -> float:
-        """When the next of these views is due."""
+        """Time at which the next of these views is due."""
         return min((self._next(name, rate) for name, rate in rates.items()), default=float("inf"))
 
     def _is_due(self, event_type: str, now: float, rate: float) -> bool:

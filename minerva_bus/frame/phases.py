@@ -18,7 +18,7 @@ class Phase(Enum):
     STOPPING = "reports"
     ENDED = "over"
 
-    # Enum's own hash is a function in Python, and each frame looks three transitions up.
+    # Enum's own hash is a Python function, and each frame looks up three transitions.
     __hash__ = object.__hash__
 
 

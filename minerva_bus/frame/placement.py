@@ -1,4 +1,4 @@
-"""Placement: which host has which fragments, and which fragments a frame's events concern."""
+"""Placement: assignment of fragments to hosts, and the hosts that a frame's events concern."""
 
 from __future__ import annotations
 
@@ -52,8 +52,8 @@ class Placement:
         """Assign each fragment to a host that offers all of its kinds.
 
         Between frames populations are divided again where the number of hosts has changed, and no
-        host gets more agents than its limit. `mid_frame` the remaining hosts take over whatever
-        the limit, because the frame waits for the fragments.
+        host gets more agents than its limit. `mid_frame` the remaining hosts take over
+        regardless of the limit, because the frame waits for the fragments.
         """
         self._offers = offers
         capacity = Capacity(offers, 0 if mid_frame else self._limit)
@@ -67,7 +67,7 @@ class Placement:
                 if host in offers and part in preferred
             }
         self._host, self.unassigned = {}, {}
-        # Made from scratch: what a host lacks follows from what it holds.
+        # Computed from scratch: the missing fragments follow from those that the host holds.
         self._stale = {host: set() for host in offers}
         kinds_on: dict[str, set[str]] = {host: set() for host in offers}
         for fragment, node in self._composition.fragments.items():
@@ -117,7 +117,7 @@ class Placement:
 
     def _hosts_for(self, symbol: str, rows: int, offers: Offers, capacity: Capacity) -> list[str]:
         """The hosts that share a population: as many as its size justifies or requires."""
-        # By name, as the protocol defines it: the division must not depend on who joined first.
+        # By name, as the protocol defines it: the division must not depend on the order of joining.
         able = sorted(host for host, kinds in offers.items() if symbol in kinds)
         able = capacity.with_room(able, 1)
         chosen = able[: max(1, rows // MIN_AGENTS)]
@@ -133,7 +133,7 @@ class Placement:
         return len(on) == len(population) and self._load.imbalanced(on)
 
     def note_elapsed(self, host: str, seconds: float) -> None:
-        """Note how long a host needed for its parts of populations."""
+        """Note the seconds that a host needed for its parts of populations."""
         parts = self._composition.parts
         rows = sum(part.count for name, part in parts.items() if self._host.get(name) == host)
         self._load.note(host, rows, seconds)
@@ -175,7 +175,7 @@ class Placement:
         return frozenset[str]().union(*(kind.subscribes | kind.views for kind in known))
 
     def forget(self, host: str) -> None:
-        """Forget what a host holds: its process is gone."""
+        """Forget the fragments that a host holds, because its process is gone."""
         self._held.pop(host, None)
 
     def may_take_over(self, host: str, offers: Offers) -> bool:
@@ -217,7 +217,7 @@ class Placement:
         shown = {event.type for event in visual}
         hosts = {host for host, types in self._types.items() if types & shown}
         for event in events:
-            # All hosts are asked anyway, so the remaining events need not be looked at.
+            # All hosts are asked anyway, so the remaining events need no check.
             if len(hosts) == len(self._types):
                 break
             if event.receivers is not None and len(event.receivers):
@@ -236,7 +236,7 @@ class Placement:
         return (home for home in homes if home is not None)
 
     def lacking(self, host: str) -> Fragments | None:
-        """What a host must receive before it can evolve its fragments; None: nothing."""
+        """Fragments that a host must receive or drop before it can evolve; None without any."""
         stale, dropped = self._stale[host], self._unwanted[host]
         if not stale and not dropped:
             return None
@@ -253,12 +253,12 @@ class Placement:
         return Fragments({name: Scene((node,)) for name, node in given.items()}, dropped)
 
     def changed(self, host: str, fragment: str, result: Scene) -> None:
-        """Note a host's result; the host keeps it if it is still that agent alone."""
+        """Note a host's result; the host keeps it if it is still a single agent."""
         held = self._held.setdefault(host, {})
         placed = self._host.get(fragment, host)
         if placed != host:  # It moved after its former host had been asked.
             self._stale[placed].add(fragment)
-        if fragment not in held:  # It was to drop the fragment.
+        if fragment not in held:  # The host was requested to drop it.
             return
         piece = fragment_in(result, fragment)
         if piece is None:
@@ -267,7 +267,7 @@ class Placement:
             held[fragment] = piece
 
     def resend(self, fragment: str) -> None:
-        """Send a fragment to its host again: a norm has rejected what the host made of it."""
+        """Send a fragment to its host again, because a norm has rejected the host's result."""
         host = self._host.get(fragment)
         if host is not None and fragment in self._composition.fragments:
             self._stale[host].add(fragment)

@@ -21,7 +21,7 @@ class ReadingBuffer:
 
     Of a lockstep publisher it keeps the readings of one frame. A free-running publisher may be
     faster than the frames: `takes` selects its newest reading, or all since the last frame, of
-    which only every `nth` counts. `dropped` is the number of readings that did not count.
+    which only every `nth` is used. `dropped` is the number of unused readings.
     """
 
     def __init__(self, takes: str = "newest", nth: int = 1) -> None:
@@ -67,11 +67,11 @@ class ReadingBuffer:
                     yield publisher
 
     def taken(self, frame: int) -> tuple[Reading, ...]:
-        """Remove and return the readings that count in a frame, by topic and publisher."""
+        """Remove and return the readings used in a frame, by topic and publisher."""
         if not self._in_step and not self._free:
             return ()
         # Readings of an earlier frame are those of a publisher that has left, or repeated for a
-        # newcomer: they have counted in their own frame.
+        # newcomer: they were used in their own frame.
         taken = {
             key: message.readings
             for key, message in self._in_step.items()

@@ -82,7 +82,7 @@ class RecordedSource(FrameSource):
         return self._cursor.ahead is not None
 
     def begin(self) -> None:
-        """Continue with the frame before which the cursor stands."""
+        """Continue with the frame after the cursor's position."""
         # Frames may be missing in the record, so the number is read and not counted.
         if self._cursor.ahead is not None:
             self._algorithm.frame = self._cursor.ahead.number
@@ -129,7 +129,7 @@ class RecordedSource(FrameSource):
         algorithm.frame += 1
 
     def why_over(self) -> str:
-        """Step 9: whether the recorded run is over and no member stays."""
+        """Step 9: reason for the end if the recorded run is over and no member is present."""
         stays = self._stay and self._algorithm.members.active()
         return "" if self.has_next() or stays else OVER
 

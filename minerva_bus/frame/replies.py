@@ -60,7 +60,7 @@ def foreign_sender(
 def duplicate_agent(
     reply: m.EvolveReply, newborns: dict[str, str], composition: Composition
 ) -> str:
-    """Reason for rejecting a reply with an agent that lives elsewhere, or empty.
+    """Reason for rejecting a reply with an agent of another fragment, or empty.
 
     `newborns` are the fragments of agents in earlier replies; those of this reply are added.
     """

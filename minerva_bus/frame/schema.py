@@ -18,7 +18,7 @@ from enum import Enum, auto
 class Wire:
     """Form of a message: `[name, item, ...]`, or `[name, {field: value}]` if `keyed`.
 
-    `on`: keys on which it is published. `answers`: the message that it replies to.
+    `on`: keys on which it is published. `answers`: the message to which it replies.
     `max_bytes`, `max_values`: names of the limits (minerva_bus.wire.limits) if a member sends it.
     `awaited`: a frame may wait for it, so it is exempt from limits per second.
     """

@@ -22,7 +22,7 @@ class SenderRights:
     """The senders that generators may use.
 
     `speaks_for`: by member, the kinds of agents and the `#id`s of agents in whose name it may send
-    events. Any other member speaks for itself alone, without a sender.
+    events. Any other member only sends events without a sender.
     """
 
     speaks_for: Mapping[str, tuple[str, ...]]
@@ -32,7 +32,7 @@ class SenderRights:
         """Reason why a member may not send these events, or an empty string.
 
         Events from agents that are no longer in the string do not count as a violation of a member
-        with such rights, because an agent may have just died: `kept` drops these events.
+        with such rights, because an agent may just have died: `kept` drops these events.
         """
         allowed = self.speaks_for.get(member, ())
         for event in events:

@@ -1,4 +1,4 @@
-"""The end of a world: members report their figures, and the reports are added up."""
+"""The end of a world: collects the reports of members and adds up their figures."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from minerva_bus.frame.messages import Figures
 
 
 class Shutdown:
-    """Why the world ends, and the reports of its members.
+    """The reason for the end of the world, and the reports of its members.
 
-    `failed`: it ends before its time because something went wrong. `pending`: members that have
+    `failed`: it ends prematurely because of an error. `pending`: members that have
     not reported yet.
     """
 
@@ -26,7 +26,7 @@ class Shutdown:
         self.pending = set(members)
 
     def report(self, member: str, figures: Figures) -> None:
-        """Note a member's report; empty figures mean that it cannot report any more."""
+        """Note a member's report; empty figures mean that it can no longer report."""
         if member in self.pending:  # A member that was dropped does not count.
             self.pending.discard(member)
             self._figures[member] = figures
@@ -36,7 +36,7 @@ class Shutdown:
         self._departed.setdefault(member, False)
 
     def drop_departed(self) -> None:
-        """Stop waiting for members that were gone at the last call of this method already.
+        """Stop waiting for members that were already gone at the last call of this method.
 
         A token's departure may overtake the last message, so they get one more interval.
         """

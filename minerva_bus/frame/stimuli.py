@@ -1,4 +1,4 @@
-"""Inputs and outputs of the frame algorithm: stimuli in, instructions out, and nothing else."""
+"""Inputs and outputs of the frame algorithm: stimuli in, instructions out."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Vanished:
 
 @dataclass(frozen=True, slots=True)
 class Abandoned:
-    """No process will be started for this member again; the world continues without it."""
+    """A member whose process is not restarted any more; the world continues without it."""
 
     member: str
 
@@ -99,7 +99,7 @@ class Seek:
 class End:
     """The world ends now; `failed`: prematurely, because of an error.
 
-    `hurried`: its owner waits for the end, so members have little time for their last output.
+    `hurried`: the owner waits for the end, so members have little time for their last output.
     """
 
     reason: str
@@ -136,7 +136,7 @@ class Send:
 
 @dataclass(frozen=True, slots=True)
 class Show:
-    """Publish a view for the observers of its event type; `to`: for one that needs another form."""
+    """Publish a view for all observers of its event type, or for `to`, which needs another form."""
 
     event_type: str
     message: ToMember
@@ -145,7 +145,7 @@ class Show:
 
 @dataclass(frozen=True, slots=True)
 class Notify:
-    """Notify the people who watch of something about a member; `details` go to the log only."""
+    """Notify observers of something about a member; `details` go to the log only."""
 
     member: str
     text: str
@@ -182,14 +182,14 @@ class FrameDone:
 
 @dataclass(frozen=True, slots=True)
 class Stopping:
-    """No frame follows, for this reason; members are asked for their reports and leave."""
+    """No frame follows, for this reason; members send their reports and leave."""
 
     reason: str
 
 
 @dataclass(frozen=True, slots=True)
 class Ended:
-    """The world has ended: every report has arrived, or its member is gone."""
+    """The world has ended: each member's report has arrived, or the member is gone."""
 
     reason: str
     figures: Figures

@@ -1,6 +1,6 @@
 """Judges the outcome of a frame by norms; rejected agents are evolved again by fewer events.
 
-Where a norm rejects what an agent has become, the agent is evolved again without the events of the
+If a norm rejects an agent's outcome, the agent is evolved again without the events of the
 last type, then without those of the last two types, and so on. The first outcome that no norm
 rejects counts. Thus the agent loses only the step that leads to the forbidden state, and those
 after it. Events from norms are never left out; in the end they are all that it receives.
@@ -28,7 +28,7 @@ Exceeds = Callable[[Norm, str], bool]
 class NormVerdict:
     """The outcome of a frame after norms: changed fragments, and the events that agents sent.
 
-    `rejected`: fragments that are not what their hosts reported. `halted`: agents with a rejected
+    `rejected`: fragments that differ from their hosts' reports. `halted`: agents with a rejected
     step, sorted; devices execute none of their actions in this frame.
     """
 
@@ -104,7 +104,7 @@ class Trial:
     def reconsider(
         self, changed: Scenes, sent: SentBy, norms: Sequence[Norm], exceeds: Exceeds
     ) -> None:
-        """Accept what units become by fewer events, unless a norm rejects that too.
+        """Accept outcomes of units by fewer events, unless a norm rejects them as well.
 
         By events from norms alone, a state that was forbidden before the frame is not rejected.
         """
@@ -141,7 +141,7 @@ class Trial:
         rejected = {n: outcome for n, outcome in self._outcomes.items() if outcome.rejected}
         halted = {who for outcome in rejected.values() for who in outcome.halted}
         for name, outcome in rejected.items():
-            # At rest, because λ would take the action for executed in the next frame.
+            # At rest, because in the next frame λ would assume that the action was executed.
             self._changed[name] = rested(outcome.scene, outcome.halted, vocabulary.kinds)
         self._count_sent(rejected)
         return NormVerdict(self._changed, self._sent, tuple(rejected), tuple(sorted(halted)))

@@ -8,10 +8,10 @@ from minerva_bus.frame.instructions import Instructions
 
 
 class UnassignedLog:
-    """What has been logged about agents without a host."""
+    """State of the log about agents without a host."""
 
     def __init__(self, limit: int) -> None:
-        """`limit`: the number of agents that one host takes; 0: any number."""
+        """`limit`: maximum number of agents of one host; 0: any number."""
         self._limit = limit
         self._count = 0
         self._offered: set[frozenset[str]] = set()
@@ -40,7 +40,7 @@ class UnassignedLog:
     ) -> None:
         """Log, once, the kinds that no host has ever offered: the world may lack a process.
 
-        Where a host offered them and is gone, its loss has been logged.
+        If a host that offered them is gone, its loss has been logged.
         """
         # Also of hosts that are gone: their loss has been logged already.
         self._offered.update(offers)

@@ -37,7 +37,7 @@ class ViewStream:
         alive: Container[str],
         halted: tuple[str, ...] = (),
     ) -> ViewShown:
-        """The view of a frame: a keyframe where the skeleton has changed, otherwise a delta.
+        """The view of a frame: a keyframe if the skeleton has changed, otherwise a delta.
 
         Devices must not execute actions of the agents `halted`.
         """
@@ -94,12 +94,12 @@ class Views:
         return [stream.keyframe() for _, stream in sorted(self._streams.items())]
 
     def keyframe(self, event_type: str) -> ViewShown | None:
-        """The latest view of a visual event type, or None where there was none."""
+        """The latest view of a visual event type, or None if there is none."""
         stream = self._streams.get(event_type)
         return None if stream is None else stream.keyframe()
 
     def check(self, event_type: str, patches: Patches) -> None:
-        """Raise Unfit where patches do not fit the latest view of an event type."""
+        """Raise Unfit if patches do not fit the latest view of an event type."""
         stream = self._streams.get(event_type)
         check_all({} if stream is None else stream.parts, patches)
 
@@ -170,7 +170,7 @@ def patch_all(parts: dict[str, Scene], patches: Patches) -> None:
 
 
 def check_all(parts: Parts, patches: Patches) -> None:
-    """Raise Unfit where patches do not fit the fragments or views of these names."""
+    """Raise Unfit if patches do not fit the fragments or views of these names."""
     for name, patch in patches.items():
         check(_piece(parts, name), patch)
 
