@@ -1,1 +1,1 @@
-"""Records of runs: MCAP files with the string of every frame, which other tools can show, too."""
+"""Records of runs: MCAP files with the string of every frame, readable by other tools, too."""

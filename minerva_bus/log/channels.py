@@ -11,7 +11,7 @@ WORLD: Final = "minerva/world"
 """Description of the world, once with and once without the initial string."""
 
 KEYFRAME: Final = "minerva/keyframe"
-"""At frame 0 and from time to time: the complete state before a frame."""
+"""The complete state before a frame; written at frame 0 and at intervals."""
 
 FRAME: Final = "minerva/frame"
 """Result of a frame: its events in order, the delta of the string, and the digest."""
@@ -20,7 +20,7 @@ CHECKPOINT: Final = "minerva/checkpoint"
 """Changes of the state beside the string, written before the frame that causes them."""
 
 INPUTS: Final = "minerva/inputs"
-"""What members sent in a frame, without the replies of hosts; written before the frame."""
+"""Messages of members in a frame, except replies of hosts; written before the frame."""
 
 SENSED: Final = "minerva/topic"
 """Messages on sensor topics, if recorded."""

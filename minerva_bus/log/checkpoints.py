@@ -66,7 +66,7 @@ def encode_checkpoint(kept: Kept, before: Kept | None) -> bytes:
     known: Mapping[str, bytes] = before.saved if before is not None else {}
     saved = {name: data for name, data in kept.saved.items() if known.get(name) != data}
     reached, reaching = _new(new.reached, old.reached), _new(new.reaching, old.reaching)
-    # Most frames change nothing here, and the reader takes a missing entry for that.
+    # Most frames change nothing here; a missing entry means no change.
     if before is not None and not (saved or new.emitted or new.inbox or reached or reaching):
         return b""
     inbox = {source: plain_event_list(events) for source, events in new.inbox.items()}

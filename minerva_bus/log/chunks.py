@@ -49,8 +49,8 @@ class Message:
 class Chunks:
     """The chunks of a record. Raises RecordError if the file is not a record.
 
-    `complete`: the file was finished; otherwise the world was killed or the disk was full, and at
-    most the data after the last flush are missing. `cut`: bytes after the last complete chunk.
+    `complete`: the file was finished; otherwise the world was killed or the disk was full, and
+    only data after the last flush may be missing. `cut`: bytes after the last complete chunk.
     `indexed`: the summary is intact. `size`: in bytes.
     """
 
@@ -135,7 +135,7 @@ class Chunks:
         self.topics = self._topics()
 
     def _check_beginning(self) -> None:
-        """Refuse files that never were records; the beginning of a record may be damaged."""
+        """Reject files that are not records; the beginning of a record may be damaged."""
         begin = self._file.read(256)
         self._file.seek(max(0, self.size - len(MAGIC)))
         known = begin.startswith(MAGIC) or b"minerva-bus" in begin or self._file.read() == MAGIC
@@ -158,7 +158,7 @@ class Chunks:
 
 
 def _check_profile(path: Path, header: bytes) -> None:
-    """Refuse MCAP files of other programs; the header of a record may be damaged."""
+    """Reject MCAP files of other programs; the header of a record may be damaged."""
     size = int.from_bytes(header[:4], "little")
     profile = header[4 : 4 + size].decode("utf-8", "replace")
     if header and profile != PROFILE and b"minerva" not in header:

@@ -4,8 +4,8 @@
     ahead    the next frame: events, digest, and the inputs to feed a frame algorithm with
     advance  apply the delta of the next frame
 
-Playing, computing a run again, swapping a member, resuming and inspecting all read a record this
-way; they differ in what they do with the inputs. A successor of a killed coordinator reads a
+Playing, recomputing a run, swapping a member, resuming and inspecting all read a record this way;
+they differ in their use of the inputs. A successor of a killed coordinator reads a
 journal, which has one keyframe and the inputs since; it feeds them to its own algorithm. A cursor
 never writes, so several futures can start from one position.
 """
@@ -118,7 +118,7 @@ class Cursor:
         return self.scene
 
     def _peek(self) -> _Ahead | None:
-        """The next frame, which is read when it is needed for the first time."""
+        """The next frame, read on first use."""
         if not self._ahead:
             self._ahead.append(self._next())
         return self._ahead[0]
@@ -138,7 +138,7 @@ class Cursor:
                 if frame.number >= self.number:  # A keyframe's chunk may begin with earlier ones.
                     torn, self._tears = self._intact.tears > self._tears, self._intact.tears
                     return _Ahead(frame, step, base, torn)
-                # They belong to the frame that is passed over.
+                # They belong to the skipped frame.
                 step, inputs = None, b""
         return None
 

@@ -1,4 +1,4 @@
-"""What a record shows in other tools: poses, maps, log lines and sensor data in JSON."""
+"""Channels of a record for other tools: poses, maps, log lines and sensor data in JSON."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ SHOWN_EVERY: Final = 0.1
 
 
 class Display:
-    """Writes the channels for other tools; a reader of ours ignores them."""
+    """Writes the channels for other tools; Minerva's own readers ignore them."""
 
     def __init__(self, file: McapFile, world: World) -> None:
         self._file = file

@@ -7,8 +7,8 @@
 
 A record (MCAP file) and a journal (file of a running coordinator) hold the same entries. A keyframe
 is the complete state before the frame of its number: string, checkpoint (checkpoints.py, empty if
-unknown) and the last views (journals only; θ computes them again from a record). Inputs are what
-members sent, as received from the bus. A journal stores the replies of hosts too, so that a
+unknown) and the last views (journals only; θ computes them again from a record). Inputs are the
+messages of members as received from the bus. A journal stores the replies of hosts too, so that a
 successor needs no user code. A record stores the result of a frame instead: its ordered events,
 the delta of the string (deltas.py) and the digest, 16 bytes, of the string after the frame.
 """

@@ -19,7 +19,7 @@ class IntactMessages:
 
     `start` is the frame whose string is known at the beginning. `decode` decodes a keyframe.
     During iteration, `lost` lists frames whose strings are unknown, `tears` counts places where
-    bytes are lost, and `open` says that no string is known after frame `reached` - 1.
+    bytes are lost, and `open` is whether no string is known after frame `reached` - 1.
     """
 
     def __init__(
@@ -44,7 +44,7 @@ class IntactMessages:
             self._note(torn=torn)
             # A tear before the first chunk precedes the keyframe from which the iteration starts.
             self.tears -= torn and chunk == self._range.start
-            # Frames and keyframes are always read, because they tell which strings are known.
+            # Frames and keyframes are always read, because they determine which strings are known.
             messages = self._chunks.messages_in(chunk, {*topics, c.KEYFRAME, c.FRAME})
             self._note(torn=messages is None)
             for topic, message in messages or ():

@@ -7,10 +7,10 @@
           | ["members", [name, ...]] | ["pace", rate, left] | ["waiting", {source: [event, ...]}]
 
 The file has one keyframe and the inputs of each frame since, as received from members, so a frame
-costs little more than its bytes. The operating system has an entry before anything of the next
-frame is sent, so a killed process loses nothing. When the inputs have become much longer than the
-keyframe, a new file with a new keyframe replaces the journal. A coordinator that still writes to
-the unlinked file has been succeeded by another one.
+costs little more than its bytes. An entry is passed to the operating system before any message of
+the next frame is sent, so a killed process loses nothing. When the inputs have become much
+longer than the keyframe, a new file with a new keyframe replaces the journal. A coordinator that
+still writes to the unlinked file has a successor.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ _HEAD: Final = struct.Struct(">II")
 
 @dataclass(slots=True)
 class Journaled:
-    """Contents of a journal: a keyframe, and what happened since.
+    """Contents of a journal: a keyframe, and the inputs and changes since.
 
     `world`: the world in the state of the keyframe. `inputs`: of each frame since.
     `members`: members that took part, beside those of the world file.
@@ -133,20 +133,20 @@ class Journal:
         """Close the file, and delete it if the world is `over`."""
         if self._file < 0:
             return
-        # A successor's journal has the same name and must stay.
+        # A successor's journal has the same name and must not be deleted.
         if over and not self._is_followed():
             self.path.unlink(missing_ok=True)
         os.close(self._file)
         self._file = -1
 
     def _rewrite(self) -> None:
-        """Replace the journal by one that starts with the current state."""
+        """Replace the journal with one that starts with the current state."""
         if self._file >= 0 and self._is_followed():
             raise Followed(self._complaint())
         old = self._file
         try:
             # The new file takes the name only when it is complete: a process that is killed
-            # meanwhile leaves the former journal.
+            # before that leaves the former journal.
             with replacing(self.path, mode=0o600) as file:
                 # `replacing` closes its own descriptor when it gives the file its name.
                 self._file = os.dup(file.fileno())
@@ -220,7 +220,7 @@ def read_journal(path: Path, world: World) -> Journaled | None:
         raise
     except (MinervaError, ValueError, LookupError, TypeError, RecursionError) as error:
         raise RecordError(f"{path}: this journal is damaged: {error}") from None
-    # A world that is begun again over a damaged journal would lose its state.
+    # A new world that replaces a damaged journal would lose its state.
     if journaled is None and data:
         raise RecordError(
             f"{path}: the beginning of this journal is damaged, so its world cannot continue; move"

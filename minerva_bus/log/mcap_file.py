@@ -116,7 +116,7 @@ def _sync(stream: IO[bytes]) -> None:
     try:
         os.fsync(stream.fileno())
     except OSError as error:
-        # Errors of a disk must not pass, since the frames would be reported as written.
+        # Errors of a disk must be raised, because the frames would be reported as written.
         if error.errno not in (None, errno.EINVAL, errno.ENOTSUP):
             raise
 
@@ -155,7 +155,7 @@ def take_name(path: Path, *, keep_old: bool) -> None:
 
 
 def _keep_old(path: Path) -> None:
-    # Only files that carry the mark of a record are renamed, never a user's own.
+    # Only files with the mark of a record are renamed, never a user's own files.
     check_replaceable(path, "record")
     if path.is_file():
         old = path.with_name(f"{path.stem}.old{path.suffix}")

@@ -1,4 +1,4 @@
-"""Positions of agents, posed by the names of their attributes.
+"""Positions of agents, derived from the names of their attributes.
 
     x, y                        metres
     row, column, cell, x0, y0   cells: x = x0 + row · cell, y = y0 + column · cell (cell defaults
@@ -172,7 +172,7 @@ def _of_agents(
         return Positions(kind, ids, x, y, angle)
     at = np.array([(pose.x, pose.y, pose.angle) for _, pose in posed])
     turned = np.radians(at[:, 2])
-    # numpy's functions suffice here: these positions are shown and never enter the string.
+    # numpy's functions suffice here: these positions are only displayed and never enter the string.
     cos, sin = np.cos(turned), np.sin(turned)
     return Positions(
         kind, ids, at[:, 0] + x * cos - y * sin, at[:, 1] + x * sin + y * cos, at[:, 2] + angle

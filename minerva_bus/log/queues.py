@@ -1,4 +1,4 @@
-"""Bounded queues in front of the recorder's thread: of frames and log lines, and of sensor data.
+"""Bounded queues of the recorder's thread: for frames and log lines, and for sensor data.
 
 A world waits for room in the first, because a record with gaps cannot be replayed. Publishers of
 sensor data never wait.
@@ -30,7 +30,7 @@ PATIENCE: Final = 1.0
 
 @dataclass(frozen=True, slots=True)
 class Pending:
-    """Something to be written: a frame, or a log line."""
+    """An item to write: a frame or a log line."""
 
     write: Callable[[], None]
     is_frame: bool
@@ -39,7 +39,7 @@ class Pending:
 class FrameQueue:
     """A queue from the thread that runs the frames to the recorder's thread, which `wake` wakes.
 
-    `lost` counts dropped frames. The other counts are of what was put, taken, and is on the disk;
+    `lost` counts dropped frames. The other counts are of items that were put, taken and flushed;
     each is changed by one thread at a time, so none needs a lock.
     """
 
@@ -57,11 +57,11 @@ class FrameQueue:
         return len(self._items)
 
     def put(self, pending: Pending) -> bool:
-        """Queue something, if there is room now or within `PATIENCE`; whether there was.
+        """Queue an item if there is room now or within `PATIENCE`; returns whether there was.
 
         While the queue is stuck, that is after a drop, `put` does not wait.
         """
-        # After a drop the disk is known to be slow, and the world must
+        # After a drop the disk is known to be slow, so the world must
         # not wait a second for each frame.
         until = 0.0 if self.is_stuck else time.monotonic() + PATIENCE
         while len(self._items) >= WAITING:
@@ -77,7 +77,7 @@ class FrameQueue:
         return True
 
     def take(self) -> Pending | None:
-        """Remove and return what has waited longest, or None."""
+        """Remove and return the oldest item, or None."""
         if not self._items:
             return None
         self._taken_count += 1
@@ -89,12 +89,12 @@ class FrameQueue:
         return len(self._items) < WAITING
 
     def mark_flushed(self) -> None:
-        """Note that everything taken is on the disk."""
+        """Note that all items taken are on the disk."""
         self._flushed_count = self._taken_count
         self._has_flushed.set()
 
     def wait_until_flushed(self) -> None:
-        """Wait until everything put is on the disk: an interrupt ends the wait, not the write."""
+        """Wait until all items put are on the disk; an interrupt ends the wait, not the write."""
         while self._flushed_count < self._put_count:
             self._has_flushed.clear()
             self._wake.set()

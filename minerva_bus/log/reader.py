@@ -1,4 +1,4 @@
-"""Reading a record: its frames, strings and checkpoints, and everything else in it."""
+"""Reads a record: frames, strings, checkpoints and all other channels."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class Record:
         self._count = len(self._chunks.places)
         try:
             self.description = self._description()
-        # Nothing else closes the file if the constructor fails.
+        # Closes the file if the constructor fails.
         except BaseException:
             self.close()
             raise
@@ -99,11 +99,11 @@ class Record:
 
     @property
     def has_inputs(self) -> bool:
-        """Whether the inputs of frames may be in it: earlier formats have a different channel."""
+        """Whether it may contain the inputs of frames: earlier formats have a different channel."""
         return self.description.format >= 3
 
     def losses(self) -> Losses:
-        """What cannot be used. Reads all chunks, but decodes strings only after damage."""
+        """Unusable parts. Reads all chunks, but decodes strings only after damage."""
         intact = self.intact(0, 0)
         for _ in intact.messages(()):
             pass
@@ -176,7 +176,7 @@ class Record:
             return replace(self.initial, checkpoint=Checkpoint())
         return Keyframe(*self.last())
 
-    # --- what a cursor reads ---
+    # --- interface of cursors ---
 
     def keyframe(self, number: int, before: int | None = None) -> tuple[Keyframe, int]:
         """The last keyframe at or before a frame, and its chunk; `before` excludes later chunks."""
@@ -225,7 +225,7 @@ class Record:
             return apply_delta(scene, frame.delta, self._decoder.reader)
 
     def messages(self, number: int) -> Iterator[tuple[str, Message]]:
-        """Topic and message of everything before a frame that is intact, for copying.
+        """Topics and messages of all intact data before a frame, for copying.
 
         Messages are unchanged, except the first frame after lost ones: its delta is computed from
         the string after the last frame before the gap.

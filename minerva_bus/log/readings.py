@@ -1,4 +1,4 @@
-"""Recorded readings as a generator, for members that take part in a run computed again."""
+"""Recorded readings as a generator, for members of a recomputed run."""
 
 from __future__ import annotations
 

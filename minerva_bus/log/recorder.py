@@ -4,9 +4,9 @@ Only the recorder's thread accesses the disk, so frames do not wait for it. Fram
 memory. If that takes little time (`LIGHT`), the thread that runs the frames does it while it waits
 for members: two threads that compete for the interpreter cost more than the work itself.
 
-Up to `WAITING` frames are queued. If the queue is full, the world waits too, because a record with
-gaps cannot be replayed. If the disk makes no progress for `PATIENCE` seconds, frames are dropped
-until it does, and their number is reported. The strings after a gap are still correct, because a
+Up to `WAITING` frames are queued. If the queue is full, the world waits, because a record with gaps
+cannot be replayed. If the disk makes no progress for `PATIENCE` seconds, frames are dropped until
+it does, and their number is reported. The strings after a gap are still correct, because a
 frame is written as the delta from the last written frame.
 
 If the disk is full, the world continues without a record; flushed data stay readable.
@@ -57,7 +57,7 @@ class Recorder:
     """Writes the record of one run.
 
     `flush_seconds`: interval after which all data are written to the disk. `durable`: each frame is
-    on the disk before `frame` returns. `say` receives messages for people, within `frame` or
+    on the disk before `frame` returns. `say` receives messages for the user, within `frame` or
     `close` and so in the caller's thread. `past`: a record to continue; its contents are copied
     first, and it may have the same name. An existing file of that name is kept, unless `keep_old`
     is false. Raises RecordError if the file cannot be created, and MisuseError if mcap is not
@@ -88,7 +88,7 @@ class Recorder:
 
     @property
     def frames(self) -> int:
-        """Number of frames that are certainly in the record."""
+        """Number of frames that are certain to be in the record."""
         return self._writer.kept
 
     @property
@@ -112,7 +112,7 @@ class Recorder:
         """
         self._work.frame = record.frame + 1
         try:
-            # Copied now: members go on changing what they have saved.
+            # Copied now, because members may change their saved objects later.
             kept = Kept.of(checkpoint) if checkpoint is not None else None
         except (TypeError, ValueError, OverflowError) as error:
             self._work.fail(f"a member saved data that are not plain: {error}")
@@ -153,7 +153,7 @@ class Recorder:
             return
         self._work.close()
         self._report_failure()
-        # Reported at the end, since a message for each dropped frame would fill the log.
+        # Reported at the end, because a message for each dropped frame would fill the log.
         if self.lost:
             self._say(
                 f"{self.path}: {self.lost} frames are not in the record: the disk was too slow"
@@ -198,8 +198,8 @@ def _opened(
 ) -> tuple[IO[bytes], RecordWriter]:
     """The file of a record and its writer, with the contents of `past`. Raises RecordError."""
     part = None if past is None else part_of(path)
-    # The copy has a name of its own until it is complete. If the disk fills up or the process is
-    # killed meanwhile, the earlier record is still there.
+    # The copy has a temporary name until it is complete. If the disk fills up or the process is
+    # killed before that, the earlier record still exists.
     stream = open_for_record(path) if part is None else open_for_record(part, keep_old=False)
     try:
         writer = RecordWriter(stream, description, past)
@@ -218,8 +218,8 @@ def _opened(
 class _RecordingThread:
     """The thread that writes a record, and its queues.
 
-    `frame`: number of the frame in progress. `failure`: why nothing is written any longer, or an
-    empty string.
+    `frame`: number of the frame in progress. `failure`: the reason why writing has
+    stopped, or an empty string.
     """
 
     def __init__(
@@ -245,11 +245,11 @@ class _RecordingThread:
 
     @property
     def is_open(self) -> bool:
-        """Whether anything more can be recorded."""
+        """Whether recording is still possible."""
         return not (self.failure or self.is_closed)
 
     def fail(self, reason: str) -> None:
-        """Record nothing more; the first reason counts."""
+        """Stop recording; the first reason is kept."""
         self.failure = self.failure or reason
 
     def help(self) -> None:
@@ -268,7 +268,7 @@ class _RecordingThread:
                 self._writing.release()
 
     def close(self) -> None:
-        """Write everything that is queued, and end."""
+        """Write all queued items, and end."""
         self.is_closed = True
         self.wake.set()
         self._thread.join(CLOSING_WITHIN)
@@ -303,7 +303,7 @@ class _RecordingThread:
             more = bool(self.queue)
 
     def _write_next(self) -> None:
-        """Write what has waited longest; the caller holds `_writing`."""
+        """Write the oldest item; the caller holds `_writing`."""
         # CPU time of this thread alone: waiting for the interpreter is no work.
         began = time.thread_time()
         pending = self.queue.take()
@@ -315,7 +315,7 @@ class _RecordingThread:
     def _write_sensed(self) -> None:
         """Write queued readings, unless the world waits for the queue of frames."""
         backlog, seconds = self.backlog, 0.0
-        # As many as wait now: with a fast sensor the loop would otherwise never end.
+        # Bounded by the current number: with a fast sensor the loop would otherwise never end.
         for _ in range(backlog.waiting):
             taken = backlog.take() if self.queue.has_room else None
             if taken is None:
@@ -336,7 +336,7 @@ class _RecordingThread:
             work()
         except OSError as error:
             self.fail(error.strerror or str(error))
-        # Whatever is wrong with a record, its world continues.
+        # The world continues after any failure of its record.
         except Exception as error:
             self.fail(f"{type(error).__name__}: {error}")
 

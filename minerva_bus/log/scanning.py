@@ -1,7 +1,7 @@
 """Locates the chunks of an MCAP file, even if it is cut off or damaged.
 
 MCAP readers start at the end of a file, where the index is. The record of a crashed world has no
-end, so this scanner walks from record to record without reading chunks. After invalid data it
+end, so this scanner moves from record to record without reading chunks. After invalid data it
 continues at the next complete chunk.
 """
 
@@ -31,7 +31,7 @@ _FOOTER: Final = struct.Struct("<BQQQI")
 _LENGTH: Final = struct.Struct("<Q")
 _LEAST: Final = _CHUNK_BEGIN.size + 4 + _LENGTH.size
 _SHOWN: Final = 64
-"""Bytes of a record that are examined to decide whether it is valid."""
+"""Bytes of a record that are checked to decide whether it is valid."""
 
 _BLOCKS: Final = (1 << 12, 1 << 20)
 """Bytes searched at once: few at first, because the next chunk is often near."""
@@ -134,7 +134,7 @@ def _candidates(file: IO[bytes], at: int, size: int) -> Iterator[int]:
     """Offsets from a byte on at which a chunk or the end of the data may begin."""
     block, largest = _BLOCKS
     while at < size:
-        # Some bytes of the next block are read, too: a beginning may lie across the two.
+        # Some bytes of the next block are read, too, because a beginning may span both.
         for match in _WHOLE.finditer(_read(file, at, block + _SHOWN)):
             if match.start() < block:
                 yield at + match.start()
@@ -192,7 +192,7 @@ class _Head:
         if self.opcode != CHUNK or len(self.body) < _LEAST:
             return None
         first, _, unpacked, crc, named = _CHUNK_BEGIN.unpack_from(self.body)
-        # The longest name of a compression has four letters.
+        # The longest name of a compression method has four letters.
         packing = self.body[_CHUNK_BEGIN.size : _CHUNK_BEGIN.size + min(named, 4)]
         begin = _CHUNK_BEGIN.size + named + _LENGTH.size
         if named != len(packing) or packing not in (b"", b"lz4", b"zstd"):

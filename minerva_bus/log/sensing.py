@@ -1,4 +1,4 @@
-"""Raw sensor data in a record: lossless messages of our own, and messages for other tools.
+"""Raw sensor data in a record: lossless messages for replay, and messages for other tools.
 
     topic = ["topic", name, member, frame, [reading, ...]]      as on the bus (PROTOCOL.md)
           | ["dropped", count]                                  number of missing messages
@@ -73,7 +73,7 @@ def shown_readings(message: Readings, time: int) -> Iterator[tuple[str, bytes]]:
 
 
 def encode_transform(robot: str, time: int, x: float, y: float, angle: float) -> bytes:
-    """Pose of a robot, at which its sensor data are shown: metres and degrees."""
+    """Pose of a robot at which its sensor data are shown, in metres and degrees."""
     pose = pose_of(x, y, angle)
     plain = {
         "timestamp": time_stamp(time),
@@ -127,7 +127,7 @@ def _scan(scan: Scan) -> dict[str, Any]:
         "pose": _mounted(Mount(scan.mount_x, scan.mount_y, scan.mount_angle)),
         "start_angle": math.radians(scan.first),
         "end_angle": math.radians(last),
-        # JSON has no infinity; 0 means that nothing was hit, too.
+        # JSON has no infinity; 0 also means no hit.
         "ranges": [value if math.isfinite(value) else 0.0 for value in ranges],
         "intensities": [],
     }

@@ -24,14 +24,14 @@ SMALL: Final = CHUNK // 8
 """Maximum bytes of a frame that `idle` encodes."""
 
 KEY_AFTER: Final = 8
-"""A keyframe is written when the frames since the last one are so many times as long."""
+"""A keyframe is written when the frames since the last one are this many times as long."""
 
 
 class RecordWriter:
     """Writes one record. Raises OSError if it cannot be written.
 
-    `stream` is the file, which stays open. Data written before the last `flush` can be read in any
-    case: `kept` of `frames` frames. `past` is a record to continue; its contents are copied first.
+    `stream` is the file, which stays open. Data written before the last `flush` are always
+    readable: `kept` of `frames` frames. `past`: a record to continue, which is copied first.
     """
 
     def __init__(
@@ -49,7 +49,7 @@ class RecordWriter:
         self._put_description()
         if past is None:
             self._put_keyframe(0, 0.0, None)
-            # What is outside of all agents never changes, so its maps are written once.
+            # The parts outside of all agents never change, so their maps are written once.
             self._display.maps()
             self._display.poses(self._scene, 0, 0.0)
         else:
@@ -68,8 +68,8 @@ class RecordWriter:
         self._scene = end.scene
         seconds = 0.0
         for topic, message in past.messages(end.number):
-            # The description is written already, and the channels for
-            # other tools are made from the rest.
+            # The description has been written, and the channels for
+            # other tools are derived from the rest.
             if topic == c.WORLD or topic not in self._file:
                 continue
             log_time, published = message.log_time, message.publish_time
@@ -125,11 +125,11 @@ class RecordWriter:
         self._display.readings(readings, number, seconds)
 
     def dropped(self, count: int, frame: int, seconds: float) -> None:
-        """Write how many messages on topics are missing."""
+        """Write the number of missing messages on topics."""
         self._file.put(c.SENSED, encode_dropped(count), frame, seconds, frame)
 
     def flush(self) -> None:
-        """Write everything to the disk."""
+        """Write all data to the disk."""
         self._file.flush()
         self.kept = self.frames
 
