@@ -54,7 +54,7 @@ def read_array(plain: Any) -> NDArray[Any]:
     if dtype is None:
         raise ProtocolError(f"a column of type {plain.data[:1]!r}; expected one of dbhiq?")
     size = np.dtype(dtype).itemsize
-    # numpy would raise an error of its own for a rest of bytes.
+    # numpy would raise an error of its own for remaining bytes.
     if (len(plain.data) - 1) % size:
         raise ProtocolError(f"a column of {size} bytes a value has {len(plain.data) - 1} bytes")
     array = np.frombuffer(plain.data, dtype, offset=1)
@@ -86,7 +86,7 @@ def plain_ids(ids: Ids | None) -> Any:
     """Ids of agents."""
     if ids is None:
         return None
-    # Three values, however many agents there are; common for generated populations.
+    # Three values for any number of agents; common for generated populations.
     if len(ids) >= MANY and ids.consecutive:
         return [ids.stem, int(ids.data[0]), len(ids)]
     if ids.stem is not None:
@@ -112,7 +112,7 @@ def read_ids(plain: Any, count: int) -> Ids:
     else:
         raise ProtocolError("ids are [stem, numbers], [stem, first, count] or [nil, width, bytes]")
     ids = ids.known()
-    # Checked before anything decodes the ids, since their bytes may not be UTF-8.
+    # Checked before the ids are decoded, because their bytes may not be UTF-8.
     if ids.strange is not None:
         raise ProtocolError(f"{ids.strange[:40]!r} is not a valid agent id")
     return ids
@@ -120,7 +120,7 @@ def read_ids(plain: Any, count: int) -> Ids:
 
 def _spelled(items: list[Any], count: int) -> Ids:
     width, data = as_int(items[1], "the width of ids", 1), items[2]
-    # The product is compared before numpy sees the bytes, so the
+    # The product is compared before numpy gets the bytes, so the
     # count cannot be larger than the data.
     if width > LONGEST or not isinstance(data, bytes) or len(data) != width * count:
         raise ProtocolError(f"{count} ids of {width} bytes are {count * width} bytes in all")
@@ -137,7 +137,7 @@ def _numbers(items: list[Any], count: int) -> NDArray[np.int64]:
         first, size = as_int(items[0], "the first of ids"), as_int(items[1], "the count of ids")
         if first + size > np.iinfo(np.int64).max:
             raise ProtocolError(f"ids from {first} on exceed 64 bits")
-        # Made only if the count is right: a few bytes could ask for gigabytes of numbers.
+        # Made only if the count is right: a few bytes could request gigabytes of numbers.
         numbers = np.arange(first, first + size) if size == count else np.empty(0, np.int64)
     if size != count:
         raise ProtocolError(f"{size} ids; expected {count}")

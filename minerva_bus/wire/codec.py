@@ -29,7 +29,7 @@ _RECORD: Final = by_name((m.FrameRecord,))
 
 
 class _Encoders(dict[type[Any], Encode]):
-    """Encoders by type, compiled on first use: no other lookup is faster than a dict."""
+    """Encoders by type, compiled on first use; a dict is the fastest lookup."""
 
     def __missing__(self, message: type[Any]) -> Encode:
         self[message] = message_codec(message).encode
@@ -89,7 +89,7 @@ class Decoder:
     ) -> Any:
         """A message of one of these types; `key` are the values in the key, such as the sender.
 
-        `weighed`: its size is checked against the limits before it is decoded.
+        `weighed`: check its size against the limits before decoding.
         """
         try:
             # A message with fewer bytes than every limit cannot exceed
@@ -99,7 +99,7 @@ class Decoder:
             return self._message(codecs, key, data)
         except (ProtocolError, SceneError):
             raise
-        except Exception as error:  # Invalid data must raise nothing else, whatever reads it.
+        except Exception as error:  # Invalid data must raise nothing else.
             kind = type(error).__name__
             raise ProtocolError(f"it cannot be decoded: {kind}: {error}"[:200]) from error
 

@@ -101,7 +101,7 @@ class ColumnsReader:
         self._vocabulary = vocabulary
         self._limits = limits
         self.rows: int | None = None
-        """Rows of columns that the current message may still have; the decoder sets it."""
+        """Remaining rows of columns allowed in the current message; the decoder sets it."""
 
     def column(self, plain: Any, count: int) -> Column:
         """A column of `count` values."""
@@ -128,15 +128,15 @@ class ColumnsReader:
         if not 1 <= len(levels) <= CHAIN:
             raise ProtocolError(f"columns must have 1 to {CHAIN} levels, not {len(levels)}")
         made: Columns | None = None
-        # From the inside to the outside, because each level is made with its scope.
+        # From the inside to the outside, because each level needs its scope.
         for depth in range(len(levels) - 1, -1, -1):
             made = self._level(levels[depth], count, plain[1] if depth == 0 else None, made)
         assert made is not None
         return made
 
     def _count(self, plain: Any) -> int:
-        # Bounded before any column is read: consecutive ids are
-        # three values, however many they are.
+        # Bounded before any column is read: any number of consecutive
+        # ids is only three values.
         count = as_int(plain, "the count of columns", 1)
         if count > self._limits.nodes:
             raise ProtocolError(f"columns of {count} rows, over {self._limits.nodes}")

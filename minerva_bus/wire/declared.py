@@ -89,7 +89,7 @@ def _declared(message: str, of: Field[Any], hint: Any) -> DeclaredField:
 def _encoder(
     wire: Wire, declared: Sequence[DeclaredField], codecs: Mapping[str, FieldCodec]
 ) -> Encode:
-    """An encoder: it reads all attributes in one call, then converts those that are not plain."""
+    """An encoder that reads all attributes in one call and converts those that are not plain."""
     names = [of.name for of in declared if of.travels and not of.host]
     pack, name = msgpack.packb, wire.name
     # A message without items is always the same bytes.
@@ -150,7 +150,7 @@ def _decoder(
         for of, place, read in plan:
             try:
                 values.append(read(reader, plain[place]))
-            # Readers of values do not know the field they read, so the place is added here.
+            # Readers of values do not have the name of the field, so the place is added here.
             except ProtocolError as error:
                 raise _located(error, of) from None
         return make(*key, *values)

@@ -1,8 +1,8 @@
 """Epochs: the number in front of each message that identifies the coordinator.
 
-Each successor of a coordinator has a higher epoch, like a fencing token. A member obeys the highest
-epoch that has greeted it and stamps its replies with it. A coordinator that has been replaced is
-therefore neither obeyed nor answered, and learns that it has a successor.
+Each successor of a coordinator has a higher epoch, like a fencing token. A member follows the
+highest epoch that has greeted it and stamps its replies with it. It therefore ignores a coordinator
+that has been replaced, and that coordinator detects its successor.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from minerva_bus.errors import ProtocolError
 from minerva_bus.wire.plain import pack
 
 _ARRAY: Final = (0x90, 0x9F)
-"""The first byte of a short MessagePack list, as every message is one."""
+"""Range of the first byte of a short MessagePack list, which every message is."""
 
 _WIDTHS: Final = {0xCC: ">B", 0xCD: ">H", 0xCE: ">I", 0xCF: ">Q"}
 

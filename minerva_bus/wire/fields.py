@@ -1,7 +1,7 @@
 """Codecs of message fields, by declared type.
 
-`_CODECS` has an entry for each type that a message may declare: how to write values as plain data,
-how to read and check them, and the name of the type in PROTOCOL.md.
+`_CODECS` has an entry for each type that a message may declare: functions that write values as
+plain data and that read and check them, and the name of the type in PROTOCOL.md.
 """
 
 from __future__ import annotations

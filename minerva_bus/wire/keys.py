@@ -68,7 +68,7 @@ class Keys:
     def kind(self, key: str) -> str:
         """The part of a key after the world, such as `from`; empty for keys of other worlds."""
         root, world, kind, *_ = [*key.split("/", 3), "", ""]
-        # Keys of attempts may contain anything; only known kinds are counted separately.
+        # Keys of rejected messages may contain anything; only known kinds are counted separately.
         return kind if (root, world) == (ROOT, self.world) and kind in _KINDS else ""
 
     @property
@@ -78,7 +78,7 @@ class Keys:
 
     @property
     def tick(self) -> str:
-        """From the coordinator to the members that are asked in every frame."""
+        """From the coordinator to the members that receive the tick of every frame."""
         return f"{self.base}/tick"
 
     @property

@@ -23,7 +23,7 @@ class Configurable:
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """Limits of the protocol; a member that sends a message over a limit is refused.
+    """Limits of the protocol; a member that sends a message over a limit is rejected.
 
     A *value* is one item of MessagePack: a list, map, number, text, binary or extension. A column
     is one or a few values, whatever its number of rows. The limits apply to messages of members;
@@ -51,8 +51,8 @@ class Limits:
     nodes: Annotated[int, Note("symbols of a string; rows of columns")] = 5_000_000
     # Scopes are read without recursion, so this is far beyond Python's own limit.
     depth: Annotated[int, Note("nesting of the scopes of a string")] = 100_000
-    # Beside the limits for bytes and values, because a row of a kind
-    # without attributes takes no byte.
+    # In addition to the limits for bytes and values, because a row of a
+    # kind without attributes takes no byte.
     rows: Annotated[int, Note("rows of all columns of a message")] = 20_000_000
     events: Annotated[
         int, Note("events of a list, including those in columns"), Configurable(1)
@@ -103,7 +103,7 @@ class Limits:
 
 
 def limit_notes() -> Mapping[str, str]:
-    """What each limit counts, by its name."""
+    """Description of the count behind each limit, by its name."""
     return {name: note.text for name, note in _marks(Note).items()}
 
 
@@ -126,7 +126,7 @@ ON_DISK: Final = Limits(
     small_bytes=1 << 31,
     values=1 << 31,
     answer_values=1 << 31,
-    # Lower than on the bus: a file may be of unknown origin, and each item takes memory.
+    # Lower than on the bus: a file may have an unknown origin, and each item takes memory.
     items=16_000_000,
     nodes=50_000_000,
     rows=500_000_000,

@@ -17,7 +17,7 @@ SLICE: Final = 1 << 18
 
 COLLECTED: Final = 1 << 16
 """Messages from this size on are decoded with the garbage collector off: they create many
-containers and no garbage, so that collections would cost time for nothing."""
+containers and no garbage, so collections would only cost time."""
 
 
 def pack(plain: Any) -> bytes:
@@ -62,7 +62,7 @@ def _unpacked(data: bytes) -> Any:
             value = unpacker.unpack()
         except msgpack.OutOfData:
             continue
-        # A second value behind the first would be ignored silently.
+        # A second value after the first would be ignored silently.
         if unpacker.tell() != len(data):
             raise ValueError("data follows the message's end")
         return value
@@ -70,7 +70,7 @@ def _unpacked(data: bytes) -> Any:
 
 
 def on_screen(text: str) -> str:
-    """Text from outside with control characters replaced, so that it cannot steer a terminal."""
+    """Text from outside with control characters replaced, so that it cannot control a terminal."""
     return "".join([char if char.isprintable() or char in "\t\n" else "?" for char in text])
 
 

@@ -92,7 +92,7 @@ def _sweep(robot: str, time: float, items: Sequence[Any]) -> Scan:
     beam_time = as_number(items[5], "the time of a beam")
     path = tuple([_displacement(place) for place in as_list(items[6], "the path of a scan")])
     seconds = [place.seconds for place in path]
-    # Positions between two places are interpolated, which needs distinct ascending times.
+    # Positions between two places are interpolated, which requires distinct ascending times.
     if sorted(set(seconds)) != seconds:
         raise ProtocolError("the seconds of the path of a scan must rise")
     return replace(_scan(robot, time, items), beam_time=beam_time, path=path)

@@ -11,7 +11,7 @@ A string is flat, in reading order, so that its depth costs no recursion:
     event  = [type, values] | [type, values, condition, sender, [receivers]]
            | events                                     a batch of one type (columns.py)
 
-`values` stand in the order of the vocabulary's fields. A matrix is extension 1 (a byte `i` or `r`,
+`values` are in the order of the vocabulary's fields. A matrix is extension 1 (a byte `i` or `r`,
 rows and columns as little-endian uint32, then int16 or float64 values in row order, little
 endian); a string as a value is extension 2 (a packed scene).
 """
@@ -121,7 +121,7 @@ def plain_event_list(events: Sequence[AnyEvent]) -> list[Any]:
 
 
 class Reader:
-    """Reads values by a vocabulary; what it returns is typed, and within the limits.
+    """Reads values by a vocabulary; all results are typed and within the limits.
 
     Raises ProtocolError, and VocabularyError for unknown symbols and wrong types.
     """
@@ -148,7 +148,7 @@ class Reader:
 
     @contextmanager
     def _deeper(self) -> Generator[None]:
-        """Within a list or a string as a value; no deeper than the language allows."""
+        """Enter a list or a string as a value, up to the depth that the language allows."""
         # Values are read recursively, so their nesting must be bounded, unlike that of scopes.
         if self._depth >= DEPTH:
             raise ProtocolError(f"values are nested more than {DEPTH} deep")
@@ -207,7 +207,7 @@ class Reader:
     def _scene(self, flat: list[Any]) -> Scene:
         if not flat:
             raise ProtocolError("a string must begin with its count")
-        # The length is known before any node is made.
+        # The length is checked before any node is made.
         if len(flat) > self.limits.nodes:
             raise ProtocolError(f"a string of {len(flat)} symbols, over {self.limits.nodes}")
         wanted = [as_int(flat[0], "the count of a string")]
@@ -284,7 +284,7 @@ class Reader:
             given = [self.value(item) for item in as_list(plain, f"the values of {owner}")]
             if len(given) != len(fields.names):
                 raise Unfit(f"{owner} has {len(given)} values; expected {len(fields.names)}")
-            # Values are fitted to the declared types here, so whatever is decoded is typed.
+            # Values are fitted to the declared types here, so all decoded values are typed.
             return fields.refit(owner, fields.names, tuple(given))
         except Unfit as unfit:
             raise VocabularyError(str(unfit)[:_MAX_ERROR_CHARS], source="fragment") from None
@@ -306,7 +306,7 @@ class Reader:
             condition, sender = as_text(items[2], "a condition"), as_text(items[3], "a sender")
             self.vocabulary.check_condition(name, condition, "event")
             ids = [self._id(item) for item in as_list(items[4], "receivers")]
-            # Sorted and unique, because equal events must compare equal whichever member sent them.
+            # Sorted and unique, because equal events of different members must compare equal.
             receivers = tuple(sorted(set(ids)))
         if len(given) != len(declared.fields.names):
             wanted = ", ".join(declared.fields.names) or "no data"
@@ -322,7 +322,7 @@ class Reader:
     def events(self, plain: Any) -> tuple[AnyEvent, ...]:
         """Events in order."""
         items = as_list(plain, "events")
-        # The counts that batches claim are added up before any of them is read.
+        # The declared counts of batches are added up before any of them is read.
         count = sum(map(_count, items))
         if count > self.limits.events:
             raise ProtocolError(f"{count} events at once, over {self.limits.events}")
@@ -330,7 +330,7 @@ class Reader:
 
 
 def _count(plain: Any) -> int:
-    """The number of events that an item claims to be."""
+    """The declared number of events of an item."""
     items = cast("list[Any]", plain) if isinstance(plain, list) else []
     return max(1, items[1]) if len(items) == 6 and type(items[1]) is int else 1
 

@@ -28,7 +28,7 @@ from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.wire.plain import as_bool, as_list, as_map, as_number, as_text, as_texts
 
 _MAX_ERROR_CHARS = 300
-# Forms travel by the names of their classes; their measures are the fields in order.
+# Forms are encoded by the names of their classes; their measures are the fields in order.
 _FORMS: dict[str, type[Form]] = {
     form.__name__.lower(): form for form in (Disc, Line, Label, Raster, Motion)
 }

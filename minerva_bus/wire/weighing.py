@@ -1,4 +1,4 @@
-"""Size of a message in values, checked before it is decoded.
+"""Size of a message in values, checked before decoding.
 
 Decoding costs time and memory for each value, a single byte can be a value, and a call of msgpack
 cannot be interrupted. Counting the values is cheap, allocates nothing and stops at the limit.
