@@ -84,7 +84,7 @@ class Tapped:
 
 
 def golden_values(name: str) -> dict[str, str]:
-    """Run a world; return the digest of its string, as `string`, and of its messages by type."""
+    """Run a world; return the digests of its string, as `string`, and of its messages by type."""
     path, overrides = WORLDS[name]
     file = read_world_file(
         ROOT / path if path.endswith(".toml") else find_world(path), Overrides(**overrides)

@@ -81,7 +81,7 @@ def test_a_tour_goes_straight_to_a_marker_that_is_in_view_from_its_first_stop():
 
 
 def test_a_tour_sees_all_of_the_floor():
-    """The path to any marker is therefore at most the tour plus the longest path to it."""
+    """The path to any marker is at most the tour plus the longest path to it."""
     floor = floor_of("pillars", 10.0, 1)
     tour = Tour(floor, (1.0, 1.0, 0.0), RADIUS)
     places = [(x + 0.5, y + 0.5) for x in range(1, 9) for y in range(1, 9)]

@@ -131,7 +131,7 @@ def test_a_beam_without_hit_clears_its_cells():
 
 
 def test_a_beam_without_hit_counts_up_to_a_known_obstacle():
-    """The echo may be missing by error, so the cells behind the obstacle stay unknown."""
+    """A missing return may be an error, so the cells behind the obstacle stay unknown."""
     known = after(robot(), eLaser(0.6, 0.0)).string
     grid = after(known, eClear(1.5, 0.0)).grid
     assert grid[26, 20] == 3

@@ -117,7 +117,7 @@ class Blow:
 
 @st.composite
 def blows(draw, setting, back, most, guests=True):
-    """Members of the world die; guests may also leave in order."""
+    """Members of the world die; guests may also leave gracefully."""
     names = [*setting.members, *(setting.guests if guests else ())]
     leaves = [(g, "leave") for g in setting.guests]
     after = st.integers(0, 200)

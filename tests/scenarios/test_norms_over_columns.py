@@ -158,7 +158,7 @@ def test_all_agents_that_violate_a_norm_in_one_frame_are_sanctioned(held, then):
 
 @both_ways
 def test_a_sanction_follows_once(held):
-    """An agent that crosses the line is fined in the next frame, and only then."""
+    """An agent that crosses the line is fined once, in the next frame."""
     line = Norm(
         "line", when="was.x < 10 and x >= 10", then=Then.SANCTION, sanction=eFine(1, "line")
     )

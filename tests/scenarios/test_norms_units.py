@@ -1,4 +1,4 @@
-"""Judged and sanctioned agents if an agent is inside another one or has just been born."""
+"""Norms on agents inside others and on newborns: the agents judged and sanctioned."""
 
 from street import FINE, eFine
 from test_norms import happened, live, states

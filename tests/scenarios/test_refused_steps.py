@@ -157,7 +157,7 @@ def states(bus):
 
 
 def together(bus, frames):
-    """Run frame by frame; check that bodies are where the agents were when it began."""
+    """Run frame by frame; check that bodies are where agents were when the frame began."""
     bus.start()
     bus.settle()
     first = {who: state["x"] for who, state in states(bus).items()}

@@ -279,7 +279,7 @@ def counted(world, who, before, more):
 
 
 def test_an_honest_world_counts_no_refusal(world, door, keys):
-    """Members of all roles join, leave, are killed and return. It must run first here."""
+    """Members of all roles join, leave, are killed and return. This test must run first."""
     who = ("--connect", door, "--world", world.name, "--keys", "keys/host.pem", "--name", "host")
     with (
         Joined(world, door, keys.credentials("sensor"), yard.Noise()),

@@ -1,6 +1,6 @@
 """Attacks on a real world by real sessions that request more than they are allowed.
 
-All attempts are rejected, reported with a name and a reason, and counted; the frames are the same.
+All attempts are rejected, reported with a name and a reason, and counted; no frame is affected.
 """
 
 import socket
