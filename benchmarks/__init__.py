@@ -1,1 +1,1 @@
-"""Measurements, run by hand; never part of the tests."""
+"""Benchmarks and long checks that are run manually and are not part of the tests."""

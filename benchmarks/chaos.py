@@ -1,15 +1,15 @@
-"""Everything goes wrong, and the string is the same: a world under random faults, for minutes.
+"""A world under random faults for some minutes gives the same string as without faults.
 
     python -m benchmarks.chaos [--minutes 10] [--seed 1] [--rate 20] [--folder FOLDER]
 
-Eight processes run 200 ants (benchmarks/models/colony.py), which are born and die. By the seed, at
-random moments: members and the coordinator are killed (SIGKILL) or frozen for a while (SIGSTOP,
-SIGCONT), hosts come from outside, some through a proxy that delays what passes, and leave, are
-killed or emptied; the world is paused. All the while somebody says again, late, what members and
-the coordinator have said. In the end the string must have the digest of a run that nobody
-disturbed, and the two records must have the same events in every frame: exit code 0, or 1.
+Eight processes run 200 ants (benchmarks/models/colony.py), which are born and die. At random times,
+members and the coordinator are killed (SIGKILL) or frozen for a while (SIGSTOP, SIGCONT); external
+hosts join, some of them through a proxy that delays the traffic, and leave, are killed or drained;
+the world is paused. Meanwhile another client replays messages of members and the coordinator with a
+delay. At the end the string must have the digest of an undisturbed run, and the two records must
+have the same events in every frame. The exit code is 0 if so, otherwise 1.
 
-The same seed makes the same faults in the same order; the moments are the machine's.
+The seed determines the faults and their order; their exact times depend on the machine.
 """
 
 from __future__ import annotations
@@ -59,11 +59,11 @@ PROCESSES = {
 }
 MOST_GUESTS = 3
 LAST_WORDS = 60
-"""Lines of each log that are printed where something does not happen in time."""
+"""Number of lines printed from the end of each log after a time-out."""
 
 
 class Proxy:
-    """A way to an endpoint on which everything takes a while, and keeps its order."""
+    """A TCP proxy that delays all data and keeps their order."""
 
     def __init__(self, port: int, delay: Callable[[], float]) -> None:
         self._port, self._delay = port, delay
@@ -92,7 +92,7 @@ class Proxy:
 
 
 class Parrot:
-    """Says again, a little later, what is said on the bus."""
+    """Replays messages on the bus after a short delay."""
 
     def __init__(self, endpoint: str, chance: Random) -> None:
         self.said = 0
@@ -104,7 +104,7 @@ class Parrot:
 
     def _hear(self, sample: object) -> None:
         key, data = str(sample.key_expr), sample.payload.to_bytes()  # type: ignore[attr-defined]
-        if self._mine[data] > 0:  # its own voice
+        if self._mine[data] > 0:  # a replayed message
             self._mine[data] -= 1
             return
         if len(data) < 20000 and b"emitted" not in data[:16] and self._chance.random() < 0.1:
@@ -121,7 +121,7 @@ class Parrot:
 
 
 class Chaos:
-    """A world that runs, and all that is done to it."""
+    """A running world, and the faults that are injected into it."""
 
     def __init__(self, folder: Path, seed: int, rate: float) -> None:
         self.folder, self.seed, self.rate = folder, seed, rate
@@ -150,7 +150,7 @@ class Chaos:
         _until(lambda: self.frame() > 3, "frames go by")
         self.parrot = Parrot(self.endpoint, Random(self.seed))
 
-    # --- asking ---
+    # --- queries ---
 
     @contextmanager
     def asked(self) -> Iterator[Client]:
@@ -165,7 +165,7 @@ class Chaos:
             return -1
 
     def pids(self) -> dict[str, int]:
-        """Who runs here, by name; empty where nobody answers now."""
+        """Process ids by name; empty if the coordinator does not answer."""
         try:
             with self.asked() as asked:
                 members = asked.operator.status().members
@@ -179,7 +179,7 @@ class Chaos:
             pids["coordinator"] = others.pop()
         return {name: pid for name, pid in pids.items() if name not in self.guests}
 
-    # --- what is done ---
+    # --- faults ---
 
     def disturb(self) -> None:
         deeds = {
@@ -265,7 +265,7 @@ class Chaos:
     # --- the end ---
 
     def end(self) -> dict[str, object]:
-        """Let it come to rest, and stop it; its summary."""
+        """Wait until frames advance without faults, and stop the world; returns its summary."""
         self.parrot.close()
         frame = self.frame()
         _until(lambda: self.frame() > frame + 3, "frames go on in the end", 60.0)
@@ -277,7 +277,7 @@ class Chaos:
         return json.loads(out)
 
     def tell_last_words(self) -> None:
-        """Print what was done last, and what the world said to it."""
+        """Print the last faults and the last log lines of the world."""
         for name in ("chaos.log", "run.log"):
             lines = (self.folder / name).read_text(errors="replace").splitlines()
             print(f"--- {name} ---", *lines[-LAST_WORDS:], sep="\n")
@@ -285,7 +285,7 @@ class Chaos:
             print("--- status ---", asked.operator.status(), sep="\n")
 
     def close(self) -> None:
-        """Nothing of it is left."""
+        """Kill all remaining processes."""
         for guest in self.guests.values():
             guest.kill()
         pids = _children(self.launcher.pid)
@@ -325,7 +325,7 @@ def _until(what: Callable[[], bool], why: str, patience: float = 40.0) -> None:
 
 
 def undisturbed(chaos: Chaos, frames: int) -> dict[str, object]:
-    """The summary of a run of so many frames in one process, which is recorded, too."""
+    """The summary of a recorded run of `frames` frames in one process."""
     words = [
         "run", chaos.world, "--in-process", "--frames", frames,
         "--record", chaos.folder / "undisturbed.mcap", "--json",
@@ -337,7 +337,7 @@ def undisturbed(chaos: Chaos, frames: int) -> dict[str, object]:
 
 
 def same_events(chaos: Chaos) -> str:
-    """How the two records differ; the empty text where they do not."""
+    """Differences between the two records, or an empty string."""
     words = ["diff", chaos.folder / "undisturbed.mcap", chaos.folder / "chaos.mcap"]
     done = subprocess.run(
         [*MINERVA, *map(str, words)],

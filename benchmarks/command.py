@@ -1,4 +1,4 @@
-"""Command line of a benchmark: its options, and its results as aligned text or lines of JSON."""
+"""Command line of a benchmark: options, and results as aligned text or lines of JSON."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from typing import Any
 
 @dataclass(frozen=True, slots=True)
 class Option:
-    """An option with its default, its help text and, where only some are allowed, its values."""
+    """An option with its default, its help text and, if restricted, its allowed values."""
 
     default: Any
     help: str = ""
@@ -51,10 +51,10 @@ def options(
 
 
 class Table:
-    """Prints one row after another, and their titles unless `as_json`.
+    """Prints the column titles, unless `as_json`, and then one row at a time.
 
-    `columns` has the format of each column by its title, such as `{"µs": ">8.0f"}`.
-    The width of a column is that of its format.
+    `columns` maps the title of each column to its format, such as `{"µs": ">8.0f"}`. The width of a
+    column is that of its format.
     """
 
     def __init__(self, columns: Mapping[str, str], *, as_json: bool) -> None:

@@ -1,18 +1,18 @@
-"""How far a robot drives to find a marker on a floor that it has never seen.
+"""Distance that a robot drives to find a marker on an unknown floor.
 
     python -m benchmarks.exploration [--json] [--seeds 1,2] [--held-out 11,12] [--noise]
                                      [--strategy astar|nearest|random] [--only NAME] [--large]
                                      [--check] [--jobs 2]
 
-Each floor is explored for two markers: the one farthest away, as `minerva run robot --map` takes
-it, and another one. `ratio` is the distance driven over the length of the shortest path on the true
-map for a disc of the robot's radius, by moves to eight neighbours. A run goes on until the robot is
-there or gives up by eUnreachable, which is `reported`; its patience alone ends it. `tour` is the
-same ratio for a robot that knows the map, but not where the marker is, and drives a tour on which
-it sees all of the floor. It is absent on floors that are too large for it.
+Each floor is explored for two markers: the farthest one, which `minerva run robot --map` selects,
+and another one. `ratio` is the driven distance divided by the length of the shortest path on the
+true map, with moves to eight neighbours, for a disc of the robot's radius. A run ends when the
+robot arrives or gives up with eUnreachable (`reported`); only its own patience limits the search.
+`tour` is the same ratio for a robot that knows the map, but not the marker, and drives a tour with
+a view of the complete floor. It is omitted for floors that are too large.
 
-Seeds are for floors that the strategy was tuned on, held-out ones for floors that it was not. Halls
-of different seeds differ in the start alone. `--check` runs the floors in the whole world as well.
+The strategy is tuned on the floors of --seeds and not on those of --held-out. Halls of different
+seeds differ only in the start. `--check` also runs the floors in the complete world.
 """
 
 from __future__ import annotations
@@ -46,17 +46,17 @@ from minerva_bus.grammar.scene import agents
 
 RADIUS, SPEED = 0.18, 0.8
 MOST_FRAMES = 1_000_000
-"""More than the patience of any robot: a run that comes so far is neither reached nor reported."""
+"""Beyond the patience of any robot: a run of this length is neither reached nor reported."""
 
 LARGEST_TOUR_M = 40.0
-"""Metres, the longest side of floors for which the tour takes seconds and not minutes."""
+"""Longest side in metres of floors for which the tour takes seconds rather than minutes."""
 
 NOISE = Noise(laser=0.02, dropout=0.02, drive=0.02)
 
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """A run to be made."""
+    """Parameters of a run."""
 
     named: Named
     start: MapPose
@@ -68,7 +68,7 @@ class Task:
 
 @dataclass(frozen=True, slots=True)
 class Result:
-    """What came of it; metres and seconds."""
+    """Result of a run, in metres and seconds."""
 
     map: str
     marker: str
@@ -88,7 +88,7 @@ class Result:
 
 
 def tasks(floors: Iterator[Named], noises: Sequence[Noise], strategy: str) -> Iterator[Task]:
-    """The farthest marker on each floor, and another one."""
+    """Runs for the farthest marker on each floor, and for another one."""
     for named in floors:
         start = named.floor.start or roomiest(named.floor, RADIUS)
         places = named.floor.markers or spread(named.floor, 4, RADIUS, start)
@@ -99,7 +99,7 @@ def tasks(floors: Iterator[Named], noises: Sequence[Noise], strategy: str) -> It
 
 
 def _shortest(floor: OccupancyMap, start: MapPose, marker: Marker) -> float | None:
-    """The length of the shortest path for a disc on the true map, in metres; None without one."""
+    """Length in metres of the shortest path for a disc on the true map, or None."""
     solid = np.pad(floor.obstacles, 1, constant_values=True)
     closed = (clearance(solid) <= RADIUS / floor.resolution)[1:-1, 1:-1]
     ends = floor.cell_at(start[0], start[1]), floor.cell_at(marker.x, marker.y)
@@ -108,7 +108,7 @@ def _shortest(floor: OccupancyMap, start: MapPose, marker: Marker) -> float | No
 
 
 def run(task: Task) -> Result:
-    """Make a run."""
+    """Execute a run."""
     use(task.strategy)
     with tempfile.TemporaryDirectory() as folder:
         options = _options(task, Path(folder))
@@ -138,7 +138,7 @@ def run(task: Task) -> Result:
 
 
 def _ratio(metres: float, task: Task) -> float | None:
-    """The ratio to the shortest path, None where there is none."""
+    """Ratio to the shortest path, or None without a path."""
     return round(metres / task.shortest, 3) if task.shortest else None
 
 
@@ -161,7 +161,7 @@ def _floor(name: str, floor: OccupancyMap) -> Floor:
 
 
 def _options(task: Task, folder: Path) -> dict[str, Any]:
-    """The options of the robot's world for a task; its map goes into a folder."""
+    """Options of the robot's world for a task; writes the map into a folder."""
     floor = task.named.floor
     cells = np.select([floor.cells == 0, floor.cells == 100], [254, 0], 205).astype(np.uint8)
     picture = cells.T[::-1]
@@ -186,7 +186,7 @@ def _options(task: Task, folder: Path) -> dict[str, Any]:
 
 
 def in_world(task: Task) -> dict[str, Any]:
-    """The same run by `minerva run robot`: frames, metres, whether it was reached."""
+    """The same run with `minerva run robot`: frames, distance in metres, and success."""
     with tempfile.TemporaryDirectory() as folder:
         options = _options(task, Path(folder))
         place = f"{{{task.marker.name} = [{task.marker.x}, {task.marker.y}]}}"
@@ -201,7 +201,7 @@ def in_world(task: Task) -> dict[str, Any]:
 
 
 def summary(results: Sequence[Result]) -> dict[str, Any]:
-    """What the runs have in common."""
+    """Aggregated results of some runs."""
     ratios = [result.ratio for result in results if result.reached and result.ratio is not None]
     tours = [result.tour for result in results if result.tour is not None]
     metres = math.fsum(result.metres for result in results if result.shortest)

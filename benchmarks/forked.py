@@ -1,4 +1,4 @@
-"""Processes of a benchmark: forked members, the coordinator beside them, and other commands."""
+"""Processes of benchmarks: forked members, their coordinator, and external commands."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ END_SECONDS = 10.0
 
 
 def forked(body: Callable[[], int | None]) -> int:
-    """Run a function in a forked process; return its id. The result is the exit code."""
+    """Run a function in a forked process; returns its id. The result is the exit code."""
     child = os.fork()
     if child:
         return child
@@ -60,7 +60,7 @@ class Members:
             os.close(pipe)
 
     def failed(self) -> list[str]:
-        """Members that have ended with a failure since the last call."""
+        """Members that have failed since the last call."""
         ended = {name: os.waitpid(pid, os.WNOHANG) for name, pid in self.pids.items()}
         for name, (pid, _) in ended.items():
             if pid:
@@ -68,7 +68,7 @@ class Members:
         return [name for name, (pid, status) in ended.items() if pid and status]
 
     def wait(self) -> None:
-        """Wait until all have ended; name and kill those that take too long."""
+        """Wait until all have ended; report and kill those that exceed the time-out."""
         until = time.monotonic() + END_SECONDS
         self.failed()
         while self.pids and time.monotonic() < until:
@@ -118,7 +118,7 @@ def coordinator(
 def answered(
     words: Sequence[str | Path], folder: Path | None = None, timeout: float = 600.0
 ) -> Any | str:
-    """The last line of JSON that a command prints, or as a text why there is none."""
+    """The last line of JSON in a command's output, or a text with the reason for its absence."""
     try:
         done = subprocess.run(
             words, cwd=folder, capture_output=True, text=True, timeout=timeout, check=False
@@ -132,7 +132,7 @@ def answered(
 
 
 def task(module: str, *words: object) -> Any:
-    """The result of a benchmark's own `--task`, in a new process; exits where it fails."""
+    """The result of a benchmark's `--task` in a new process; exits on failure."""
     result = answered([sys.executable, "-m", module, "--task", *map(str, words)])
     if isinstance(result, str):
         sys.exit(f"{' '.join(map(str, words))}: {result}")

@@ -1,9 +1,9 @@
-"""What a frame of an empty lockstep costs a source tree: CPU time and function calls per frame.
+"""CPU time and function calls per frame of an empty lockstep, for a given source tree.
 
     PYTHON benchmarks/frame_cost.py TREE WORKERS STEPS [--calls]
 
-Runs the tree's own `benchmarks.lockstep` in this process and imports nothing else of it, so that
-trees whose modules have other names can be measured, too. Prints one line of JSON.
+Runs the tree's own `benchmarks.lockstep` in this process and imports nothing else from it, so that
+trees with different module names can be measured too. Prints one line of JSON.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ from typing import Any
 
 
 class Samples:
-    """Times at the end of each frame, in one thread; with `calls`, function calls instead.
+    """Times at the end of each frame in one thread, or with `calls` the function calls.
 
-    `call` is called once per frame. The profiler would make the times useless, so that one run
-    gives either the one or the other.
+    `call` is called once per frame. The profiler distorts times, so a run measures only one of the
+    two.
     """
 
     def __init__(self, skip: int, calls: bool) -> None:
@@ -47,7 +47,7 @@ class Samples:
             self._profile.disable()
             entries: list[Any] = self._profile.getstats()
             calls = sum(entry.callcount for entry in entries)
-            # Two to four of these calls are those of `call` itself.
+            # Two to four of these calls are from `call` itself.
             return {"calls": calls / max(1, self.count - self._skip)}
         wall, cpu = zip(*self._times, strict=True)
         return {"us_wall": _median_step(wall), "us_cpu": _median_step(cpu)}
@@ -58,7 +58,7 @@ def _median_step(times: tuple[float, ...]) -> float:
 
 
 def measure(workers: int, steps: int, calls: bool) -> dict[str, float]:
-    """Figures of the coordinator and, prefixed with `member_`, of one member."""
+    """Costs of the coordinator and, with the prefix `member_`, of one member."""
     lockstep: Any = importlib.import_module("benchmarks.lockstep")
     warm_up: int = lockstep.WARM_UP
     coordinator = Samples(warm_up, calls)
@@ -80,7 +80,7 @@ def measure(workers: int, steps: int, calls: bool) -> dict[str, float]:
         made.service.reports = name.endswith("-0")
         return made
 
-    # The benchmark reads its clock at its start, and then once at the end of each frame.
+    # The benchmark reads its clock at the start, and then once at the end of each frame.
     lockstep.time = SimpleNamespace(perf_counter=end_of_frame)
     plain_idle, lockstep.idle = lockstep.idle, idle
     lockstep.Idle.generate = generate

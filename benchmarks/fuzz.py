@@ -1,11 +1,11 @@
-"""Readers of what comes from outside, against inputs made to break them.
+"""Fuzz the readers of external input.
 
     python -m benchmarks.fuzz --seconds 60 [--target NAME ...] [--seed 1] [--keep FOLDER]
 
-The seconds are shared among the targets (tests/fuzz/targets.py), each in a process of its own that
-Atheris steers by the branches which an input takes, from tests/fuzz/corpus on. It fails where a
-reader raises what it has not declared, takes longer than 10 s for one input or more than 2 GB; what
-did it is kept in the folder, and belongs into the corpus once it is mended.
+The time is divided among the targets (tests/fuzz/targets.py). Each runs in a separate process, in
+which Atheris mutates the inputs of tests/fuzz/corpus guided by branch coverage. A target fails if a
+reader raises an undeclared error, takes longer than 10 s for one input, or uses more than 2 GB. The
+folder keeps the failing input; add it to the corpus when the reader is fixed.
 """
 
 from __future__ import annotations
@@ -28,18 +28,18 @@ except ImportError:
     raise SystemExit("fuzzing takes Atheris: pip install atheris (Linux)") from None
 
 OURS = ["minerva_bus", "minerva_services", "minerva_agents", "pynmea2"]
-with redirect_stderr(StringIO()), atheris.instrument_imports(include=OURS):  # It tells of each.
+with redirect_stderr(StringIO()), atheris.instrument_imports(include=OURS):  # Hide its progress.
     from tests.fuzz.targets import TARGETS, Target
 
 CORPUS = Path(__file__).resolve().parent.parent / "tests" / "fuzz" / "corpus"
 MEMORY = 2 << 30
 SECONDS_OF_ONE = 10
 ROUND = 60.0
-"""Seconds of one process: what Atheris loses of numpy's comparisons would fill the memory."""
+"""Seconds per process: Atheris leaks memory with numpy's comparisons."""
 
 
 def inside(target: Target, words: list[str], log: Path) -> NoReturn:
-    """Fuzz one target in this process, a child, which Atheris ends."""
+    """Fuzz one target in this child process, which Atheris ends."""
     with log.open("w") as said:
         for stream in (1, 2):
             os.dup2(said.fileno(), stream)
@@ -50,7 +50,7 @@ def inside(target: Target, words: list[str], log: Path) -> NoReturn:
 
 
 def fuzz(name: str, seconds: float, seed: int, keep: Path) -> bool:
-    """Fuzz one target, in a process of its own for each round; whether nothing was found."""
+    """Fuzz one target, with a new process for each round; returns whether it passed."""
     log, tried, peak, status = keep / f"{name}.log", 0, 0, 0
     began = time.monotonic()
     with tempfile.TemporaryDirectory() as grown:
@@ -67,7 +67,7 @@ def fuzz(name: str, seconds: float, seed: int, keep: Path) -> bool:
 
 
 def a_round(name: str, seconds: float, seed: int, keep: Path, grown: str) -> int:
-    """Go on from what the rounds before have `grown`; 0 where nothing was found."""
+    """Continue from the inputs in `grown` of earlier rounds; returns 0 if the target passed."""
     words = [
         grown, str(CORPUS / name), f"-max_total_time={max(1, round(seconds))}",
         f"-seed={seed}", f"-timeout={SECONDS_OF_ONE}", f"-artifact_prefix={keep}/{name}-",
@@ -80,7 +80,7 @@ def a_round(name: str, seconds: float, seed: int, keep: Path, grown: str) -> int
 
 
 def _finding(said: str) -> str:
-    """What went wrong, of all that is said."""
+    """The error report in Atheris's output."""
     crash = re.search(r"=== Uncaught.*?\n\n|^==\d+== ERROR.*?$|ALARM.*?$", said, re.S | re.M)
     return crash[0] if crash else said[-400:]
 

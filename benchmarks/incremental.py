@@ -1,18 +1,18 @@
-"""How long a frame takes where most of the string stands still.
+"""Frame time when most of the string does not change.
 
     python -m benchmarks.incremental [--what figures separate idle bytes] [--sizes 1000 ...]
         [--in-process] [--digest] [--plot FILE] [--json]
 
-Ten agents walk in every frame. Beside them stand:
+Ten agents move in every frame. The rest of the string is one of:
 
-    figures    so many primitives of one kind, one after another
-    separate   so many primitives of two kinds by turns, so that they are no columns
-    idle       so many agents of a kind that no event addresses
-    bytes      one primitive with a matrix of so many bytes
+    figures    `size` primitives of one kind in sequence
+    separate   `size` primitives of two alternating kinds, which cannot be columns
+    idle       `size` agents of a kind that no event addresses
+    bytes      one primitive with a matrix of `size` bytes
 
-Nothing of that changes, so that a frame should take as long as with few of it. A row is the median
-of the frames of some turns; its ratio is to the smallest size, from turns taken by turns within
-this one run.
+The rest does not change, so a frame should take as long as with a small string. A row is the median
+over the frames of some turns. Its ratio is to the smallest size; the sizes alternate within this
+one run.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ COLUMNS: Final = {
     "ratio": ">6.2f",
 }
 LARGEST: Final = {"separate": 100_000}
-"""Where more would say nothing new and take long to begin."""
+"""Maximum sizes: larger ones take long to start and give no new information."""
 
 PDot = Primitive("PDot", size=float)
 PBox = Primitive("PBox", size=float)
@@ -60,7 +60,7 @@ PMap = Primitive("PMap", cells=Cells)
 
 
 class Walker(Agent, symbol="AWalker"):
-    """Goes on and on."""
+    """Moves in every frame."""
 
     x: float = 0.0
 
@@ -70,7 +70,7 @@ class Walker(Agent, symbol="AWalker"):
 
 
 class Stone(Agent, symbol="AStone"):
-    """Nothing concerns it."""
+    """Processes no events."""
 
     x: float = 0.0
     y: float = 0.0
@@ -91,7 +91,7 @@ class Row:
 
 
 def still(what: str, size: int) -> Scene:
-    """What stands beside the agents."""
+    """The unchanging part of the string."""
     sizes = np.arange(size) / 8
     if what == "figures":
         return PDot(size=sizes)
@@ -100,12 +100,12 @@ def still(what: str, size: int) -> Scene:
         return Scene((dot + box) * (size // 2))
     if what == "idle":
         return Stone.many("s", size, x=sizes, y=sizes)
-    side = max(1, round((size / 2) ** 0.5))  # cells of two bytes
+    side = max(1, round((size / 2) ** 0.5))  # two bytes per cell
     return PMap(np.zeros((side, side), np.int16))
 
 
 def world(what: str, size: int, frames: int) -> World:
-    """Ten walkers and much that stands still."""
+    """A world of ten walkers and an unchanging part."""
     walkers = Scene(tuple([Walker(f"w{n}", x=float(n)).string.pieces[0] for n in range(ACTIVE)]))
     return World(
         "incremental",
@@ -155,20 +155,20 @@ def in_process(what: str, size: int, frames: int, digest: bool = False) -> list[
 
 
 def microseconds(times: list[float]) -> list[float]:
-    """How long each frame after the first ones has taken."""
+    """Durations of the frames after the warm-up."""
     late = times[WARM_UP - 1 :]
     return [1e6 * (b - a) for a, b in pairwise(late)]
 
 
 def measured(what: str, size: int, arguments: argparse.Namespace) -> list[float]:
-    """The frames of one turn, in a process of its own."""
+    """Durations of the frames of one turn, in a separate process."""
     way = "in-process" if arguments.in_process else "bus"
     way = "digest" if arguments.digest else way
     return task("benchmarks.incremental", way, what, size, arguments.frames)
 
 
 def rows_of(what: str, arguments: argparse.Namespace) -> list[Row]:
-    """All sizes of one thing, by turns."""
+    """The rows of all sizes of one variant, measured in alternating turns."""
     sizes = [size for size in arguments.sizes if size <= LARGEST.get(what, size)]
     frames: dict[int, list[list[float]]] = {size: [] for size in sizes}
     for _, size in product(range(arguments.turns), sizes):
@@ -214,7 +214,7 @@ def main(words: Sequence[str]) -> None:
 
 
 def turn(way: str, what: str, size: str, frames: str) -> list[float]:
-    """One turn."""
+    """Frame durations of one turn."""
     if way == "bus":
         return on_bus(what, int(size), int(frames))
     return in_process(what, int(size), int(frames), way == "digest")

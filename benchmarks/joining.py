@@ -1,10 +1,10 @@
-"""Milliseconds until a new host of agents serves, while the world runs.
+"""Milliseconds until a new host of agents serves in a running world.
 
     python -m benchmarks.joining [--agents 10000] [--rate 30] [--turns 5] [--json]
 
-A world of walkers runs with one host; then another one is attached, by a command of its own.
-`joined` is from the command's start until the member takes part, `serves` until it has answered for
-agents in a frame, `left` from its being told to go until others have its agents.
+A world of walkers runs with one host; then a command attaches another one. `joined` is the time
+from the start of the command until the member is present, `serves` until it has evolved agents in a
+frame, and `left` the time from SIGTERM until other hosts have its agents.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ def scene(options):
 
 
 def when(look: Callable[[], bool]) -> float:
-    """Wait until something holds; the time."""
+    """Wait until a condition is true; returns the time."""
     until = time.perf_counter() + PATIENCE
     while not look():
         if time.perf_counter() > until:
@@ -59,7 +59,7 @@ def when(look: Callable[[], bool]) -> float:
 
 
 def newcomer(asked: Client) -> MemberStatus | None:
-    """The new host, where it takes part."""
+    """The status of the new host if it is present, else None."""
     members = asked.operator.status().members
     return next(
         (member for member in members if (member.name, member.state) == (HOST, "present")), None
@@ -67,7 +67,7 @@ def newcomer(asked: Client) -> MemberStatus | None:
 
 
 def turn(asked: Client, endpoint: str, environment: dict[str, str]) -> dict[str, float]:
-    """One host comes, serves and goes; milliseconds."""
+    """One host joins, serves and leaves; durations in milliseconds."""
     words = [*MINERVA, "attach", "benchmarks.models.plain:Walker", "--name", HOST]
     began = time.perf_counter()
     host = subprocess.Popen(
@@ -93,7 +93,7 @@ def turn(asked: Client, endpoint: str, environment: dict[str, str]) -> dict[str,
 
 
 def measure(agents: int, rate: float, turns: int) -> list[dict[str, float]]:
-    """Some turns in one running world."""
+    """Durations of some turns in one running world."""
     with tempfile.TemporaryDirectory() as folder:
         Path(folder, "walkers.py").write_text(MODULE.format(agents=agents))
         world = Path(folder, "walkers.toml")

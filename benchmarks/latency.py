@@ -1,13 +1,13 @@
-"""Microseconds from an event to the view that shows it, on a world at rest, beside bare Zenoh.
+"""Microseconds from an event to its view in an idle world, compared with bare Zenoh.
 
     python -m benchmarks.latency [--events 500] [--turns 3] [--json]
 
-A free-running generator emits one event; a device, which nothing else shows anything, notes when
-the view is there. `view`: the event is a visual one, so the view is of the same frame: generator,
-coordinator, host, coordinator, device. `change`: the event changes an agent, which asks to be
-shown; the view is of the next frame, and the host is asked twice. `zenoh`: a message of 100 bytes
-through a hub in Python, generator to hub to device, and nothing else. Each has processes of its
-own; the machine's one monotonic clock is read at both ends.
+A free-running generator emits one event, and a device records the arrival of the view that results
+from it. `view`: the event is visual, so the view is from the same frame; the path is generator,
+coordinator, host, coordinator, device. `change`: the event changes an agent, which emits a visual
+event; the view is from the next frame, with two requests to the host. `zenoh`: a message of 100
+bytes goes through a hub in Python, from generator to hub to device. Each runs in separate
+processes; both ends read the machine's monotonic clock.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ eShow = EventType("eShow", visual=True)
 
 
 class Touched(Agent, symbol="ATouched"):
-    """An agent that counts, and asks to be shown."""
+    """An agent that counts its events and requests a view after each."""
 
     times: int = 0
 
@@ -71,7 +71,7 @@ class Touched(Agent, symbol="ATouched"):
 
 
 class Finger(Generator, events=("eTouch", "eShow"), lockstep=False):
-    """Emits when it is told to through a pipe, and says when it did."""
+    """Emits an event on request through a pipe, and reports the time."""
 
     def __init__(self, event: EventType, delivered: int, stamps: int) -> None:
         self.event, self.told, self.stamps = event, delivered, stamps
@@ -83,7 +83,7 @@ class Finger(Generator, events=("eTouch", "eShow"), lockstep=False):
 
 
 class Eye(Device, draws=("eShow",)):
-    """Says through a pipe when it has seen a view."""
+    """Reports the time of each view through a pipe."""
 
     def __init__(self, stamps: int) -> None:
         self.stamps = stamps
@@ -96,7 +96,7 @@ VOCABULARY = Vocabulary.of(PTouched, eTouch, eShow, Touched)
 
 
 class Pipes:
-    """Who tells whom: the driver the finger; finger and eye the driver; the hub the others."""
+    """Pipes between processes: requests, times of events and views, endpoints and readiness."""
 
     def __init__(self, others: int) -> None:
         self.told, self.tell = os.pipe()
@@ -113,7 +113,7 @@ class Pipes:
         return os.read(self.endpoints[number][0], 1000).decode()
 
     def drive(self, events: int) -> list[float]:
-        """One event after another; µs from each to its view."""
+        """Trigger one event at a time; returns the µs from each to its view."""
         os.read(self.ready, 1)
         delays: list[float] = []
         for _ in range(WARM_UP + events):
@@ -126,7 +126,7 @@ class Pipes:
 
 
 def minerva(event: EventType, events: int) -> list[float]:
-    """Our own: a world of one agent, a finger and an eye."""
+    """Latencies of a world with one agent, a `Finger` and an `Eye`."""
     pipes = Pipes(3)
     members = [
         Member("finger", Finger(event, pipes.told, pipes.emits)),
@@ -153,7 +153,7 @@ def coordinate(pipes: Pipes, names: list[str]) -> None:
 
 
 def bare(events: int) -> list[float]:
-    """Two hops of Zenoh."""
+    """Latencies of two hops of Zenoh."""
     pipes = Pipes(2)
     children = [
         forked(lambda: finger(pipes)),
@@ -196,7 +196,7 @@ def hub(pipes: Pipes) -> None:
 
 
 def driven(pipes: Pipes, children: list[int], events: int) -> list[float]:
-    """Drive some processes, and end them."""
+    """Drive the processes and kill them at the end."""
     try:
         return pipes.drive(events)
     finally:
@@ -213,7 +213,7 @@ SYSTEMS: dict[str, Callable[[int], list[float]]] = {
 
 
 def measured(system: str, events: int) -> list[float]:
-    """One system in a process of its own, which forks before it opens anything."""
+    """Latencies of one system; a separate process forks the others before it opens a session."""
     read, write = os.pipe()
 
     def body() -> None:

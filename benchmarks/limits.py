@@ -1,17 +1,18 @@
-"""What the largest allowed message of each type costs the others, over real Zenoh.
+"""Costs of the largest allowed message of each type for the other members, over real Zenoh.
 
     python -m benchmarks.limits [--only NAME ...] [--repeat 3] [--json]
 
-A world runs 20 frames a second: a lockstep generator, a host of 200 agents, an observer's question
-every 20 ms. A member that knows nothing but the protocol joins, sends the largest message of a type
-that the limits allow, or a flood, and goes. Measured are, against the second before:
+A world runs 20 frames per second with a lockstep generator, a host of 200 agents, and an observer
+that sends a query every 20 ms. A member that implements only the protocol joins, sends the largest
+message of a type within the limits, or a flood of messages, and leaves. The metrics are relative to
+the second before the message:
 
-frame    by how many ms the longest frame was late, from when the message had been sent
-path     the CPU time of the coordinator's main thread in a frame, ms, at most: where a machine has
-         other work it says what `frame` would be on an idle one, but for the hosts' part of it
-silence  the longest that a question waited for its answer, ms
+frame    maximum delay of a frame after the message, in ms
+path     maximum CPU time of the coordinator's main thread per frame, in ms: an estimate of `frame`
+         on an idle machine, without the share of the hosts
+silence  longest response time of a query, in ms
 
-Beside them stands how long the same message takes to decode alone. Medians of the repetitions.
+`decode` is the time to decode the message on its own. All values are medians of the repetitions.
 """
 
 from __future__ import annotations
@@ -56,7 +57,7 @@ eShow = EventType("eShow", visual=True)
 
 
 class Fox(Agent, symbol="AFox"):
-    """Has something to do in every frame."""
+    """An agent that processes an event in every frame."""
 
     x: float = 0.0
     name: str = ""
@@ -67,7 +68,7 @@ class Fox(Agent, symbol="AFox"):
 
 
 class Steps(Generator, events=("eStep",)):
-    """One event a frame."""
+    """One event per frame."""
 
     def generate(self, tick: Tick) -> Event:
         return eStep(1.0)
@@ -77,12 +78,12 @@ VOCABULARY = Vocabulary.of(eStep, eNear, eShow, Fox)
 
 
 Flood = Callable[[zenoh.Session, Keys, bytes, float], None]
-"""Sends messages of an epoch until a time."""
+"""Sends messages of an epoch until a given time."""
 
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """Something that a member sends: `data` once, or `flood` for some seconds."""
+    """Input from a member: `data` once, or `flood` for some seconds."""
 
     hello: dict[str, Any] = field(default_factory=dict[str, Any])
     data: Callable[[int], bytes] | None = None
@@ -128,7 +129,7 @@ def figures(name: str) -> bytes:
 
 
 def texts(name: str, frame: int) -> bytes:
-    """A `saved` of as many values as there may be."""
+    """A message whose `saved` has the maximum number of values."""
     return pack([name, frame, [], {"x": [[]] * (DEFAULT.answer_values - 10)}])
 
 
@@ -141,7 +142,7 @@ def evolved(frame: int) -> bytes:
 
 
 def flood_of(sender: str, message: list[Any]) -> Flood:
-    """Send one message as `sender`, again and again."""
+    """Send one message as `sender` repeatedly."""
 
     def flood(session: zenoh.Session, keys: Keys, epoch: bytes, until: float) -> None:
         data = epoch + pack(message)
@@ -212,7 +213,7 @@ CASES = {
 
 @contextmanager
 def running(host: bool) -> Iterator[tuple[str, SimpleQueue[tuple[int, float, float]], list[str]]]:
-    """A world in processes of its own; its endpoint, its frames' ends, and what it says."""
+    """Run a world in separate processes; yields its endpoint, its frame ends and its log."""
     read_at, write_at = os.pipe()
     read_frames, write_frames = os.pipe()
     parts = [Member("steps", Steps())]
@@ -265,7 +266,7 @@ def running(host: bool) -> Iterator[tuple[str, SimpleQueue[tuple[int, float, flo
 
 
 class Raw:
-    """A member that knows nothing but the protocol, and answers at once."""
+    """A member that implements only the protocol and replies at once."""
 
     def __init__(self, session: zenoh.Session, case: Case) -> None:
         self.keys, self.case = Keys(NAME), case
@@ -313,7 +314,7 @@ class Raw:
             self.send(usual())
 
 
-# --- what it costs ---
+# --- measurement ---
 
 
 def asking(
@@ -328,7 +329,7 @@ def asking(
 
 
 def measured(case: Case) -> dict[str, float]:
-    """What one message costs, in ms."""
+    """Costs of one message in ms."""
     answers, stop = list[tuple[float, float]](), threading.Event()
     with running(host=case.answers != "evolve") as (endpoint, frames, lines):
         with open_client("asking", endpoint) as other, open_client("large", endpoint) as session:
@@ -394,7 +395,7 @@ def _figures(
 
 
 def alone(case: Case) -> float:
-    """Milliseconds to decode the message, and nothing else."""
+    """Milliseconds to decode the message on its own."""
     data = case.data(0) if case.data is not None else pack(["hello", hello() | case.hello])
     began = time.perf_counter()
     with suppress(MinervaError):
@@ -405,7 +406,7 @@ def alone(case: Case) -> float:
 def row(name: str, repeat: int) -> dict[str, Any]:
     """One row of the table."""
     case, rows = CASES[name], list[dict[str, float]]()
-    for _ in range(repeat):  # Zenoh's threads do not survive a fork: each in a process of its own.
+    for _ in range(repeat):  # Zenoh's threads do not survive a fork: use new processes.
         rows.append(task("benchmarks.limits", name))
     size = len(case.data(0)) if case.data is not None else len(pack(case.hello))
     medians = {key: round(statistics.median(row[key] for row in rows), 1) for key in rows[0]}
@@ -414,7 +415,7 @@ def row(name: str, repeat: int) -> dict[str, Any]:
 
 
 def main() -> None:
-    """Measure, and print."""
+    """Measure and print a table."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
     parser.add_argument("--only", action="append", choices=sorted(CASES))
     parser.add_argument("--repeat", type=int, default=3)

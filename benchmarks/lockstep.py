@@ -1,16 +1,17 @@
-"""Microseconds per frame of an empty lockstep, beside other platforms in one run.
+"""Microseconds per frame of an empty lockstep, compared with other platforms in one run.
 
     python -m benchmarks.lockstep [--workers 1 2 4 8 16] [--systems minerva zenoh ...] [--json]
                                   [--plot FILE.png] [--against TREE]
 
-A frame: K member processes are asked and answer that they have nothing; the coordinator has all
-answers, collects, and digests the string. The peers' scripts are looked for in --peers (each has
-`bench_<peer>.py` and a virtual environment `venvs/<peer>`); what is not there is left out, saying
-so. Machines are noisy: read the ratios, which come from turns taken within this one run.
+A frame: the coordinator requests events from K member processes, receives K empty replies, collects
+the events and computes the digest of the string. The peers' scripts are in --peers
+(`bench_<peer>.py` and a virtual environment `venvs/<peer>` for each); missing ones are skipped with
+a message. Absolute times depend on the load of the machine; compare the ratios, which are from
+alternating turns in one run.
 
-`--against` compares with another source tree, which has its own `.venv`: microseconds per frame by
-the clock, CPU time of the main threads of the coordinator and of one member, and their function
-calls per frame (`benchmarks.frame_cost`), each with its ratio to the other tree's.
+`--against` compares with another source tree, which has its own `.venv`: elapsed microseconds per
+frame, CPU time of the main threads of the coordinator and of one member, and their function calls
+per frame (`benchmarks.frame_cost`), each with the ratio to the other tree.
 """
 
 from __future__ import annotations
@@ -53,7 +54,7 @@ PEERS: dict[str, tuple[str, list[str]]] = {
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """What one system took with so many members: its figures, and their ratio to ours."""
+    """Results of one system with some number of members, and their ratio to Minerva Bus."""
 
     system: str
     workers: int
@@ -62,7 +63,7 @@ class Row:
 
     @property
     def step(self) -> float:
-        """Microseconds a step."""
+        """Microseconds per step."""
         return self.figures["us_per_step_median"]
 
 
@@ -71,12 +72,12 @@ class Idle(Generator):
 
 
 def idle(name: str) -> Member:
-    """Such a member of this name."""
+    """An idle member with this name."""
     return Member(name, Idle())
 
 
 def minerva(workers: int, steps: int) -> dict[str, float]:
-    """Run our own lockstep: the coordinator here, the members in processes of their own."""
+    """Run the lockstep with the coordinator in this process and each member in its own."""
     began = time.perf_counter()
     names = [f"idle-{number}" for number in range(workers)]
     times: list[float] = []
@@ -100,7 +101,7 @@ def minerva(workers: int, steps: int) -> dict[str, float]:
 
 
 def peer(name: str, folder: Path, workers: int, steps: int) -> dict[str, float] | str:
-    """Run one peer; its figures, or why there are none."""
+    """Run one peer; returns its results, or the reason why there are none."""
     script, options = PEERS[name]
     python = folder / "venvs" / name / "bin" / "python"
     if name == "zenoh":
@@ -115,14 +116,14 @@ def peer(name: str, folder: Path, workers: int, steps: int) -> dict[str, float] 
 
 
 def measure(system: str, peers: Path, workers: int, steps: int) -> dict[str, float] | str:
-    """One system once."""
+    """Measure one system once."""
     if system != "minerva":
         return peer(system, peers, workers, steps)
     return task("benchmarks.lockstep", workers, steps)
 
 
 def best(rows: list[dict[str, float]]) -> dict[str, float]:
-    """The median of some turns, figure by figure."""
+    """Medians of the results over some turns."""
     return {key: statistics.median(row[key] for row in rows) for key in rows[0]}
 
 
@@ -150,7 +151,7 @@ def main() -> None:
 
 
 def report(arguments: argparse.Namespace, workers: int, table: Table) -> list[Row]:
-    """Measure and print all systems at one size; ratios are to ours."""
+    """Measure and print all systems at one size; ratios are to Minerva Bus."""
     turns: dict[str, list[dict[str, float]]] = {}
     missing: dict[str, str] = {}
     for _ in range(arguments.turns):
@@ -175,7 +176,7 @@ def report(arguments: argparse.Namespace, workers: int, table: Table) -> list[Ro
 
 
 def compare(tree: Path, workers: int, steps: int, turns: int) -> None:
-    """Print what a frame costs this tree and another one, measured in turns."""
+    """Print the cost of a frame for this tree and another one, measured in turns."""
     own, other = Path(__file__).parents[1], tree.resolve()
     script = str(own / "benchmarks" / "frame_cost.py")
     costs: dict[Path, dict[str, list[float]]] = {own: {}, other: {}}
@@ -195,7 +196,7 @@ def compare(tree: Path, workers: int, steps: int, turns: int) -> None:
 
 
 def lines_of(rows: list[Row]) -> list[Line]:
-    """A line for each system: microseconds a step over the number of members."""
+    """A line for each system: microseconds per step over the number of members."""
     lines: list[Line] = []
     for system in dict.fromkeys(row.system for row in rows):
         own_rows = [row for row in rows if row.system == system]

@@ -1,11 +1,10 @@
-"""Whether memory stays flat over a long run: resident memory of each process over frames.
+"""Resident memory of each process over the frames of a long run.
 
     python -m benchmarks.memory [--frames 100000] [--world meadow.toml] [--plot memory.png] [--json]
 
-The world runs on the bus as fast as it goes, and is recorded, if `--record` asks for that. Every
-few seconds the resident memory of each of its processes is read from /proc. What is printed of
-each is its memory after a fifth of the frames and at the end, and how much it has grown between
-them for a thousand frames.
+The world runs on the bus at full speed, with a record if `--record` is given. The benchmark reads
+the resident memory of its processes from /proc every few seconds. It prints the memory of each
+process after a fifth of the frames and at the end, and the growth between them per thousand frames.
 """
 
 from __future__ import annotations
@@ -27,27 +26,27 @@ from minerva_bus.runtime.client import Client
 ROOT = Path(__file__).parents[1]
 MEADOW = ROOT / "worlds/minerva_worlds/meadow/meadow.toml"
 SETTLED = 0.2
-"""After this part of the frames, caches and pools are full."""
+"""Fraction of the frames after which caches and pools are full."""
 
 
 @dataclass(slots=True)
 class Series:
-    """The resident memory of one process, MB, at some frames."""
+    """Samples of the resident memory of one process in MB, with their frames."""
 
     name: str
     frames: list[int] = field(default_factory=list[int])
     megabytes: list[float] = field(default_factory=list[float])
 
     def settled(self, last: int) -> tuple[float, float, float]:
-        """MB after a fifth of the frames, and at the end, and kB more for a thousand frames."""
+        """MB after a fifth of the frames and at the end, and growth in kB per thousand frames."""
         at = next((i for i, frame in enumerate(self.frames) if frame >= SETTLED * last), -1)
         first, end = self.megabytes[at], self.megabytes[-1]
         passed = max(1, self.frames[-1] - self.frames[at])
-        return first, end, 1e6 * (end - first) / passed  # MB → kB, a thousand frames
+        return first, end, 1e6 * (end - first) / passed  # MB → kB, per thousand frames
 
 
 def resident(pid: int) -> float:
-    """The resident memory of a process, MB; 0 where it is gone."""
+    """Resident memory of a process in MB; 0 if it has ended."""
     try:
         pages = int(Path(f"/proc/{pid}/statm").read_text(encoding="ascii").split()[1])
     except (OSError, IndexError):
@@ -56,13 +55,13 @@ def resident(pid: int) -> float:
 
 
 def children(pid: int) -> list[int]:
-    """The processes that one has started."""
+    """Ids of the child processes of a process."""
     path = Path(f"/proc/{pid}/task/{pid}/children")
     return [int(word) for word in path.read_text(encoding="ascii").split()]
 
 
 def watch(launcher: subprocess.Popen[bytes], folder: Path, every: float) -> dict[str, Series]:
-    """CheckConnection at the processes of a world until it ends."""
+    """Sample the memory of a world's processes until it ends."""
     series: dict[str, Series] = {}
     while launcher.poll() is None:
         time.sleep(every)
@@ -94,7 +93,7 @@ def draw(series: list[Series], picture: Path, title: str) -> None:
     top, label = max(entry.megabytes[-1] for entry in series), float("inf")
     for entry in series:
         line = axes.plot([n / 1000 for n in entry.frames], entry.megabytes, linewidth=1.5)[0]
-        label = min(entry.megabytes[-1], label - top / 28)  # No label upon another.
+        label = min(entry.megabytes[-1], label - top / 28)  # Labels must not overlap.
         place = (entry.frames[-1] / 1000, label)
         axes.annotate(
             entry.name, place, xytext=(4, 0), textcoords="offset points", va="center",
@@ -109,7 +108,7 @@ def draw(series: list[Series], picture: Path, title: str) -> None:
 
 
 def main() -> None:
-    """Run the world, watch it, print and draw."""
+    """Run the world, sample its memory, print and plot."""
     every = Option(3.0, "seconds between two measurements")
     arguments = options(
         __doc__, frames=100_000, world=str(MEADOW), every=every, record=False, plot=PLOT
@@ -132,7 +131,7 @@ def main() -> None:
 
 
 def report(series: list[Series], arguments: argparse.Namespace, seconds: float) -> None:
-    """Print what was found, and draw it."""
+    """Print the results, and plot them if requested."""
     last = max(entry.frames[-1] for entry in series)
     for entry in series:
         first, end, growth = entry.settled(last)

@@ -1,9 +1,9 @@
-"""Mutate strings many times, and look at each: is it of the vocabulary, does it read back?
+"""Mutate strings many times and check each for validity and round trip.
 
     python -m benchmarks.mutations --count 1000000
 
-Strings are of a vocabulary with every type of parameter, in lineages of 200 mutations; every
-tenth is a crossing with an earlier one.
+The strings use a vocabulary with every type of parameter, in lineages of 200 mutations; every tenth
+mutation is a crossover with an earlier string.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ BEGIN = VOCABULARY.read(
 
 @dataclass(frozen=True)
 class Count:
-    """How many mutations were made, changed nothing, and were wrong; the first wrong string."""
+    """Numbers of mutations, unchanged strings and invalid strings; the first invalid string."""
 
     made: int
     same: int
@@ -57,7 +57,7 @@ class Count:
 
 
 def mutate_many(count: int, seed: int) -> Count:
-    """Mutate strings so many times and check each."""
+    """Mutate strings `count` times and check each."""
     mutator, chance = Mutator(Targets(VOCABULARY), LIMIT), np.random.default_rng(seed)
     string, earlier, same, wrong, first = BEGIN, BEGIN, 0, 0, ""
     for n in range(count):
@@ -80,7 +80,7 @@ def mutate_many(count: int, seed: int) -> Count:
 
 
 def is_valid(string: Scene) -> bool:
-    """Whether a string is in canonical form, reads back, and is no longer than it may be."""
+    """Whether a string is in canonical form, round-trips, and is within the size limit."""
     try:
         again = VOCABULARY.read(str(string))
     except SceneError:
@@ -89,7 +89,7 @@ def is_valid(string: Scene) -> bool:
 
 
 def main() -> None:
-    """Print how many there were and how long it took."""
+    """Print the counts and the duration."""
     options = argparse.ArgumentParser(description=__doc__)
     options.add_argument("--count", type=int, default=100_000)
     options.add_argument("--seed", type=int, default=1)

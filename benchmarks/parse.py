@@ -2,8 +2,8 @@
 
     python -m benchmarks.parse [--sizes 0.01 0.1 1] [--json]
 
-The text is that of a crowd: a moved figure and an agent with its state, again and again, with
-numbers that seldom repeat. Each time is the least of three.
+The text is that of a crowd: a moved figure and an agent with its state, repeated with numbers that
+rarely recur. Each time is the minimum of three runs.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ TMove = Transformation("TMove", Motion(x="x", y="y"), x=Metres, y=Metres)
 
 
 class Fox(Agent, symbol="AFox"):
-    """An agent with as much state as many have."""
+    """An agent with a typical amount of state."""
 
     x: Metres = 0.0
     y: Metres = 0.0
@@ -33,7 +33,7 @@ VOCABULARY = Vocabulary.of(PFox, TMove, Fox)
 
 
 def crowd(megabytes: float) -> str:
-    """A text of about so many megabytes."""
+    """A text of about `megabytes` MB."""
     parts: list[str] = []
     size = 0
     while size < megabytes * 1e6:
@@ -45,7 +45,7 @@ def crowd(megabytes: float) -> str:
 
 
 def least(action: Callable[[], Any], times: int = 3) -> float:
-    """Seconds that an action takes when nothing disturbs it."""
+    """Minimum duration of an action in seconds."""
     seconds: list[float] = []
     for _ in range(times):
         began = time.perf_counter()
@@ -55,7 +55,7 @@ def least(action: Callable[[], Any], times: int = 3) -> float:
 
 
 def measure(megabytes: float) -> dict[str, float]:
-    """Seconds for one size."""
+    """Durations for one size in seconds."""
     text = crowd(megabytes)
     w = VOCABULARY.read(text)
     return {
@@ -70,7 +70,7 @@ def measure(megabytes: float) -> dict[str, float]:
 
 
 def table(rows: list[dict[str, float]]) -> str:
-    """The measurements, for people; `MB/s` is that of parsing."""
+    """The measurements as text; `MB/s` is the rate of parsing."""
     columns = [name for name in rows[0] if name != "megabytes"]
     lines = ["".join(f"{name:>14}" for name in ("megabytes", "MB/s", *columns))]
     for row in rows:

@@ -1,9 +1,9 @@
-"""What places on large maps cost: clearance, shortest paths, and the robot's initial string.
+"""Costs of planning on large maps: clearance, shortest paths and the initial string.
 
     python -m benchmarks.paths [--size 512] [--json]
 
-Paths are compared with A* as textbooks have it, a heap and a cell at a time, on clutter where each
-cell is blocked with a probability. Each measurement of memory runs in a process of its own.
+Paths are compared with a textbook A* (a heap, one cell at a time) on clutter in which each cell is
+blocked with a given probability. Each measurement of memory runs in a separate process.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ _MOVES = tuple(
 
 
 def plain_length(blocked: np.ndarray, start: tuple[int, int], goal: tuple[int, int]) -> float:
-    """The length of a shortest path by A* over cells, with the octile distance as its estimate."""
+    """Length of a shortest path by A* over cells with the octile distance as heuristic."""
     walls = np.pad(blocked, 1, constant_values=True).tolist()
     end = goal[0] + 1, goal[1] + 1
     cell = start[0] + 1, start[1] + 1
@@ -70,7 +70,7 @@ def _octile(cell: tuple[int, int], goal: tuple[int, int]) -> float:
 
 
 def clutter(size: int, density: float) -> tuple[np.ndarray, tuple[int, int], tuple[int, int]]:
-    """A square with so many of its cells blocked, and two ends far apart."""
+    """A square map with a share of blocked cells, and two distant free cells."""
     blocked = np.random.default_rng(5).random((size, size)) < density
     start, goal = (2, 2), (size - 3, size - size // 10)
     blocked[start] = blocked[goal] = False
@@ -83,7 +83,7 @@ def _length(blocked: np.ndarray, start: tuple[int, int], goal: tuple[int, int]) 
 
 
 def measured(work: Callable[[], float]) -> tuple[float, float, float]:
-    """What work returns, its seconds, and the megabytes by which it raises the peak."""
+    """The result of `work`, its seconds, and the increase of peak memory in MB."""
     receiver, sender = multiprocessing.get_context("fork").Pipe(duplex=False)
     child = multiprocessing.get_context("fork").Process(target=_measure, args=(work, sender))
     child.start()
@@ -102,7 +102,7 @@ def _measure(work: Callable[[], float], sender: Any) -> None:
 
 
 def paths(size: int) -> list[dict[str, float]]:
-    """Lengths, seconds and megabytes on clutter, ours and plain."""
+    """Lengths, seconds and megabytes on clutter for both planners."""
     rows: list[dict[str, float]] = []
     for density in (0.0, 0.1, 0.2, 0.3):
         blocked, start, goal = clutter(size, density)
@@ -123,7 +123,7 @@ def distances(size: int) -> dict[str, float]:
 
 
 def start(width: int, height: int) -> dict[str, float]:
-    """Seconds from a map of a hall with pillars to the checked options and the initial string."""
+    """Seconds from the map of a hall with pillars to the checked options and initial string."""
     image = np.full((height, width), 254, np.uint8)
     image[:3] = image[-3:] = 0
     image[:, :3] = image[:, -3:] = 0

@@ -1,4 +1,4 @@
-"""A peer's figures after some steps; run by the peer's own Python, in the folder of its script.
+"""Statistics of a peer after some steps; runs in the peer's Python, in its script's folder.
 
 venvs/mesa/bin/python peer_statistics.py mesa wealth 10000 5 1 10 100
 """
@@ -16,7 +16,7 @@ sys.path.insert(0, str(Path.cwd()))
 
 
 def inequality(wealth: Any) -> dict[str, float]:
-    """The figures of benchmarks/models/wealth.py."""
+    """The statistics of benchmarks/models/wealth.py."""
     ranked = np.sort(np.asarray(wealth))
     count = len(ranked)
     rank = np.arange(1, count + 1)
@@ -31,7 +31,7 @@ def inequality(wealth: Any) -> dict[str, float]:
 
 
 def mesa_wealth(agents: int, seed: int) -> tuple[Any, Any]:
-    """A step of Mesa's model, and its figures."""
+    """Functions for a step of Mesa's model and for its statistics."""
     import bench_mesa
 
     model, step, _ = bench_mesa.build("wealth", agents // 100, seed, True)
@@ -39,7 +39,7 @@ def mesa_wealth(agents: int, seed: int) -> tuple[Any, Any]:
 
 
 def mesa_wolf_sheep(agents: int, seed: int) -> tuple[Any, Any]:
-    """A step of Mesa's model, and its figures."""
+    """Functions for a step of Mesa's model and for its statistics."""
     import bench_mesa
     from mesa.examples.advanced.wolf_sheep.agents import Sheep, Wolf
 
@@ -49,7 +49,7 @@ def mesa_wolf_sheep(agents: int, seed: int) -> tuple[Any, Any]:
 
 
 def frames_wealth(agents: int, seed: int) -> tuple[Any, Any]:
-    """A step of the model of mesa-frames in its native style, and its figures."""
+    """Functions for a step and the statistics of the mesa-frames model, in its native style."""
     import bench_mesaframes
     from mesa_frames import ModelDF
 
@@ -68,7 +68,7 @@ MODELS = {
 
 
 def main(peer: str, model: str, agents: str, seeds: str, *steps: str) -> None:
-    """Print the figures of all seeds by step."""
+    """Print the statistics of all seeds by step."""
     results: dict[int, dict[str, list[float]]] = {}
     for seed in range(1, int(seeds) + 1):
         step, figures = MODELS[peer, model](int(agents), seed)

@@ -1,4 +1,4 @@
-"""Diagrams of benchmarks, with logarithmic axes. Needs the extra `plot`."""
+"""Plots of benchmarks with logarithmic axes; requires the extra `plot`."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ LEAST_RANGE = 10
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """One line of one panel."""
+    """One line of a panel."""
 
     panel: str
     label: str
@@ -22,7 +22,7 @@ class Line:
 
 
 def plotted(file: Path, lines: list[Line], x: str, y: str) -> None:
-    """Draw the lines, a panel for each group of them, into an SVG or PNG file."""
+    """Draw the lines into an SVG or PNG file, with one panel per group."""
     try:
         from matplotlib.figure import Figure
     except ImportError:
@@ -43,14 +43,14 @@ def plotted(file: Path, lines: list[Line], x: str, y: str) -> None:
 
 
 def _label(axis: Any, sizes: list[float]) -> None:
-    """Write numbers as people do: 5, 200, 10k; below, just where something was measured."""
+    """Format ticks as 5, 200, 10k, with x ticks at the measured sizes if there are few."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
     if len(sizes) <= MOST_TICKS:
         axis.set_xticks(sizes)
         axis.xaxis.minorticks_off()
     low, high = axis.get_ylim()
-    if high < LEAST_RANGE * low:  # Or what hardly differs would look as if it did.
+    if high < LEAST_RANGE * low:  # A small range would exaggerate small differences.
         middle = (low * high) ** 0.5
         low, high = axis.set_ylim(middle / LEAST_RANGE**0.5, middle * LEAST_RANGE**0.5)
     axis.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5) if high < 1000 * low else (1,)))

@@ -1,20 +1,21 @@
-"""Agent updates per second of whole models, beside other platforms in one run.
+"""Agent updates per second of complete models, compared with other platforms in one run.
 
     python -m benchmarks.populations [--model flock wealth ...] [--agents N ...] [--hosts 1 2]
         [--in-process] [--systems minerva mesa mesa-frames] [--plot FILE] [--json]
     python -m benchmarks.populations --statistics [--model wealth ...]
 
 Each model (benchmarks/models) runs over the real bus: a coordinator, its services and one or two
-hosts as processes of their own. The peers' scripts are looked for in --peers (`bench_mesa.py` with
-a virtual environment `venvs/mesa`, and so on); what is not there is left out, saying so. Machines
-are noisy: read the ratios, which come from turns taken within this one run. Memory is the sum of
-the processes' peaks; what they share (libraries) counts once. A peer's is its one process's.
+hosts in separate processes. The peers' scripts are in --peers (`bench_mesa.py` with a virtual
+environment `venvs/mesa`, and so on); missing ones are skipped with a message. Absolute rates depend
+on the load of the machine; compare the ratios, which are from alternating turns in one run. Memory
+is the sum of the processes' peaks and counts shared memory (libraries) once; a peer has a single
+process.
 
-What is compared is the same model, not the same work: ours checks a grammar, keeps the string as
-it is in every frame, can say its digest (--digest asks for it each time), and comes to the same
-string whatever runs where. Mesa lets its agents act one after another, the others and we all at
-once. Its figure for `plain` is that of agents that do nothing, called in any order. `--statistics`
-sets what models do beside what the peers' do.
+The comparison is between equal models, not equal work: Minerva Bus checks a grammar, keeps the
+string of every frame, can compute its digest (--digest does so in each frame), and gives the same
+string in any layout. Mesa activates agents one after another; mesa-frames and Minerva Bus activate
+them simultaneously. Mesa's rate for `plain` is for agents without actions, called in any order.
+`--statistics` compares the behaviour of the models with that of the peers' models.
 """
 
 from __future__ import annotations
@@ -63,7 +64,7 @@ MESA: Final = {
     "wealth": ("wealth", 100),
     "plain": ("noop", 100),
 }
-"""Mesa's name of a model and how many agents it has at scale 1."""
+"""Mesa's name of each model, and its number of agents at scale 1."""
 
 Figures = dict[str, float]
 
@@ -82,12 +83,12 @@ class Row:
     ratio: float = 0.0
 
 
-# --- ours ---
+# --- Minerva Bus ---
 
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """One run of one of our models; no hosts: in this process."""
+    """A run of a model; without hosts it runs in this process."""
 
     model: str
     agents: int
@@ -97,7 +98,7 @@ class Task:
     digest: int = 0
 
     def words(self) -> list[str]:
-        """The words of the command line that say so."""
+        """The task as command line arguments."""
         return [
             self.model,
             *map(str, (self.agents, self.hosts, self.frames, self.seed, self.digest)),
@@ -105,7 +106,7 @@ class Task:
 
     @staticmethod
     def of(words: Sequence[str]) -> Task:
-        """A task from its words."""
+        """The task from its command line arguments."""
         return Task(words[0], *map(int, words[1:]))
 
 
@@ -124,7 +125,7 @@ def world_of(task: Task, members: Sequence[str]) -> World:
 
 
 class Meter:
-    """Takes the time of each step of a model, and counts who acts in it."""
+    """Measures the time of each step of a model, and counts its agent updates."""
 
     def __init__(self, model: Model, task: Task) -> None:
         self._model = model
@@ -135,10 +136,10 @@ class Meter:
         self._acting = 0.0
         self._frames = 0
         self.steps: list[tuple[float, float]] = []
-        """Seconds and updates of each step after the first ones."""
+        """Seconds and updates of each step after the warm-up."""
 
     def frame_done(self, algorithm: FrameAlgorithm) -> None:
-        """A frame is over."""
+        """Record the end of a frame."""
         self._frames += 1
         if self._digest:
             assert algorithm.scene.digest
@@ -157,7 +158,7 @@ class Meter:
         return sum(size([fragment]) for fragment in fragments if fragment.symbol in kinds)
 
     def figures(self) -> Figures:
-        """Medians."""
+        """Medians of the rates."""
         rates = [updates / seconds for seconds, updates in self.steps]
         middle = statistics.median(seconds for seconds, _ in self.steps)
         return {
@@ -188,7 +189,7 @@ def in_process(task: Task) -> Figures:
 
 
 def on_bus(task: Task) -> Figures:
-    """Run a model over the bus: the coordinator here, hosts and services as processes."""
+    """Run a model over the bus: coordinator in this process, hosts and services in others."""
     model = load(task.model)
     names = [*(f"host-{number}" for number in range(task.hosts)), *model.services(task.agents)]
     members = Members("populations", {name: partial(member, name, task) for name in names})
@@ -222,7 +223,7 @@ def member(name: str, task: Task) -> Member:
 
 
 def memory(process: int | str) -> float:
-    """The most memory that a process has had, in MB; what it shares with others in parts."""
+    """Peak memory of a process in MB; shared memory counts proportionally."""
     sizes: dict[str, int] = {}
     for file in ("status", "smaps_rollup"):
         for line in Path(f"/proc/{process}/{file}").read_text().splitlines():
@@ -233,12 +234,12 @@ def memory(process: int | str) -> float:
 
 
 def minerva(task: Task) -> Figures | str:
-    """Run one of our models in a process of its own, so that its memory is its own too."""
+    """Run a model in a separate process, so that its peak memory is its own."""
     words = [sys.executable, "-m", __spec__.name, "--task", *task.words()]
     return answered(words)
 
 
-# --- the others ---
+# --- peers ---
 
 
 def mesa(model: str, agents: int, folder: Path, seconds: float) -> Figures | str:
@@ -259,7 +260,7 @@ def mesa_frames(model: str, agents: int, folder: Path, seconds: float, style: st
 
 
 def peer(name: str, script: str, options: list[str], folder: Path, seconds: float) -> Figures | str:
-    """Run a peer's script; its figures, or why there are none."""
+    """Run a peer's script; returns its results, or the reason why there are none."""
     python = (folder / "venvs" / name / "bin" / "python").absolute()
     for needed in (folder / script, python):
         if not needed.is_file():
@@ -282,7 +283,7 @@ def peer(name: str, script: str, options: list[str], folder: Path, seconds: floa
 
 
 def runs_of(arguments: argparse.Namespace, model: str, agents: int):
-    """All that is to be run of one model and size: system, hosts and how."""
+    """All runs for one model and size: system, number of hosts, and function."""
     if "minerva" in arguments.systems:
         for hosts in [0] if arguments.in_process else arguments.hosts:
             frames = (WARM_UP + arguments.frames) * cycle(load(model))
@@ -301,7 +302,7 @@ def runs_of(arguments: argparse.Namespace, model: str, agents: int):
 
 
 def measured(arguments: argparse.Namespace, model: str, agents: int) -> list[Row]:
-    """All systems at one size, in turns; ratios are of our fastest row to each."""
+    """All systems at one size, in turns; ratios are the fastest Minerva Bus row to each."""
     turns: dict[tuple[str, int], list[Figures]] = {}
     missing: set[tuple[str, int]] = set()
     for _ in range(arguments.turns):
@@ -330,7 +331,7 @@ def _with_ratio(row: Row, ours: float) -> Row:
 
 
 def lines_of(rows: list[Row]) -> list[Line]:
-    """The rows as lines of a diagram."""
+    """The rows as lines of a plot."""
     groups: dict[tuple[str, str], list[Row]] = {}
     for row in rows:
         hosts = "host" if row.hosts == 1 else "hosts"
@@ -346,7 +347,7 @@ def lines_of(rows: list[Row]) -> list[Line]:
 
 
 def final(task: Task, at: Sequence[int]) -> dict[int, Figures]:
-    """What a model looks like after some steps. What is under way arrives first."""
+    """Statistics of a model after some steps; events in transit arrive first."""
     model = load(task.model)
     services = {name: make() for name, make in model.services(task.agents).items()}
     algorithm = FrameAlgorithm(world_of(task, ["host-0", *services]))
@@ -364,7 +365,7 @@ def final(task: Task, at: Sequence[int]) -> dict[int, Figures]:
 
 
 def settled(runner: InProcessRunner, services: list[Any]) -> Scene:
-    """The string after a frame without a step, where the model's clock can be quiet."""
+    """The string after a frame without a step, if the model's clock can be silenced."""
     quiet = [service for service in services if hasattr(service, "quiet")]
     for service in quiet:
         service.quiet = True

@@ -1,9 +1,10 @@
-"""What functions cost that have the same bits everywhere, beside those of numpy and `math`.
+"""Costs of functions with the same bits on all platforms, relative to numpy and `math`.
 
     python -m benchmarks.portable [--sizes N ...] [--repeat N] [--json]
 
-Machines are noisy: each pair takes turns in this one process, and the ratio of the shortest turns
-is what to read. Draws are compared with the same method over numpy's logarithm and cosine.
+Both functions of a pair alternate in this one process; compare the ratio of their minimum times, as
+absolute times depend on the load of the machine. Random draws are compared with the same method on
+numpy's logarithm and cosine.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ COLUMNS = {
 
 @dataclass(frozen=True, slots=True)
 class Cost:
-    """One function over so many numbers; 1: one by one, in Python."""
+    """Cost of one function for `count` numbers; 1 means one at a time, in Python."""
 
     function: str
     count: int
@@ -43,13 +44,13 @@ class Cost:
 
 
 def numpy_normal(draws: RngBatch) -> Numbers:
-    """Normal numbers by the method of `RngBatch.normal`, over numpy's functions."""
+    """Normal numbers by the method of `RngBatch.normal` with numpy's functions."""
     radius = np.sqrt(-2.0 * np.log(1.0 - draws.random()))
     return radius * np.cos(2.0 * np.pi * draws.random())
 
 
 def numpy_exponential(draws: RngBatch) -> Numbers:
-    """Exponential numbers by the method of `RngBatch.exponential`, over numpy's logarithm."""
+    """Exponential numbers by the method of `RngBatch.exponential` with numpy's logarithm."""
     return -np.log(1.0 - draws.random())
 
 
@@ -66,7 +67,7 @@ def compared(
     others: Callable[[], object],
     n: int,
 ) -> Cost:
-    """Both take turns n times; nanoseconds for each of the numbers that a turn is about."""
+    """Nanoseconds per number for both functions, the minimum of n alternating turns."""
     best = [math.inf, math.inf]
     for _ in range(n):
         for side, function in enumerate((ours, others)):

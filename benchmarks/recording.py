@@ -1,12 +1,12 @@
-"""What a record costs: frames a second with one and without, in turns within one run.
+"""Cost of a record: frames per second with and without one, in turns within one run.
 
     python -m benchmarks.recording [--worlds walkers meadow robot robots] [--turns 5] [--json]
 
-Each turn runs a world on the bus as fast as it goes, once without a record and once with one, in
-changing order: sixteen agents that do nothing but move, a meadow with some seventy, the robot and
-sixteen robots. The figures are medians of all turns, the cost is the median of each turn's own.
-The second half of the table is the processors' time of all processes of a run, with its start: on
-a busy machine that says more.
+Each turn runs a world on the bus at full speed, once without a record and once with one, in
+alternating order: sixteen agents that only move, a meadow with about seventy, the robot, and
+sixteen robots. The rates are medians over all turns, and the cost is the median of the costs of the
+turns. The second half of the table is the CPU time of all processes of a run, including its start;
+it is more reliable on a busy machine.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ processes = 2
 
 @dataclass(frozen=True, slots=True)
 class Kind:
-    """A world that is measured: how it is named, over how many frames, and its own options."""
+    """A world to measure: its name, its number of frames, and its options."""
 
     name: str
     frames: int
@@ -51,7 +51,7 @@ class Kind:
 
 
 def kinds(folder: Path) -> dict[str, Kind]:
-    """The worlds by name; that of sixteen walkers is written into a folder."""
+    """The worlds by name; writes the one of sixteen walkers into a folder."""
     models = Path(__file__).parent / "models"
     (folder / "walkers.py").write_text((models / "walkers.py").read_text(encoding="utf-8"))
     (folder / "walkers.toml").write_text(WALKERS, encoding="utf-8")
@@ -66,14 +66,14 @@ def kinds(folder: Path) -> dict[str, Kind]:
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """What one run took: frames a second, and ms of all its processes' time for a frame."""
+    """Results of one run: frames per second, and CPU time of all processes in ms per frame."""
 
     rate: float
     work: float
 
 
 def run(kind: Kind, folder: Path, *more: str) -> Run:
-    """One run, with its start and its end."""
+    """Run a world once, including its start and end."""
     words = [*MINERVA, kind.name, "--json", "--quiet", "--rate", "0", *kind.words]
     before = os.times()
     done = subprocess.run(
@@ -94,7 +94,7 @@ def run(kind: Kind, folder: Path, *more: str) -> Run:
 
 
 def turn(kind: Kind, folder: Path, number: int) -> tuple[Run, Run]:
-    """One run without and one with a record, in this order or the other."""
+    """One run without and one with a record; `number` alternates their order."""
     recorded = ("--record", str(folder / "run.mcap"))
     if number % 2:
         with_one = run(kind, folder, *recorded)

@@ -1,8 +1,8 @@
-"""What things cost on this machine, for benchmarks/scale_model.py: short runs, some seconds each.
+"""Measured costs of this machine for benchmarks/scale_model.py, from short runs.
 
-A world's frames are run in one process, and what the coordinator does in them is told apart from
-what a host of agents does; messages are turned into bytes and back as on the bus. What a member
-costs is the slope of an empty lockstep over real processes.
+The frames of a world run in one process, with separate times for the coordinator and for a host of
+agents; messages are encoded and decoded as on the bus. The cost of a member is the slope of an
+empty lockstep over real processes.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ MODELS: dict[str, ModuleType] = {"in columns, all send": wealth, "one by one": p
 
 
 class Weighed(InProcessRunner, Sink):
-    """A world in one process, with the time of either side and the bytes between them."""
+    """A world in one process, with the times of both sides and the bytes between them."""
 
     def __init__(self, algorithm: FrameAlgorithm, members: list[Member]) -> None:
         super().__init__(algorithm, members, self, deliver=self._answers)
@@ -51,7 +51,7 @@ class Weighed(InProcessRunner, Sink):
         self._decoder = Decoder(algorithm.world.vocabulary)
 
     def run(self, frames: int) -> list[tuple[float, float, float]]:
-        """Seconds of the coordinator and of its members, and bytes, of each frame."""
+        """Seconds of the coordinator and of its members, and bytes, for each frame."""
         self.start()
         for _ in range(frames):
             self.ours = self.theirs = self.bytes = 0.0
@@ -60,11 +60,11 @@ class Weighed(InProcessRunner, Sink):
         return self.rows
 
     def received(self, stimulus: s.Stimulus) -> None:
-        """The algorithm begins."""
+        """Start the coordinator's time when the algorithm receives a stimulus."""
         self._began = time.perf_counter()
 
     def decided(self, stimulus: s.Stimulus, instructions: Sequence[s.Instruction]) -> None:
-        """The algorithm is done."""
+        """Stop the coordinator's time when the algorithm has decided."""
         self.ours += time.perf_counter() - self._began
 
     def _answers(self, member: Member, message: Any) -> Iterator[Any]:
@@ -93,7 +93,7 @@ class Weighed(InProcessRunner, Sink):
 
 
 def world_of(model: ModuleType, agents: int) -> Weighed:
-    """A model's world with one host, ready to be run."""
+    """A model's world with one host, ready to run."""
     members = [Member(name, make()) for name, make in model.services(agents).items()]
     members.append(Member("host", None, model.kinds))
     world = World(
@@ -104,7 +104,7 @@ def world_of(model: ModuleType, agents: int) -> Weighed:
 
 
 def kind(model: ModuleType) -> Kind:
-    """What an agent of a model costs: the slope between two sizes."""
+    """Costs of an agent of a model: the slope between two sizes."""
     rows = [np.min(world_of(model, size).run(WARM_UP + FRAMES)[WARM_UP:], axis=0) for size in SIZES]
     slope = np.maximum((rows[1] - rows[0]) / (SIZES[1] - SIZES[0]), 1e-12)
     ours, theirs, size = (float(number) for number in slope)
@@ -112,12 +112,12 @@ def kind(model: ModuleType) -> Kind:
 
 
 def lockstep(members: int) -> dict[str, float]:
-    """An empty lockstep of so many processes; its figures, in microseconds."""
+    """Results of an empty lockstep with this number of processes, in microseconds."""
     return task("benchmarks.lockstep", members, STEPS)
 
 
 def seconds_per_byte() -> float:
-    """What a byte costs from one session to another: messages of some megabytes."""
+    """Cost of a byte between two sessions, from messages of some megabytes."""
     session, endpoint = open_hub("hub")
     with session, open_client("member", endpoint) as member:
         channel = member.declare_subscriber("minerva/scale", zenoh.handlers.FifoChannel(4))
@@ -137,9 +137,9 @@ def seconds_per_byte() -> float:
 
 
 def measure() -> Costs:
-    """All costs of this machine, in half a minute.
+    """Measure all costs of this machine; takes half a minute.
 
-    Of several turns the quickest counts: what else the machine does is none of ours.
+    The minimum over several turns excludes the effects of other load.
     """
     turns = [{count: lockstep(count) for count in MEMBERS} for _ in range(TURNS)]
     medians = [1e-6 * min(turn[count]["us_per_step_median"] for turn in turns) for count in MEMBERS]

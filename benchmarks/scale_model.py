@@ -1,22 +1,22 @@
-"""Where one coordinator ends, and what regions with a coordinator each would bring: a model.
+"""Model of the limits of one coordinator, and of regions with a coordinator each.
 
     python -m benchmarks.scale_model [--rate 30] [--plot FILE.svg] [--json]
 
-It measures what things cost on this machine (benchmarks/scale_costs.py), and calculates from that;
-nothing here was run at the sizes that it speaks of. Hosts are taken to be machines of their own,
-each as quick as one core of this one; regions are squares of one plane, whose coordinators tell
-each other in every frame what concerns both sides of a border.
+The model measures costs on this machine (benchmarks/scale_costs.py) and extrapolates from them; no
+world runs at the sizes in its table. It assumes that each host is a separate machine as fast as one
+core of this one, and that regions are squares of one plane, whose coordinators exchange in every
+frame whatever affects both sides of a border.
 
 One coordinator, N agents on H hosts, in seconds:
 
     frame = costs.frame + H costs.member                       the exchange
-            + N (kind.coordinator + kind.bytes costs.byte)     what the coordinator does for agents
-            + N / H kind.host                                  hosts, at the same time
+            + N (kind.coordinator + kind.bytes costs.byte)     the coordinator's work for agents
+            + N / H kind.host                                  hosts, in parallel
 
-The coordinator's part is the same however many hosts there are: that is where one coordinator
-ends. η distributes over concatenation (equation 3), so w can be cut into R strings. Since what λ
-emits belongs to the next frame, a region needs of its neighbours' frame t only what crosses their
-border, and only before its own frame t + 1.
+The coordinator's part does not depend on the number of hosts, so it limits one coordinator. η
+distributes over concatenation (equation 3), so w can be split into R strings. Events emitted by λ
+are processed in the next frame, so a region needs only the events that cross its border from frame
+t of its neighbours, and only before its own frame t + 1.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ MOST = 1 << 40
 
 @dataclass(frozen=True, slots=True)
 class Kind:
-    """What one agent costs in a frame: seconds of the coordinator and of its host, and bytes."""
+    """Costs of one agent per frame: seconds of the coordinator and of its host, and bytes."""
 
     coordinator: float
     host: float
@@ -46,9 +46,9 @@ class Kind:
 
 @dataclass(frozen=True, slots=True)
 class Costs:
-    """Seconds that an empty frame takes, that each member and each byte adds to it.
+    """Seconds for an empty frame, for each additional member and for each byte.
 
-    `spread` is how many times the median a frame takes at the 99th percentile.
+    `spread` is the ratio of the 99th percentile of the frame time to its median.
     """
 
     frame: float
@@ -60,16 +60,16 @@ class Costs:
 
 @dataclass(frozen=True, slots=True)
 class Border:
-    """What of the agents is near a border: those to which it is no farther than `reach`.
+    """Agents near a border: those within a distance of `reach`.
 
-    The unit is the distance between agents, a million of which live on 1000 × 1000. Each of them
-    costs as much again, at the neighbour that hears of it.
+    The unit is the distance between agents: a million of them cover 1000 × 1000. Each of them
+    causes the same cost again in the neighbouring region.
     """
 
     reach: float = 10.0
 
     def share(self, agents: float, regions: int) -> float:
-        """The part of a region's agents that its neighbours hear of, too."""
+        """Fraction of a region's agents that its neighbours process too."""
         if regions == 1:
             return 0.0
         side = math.sqrt(agents / regions)
@@ -77,25 +77,25 @@ class Border:
 
 
 def coordinator_seconds(costs: Costs, kind: Kind, agents: float) -> float:
-    """What a coordinator does for its agents in a frame."""
+    """Seconds per frame of a coordinator's work for its agents."""
     return agents * (kind.coordinator + kind.bytes * costs.byte)
 
 
 def frame_seconds(costs: Costs, kind: Kind, agents: float, hosts: int) -> float:
-    """How long a frame takes with one coordinator."""
+    """Seconds per frame with one coordinator."""
     exchange = costs.frame + hosts * costs.member
     return exchange + coordinator_seconds(costs, kind, agents) + agents / hosts * kind.host
 
 
 def best_hosts(costs: Costs, kind: Kind, agents: float) -> int:
-    """With how many hosts a frame is shortest."""
+    """Number of hosts with the shortest frame."""
     return min(HOSTS, key=lambda hosts: frame_seconds(costs, kind, agents, hosts))
 
 
 def region_seconds(
     costs: Costs, kind: Kind, agents: float, regions: int, border: Border = Border()
 ) -> float:
-    """How long one of some regions needs for its part of a frame, waiting for nobody."""
+    """Seconds per frame of one of several regions, without waiting for others."""
     own_agents = agents / regions
     work = own_agents * (1 + border.share(agents, regions))
     hosts = best_hosts(costs, kind, work)
@@ -104,10 +104,10 @@ def region_seconds(
 
 
 def in_step(seconds: float, regions: int, spread: float, frames: int = FRAMES) -> float:
-    """Seconds a frame when each region waits for its neighbours before it begins the next one.
+    """Seconds per frame when each region waits for its neighbours before its next frame.
 
-    How long a region needs is drawn from a log-normal distribution with this median, and `spread`
-    times as much at the 99th percentile; the draws are always the same.
+    The time of a region follows a log-normal distribution with median `seconds` and `spread` times
+    as much at the 99th percentile; the random draws are always the same.
     """
     side = math.isqrt(regions)
     sigma = math.log(max(spread, 1.0)) / 2.326
@@ -123,7 +123,7 @@ def in_step(seconds: float, regions: int, spread: float, frames: int = FRAMES) -
 
 
 def _beside(ends: np.ndarray, shift: int, axis: int) -> np.ndarray:
-    """When the neighbour on one side ended; where there is none, at once."""
+    """End times of the neighbours on one side; 0 without a neighbour."""
     moved = np.roll(ends, shift, axis)
     edge = [slice(None), slice(None)]
     edge[axis] = slice(0, 1) if shift > 0 else slice(-1, None)
@@ -132,7 +132,7 @@ def _beside(ends: np.ndarray, shift: int, axis: int) -> np.ndarray:
 
 
 def most(holds: Callable[[int], bool]) -> int:
-    """The greatest whole number for which something holds that ends holding once; 0: for none."""
+    """The largest integer for which a monotonic condition holds, or 0."""
     if not holds(1):
         return 0
     least, limit = 1, 2
@@ -146,7 +146,7 @@ def most(holds: Callable[[int], bool]) -> int:
 
 @dataclass(frozen=True, slots=True)
 class Limit:
-    """Where it ends at a rate: agents of a kind, the hosts that they need, what is exchanged."""
+    """Limits at a rate: agents of a kind, the required hosts, and the exchanged bytes."""
 
     kind: str
     regions: int
@@ -156,7 +156,7 @@ class Limit:
 
 
 def limits(costs: Costs, rate: float) -> list[Limit]:
-    """How many agents of each kind there can be, by the number of regions."""
+    """Maximum number of agents of each kind, by the number of regions."""
     limits_: list[Limit] = []
     for name, kind in costs.kinds.items():
         for regions in REGIONS:
@@ -175,17 +175,17 @@ def limits(costs: Costs, rate: float) -> list[Limit]:
 
 
 def most_members(costs: Costs, rate: float) -> int:
-    """How many members that have nothing to say one coordinator can ask at a rate."""
+    """Maximum number of members without events for one coordinator at a rate."""
     return most(lambda count: costs.frame + count * costs.member <= 1 / rate)
 
 
 def most_bytes(costs: Costs, rate: float) -> int:
-    """How many bytes a frame can carry at a rate, made and read by nobody."""
+    """Maximum number of bytes per frame at a rate, excluding encoding and decoding."""
     return most(lambda count: costs.frame + count * costs.byte <= 1 / rate)
 
 
 def report(costs: Costs, rate: float) -> list[str]:
-    """The table, as lines."""
+    """The table as lines of text."""
     lines = [
         f"measured here: an empty frame {1e6 * costs.frame:.0f} µs, each member"
         f" {1e6 * costs.member:.0f} µs, {1e-6 / costs.byte:.0f} MB/s, p99 {costs.spread:.1f} × p50",
@@ -209,7 +209,7 @@ def report(costs: Costs, rate: float) -> list[str]:
 
 
 def draw(costs: Costs, file: Path) -> None:
-    """Frames per second by agents, a line for each number of regions."""
+    """Plot frames per second over agents, with a line for each number of regions."""
     from benchmarks.plot import Line, plotted
 
     sizes = [round(10 ** (step / 4)) for step in range(12, 33)]
@@ -224,7 +224,7 @@ def draw(costs: Costs, file: Path) -> None:
 
 
 def main() -> None:
-    """Measure, calculate, print."""
+    """Measure, calculate and print."""
     from benchmarks.command import PLOT, Option, options
     from benchmarks.scale_costs import measure
 

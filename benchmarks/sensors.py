@@ -1,13 +1,13 @@
-"""Milliseconds from a sensor's reading to the end of the frame in which agents acted on it.
+"""Milliseconds from a sensor reading to the end of the frame in which agents process it.
 
     python -m benchmarks.sensors [--lidars 3] [--beams 720] [--hertz 40] [--rate 30] [--seconds 10]
                                  [--json]
 
-Free-running lidars and a camera (30 images a second, 640 × 480, as JPEG of 40 kB) publish, each in
-a process of its own; a generator for each lidar makes an event of every beam that hit, and an agent
-counts them, while the world runs at its rate. A reading has the machine's monotonic time in it,
-and one event of each frame carries the oldest time that it was made of to the coordinator, which
-looks at the clock when the frame is over.
+Free-running lidars and a camera (30 images per second, 640 × 480, JPEG of 40 kB) publish readings,
+each in a separate process. A generator for each lidar converts each beam with a hit into an event,
+and an agent counts these events, while the world runs at its rate. A reading has the machine's
+monotonic time. One event per frame carries the time of the oldest reading to the coordinator, which
+compares it with the clock at the end of the frame.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ eLook = EventType("eLook", time=float)
 
 
 class Watcher(Agent, symbol="AWatcher"):
-    """Counts what it is told."""
+    """Counts the events that it receives."""
 
     hits: int = 0
 
@@ -55,7 +55,7 @@ VOCABULARY = Vocabulary.of(eLaser, eStamp, eLook, Watcher)
 
 
 class Lidar(Generator, lockstep=False):
-    """Publishes turns of a lidar."""
+    """Publishes the scans of a lidar."""
 
     def __init__(self, topic: str, beams: int, hertz: float) -> None:
         self.publishes = (topic,)
@@ -82,7 +82,7 @@ class Eye(Generator, lockstep=False):
 
 
 class Stamps(Generator):
-    """Tells the coordinator from when the readings of this frame are."""
+    """Emits an event with the time of the oldest reading of the frame."""
 
     def __init__(self, topic: str, event: EventType) -> None:
         self.topics = (topic,)
@@ -113,7 +113,7 @@ def _same(member: Member) -> Member:
 
 
 def measured(options: argparse.Namespace) -> dict[str, float]:
-    """Run the world; times in ms."""
+    """Run the world; returns times in ms."""
     parts = members(options.lidars, options.beams, options.hertz)
     processes = Members("sensors", {part.name: partial(_same, part) for part in parts})
     stamps: dict[str, list[float]] = {"eStamp": [], "eLook": []}
@@ -169,7 +169,7 @@ def shown(row: dict[str, float]) -> str:
 
 
 def main() -> None:
-    """Measure, and print."""
+    """Measure and print."""
     chosen = options(__doc__, lidars=3, beams=720, hertz=40.0, rate=30.0, seconds=10.0)
     row = measured(chosen)
     settings = {name: getattr(chosen, name) for name in ("lidars", "beams", "hertz", "rate")}

@@ -1,11 +1,12 @@
-"""Simulated histories: worlds with faults, all drawn from seeds, and checked.
+"""Simulated histories: worlds with faults, generated from seeds and checked.
 
-    python -m benchmarks.simulation --seed 7         play one history and print what happened
-    python -m benchmarks.simulation --seeds 1000     play histories 0 to 999
-    python -m benchmarks.simulation --minutes 30     play as many as go, from --first on
+    python -m benchmarks.simulation --seed 7         run one history and print its trace
+    python -m benchmarks.simulation --seeds 1000     run histories 0 to 999
+    python -m benchmarks.simulation --minutes 30     run histories for 30 minutes, from --first on
 
-The exit code is 1 if a history fails: its seed is printed, with the history itself; `--shorten`
-leaves out of it what the failure does not need. docs/testing.md says what is simulated.
+The exit code is 1 if a history fails; the benchmark then prints its seed and the history. With
+`--shorten` it removes the parts that are not needed for the failure. docs/testing.md describes the
+simulation.
 """
 
 from __future__ import annotations
@@ -47,7 +48,7 @@ def seeds(options: argparse.Namespace) -> Iterator[int]:
 
 
 def play_all(options: argparse.Namespace) -> tuple[Tried | None, int, int]:
-    """The first failure, or the last history; how many were played, and their frames."""
+    """The first failure or the last history, the number of histories, and their frames."""
     console, began = Console(quiet=options.json), time.monotonic()
     done, frames, last = 0, 0, None
     for seed in seeds(options):

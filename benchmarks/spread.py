@@ -1,4 +1,4 @@
-"""Whether models do the same as their peers': their figures after some steps, over some seeds."""
+"""Compare the behaviour of models with their peers: statistics after some steps and seeds."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ AGENTS: Final = {"wealth": 10_000, "wolf_sheep": 3_000}
 PEERS: Final = {"wealth": ("mesaframes", "mesa"), "wolf_sheep": ("mesa",)}
 
 Curves = dict[int, dict[str, list[float]]]
-"""By step and name of a figure: its value for each seed."""
+"""By step and name of a statistic: its value for each seed."""
 
 
 def compare(arguments: argparse.Namespace) -> None:
-    """Print each figure's mean and deviation for all systems."""
+    """Print the mean and deviation of each statistic for all systems."""
     for model in arguments.model:
         if model not in STEPS:
             print(f"{model}: no peer's figures to set beside", file=sys.stderr)
@@ -40,7 +40,7 @@ def compare(arguments: argparse.Namespace) -> None:
 
 
 def ours(model: str, agents: int, seeds: int) -> Curves:
-    """Our own figures."""
+    """Statistics of the Minerva Bus model."""
     from benchmarks.populations import Task, final
 
     curves: Curves = {}
@@ -52,7 +52,7 @@ def ours(model: str, agents: int, seeds: int) -> Curves:
 
 
 def theirs(peer: str, model: str, agents: int, seeds: int, folder: Path) -> Curves | str:
-    """A peer's figures, or why there are none."""
+    """Statistics of a peer, or the reason why there are none."""
     python = (folder / "venvs" / peer / "bin" / "python").absolute()
     if not python.is_file():
         return f"{python} is not there"
@@ -65,7 +65,7 @@ def theirs(peer: str, model: str, agents: int, seeds: int, folder: Path) -> Curv
 
 
 def shown(model: str, agents: int, curves_by_system: dict[str, Curves], *, as_json: bool) -> None:
-    """Print a line for each step and figure."""
+    """Print a line for each step and statistic."""
     if not as_json:
         titles = " ".join(f"{system:>22}" for system in curves_by_system)
         print(f"{model}, {agents:,} agents\n{'step':>5} {'figure':9} {titles}")

@@ -1,12 +1,12 @@
-"""Seconds from the start of the command to the first frame's end, beside other platforms.
+"""Seconds from the start of a command to the end of the first frame, with other platforms.
 
     python -m benchmarks.startup [--workers 1 4 8 16] [--systems command robot minerva zenoh ...]
 
-`command` is `minerva --help` and a shell's completion, whole processes; `robot` the robot's world
-as it is shipped; `minerva` a world of K idle members. Ours count from the launcher's own start,
-with Python, imports and checks. The peers' is what their scripts in --peers call `startup_s`,
-which begins after their coordinator's imports, so it is the less. What is not there is left out,
-saying so. Read the ratios, which come from turns taken within this one run.
+`command` measures complete processes of `minerva --help` and of shell completion, `robot` the
+shipped world of the robot, and `minerva` a world of K idle members. These times begin at the start
+of the launcher and include Python, imports and checks. A peer's time is `startup_s` of its script
+in --peers, which begins after its coordinator's imports and is therefore shorter. Missing peers are
+skipped with a message. Compare the ratios, which are from alternating turns in one run.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ Found = float | str
 
 
 def whole(words: list[str], **environment: str) -> Found:
-    """How long a command takes from its start to its end."""
+    """Duration of a command from its start to its end."""
     began = time.perf_counter()
     done = subprocess.run(
         words, env=os.environ | environment, capture_output=True, text=True, check=False
@@ -60,7 +60,7 @@ def whole(words: list[str], **environment: str) -> Found:
 
 
 def first_frame(world: str) -> Found:
-    """How long a world takes until its first frame is over, as its summary says."""
+    """Time until a world completes its first frame, from its summary."""
     with tempfile.TemporaryDirectory() as folder:
         done = subprocess.run(
             [*MINERVA, "run", world, "--frames", "1", "--json"],
@@ -73,7 +73,7 @@ def first_frame(world: str) -> Found:
 
 
 def idle(workers: int) -> Found:
-    """The start of a world of idle members."""
+    """Start time of a world of idle members."""
     with tempfile.TemporaryDirectory() as folder:
         Path(folder, "idle.py").write_text(IDLE)
         path = Path(folder, "world.toml")
@@ -82,13 +82,13 @@ def idle(workers: int) -> Found:
 
 
 def started(name: str, peers: Path, workers: int) -> Found:
-    """The start of one peer."""
+    """Start time of one peer."""
     result = peer(name, peers, workers, STEPS)
     return result if isinstance(result, str) else result["startup_s"]
 
 
 def once() -> dict[str, Callable[[], Found]]:
-    """What has no number of workers."""
+    """Systems without a number of workers."""
     asked = {"_MINERVA_COMPLETE": "complete_bash", "COMP_WORDS": "minerva r", "COMP_CWORD": "1"}
     script = str(Path(sys.executable).with_name("minerva"))
     return {
@@ -99,7 +99,7 @@ def once() -> dict[str, Callable[[], Found]]:
 
 
 def measure(systems: dict[str, Callable[[], Found]], turns: int) -> dict[str, list[Found]]:
-    """All systems in turns; one that cannot be measured is tried once."""
+    """Measure all systems in turns; one that fails is not tried again."""
     results: dict[str, list[Found]] = {name: [] for name in systems}
     for _ in range(turns):
         for name, take in systems.items():
@@ -109,7 +109,7 @@ def measure(systems: dict[str, Callable[[], Found]], turns: int) -> dict[str, li
 
 
 def report(results: dict[str, list[Found]], workers: int | None, table: Table) -> None:
-    """Print the medians, with ratios to ours of the same number of workers."""
+    """Print the medians, with ratios to Minerva Bus for the same number of workers."""
     medians = {
         name: statistics.median(numbers)
         for name, rows in results.items()

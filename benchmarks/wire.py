@@ -1,9 +1,9 @@
-"""Microseconds to encode and to decode messages; `--against` compares with another source tree.
+"""Microseconds to encode and decode messages, optionally for two source trees.
 
     python -m benchmarks.wire [--against FOLDER] [--json]
 
-Both trees are loaded into one process and measured in turn, so that a busy machine slows both. The
-times are the least of the rounds; a ratio above 1 means that this tree is slower.
+One process loads both trees and measures them in turn, so that other load affects both equally. The
+times are the minimum over the rounds; a ratio above 1 means that this tree is slower.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ Case = tuple[Callable[[], object], Callable[[], object]]
 
 
 def load(tree: str | None) -> Mapping[str, Case]:
-    """The cases of a source tree, `None` for this one."""
+    """The cases of a source tree; `None` selects this one."""
     hidden = {name: sys.modules.pop(name) for name in list(sys.modules) if _is_ours(name)}
-    finders = list(sys.meta_path)  # A tree's own finder knows where its modules have moved.
+    finders = list(sys.meta_path)  # A tree's own finder maps modules that have moved.
     sys.meta_path[:] = [f for f in finders if not _is_ours(getattr(f, "__module__", ""))]
     root = tree or str(Path(__file__).parents[1])
     sys.path.insert(0, root)
@@ -49,7 +49,7 @@ def _is_ours(name: str) -> bool:
 
 
 def cases(module: Callable[[str], ModuleType]) -> Mapping[str, Case]:
-    """How to encode and how to decode each message, by a tree's modules."""
+    """Functions to encode and to decode each message, with a tree's modules."""
     import numpy as np
 
     bus, m = module("minerva_bus"), module("minerva_bus.frame.messages")
@@ -65,7 +65,7 @@ def cases(module: Callable[[str], ModuleType]) -> Mapping[str, Case]:
 
         @bus.on("eNear")
         def near(self, event: Any, moment: Any) -> None:
-            """Meet something."""
+            """Process an event."""
 
     class Fish(bus.Agent, symbol="AFish"):
         x: float = 0.0
@@ -74,7 +74,7 @@ def cases(module: Callable[[str], ModuleType]) -> Mapping[str, Case]:
     numbers = np.arange(AGENTS)
 
     def fishes() -> Any:
-        """New columns each time: they keep what they have computed."""
+        """New columns for each call, because columns cache computed values."""
         of = ids("f", numbers.copy())
         return scene((columns("AFish", ("x",), (column(numbers / 3.0),), AGENTS, of, None),))
 

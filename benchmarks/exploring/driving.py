@@ -1,8 +1,8 @@
-"""A robot on a floor, frame by frame: λ itself, with beams and motion made as fast as they go.
+"""Fast simulation of a robot on a floor: its own λ with simplified sensors and motion.
 
-There is no bus and no string between two frames; what the laser and the camera measure, and where
-commands lead, is worked out over the true map. `check` in `benchmarks.exploration` compares it with
-the whole world.
+There is no bus, and no string between two frames: the measurements of laser and camera and the
+effects of commands are computed directly on the true map. `--check` of `benchmarks.exploration`
+compares this with the complete world.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ BEAMS, REACH, FOV, SIGHT, DT = 90, 8.0, 60.0, 5.0, 0.1
 
 @dataclass(frozen=True, slots=True)
 class Noise:
-    """Errors: of a beam's distance in metres, of beams that do not come back, of what is driven."""
+    """Error levels: range of a beam in metres, share of lost beams, relative error of motion."""
 
     laser: float = 0.0
     dropout: float = 0.0
@@ -47,7 +47,7 @@ class Noise:
 
 @dataclass(slots=True)
 class Run:
-    """What came of a run; metres and seconds."""
+    """Result of a run, in metres and seconds."""
 
     reached: bool = False
     frames: int = 0
@@ -59,7 +59,7 @@ class Run:
 
 
 class Floor:
-    """What a map holds, for rays and discs; all that is not free is solid."""
+    """A map for ray casting and distances; all cells that are not free are solid."""
 
     def __init__(self, floor: OccupancyMap) -> None:
         self.side = floor.resolution
@@ -70,7 +70,7 @@ class Floor:
         self._steps[self.solid] = 0.0
 
     def cast(self, x: float, y: float, angles: Reals, longest: float) -> Reals:
-        """How far rays go from a point, in degrees, before they hit something, or `longest`."""
+        """Lengths of rays from a point at angles in degrees to the first hit, at most `longest`."""
         cos, sin = np.cos(np.radians(angles)), np.sin(np.radians(angles))
         lengths, live = np.zeros(len(angles)), np.arange(len(angles))
         while live.size:
@@ -83,7 +83,7 @@ class Floor:
         return np.minimum(lengths, longest)
 
     def gap(self, x: float, y: float) -> float:
-        """The distance from a point to the nearest solid, exact where it is below half a metre."""
+        """Distance from a point to the nearest solid cell, at most half a metre."""
         row, column = int((x - self.x) / self.side), int((y - self.y) / self.side)
         if self._far[row, column] > 0.5 + self.side:
             return 0.5
@@ -96,7 +96,7 @@ class Floor:
 
 
 class Drive:
-    """One robot on its way to an objective. `robot` is thawed and stays so."""
+    """A robot on its way to an objective; `robot` stays thawed between frames."""
 
     def __init__(
         self, floor: Floor, markers: tuple[Marker, ...], robot: ARobot, noise: Noise, seed: int
@@ -109,7 +109,7 @@ class Drive:
         self.run = Run()
 
     def go(self, frames: int) -> Run:
-        """Drive until the robot reports that it is there or gives up, or for so many frames."""
+        """Drive until the robot reports success or failure, at most `frames` frames."""
         run = self.run
         begin = time.perf_counter()
         while run.frames < frames and not (run.reached or run.reported):
@@ -133,7 +133,7 @@ class Drive:
             self.run.reported |= event.type == "eUnreachable"
 
     def _carry_out(self) -> None:
-        """Drive on the true floor, and stop where it touches."""
+        """Execute the command on the true floor, and stop at a contact."""
         robot, move = self._robot, self._move
         cell = robot.cell
         believed = robot.pose.after(move, cell)

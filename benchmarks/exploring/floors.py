@@ -1,4 +1,4 @@
-"""Floors to explore: generated ones, each from a seed, and maps of others where they are here.
+"""Floors to explore: generated from seeds, and downloaded maps if they are available.
 
 Generated floors are bool matrices [row, column] of cells of a given side in metres; True is solid.
 """
@@ -25,7 +25,7 @@ _WALL = 0.15
 
 @dataclass(frozen=True, slots=True)
 class Named:
-    """A floor with a name, and whether it was looked at when the strategy was chosen."""
+    """A floor with its name, and whether it was held out from tuning."""
 
     name: str
     floor: OccupancyMap
@@ -33,7 +33,7 @@ class Named:
 
 
 def empty(metres: float, side: float) -> Solid:
-    """A hall: nothing but its outer walls."""
+    """A hall with outer walls only."""
     count = round(metres / side)
     solid = np.zeros((count, count), np.bool_)
     edge = max(1, round(_WALL / side))
@@ -43,7 +43,7 @@ def empty(metres: float, side: float) -> Solid:
 
 
 def _squares(metres: float, side: float, count: int) -> Solid:
-    """A hall that walls divide into as many squares along each side, without doors."""
+    """A hall divided by walls into `count` by `count` squares without doors."""
     step, solid = metres / count, empty(metres, side)
     for index in range(1, count):
         _box(solid, side, index * step - _WALL / 2, 0, index * step + _WALL / 2, metres)
@@ -52,19 +52,19 @@ def _squares(metres: float, side: float, count: int) -> Solid:
 
 
 def hall(metres: float, side: float, seed: int) -> Solid:
-    """An empty hall, the same for all seeds."""
+    """An empty hall, identical for all seeds."""
     return empty(metres, side)
 
 
 def start_in_hall(metres: float, seed: int) -> MapPose:
-    """Where the robot starts in a hall, anywhere: all that one hall has different from another."""
+    """Random start of the robot in a hall, the only difference between halls."""
     chance = random.Random(f"hall {metres} {seed}")
     x, y = (round(chance.uniform(1.0, metres - 1.0), 2) for _ in range(2))
     return x, y, chance.uniform(-180.0, 180.0)
 
 
 def pillars(metres: float, side: float, seed: int) -> Solid:
-    """Square pillars of 0.4 m on a grid, a bit off their places."""
+    """Square pillars of 0.4 m on a grid, each slightly displaced."""
     solid, chance = empty(metres, side), random.Random(f"pillars {seed}")
     step = chance.uniform(2.0, 3.5)
     for row in range(1, int(metres / step)):
@@ -75,7 +75,7 @@ def pillars(metres: float, side: float, seed: int) -> Solid:
 
 
 def clutter(metres: float, side: float, seed: int) -> Solid:
-    """Boxes and discs of many sizes anywhere."""
+    """Boxes and discs of many sizes at random places."""
     solid, chance = empty(metres, side), random.Random(f"clutter {seed}")
     rows, columns = np.ogrid[: solid.shape[0], : solid.shape[1]]
     for _ in range(int(metres * metres * chance.uniform(0.06, 0.12))):
@@ -92,7 +92,7 @@ def clutter(metres: float, side: float, seed: int) -> Solid:
 
 
 def maze(metres: float, side: float, seed: int) -> Solid:
-    """A maze without loops but for a few walls that were taken out; corridors of 1.2 to 2 m."""
+    """A maze with few loops from removed walls; corridors are 1.2 to 2 m wide."""
     chance = random.Random(f"maze {seed}")
     count = max(3, int(metres / chance.uniform(1.4, 2.2)))
     step, solid = metres / count, _squares(metres, side, count)
@@ -102,7 +102,7 @@ def maze(metres: float, side: float, seed: int) -> Solid:
 
 
 def rooms(metres: float, side: float, seed: int) -> Solid:
-    """Rooms of 3 to 6 m that have doors of 0.8 to 1.1 m to some of their neighbours."""
+    """Rooms of 3 to 6 m with doors of 0.8 to 1.1 m to some of their neighbours."""
     chance = random.Random(f"rooms {seed}")
     count = max(2, int(metres / chance.uniform(3.0, 6.0)))
     step, solid = metres / count, _squares(metres, side, count)
@@ -113,7 +113,7 @@ def rooms(metres: float, side: float, seed: int) -> Solid:
 
 
 def office(metres: float, side: float, seed: int) -> Solid:
-    """Corridors of 2 m with offices of 3 to 5 m on both sides, a door each, and some furniture."""
+    """Corridors of 2 m, offices of 3 to 5 m on both sides, one door each, and some furniture."""
     solid, chance = empty(metres, side), random.Random(f"office {seed}")
     deep = chance.uniform(4.0, 5.0)
     left = 0.0
@@ -155,7 +155,7 @@ def generated(seed: int, *, held_out: bool) -> Iterator[Named]:
 
 
 def large(seed: int, *, held_out: bool) -> Iterator[Named]:
-    """Floors that take minutes."""
+    """Floors whose runs take minutes."""
     for kind, metres in (("hall", 200), ("pillars", 100), ("rooms", 100), ("office", 100)):
         yield Named(f"{kind}-{metres}-{seed}", floor_of(kind, metres, seed), held_out)
 
@@ -171,10 +171,10 @@ def floor_of(kind: str, metres: float, seed: int) -> OccupancyMap:
 
 
 def of_others() -> Iterator[Named]:
-    """The maps of ROS and of MovingAI; none where they are not here.
+    """Maps of ROS and of MovingAI, if they are available.
 
-    MovingAI's cells are taken as 0.8 m (rooms, whose doors are one cell wide), 0.15 m (maze) and
-    0.4 m (Berlin), and cut to what a robot can explore in minutes.
+    The cells of MovingAI's maps have sides of 0.8 m (rooms, whose doors are one cell wide), 0.15 m
+    (maze) and 0.4 m (Berlin); the maps are cropped to a size that a robot can explore in minutes.
     """
     for path in ("ros_maps/depot.yaml", "ros_maps/turtlebot3/map.yaml"):
         if (DATA / path).is_file():
@@ -209,7 +209,7 @@ def _span(middle: float, reach: float, side: float, count: int) -> slice:
 def _box(
     solid: Solid, side: float, x0: float, y0: float, x1: float, y1: float, *, value: bool = True
 ) -> None:
-    """Fill a box in metres."""
+    """Fill a rectangle given in metres."""
     rows = slice(max(0, round(x0 / side)), max(0, round(x1 / side)))
     columns = slice(max(0, round(y0 / side)), max(0, round(y1 / side)))
     solid[rows, columns] = value
@@ -219,7 +219,7 @@ Square: TypeAlias = tuple[int, int]
 
 
 def _tree(count: int, chance: random.Random) -> Iterator[tuple[Square, Square]]:
-    """Neighbouring squares, joined so that there is one way from each to each."""
+    """Pairs of neighbouring squares that form a spanning tree."""
     stack, seen = [(0, 0)], {(0, 0)}
     while stack:
         row, column = stack[-1]
@@ -249,7 +249,7 @@ def _open(
     half: float,
     shift: float = 0.0,
 ) -> None:
-    """Make a door of twice `half` between two squares, off its middle by `shift`."""
+    """Make a door of width 2 * `half` between two squares, `shift` off the middle of the wall."""
     x, y = (square[0] + other[0] + 1) / 2 * step, (square[1] + other[1] + 1) / 2 * step
     thick = _WALL / 2 + 2 * side
     if square[0] != other[0]:

@@ -1,4 +1,4 @@
-"""What a robot's exploration is measured against: the nearest frontier, and a random walk."""
+"""Baselines for the robot's exploration: the nearest frontier, and a random walk."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from minerva_agents.robot.wave import Wave
 
 
 def nearest(known: SearchState) -> Goal | None:
-    """The nearest cell that is on the frontier or out of view, by the way there [Yamauchi 1997]."""
+    """The nearest cell on the frontier or out of view, by path length [Yamauchi 1997]."""
     grid = known.grid
     here = math.floor(known.pose.row), math.floor(known.pose.column)
     news = (frontier(grid) | out_of_view(grid)) & ~known.closed
@@ -33,7 +33,7 @@ def nearest(known: SearchState) -> Goal | None:
 
 
 def use(strategy: str) -> None:
-    """Have a strategy among the robot's planners."""
+    """Register a strategy as one of the robot's planners."""
     planners = cast("dict[str, object]", deciding.PLANNERS)
     if strategy == "nearest":
         planners["nearest"] = partial(astar.decide, choose=nearest)

@@ -1,9 +1,9 @@
-"""What a search costs a robot that knows the floor, but not where the marker hangs.
+"""Baseline of a search: a tour for a robot that knows the floor but not the marker.
 
-Such a robot drives a tour on which it sees all of the floor. It knows before the start what other
-robots must explore, so its distance says how much of a ratio is due to the floor itself. The tour
-is a good one, not the best one: stops by greedy set cover, their order by 2-opt. At each stop the
-robot sees all around at once, and on its way from stop to stop it sees nothing.
+The tour provides a view of the complete floor. It uses knowledge that other robots must explore, so
+its length shows how much of a ratio is due to the floor itself. The tour is good but not optimal:
+greedy set cover selects its stops, and 2-opt orders them. The robot has a full view at each stop,
+and no view between stops.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ Places = NDArray[np.intp]
 
 _FINEST_M = 0.5
 _ACROSS = 120
-"""Points that are to be seen lie half a metre apart, on large floors 120 in a row."""
+"""Spacing in metres of the points to see, and their maximum number along a large floor."""
 
 
 class Tour:
@@ -42,7 +42,7 @@ class Tour:
         self._order = [stops[index] for index in _shortened(metres)]
 
     def metres_to(self, x: float, y: float) -> float:
-        """Metres that the robot drives on the tour until it sees a marker, and then to it."""
+        """Length in metres of the tour until the marker is in view, plus the way to the marker."""
         cell = np.array([self._floor.cell_at(x, y)])
         driven, here, wave = 0.0, self._start, self._wave_from(self._start)
         for stop in self._order:
@@ -53,7 +53,7 @@ class Tour:
         return driven + self._way(wave, (int(cell[0, 0]), int(cell[0, 1])))
 
     def _stops(self) -> list[Cell]:
-        """Places that together see all points, the start first; each sees most of what is left."""
+        """Stops with a view of all points by greedy set cover; the first one is the start."""
         points = _lattice(self._open, self._spacing)
         places = np.concatenate(([self._start], _lattice(self._open, 2 * self._spacing)))
         views = np.array([self._view(place, points) for place in places])
@@ -76,7 +76,7 @@ class Tour:
         return seen
 
     def _sees(self, places: Places, points: Places) -> Mask:
-        """Whether straight lines between places and points are short enough, and free."""
+        """Whether the lines of sight between places and points are short enough and free."""
         is_near = ((points - places) ** 2).sum(axis=1) <= self._reach * self._reach
         parts = np.linspace(0.0, 1.0, math.ceil(self._reach) + 1)[:, np.newaxis]
         cells = [
@@ -87,7 +87,7 @@ class Tour:
         return is_near & ~self._floor.obstacles[tuple(inside)].any(axis=0)
 
     def _between(self, stops: list[Cell]) -> NDArray[np.float64]:
-        """Metres between all stops, (n, n)."""
+        """Distances in metres between all stops, (n, n)."""
         waves = [self._wave_from(stop) for stop in stops]
         return np.array([[self._way(wave, other) for other in stops] for wave in waves])
 
@@ -102,12 +102,12 @@ class Tour:
 
 @lru_cache(maxsize=1)
 def tour_of(floor: OccupancyMap, start: MapPose, radius: float) -> Tour:
-    """The tour of a floor; the last one is kept."""
+    """The tour of a floor, with a cache of one entry."""
     return Tour(floor, start, radius)
 
 
 def _lattice(mask: Mask, spacing: int) -> Places:
-    """One cell of each square of that many cells in which the mask holds any, (n, 2)."""
+    """The first cell of the mask in each square of `spacing` by `spacing` cells, (n, 2)."""
     cells = np.argwhere(mask)
     squares = cells // spacing
     firsts = np.unique(squares[:, 0] * mask.shape[1] + squares[:, 1], return_index=True)[1]
@@ -115,7 +115,7 @@ def _lattice(mask: Mask, spacing: int) -> Places:
 
 
 def _shortened(metres: NDArray[np.float64]) -> list[int]:
-    """The stops after the first one in an order of a short way: nearest first, then 2-opt."""
+    """A short order of the stops after the first: nearest neighbour, then 2-opt."""
     order, left = [0], set(range(1, len(metres)))
     while left:
         order.append(min(left, key=lambda stop: (metres[order[-1], stop], stop)))
@@ -126,7 +126,7 @@ def _shortened(metres: NDArray[np.float64]) -> list[int]:
 
 
 def _two_opt(order: list[int], metres: NDArray[np.float64]) -> bool:
-    """Turn round parts of the order where that makes it shorter; whether it has."""
+    """Reverse parts of the order that become shorter; returns whether any has."""
     is_shorter = False
     for first in range(1, len(order) - 1):
         for last in range(first + 1, len(order)):

@@ -1,4 +1,4 @@
-"""The models of `python -m benchmarks.populations`, each a module of one form."""
+"""The models of `python -m benchmarks.populations`, modules with a common interface."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ MODELS: Final = ("flock", "schelling", "wolf_sheep", "wealth", "plain")
 
 
 class Model(Protocol):
-    """What a module of this package has.
+    """Interface of the modules in this package.
 
-    It may also have `CYCLE`, how many frames one step of the model takes (1 where it has not), and
-    `COUNTED`, the kinds whose living agents are the updates of a step, where their number varies.
+    A module may also have `CYCLE`, the number of frames per step of the model (default 1), and
+    `COUNTED`, the kinds whose living agents are the updates of a step if their number varies.
     """
 
     NAME: str
@@ -25,32 +25,32 @@ class Model(Protocol):
     order: tuple[str, ...]
 
     def scene(self, agents: int, seed: int) -> Scene:
-        """The string that the model begins with."""
+        """The initial string of the model."""
         ...
 
     def services(self, agents: int) -> dict[str, Callable[[], Service]]:
-        """What makes its services, by name."""
+        """Factories of its services, by name."""
         ...
 
     def updates_per_frame(self, agents: int) -> int:
-        """How many agents act in a frame."""
+        """Number of agents that act in a frame."""
         ...
 
     def statistics(self, scene: Scene) -> dict[str, float]:
-        """What the string looks like from afar."""
+        """Aggregate statistics of a string."""
         ...
 
 
 def load(name: str) -> Model:
-    """The model of this name."""
+    """The model with this name."""
     return cast("Model", import_module(f"benchmarks.models.{name}"))
 
 
 def cycle(model: Model) -> int:
-    """How many frames one step of a model takes."""
+    """Number of frames per step of a model."""
     return getattr(model, "CYCLE", 1)
 
 
 def counted(model: Model) -> tuple[str, ...]:
-    """The kinds whose living agents are the updates of a step; none where that is fixed."""
+    """Kinds whose living agents are the updates of a step; empty if the number is fixed."""
     return getattr(model, "COUNTED", ())

@@ -1,7 +1,7 @@
-"""A colony of ants: a world of which nothing may be lost, for runs in which everything goes wrong.
+"""A colony of ants: a world in which every lost message shows, for runs under faults.
 
-Ants walk by chance, call one another, are born and die; the weather and the queen have memories;
-the ground is a coupled device that acts on what it is shown. All follows from the seed.
+Ants walk at random, call each other, are born and die; the weather and the clock have internal
+state; the ground is a coupled device that responds to its views. The seed determines everything.
 """
 
 from minerva_bus import (
@@ -79,7 +79,7 @@ class Ant(Agent, symbol="AAnt"):
 
 
 class Steps(Generator, events=("eStep",)):
-    """The beat, which has a memory."""
+    """The clock, which has internal state."""
 
     def __init__(self) -> None:
         self.count = 0
@@ -96,7 +96,7 @@ class Steps(Generator, events=("eStep",)):
 
 
 class Weather(Generator, events=("eRain",)):
-    """Rain now and then; asked a frame ahead."""
+    """Occasional rain, generated one frame ahead."""
 
     ahead = True
 
@@ -115,7 +115,7 @@ class Weather(Generator, events=("eRain",)):
 
 
 class Ground(Generator, Device, events=("eCrowded", "eLay"), draws=("eShow",), coupled=True):
-    """Counts the ants that it is shown, and answers by events: fewer are born where many are."""
+    """Counts the ants in its views and emits events that limit their number."""
 
     every = 1
 
@@ -132,7 +132,7 @@ class Ground(Generator, Device, events=("eCrowded", "eLay"), draws=("eShow",), c
 
 
 class Screen(Device, draws=("eShow",)):
-    """Whoever looks on."""
+    """An observer."""
 
     every = 1
 

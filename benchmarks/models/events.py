@@ -1,4 +1,4 @@
-"""What several models have in common: the event that begins a step, and who makes it."""
+"""Shared by several models: the event that starts a step, and its generator."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ from collections.abc import Iterator
 from minerva_bus import Event, EventType, Generator, Tick
 
 eStep = EventType("eStep", count=int)
-"""Every agent acts once; `count` is how many there are."""
+"""Every agent acts once; `count` is the number of agents."""
 
 
 class Clock(Generator, events=("eStep",)):
-    """Calls a step in every frame."""
+    """Starts a step in every frame."""
 
     def __init__(self, count: int = 0) -> None:
         self.count = count
         self.quiet = False
-        """No step any more, so that what is under way may arrive."""
+        """Emits no steps if true, so that events in transit can arrive."""
 
     def generate(self, tick: Tick) -> Iterator[Event]:
         if not self.quiet:

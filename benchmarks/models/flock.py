@@ -1,8 +1,8 @@
-"""Boids (Reynolds 1987) as Mesa's example has them: cohesion, separation and alignment.
+"""Boids (Reynolds 1987) as in Mesa's example: cohesion, separation and alignment.
 
-One step takes two frames: in the first the service looks at where everybody is, in the second all
-boids steer and fly. So they act at once, each by what was before the step; Mesa's act one after
-another, in a new random order in each step.
+A step takes two frames: in the first the service determines the positions, in the second all boids
+steer and move. All boids therefore act simultaneously on the state before the step; in Mesa they
+act one after another, in a new random order for each step.
 """
 
 from __future__ import annotations
@@ -41,9 +41,9 @@ VISION = 10.0
 SEPARATION = 2.0
 COHERE, SEPARATE, MATCH = 0.03, 0.015, 0.05
 AREA = 100.0
-"""Of the plane, for each boid."""
+"""Area of the plane per boid."""
 
-# The names that event types have in the string are theirs here too.
+# Variables have the names of their symbols in the string.
 PSpot = Primitive("PSpot", who=str, vx=float, vy=float)
 TMove = Transformation("TMove", x=float, y=float)
 eWhere = EventType("eWhere", visual=True)
@@ -53,7 +53,7 @@ eNear = EventType(
 
 
 class Boid(Agent, symbol="ABoid"):
-    """Flies on and on; the plane's opposite edges are one."""
+    """Moves on a plane whose opposite edges are connected."""
 
     x: float
     y: float
@@ -76,7 +76,7 @@ class Boid(Agent, symbol="ABoid"):
 
 
 class PlainBoid(Agent, symbol="ABoid"):
-    """The same, written for one."""
+    """The same as Boid, with activities for a single agent."""
 
     x: float
     y: float
@@ -106,12 +106,12 @@ vocabulary = Vocabulary.of(PSpot, TMove, eWhere, eNear, Boid)
 
 
 def side(agents: int) -> float:
-    """Of the square that so many boids have."""
+    """Side of the square for this number of boids."""
     return math.sqrt(agents * AREA)
 
 
 def scene(agents: int, seed: int) -> Scene:
-    """Boids anywhere, in any direction."""
+    """Boids with random positions and directions."""
     chance = np.random.default_rng(seed)
     x, y = chance.uniform(0.0, side(agents), (2, agents))
     vx, vy = chance.uniform(-1.0, 1.0, (2, agents))
@@ -119,7 +119,7 @@ def scene(agents: int, seed: int) -> Scene:
 
 
 def services(agents: int) -> dict[str, Callable[[], Service]]:
-    """Who tells boids what is near them."""
+    """The service that sends boids a summary of their neighbours."""
     return {
         "neighbours": partial(
             Neighbours,
@@ -135,12 +135,12 @@ def services(agents: int) -> dict[str, Callable[[], Service]]:
 
 
 def updates_per_frame(agents: int) -> int:
-    """Everybody acts in every other frame."""
+    """All boids act in every second frame."""
     return agents // CYCLE
 
 
 def statistics(scene: Scene) -> dict[str, float]:
-    """How much boids fly in one direction, all of them and those that are near each other."""
+    """Alignment of all boids and of neighbouring boids."""
     parts = [part for part in scene.pieces if isinstance(part, Columns)]
     columns = {name: [part.column(name) for part in parts] for name in ("x", "y", "vx", "vy")}
     return alignment(**{name: np.concatenate(parts) for name, parts in columns.items()})
@@ -152,9 +152,9 @@ def alignment(
     vx: NDArray[np.float64],
     vy: NDArray[np.float64],
 ) -> dict[str, float]:
-    """Mean heading of all, mean cosine of neighbours, and how many there are.
+    """Length of the mean direction, mean cosine between neighbours, and mean neighbour count.
 
-    Also for positions and directions that come from elsewhere.
+    Also for positions and directions of other platforms.
     """
     length = np.maximum(np.hypot(vx, vy), 1e-12)
     ux, uy = vx / length, vy / length
@@ -172,7 +172,7 @@ def alignment(
 def _pairs(
     x: NDArray[np.float64], y: NDArray[np.float64]
 ) -> Iterator[tuple[NDArray[np.intp], NDArray[np.intp]]]:
-    """Who is near whom, both ways."""
+    """Pairs of neighbours, in both directions."""
     pairs = near(x, y, VISION, (side(len(x)), side(len(x))))
     yield pairs.first, pairs.second
     yield pairs.second, pairs.first

@@ -1,6 +1,4 @@
-"""Agents that are written one by one, in plain Python and as simple as can be: they walk to and
-fro between two walls.
-"""
+"""Agents without population methods, in plain Python: they walk between two walls."""
 
 from __future__ import annotations
 
@@ -38,7 +36,7 @@ vocabulary = Vocabulary.of(eStep, Walker)
 
 
 def scene(agents: int, seed: int) -> Scene:
-    """Walkers anywhere, at any speed."""
+    """Walkers with random positions and speeds."""
     chance = np.random.default_rng(seed)
     places, speeds = chance.uniform(0.0, WIDTH, agents), chance.uniform(-2.0, 2.0, agents)
     return Walker.many("w", agents, x=places, speed=speeds)
@@ -50,12 +48,12 @@ def services(agents: int) -> dict[str, Callable[[], Service]]:
 
 
 def updates_per_frame(agents: int) -> int:
-    """Everybody acts in every frame."""
+    """All walkers act in every frame."""
     return agents
 
 
 def statistics(scene: Scene) -> dict[str, float]:
-    """Where they are, on the average."""
+    """Mean position of the walkers."""
     parts = [part for part in scene.pieces if isinstance(part, Columns)]
     places = np.concatenate([part.column("x") for part in parts])
     return {"mean": float(places.mean()), "deviation": float(places.std())}

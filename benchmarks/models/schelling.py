@@ -1,11 +1,11 @@
-"""Schelling's segregation (1971) as Mesa's example has it: who has too few of their kind around
-them moves to a vacant cell, anywhere.
+"""Schelling's segregation model (1971) as in Mesa's example.
 
-Vacancies are agents too. One step takes four frames: the service looks at where residents are;
-those who are told that they are unhappy ask a vacancy, any; a vacancy gives its place to the first
-of them and takes over theirs; they move. So all residents decide at once, by what was before the
-step, and who was not the first stays for this step; Mesa's move one after another, and each finds
-a place.
+Residents with too few similar neighbours move to a random vacant cell. Vacancies are agents too. A
+step takes four frames: the service determines the positions of residents; unhappy residents ask a
+random vacancy; the vacancy gives its cell to the first of them and takes over the old cell; they
+move. All residents therefore decide simultaneously on the state before the step, and a resident
+that is not the first stays for this step; in Mesa they move one after another, and each finds a
+cell.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ DENSITY = 0.8
 HOMOPHILY = 0.4
 RADIUS = 1
 
-# The names that event types have in the string are theirs here too.
+# Variables have the names of their symbols in the string.
 PSpot = Primitive("PSpot", who=str, x=int, y=int, colour=int)
 eWhere = EventType("eWhere", visual=True)
 eNear = EventType("eNear", number=int, same=int)
@@ -54,7 +54,7 @@ eKey = EventType("eKey", x=int, y=int)
 
 
 class Resident(Agent, symbol="AResident"):
-    """Somebody of one kind or the other; `vacancies` is how many there are to choose from."""
+    """A resident of one of two colours; `vacancies` is the number of vacant cells."""
 
     x: int
     y: int
@@ -80,7 +80,7 @@ class Resident(Agent, symbol="AResident"):
 
 
 class Vacancy(Agent, symbol="AVacancy"):
-    """A cell that nobody lives in."""
+    """A cell without a resident."""
 
     x: int
     y: int
@@ -93,7 +93,7 @@ class Vacancy(Agent, symbol="AVacancy"):
 
 
 class PlainResident(Agent, symbol="AResident"):
-    """The same as Resident, written for one."""
+    """The same as Resident, with activities for a single agent."""
 
     x: int
     y: int
@@ -118,11 +118,11 @@ class PlainResident(Agent, symbol="AResident"):
 
 
 class PlainVacancy(Agent, symbol="AVacancy"):
-    """The same as Vacancy, written for one."""
+    """The same as Vacancy, with activities for a single agent."""
 
     x: int
     y: int
-    _given: bool = False  # a name with _ is no state: it lasts for one frame
+    _given: bool = False  # a name with _ is not part of the state: it lasts for one frame
 
     @on("eAsk")
     def give(self, ask: Event, moment: Context) -> None:
@@ -138,12 +138,12 @@ vocabulary = Vocabulary.of(PSpot, eWhere, eNear, eAsk, eKey, Resident, Vacancy)
 
 
 def side(agents: int) -> int:
-    """How many cells long the town's edges are."""
+    """Number of cells along an edge of the town."""
     return math.ceil(math.sqrt(agents / DENSITY))
 
 
 def scene(agents: int, seed: int) -> Scene:
-    """Residents of two kinds anywhere, and vacancies everywhere else."""
+    """Residents of two colours at random cells, and vacancies in all others."""
     chance, width = np.random.default_rng(seed), side(agents)
     x, y = np.divmod(chance.permutation(width * width), width)
     free = width * width - agents
@@ -159,19 +159,19 @@ def scene(agents: int, seed: int) -> Scene:
 
 
 def services(agents: int) -> dict[str, Callable[[], Service]]:
-    """Who tells residents who is near them."""
+    """The service that counts the neighbours of residents."""
     width = side(agents)
     look = partial(Neighbours, every=CYCLE, grid=True, width=width, height=width, radius=RADIUS)
     return {"neighbours": partial(look, same="colour")}
 
 
 def updates_per_frame(agents: int) -> int:
-    """Every resident acts in every fourth frame."""
+    """All residents act in every fourth frame."""
     return agents // CYCLE
 
 
 def statistics(scene: Scene) -> dict[str, float]:
-    """How happy residents are, and how much they are among their kind."""
+    """Shares of happy residents and of similar neighbours."""
     parts = [p for p in scene.pieces if isinstance(p, Columns) and p.symbol == "AResident"]
     x, y, kind = (np.concatenate([p.column(name) for p in parts]) for name in ("x", "y", "colour"))
     return segregation(x, y, kind, side(len(x)))
@@ -180,7 +180,7 @@ def statistics(scene: Scene) -> dict[str, float]:
 def segregation(
     x: NDArray[Any], y: NDArray[Any], kind: NDArray[Any], width: int
 ) -> dict[str, float]:
-    """Also for residents who come from elsewhere."""
+    """The same shares, also for residents of other platforms."""
     lattice = Lattice(width, width, RADIUS, "moore", periodic=False)
     cells = x * width + y
     number, same = lattice.like(cells, kind)

@@ -1,4 +1,4 @@
-"""Agents that walk about at random: every one of them changes in every frame."""
+"""Agents that walk at random: all of them change in every frame."""
 
 from minerva_bus import Agent, Context, Degrees, EventType, Metres, Primitive, Vocabulary, on
 
@@ -7,7 +7,7 @@ eStep = EventType("eStep")
 
 
 class Walker(Agent, symbol="AWalker"):
-    """One who turns a little, and goes on."""
+    """Turns slightly and moves on."""
 
     x: Metres = 0.0
     y: Metres = 0.0
@@ -15,7 +15,7 @@ class Walker(Agent, symbol="AWalker"):
 
     @on("eStep")
     def walk(self, step: object, moment: Context) -> None:
-        """A step of a tenth of a metre or so."""
+        """Move about a tenth of a metre."""
         self.heading += float(moment.random.normal(0.0, 5.0))
         self.x += 0.1 * float(moment.random.normal(1.0, 0.1))
         self.y += 0.1 * float(moment.random.normal(0.0, 0.1))

@@ -1,8 +1,7 @@
-"""Wealth without space: who has something gives one coin to somebody, anybody, in every step.
+"""Wealth exchange without space: an agent with coins gives one to a random agent per step.
 
-What is given is there in the next step. The distribution tends to the exponential one of
-Boltzmann; nobody makes or loses money, so that wealth and what is on its way are as much as there
-are agents.
+A coin arrives in the next step. The distribution approaches Boltzmann's exponential distribution.
+The total of wealth and coins in transit is constant and equals the number of agents.
 """
 
 from __future__ import annotations
@@ -35,7 +34,7 @@ eGive = EventType("eGive")
 
 
 class Person(Agent, symbol="APerson"):
-    """Somebody with some coins."""
+    """An agent with some coins."""
 
     wealth: int = 1
 
@@ -52,7 +51,7 @@ class Person(Agent, symbol="APerson"):
 
 
 class PlainPerson(Agent, symbol="APerson"):
-    """The same, written for one."""
+    """The same as Person, with activities for a single agent."""
 
     wealth: int = 1
 
@@ -74,7 +73,7 @@ vocabulary = Vocabulary.of(eStep, eGive, Person)
 
 
 def scene(agents: int, seed: int) -> Scene:
-    """Everybody has one coin."""
+    """All agents have one coin."""
     return Person.many("w", agents)
 
 
@@ -84,18 +83,18 @@ def services(agents: int) -> dict[str, Callable[[], Service]]:
 
 
 def updates_per_frame(agents: int) -> int:
-    """Everybody acts in every frame."""
+    """All agents act in every frame."""
     return agents
 
 
 def statistics(scene: Scene) -> dict[str, float]:
-    """How unequal people are."""
+    """Inequality of the agents' wealth."""
     parts = [part for part in scene.pieces if isinstance(part, Columns)]
     return inequality(np.concatenate([part.column("wealth") for part in parts]))
 
 
 def inequality(wealth: np.ndarray) -> dict[str, float]:
-    """Mean, Gini, the share of the poor, and how fast the tail of the distribution decays."""
+    """Mean, Gini coefficient, share without coins, and decay rate of the distribution's tail."""
     ranked = np.sort(wealth)
     count = len(ranked)
     rank = np.arange(1, count + 1)

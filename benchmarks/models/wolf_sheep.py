@@ -1,15 +1,16 @@
-"""Wolves, sheep and grass on a lattice, with the parameters of Mesa's example (Wilensky 1997).
+"""Wolves, sheep and grass on a lattice; parameters of Mesa's example (Wilensky 1997).
 
-In a step every sheep goes to a neighbouring cell without wolves, to one with grass where it can,
-and eats; then every wolf goes to a neighbouring cell, to one with sheep where it can, and eats one.
-Moving costs energy, food gives it; who has none dies, who is lucky has young and shares with it.
+In each step every sheep moves to a neighbouring cell without wolves, preferably one with grass, and
+eats; then every wolf moves to a neighbouring cell, preferably one with sheep, and eats one. Motion
+costs energy and food provides it. Animals without energy die, and animals reproduce at random and
+share their energy with the child.
 
-Agents perceive by events only, so a step takes two frames. In the first the lattice, a coupled
-device, is shown where everybody is. In the second it tells everybody, in random order and each in
-view of what those before have left, which cell is free for it and whether there is food (in Mesa
-too the grid draws the cell); agents move, eat, die and have young by themselves. The grass is
-agents too, one a cell, that know when they are grown again. Young ones cannot be eaten in the very
-step of their birth, which they can in Mesa.
+Agents perceive only events, so a step takes two frames. In the first, the lattice, a coupled
+device, receives a view with all positions. In the second, it processes the animals in random order
+and sends each an event with a free cell and whether it has food, given the choices of earlier
+animals (in Mesa the grid selects the cell too). The agents themselves move, eat, die and reproduce.
+Each cell of grass is an agent that stores when it is grown. Unlike in Mesa, newborn animals cannot
+be eaten in the step of their birth.
 """
 
 from __future__ import annotations
@@ -101,7 +102,7 @@ class Wolf(Agent, symbol="AWolf"):
 
 
 class Grass(Agent, symbol="AGrass"):
-    """The grass of one cell; there is some after the step `grown`."""
+    """The grass of one cell; it is edible after the step `grown`."""
 
     grown: int = 0
 
@@ -115,7 +116,7 @@ class Grass(Agent, symbol="AGrass"):
 
 
 def live_on(flock: Any, food: Any, moment: BatchContext, gives: float, breed: float) -> None:
-    """Move, eat, die or have young."""
+    """Move, eat, die or reproduce."""
     animals = cast("Population", flock)
     energy = flock.energy - 1.0 + gives * food.food
     starved = energy < 0
@@ -134,7 +135,7 @@ Bools = NDArray[np.bool_]
 
 @dataclass(frozen=True, slots=True)
 class Shown:
-    """Where everybody is."""
+    """Positions of all animals, and the state of the grass."""
 
     sheep: Ids
     at: Cells
@@ -146,7 +147,7 @@ class Shown:
 
 
 class Lattice(Device, Generator, draws=("eWhere",), events=("eWhere", *order), coupled=True):
-    """A torus of cells that knows who is where and says who can go where."""
+    """A torus of cells that assigns cells and food to animals."""
 
     def __init__(self, side: int = 20) -> None:
         self._side = side
@@ -183,14 +184,14 @@ class Lattice(Device, Generator, draws=("eWhere",), events=("eWhere", *order), c
 
 
 def neighbours(side: int) -> Cells:
-    """The four cells around each, on a torus; shape (4, cells)."""
+    """The four neighbours of each cell on a torus, shape (4, cells)."""
     y, x = np.divmod(np.arange(side * side), side)
     around = [((y + 1) % side, x), ((y - 1) % side, x), (y, (x + 1) % side), (y, (x - 1) % side)]
     return np.stack([row * side + column for row, column in around])
 
 
 def shown(scene: Scene) -> Shown:
-    """What a view says."""
+    """The positions and states in a view."""
     by_symbol: dict[str, list[Columns]] = {"PSheep": [], "PWolf": [], "PGrass": []}
     for piece in scene.pieces:
         part = piece if isinstance(piece, Columns) else Columns.of([piece])
@@ -217,10 +218,10 @@ def shown(scene: Scene) -> Shown:
 def allotted(
     at: Cells, around: Cells, shut: Bools, food: NDArray[Any], chance: np.random.Generator
 ) -> tuple[Cells, Bools]:
-    """Where each animal goes and whether it gets food there; `food` is how much a cell has.
+    """New cell of each animal, and whether it gets food there; `food` is the amount per cell.
 
-    It goes to a cell around its own that is not shut and has food left, to any that is not shut
-    where none has, and stays where all are. One whose food is taken chooses again.
+    An animal moves to a neighbouring cell that is not shut and has food left, otherwise to any that
+    is not shut, and stays if all are shut. An animal whose food is taken chooses another cell.
     """
     food = food.copy()
     cell, fed = at.copy(), np.zeros(len(at), np.bool_)
@@ -241,7 +242,7 @@ def allotted(
 
 
 def any_of(choices: Bools, chance: np.random.Generator) -> tuple[Cells, Bools]:
-    """A true row of each column, any of them; and whether there is one. `some` has four rows."""
+    """A random true row of each column, and whether there is one; `choices` has four rows."""
     upto = choices.view(np.int8).copy()
     for row in range(1, len(upto)):
         upto[row] += upto[row - 1]
@@ -253,13 +254,13 @@ def any_of(choices: Bools, chance: np.random.Generator) -> tuple[Cells, Bools]:
 
 
 def first_come(goes: Cells, food: NDArray[Any]) -> Bools:
-    """Who is early enough for the food of the cell that it goes to."""
+    """Which animals arrive before the food of their cell is used up."""
     food, served = food.copy(), np.zeros(len(goes), np.bool_)
     first = np.empty(len(food), np.intp)
     left = np.flatnonzero(food[goes] > 0)
     while len(left):
         cell = goes[left]
-        first[cell[::-1]] = left[::-1]  # the first of a cell is written last
+        first[cell[::-1]] = left[::-1]  # the first animal of a cell is written last
         now = first[cell] == left
         served[left[now]] = True
         food[cell[now]] -= 1
@@ -268,7 +269,7 @@ def first_come(goes: Cells, food: NDArray[Any]) -> Bools:
 
 
 def victims(prey: Cells, at: Cells, meals: Cells, chance: np.random.Generator) -> Cells:
-    """Which of the prey are eaten: in each cell as many as there are meals, any of them."""
+    """Which prey are eaten: in each cell as many as there are meals, at random."""
     if not len(prey):
         return prey
     order = chance.permutation(len(prey))
@@ -285,12 +286,12 @@ vocabulary = Vocabulary.of(
 
 
 def side_of(agents: int) -> int:
-    """The lattice of so many animals: 20 cells wide for 150."""
+    """Side of the lattice for this number of animals: 20 cells for 150."""
     return max(1, round(20 * (agents / 150) ** 0.5))
 
 
 def scene(agents: int, seed: int) -> Scene:
-    """Two sheep for a wolf, anywhere; half of the grass is grown."""
+    """Two sheep per wolf at random cells; half of the grass is grown."""
     chance = np.random.default_rng(seed)
     cells, wolves = side_of(agents) ** 2, agents // 3
     sheep = agents - wolves
@@ -318,12 +319,12 @@ def services(agents: int) -> dict[str, Callable[[], Service]]:
 
 
 def updates_per_frame(agents: int) -> int:
-    """At the beginning; `COUNTED` says who is counted later."""
+    """Updates at the start; later steps count the kinds in `COUNTED`."""
     return agents // CYCLE
 
 
 def statistics(scene: Scene) -> dict[str, float]:
-    """How many there are."""
+    """Numbers of sheep and wolves."""
     energy = {"sheep": 0.0, "wolves": 0.0}
     names = {"ASheep": "sheep", "AWolf": "wolves"}
     for piece in scene.pieces:
