@@ -115,7 +115,7 @@ def test_noise_makes_beliefs_drift() -> None:
 
 FRAMES = 6
 FIRST_TICK = 3
-"""Index of the first tick, after a greeting, a welcome and the publishers; views follow ticks."""
+"""Index of the first tick, after greeting, welcome and publishers; views follow ticks."""
 
 
 @pytest.fixture(scope="module")
