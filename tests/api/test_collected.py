@@ -1,4 +1,4 @@
-"""Data collected from runs: expressions, tables, files and interchange with other libraries."""
+"""Data collected from runs: expressions, tables, files, and exchange with other libraries."""
 
 import csv
 import math

@@ -26,7 +26,7 @@ def standard_sample(angle, metres, start, quality=15):
 
 
 def capsule(angle, samples, start=False):
-    """A capsule of 32 samples (metres, angle compensation in 1/8 degree), figures 4-12 and 4-13."""
+    """A capsule of 32 samples (metres, compensation in 1/8 degree), figures 4-12 and 4-13."""
     body = struct.pack("<H", (round(angle * 64) % (360 * 64)) | start << 15)
     for (m1, d1), (m2, d2) in zip(samples[::2], samples[1::2], strict=True):
         mm1, mm2 = round(m1 * 1000), round(m2 * 1000)

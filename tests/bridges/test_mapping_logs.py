@@ -1,4 +1,4 @@
-"""Logs of simulated drives through other buildings: `minerva map` reproduces the floor plan."""
+"""Logs of simulated drives through other buildings: `minerva map` draws the floor plan."""
 
 import math
 from dataclasses import dataclass

@@ -41,7 +41,7 @@ def tell(cable, *lines):
 
 
 def positions(cable, *lines, **options):
-    """The report and the positions of some lines, without those of a GGA sentence that ends them."""
+    """The report, and the positions of some lines without that of the final GGA sentence."""
     with RunningBridge(Nmea(port=str(cable.path), **options)) as runs:
         runs.wait_for(lambda: runs.state == "open", "it is open")
         tell(cable, *lines, gga(time="235959.00", up="8848.0"))

@@ -1,4 +1,4 @@
-"""Recorded sensors in worlds: beside simulated ones, in-process, on the bus, and after a kill."""
+"""Recorded sensors in worlds: beside simulated ones, in-process, on the bus, when killed."""
 
 import importlib.util
 import os

@@ -1,4 +1,4 @@
-"""The SPADE bridge: its parts, and a conversation with a real SPADE agent in another process."""
+"""The SPADE bridge: its parts, and a conversation with a real agent in another process."""
 
 import json
 import os

@@ -54,7 +54,7 @@ class Told(list):
 
 
 class Hurried:
-    """A stop event whose waits return at once; it records the waited seconds and is set after `most`."""
+    """A stop event that records the waits, which return at once; `most` waits set it."""
 
     def __init__(self, most):
         self.most, self.asked = most, []

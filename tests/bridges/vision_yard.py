@@ -1,4 +1,4 @@
-"""A small world for cameras: an agent that stores sightings, and a camera that publishes images."""
+"""A small world for cameras: an agent that stores sightings, and a source of images."""
 
 import numpy as np
 

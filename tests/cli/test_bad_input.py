@@ -1,4 +1,4 @@
-"""Any kind of bad input gives one clear message and an exit code, never a traceback or a hang."""
+"""Bad input of any kind gives one clear message and an exit code, no traceback or hang."""
 
 import json
 import os

@@ -1,4 +1,4 @@
-"""The command line with valid, invalid and unusual input: output, exit code and no traceback."""
+"""The command line with valid and invalid input: output, exit code and no traceback."""
 
 import json
 import signal

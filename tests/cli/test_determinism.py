@@ -1,4 +1,4 @@
-"""`minerva check --determinism` names the first frame, agent and attribute that two runs differ in."""
+"""`minerva check --determinism` names the first frame, agent and attribute that differ."""
 
 import json
 import os

@@ -12,7 +12,7 @@ from terminal import Terminal
 
 TABLES = tomllib.loads(Path(__file__).with_name("commands.toml").read_text(encoding="utf-8"))
 GROUPS = {"studies": "docs/studies.md", "docs": "docs/", "worlds": "worlds/", "others": ""}
-"""Path prefixes of the pages in each group; one test file per group, as some pages are slow."""
+"""Path prefixes of the pages in each group; one test file per group, as pages are slow."""
 ASKS = re.compile(
     r"minerva (attach|bridge|echo|list|logs|metrics|pause|pub|rate|resume|step|stop|top)\b"
 )

@@ -27,7 +27,7 @@ LINALG = "inv norm solve eigh svd lstsq"
 
 
 def nudged(function: Callable[..., Any]) -> Callable[..., Any]:
-    """The function with a changed last bit, except where all libraries are exact (0, ±1, inf, nan)."""
+    """The function with a changed last bit, except for exact results (0, ±1, inf, nan)."""
 
     @wraps(function)
     def other(*args: Any, **options: Any) -> Any:

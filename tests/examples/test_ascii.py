@@ -1,4 +1,4 @@
-"""docs/geometries.md and examples/ascii: the page shows the code of the folder, and it runs."""
+"""docs/geometries.md and examples/ascii: the page shows the folder's code, and it runs."""
 
 import re
 import subprocess

@@ -1,4 +1,4 @@
-"""Small input that is expensive to read, non-finite numbers, and paths outside their folder."""
+"""Small but expensive input, non-finite numbers, and paths outside their folder."""
 
 import math
 import struct

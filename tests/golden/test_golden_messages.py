@@ -1,4 +1,4 @@
-"""Every message encodes to its recorded bytes and decodes to itself: tools/golden_messages.py."""
+"""Every message encodes to its recorded bytes and back (tools/golden_messages.py)."""
 
 from typing import get_args
 

@@ -15,7 +15,7 @@ WHY = "tools/golden.py says what to do where a value changes"
 
 @pytest.fixture(scope="module")
 def values():
-    """Values from a separate process, because some of the worlds' modules share names with tests."""
+    """Values from a separate process, as some of the worlds' modules have names of tests."""
     words = [sys.executable, "-m", "tools.golden", "--json"]
     done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=False)
     assert not done.stderr

@@ -1,4 +1,4 @@
-"""Laws of η, π, φ and E (equations 1 and 3 to 6): the engine equals the paper's definitions."""
+"""Laws of η, π, φ and E (equations 1 and 3 to 6): the engine agrees with the paper."""
 
 import re
 from dataclasses import dataclass, field

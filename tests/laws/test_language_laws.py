@@ -28,7 +28,7 @@ def test_print_is_canonical(w):
 
 
 def spelled(w, chance):
-    """A text of a string as in hand-written files: whitespace, comments, primitives without dots."""
+    """A text of a string as in hand-written files: whitespace, comments and few dots."""
     text, before = "", None
     for opens, node in walk(w):
         if not opens:

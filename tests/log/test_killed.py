@@ -1,4 +1,4 @@
-"""Records of runs that were killed, truncated, or stopped by a full disk keep confirmed frames."""
+"""Records of killed or truncated runs, or of full disks, keep all confirmed frames."""
 
 import os
 import random

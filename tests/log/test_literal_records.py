@@ -1,4 +1,4 @@
-"""A world with the literal policy: its record in any layout, recomputed, resumed and swapped."""
+"""A world with the literal policy: its record in any layout, recomputed, resumed, swapped."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""Records of earlier versions are readable without the world's code: frames, strings and events.
+"""Records of earlier versions are readable without the world's code.
 
     python -m tests.log.test_old_records
 

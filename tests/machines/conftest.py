@@ -1,4 +1,4 @@
-"""Machines for deploy/: an empty Debian, podman containers and a bootable system; requires root.
+"""Machines for deploy/: an empty Debian, podman containers and a booted system, as root.
 
 A Debian created by debootstrap replaces the Dockerfile's base image under the same name, and is the
 machine of the systemd units. The machines are created once for the tests and removed afterwards;

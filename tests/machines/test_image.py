@@ -1,4 +1,4 @@
-"""The image builds and runs worlds: with a read-only root, after a kill, and from its journal."""
+"""The image builds and runs worlds: with a read-only root, killed, and from its journal."""
 
 import json
 import re

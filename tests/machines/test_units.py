@@ -41,7 +41,7 @@ shown() { eval "$LIST" | grep --extended-regexp --quiet "$1"; }
 
 @pytest.fixture
 def machine(debian, place):
-    """A function that boots a copy of the Debian, runs a script as root, and returns its output."""
+    """A function that boots a copy of the Debian, runs a script as root, returns its output."""
     needs("systemd-nspawn")
     root = place / "machine"
     run("cp", "--archive", "--reflink=auto", debian, root)

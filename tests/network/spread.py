@@ -1,4 +1,4 @@
-"""A world distributed over several hosts, for tests: one runs it, each other host has a member."""
+"""A world distributed over several hosts, for tests: the hub, and hosts for members."""
 
 import json
 import shutil

@@ -1,4 +1,4 @@
-"""docs/security.md on two machines: the literal commands of its first chapter and of families."""
+"""docs/security.md on two machines: the commands of "Quick start" and of families."""
 
 import re
 import shutil

@@ -21,7 +21,7 @@ from minerva_services.physics.errors import PhysicsError
 from minerva_services.physics.walls import Segments, wall_segments
 
 MAPS = Path(__file__).parents[3] / "shared" / "data" / "ros_maps"
-"""Real maps are not part of the project; tests that need them are skipped if they are missing."""
+"""Real maps are not part of the project; tests that need them are skipped without them."""
 
 TOUCHES = 2e-9
 """Maximum overlap in metres of a body with the obstacle that it rests against."""
