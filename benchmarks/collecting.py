@@ -33,7 +33,7 @@ class Walker(Agent, symbol="AWalker"):
 
 
 def collect(agents: int, frames: int, path: Path) -> None:
-    """Run, and print what it took."""
+    """Run the world, and print duration, peak memory and file size."""
     world = World(Walker.many("w", agents, x=np.arange(agents) * 0.5), services=[each(eStep)])
     began = time.perf_counter()
     run(world, frames=frames, collect=[Walker.x, Walker.steps], into=path)

@@ -99,7 +99,7 @@ def inequality(wealth: np.ndarray) -> dict[str, float]:
     count = len(ranked)
     rank = np.arange(1, count + 1)
     gini = 2 * float((rank * ranked).sum()) / (count * float(ranked.sum())) - (count + 1) / count
-    rich = ranked[ranked >= 2]  # of a geometric distribution p^k, -log p
+    rich = ranked[ranked >= 2]  # for a geometric distribution p^k, -log p
     return {
         "mean": float(ranked.mean()),
         "gini": gini,

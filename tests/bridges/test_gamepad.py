@@ -169,7 +169,7 @@ def test_wrong_options(options, problem):
         gamepad(**options)
 
 
-# --- by SDL's virtual joystick ---
+# --- virtual joystick of SDL ---
 
 
 @pytest.fixture(scope="module")

@@ -188,7 +188,7 @@ def test_a_sequence_without_an_end_does_not_accumulate():
     assert list(keys.named(b"\x1b[" + b"1" * 100)) == ["escape", "[", *"1" * 100]
 
 
-# --- in a terminal, in a world ---
+# --- a world with a keyboard in a terminal ---
 
 MODULE = """
 from minerva_bus import Agent, EventType, MetresPerSecond, Vocabulary, on

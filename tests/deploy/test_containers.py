@@ -1,4 +1,4 @@
-"""The compose file, the Dockerfile and what they refer to."""
+"""The compose file, the Dockerfile and the files that they reference."""
 
 import json
 import re

@@ -290,7 +290,7 @@ def test_some_of_some_draw_from_their_own_streams():
     assert some.tolist() == alone[[1, 7]].tolist()
 
 
-# --- what is wrong ---
+# --- invalid deltas ---
 
 SHOAL = fish(ids_of(3, numbered=True), 0.5)
 ONE = fish(Ids.of(["f1:1"]), 9.5)

@@ -1,7 +1,9 @@
-"""Section 5: "if an agent has to react to collisions, the event generator of this type would
-calculate the collisions between elements by extracting the scene geometry from the graphics engine
-(it would use the implementation of the functions α, β and δ to calculate the bounding box of the
-elements). Then, it would generate the events needed to react to such collisions."
+"""Collision events from the scene geometry, as in section 5 of the paper.
+
+"[...] if an agent has to react to collisions, the event generator of this type would calculate the
+collisions between elements by extracting the scene geometry from the graphics engine (it would use
+the implementation of the functions α, β and δ to calculate the bounding box of the elements). Then,
+it would generate the events needed to react to such collisions."
 """
 
 from __future__ import annotations

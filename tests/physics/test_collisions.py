@@ -287,7 +287,7 @@ def test_of_many_only_those_close_by_are_looked_at() -> None:
     assert len(pairs_between(Boxes(lower, lower + 0.5), walls)[0]) < n
 
 
-# --- against pymunk -------------------------------------------------------------------------------
+# --- comparison with pymunk -----------------------------------------------------------------------
 
 
 def pymunk_shapes(found: Volumes, body: pymunk.Body) -> list[pymunk.Shape]:

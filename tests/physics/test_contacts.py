@@ -82,7 +82,7 @@ def test_a_body_that_is_not_stopped_has_no_contacts() -> None:
     assert stopped(arena, ("a", 10, 2)) == {"a": None}
 
 
-# --- as events ------------------------------------------------------------------------------------
+# --- contact events -------------------------------------------------------------------------------
 
 PMap = Primitive(
     "PMap", cells=Cells, resolution=Metres, x=Default(Metres, 0.0), y=Default(Metres, 0.0),
