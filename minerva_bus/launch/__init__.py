@@ -1,1 +1,1 @@
-"""From a world file to running processes."""
+"""Reads world files and runs their processes."""

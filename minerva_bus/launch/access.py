@@ -20,12 +20,12 @@ from minerva_bus.wire.keys import COORDINATOR
 from minerva_bus.wire.limits import DEFAULT, Limits, configurable_limits
 
 MAX_PATH_BYTES: Final = 100
-"""Of a socket's path: systems accept 104 to 108, and Zenoh creates a lock file beside it."""
+"""Longest path of a socket: systems accept 104 to 108; Zenoh adds a lock file beside it."""
 
 
 @dataclass(frozen=True, slots=True)
 class Access:
-    """Which remote members may join, and how much any member may send.
+    """Admission of remote members, and limits for messages of all members.
 
     `keys` is the folder of certificates (None: remote members cannot join), `routers` are Zenoh
     routers that the coordinator joins. `audit`: messages that Zenoh drops are logged and counted.
@@ -57,7 +57,7 @@ def read_access(top: Table, bus: BusSettings, folder: Path) -> Access:
             )
         check_listening(router, keys=keys is not None, insecure=bus.insecure)
     # Certificates take effect on TLS links only: with keys and without such a link, no member would
-    # be checked, although the owner expects it.
+    # be checked, contrary to the owner's intention.
     secured = any(check_endpoint(endpoint).secured for endpoint in (bus.listen, *bus.connect))
     if keys is not None and not secured:
         raise BusError(
@@ -81,7 +81,7 @@ def _limits(table: Table) -> Limits:
 
 
 def security(access: Access, world: str, started: Iterable[str] = ()) -> Security | None:
-    """What secures the coordinator's session. Raises KeysError, and BusError for the local socket.
+    """Security of the coordinator's session. Raises KeysError, and BusError for the local socket.
 
     Local processes connect through a socket in a folder that only its owner can open. No family of
     certificates may contain the name of a process that the world has `started`.

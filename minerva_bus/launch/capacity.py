@@ -20,17 +20,17 @@ THREADS_PER_PROCESS: Final = 10
 """Main thread, lifeline and Zenoh's threads; 8 were measured."""
 
 BYTES_PER_PROCESS: Final = 8 << 20
-"""Private memory of a process that does nothing; 7.3 MB were measured."""
+"""Private memory of an idle process; 7.3 MB were measured."""
 
 MIN_CHECKED: Final = 32
-"""Number of processes from which resources are checked; fewer fit wherever Python runs."""
+"""Number of processes from which resources are checked; fewer fit on any machine."""
 
 _GROUPS: Final = Path("/sys/fs/cgroup")
 
 
 @dataclass(frozen=True, slots=True)
 class Headroom:
-    """What is still available; None: unlimited or unknown.
+    """Available resources; None: unlimited or unknown.
 
     `files`: open files of one process; `threads` and `bytes`: of all processes together.
     """
@@ -41,7 +41,7 @@ class Headroom:
 
 
 def shortage(processes: int, free: Headroom) -> str:
-    """What prevents this number of processes, and what to do; empty if they fit."""
+    """Missing resource for this number of processes, with advice; empty if they fit."""
     files, threads = processes + BASE_FILES, processes * THREADS_PER_PROCESS
     if free.files is not None and files > free.files:
         return (

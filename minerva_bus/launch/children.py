@@ -32,9 +32,9 @@ from minerva_bus.runtime.watchers import Printed, Started, Watchers
 
 @dataclass(frozen=True, slots=True)
 class CoordinatorStart:
-    """What a coordinator's process needs; `again`: it succeeds another one.
+    """Arguments of a coordinator's process; `again`: it succeeds another one.
 
-    `make` creates the coordinator; `queued` are the members that are yet to be started.
+    `make` creates the coordinator; `queued` are the members that have not been started yet.
     """
 
     file: WorldFile
@@ -47,7 +47,7 @@ class CoordinatorStart:
 
 @dataclass(frozen=True, slots=True)
 class MemberStart:
-    """What a member's process needs: its description, and where its world is."""
+    """Arguments of a member's process: its description and the endpoint of its world."""
 
     process: Process
     world: str
@@ -63,8 +63,8 @@ def run_member(start: MemberStart) -> int:
     def log(line: str) -> None:
         print(line, flush=True)  # noqa: T201
 
-    # With STARTED_HERE the member waits for its greeting without limit: the launcher knows how many
-    # processes start at the same time, and ends those that are late.
+    # With STARTED_HERE the member waits for its greeting without limit: the launcher takes into
+    # account how many processes start at the same time, and kills late ones.
     member = MemberProcess(
         process.participant(), world, start.endpoint, log, shared=start.shared, arrival=STARTED_HERE
     )
@@ -106,8 +106,8 @@ class CoordinatorRun:
 
         reporter.record = recording(file, algorithm, log, again=past is not None)
         if past is not None:
-            # The record comes first, because frames that the journal has and the record lacks are
-            # recorded while the algorithm catches up.
+            # The record comes first, because frames that are only in the journal are recorded while
+            # the algorithm catches up.
             resume_from(past, algorithm, reporter.record.frame)
             lost = f"; {past.lost:,} bytes at its end are unreadable" if past.lost else ""
             note(f"continuing from frame {algorithm.frame} of its journal{lost}")
@@ -134,7 +134,7 @@ class CoordinatorRun:
         reporter.journal = RunJournal(file, self.coordinator, past, log)
 
     def life(self) -> Generator[None, None, int]:
-        """Run the world to its end, one turn per iteration; returns the exit code."""
+        """Run the world to its end, one turn of the loop per iteration; returns the exit code."""
         reporter = self._reporter
         try:
             ended = yield from self.coordinator.life()
@@ -228,7 +228,7 @@ class _Reporter:
             digest=algorithm.scene.digest.hex(),
             reached=algorithm.reached,
             last_frame_at=coordinator.schedule.last_frame_at,
-            # The most at any time, because some have left before the end.
+            # The maximum over time, because some have left before the end.
             members=max(self._members, coordinator.status.most_members),
             figures=dict(ended.figures),
             profile=coordinator.metrics.profile(),

@@ -28,7 +28,7 @@ ENDINGS: Final = (".parquet", ".csv")
 
 @dataclass(frozen=True, slots=True)
 class Collecting:
-    """What is collected of a run, by name, and the file that it goes into ("": into memory)."""
+    """Data to collect of a run, by name, and their file ("": in memory)."""
 
     entries: Mapping[str, Expression] = field(default_factory=dict[str, Expression])
     into: str = ""
@@ -47,7 +47,7 @@ def read_collecting(top: Table, vocabulary: Vocabulary) -> Collecting:
         raise WorldFileError(
             'nothing is collected: name expressions under [collect], such as birds = "count(ABird)"'
         )
-    # Checked here, because the coordinator would find out only after the world has started.
+    # Checked here, because the coordinator would only report it after the start of the world.
     if into and Path(into).suffix not in ENDINGS:
         top.wrong_setting(CollectSettings, "into", f"must end with {' or '.join(ENDINGS)}: {into}")
     return Collecting(entries, into)
@@ -56,7 +56,7 @@ def read_collecting(top: Table, vocabulary: Vocabulary) -> Collecting:
 class CollectSink(Sink):
     """Collects the frames of an algorithm, beginning with the string that it has now.
 
-    `say` is called with a line for people. `again`: this coordinator succeeds one that was killed
+    `say` is called with a line for the user. `again`: this coordinator succeeds one that was killed
     and left its files incomplete, so the data go into further files. Raises MisuseError and
     VocabularyError.
     """
@@ -111,7 +111,7 @@ def collect_sink(
     *,
     again: bool = False,
 ) -> CollectSink | None:
-    """The sink that collects; None if nothing is to be collected."""
+    """The sink that collects data; None if there are none to collect."""
     if not collecting.entries:
         return None
     return CollectSink(collecting, algorithm, say, again=again)

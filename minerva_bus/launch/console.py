@@ -69,7 +69,7 @@ class Console:
             return
         shown = name
         if self.terminal:
-            # Colours go by first appearance, so the first ten names have different ones.
+            # Colours are assigned by first appearance, so the first ten names have different ones.
             color = _COLORS[self._names.setdefault(name, len(self._names)) % len(_COLORS)]
             shown = f"\x1b[{color}m{name}\x1b[0m"
         self._above("".join(f"{shown} │ {text}\n" for text in line.rstrip("\n").split("\n")))
@@ -89,8 +89,8 @@ class Console:
             self._above(line + "\n")
 
     def periodic(self, line: str, now: float) -> None:
-        """Write a line about progress if the last one is long ago; `now` is monotonic."""
-        # No line at once: a start that is shorter than a period needs none.
+        """Write a line about progress if one is due; `now` is monotonic."""
+        # No line at the beginning: a start that is shorter than a period needs none.
         if self._noted_at is None:
             self._noted_at = now
         if now >= self._noted_at + PERIOD_SECONDS:

@@ -1,4 +1,4 @@
-"""The tables [world] and [placement]: what the world is, and which hosts may have which agents."""
+"""The tables [world] and [placement]: the world, and the placement rules of its agents."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ def read_description(
 ) -> World:
     """The world, without its norms.
 
-    The world waits for the `processes`; `options` are those of which a function makes the scene.
-    Raises WorldFileError and SceneError.
+    The world waits for the `processes`; `options` are the arguments of a function that makes the
+    scene. Raises WorldFileError and SceneError.
     """
     table = top.table("world")
     vocabulary = _vocabulary(table, settings, path)
-    # Before the string is read, which would report a forgotten class as an unknown symbol.
+    # Before the string is read, because a missing class would be reported as an unknown symbol.
     _check_kinds(processes, vocabulary, path, ", ".join(settings.vocabulary))
     _check_speakers(processes, vocabulary, path)
     # `dt` follows the file's rate only: `--rate` changes the pace of a run, but must not change the

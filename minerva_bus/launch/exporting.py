@@ -52,9 +52,9 @@ Check = Callable[[WorldStatus | None, str], Health]
 
 
 def live(status: WorldStatus | None, problem: str = "") -> Health:
-    """Whether the coordinator answers; `status` is its answer, `problem` why there is none."""
-    # Members do not matter here: an orchestrator must not restart a coordinator because a sensor is
-    # away.
+    """Whether the coordinator answers; `status` is its answer, `problem` the reason for none."""
+    # Members are irrelevant here: an orchestrator must not restart a coordinator because a sensor
+    # is missing.
     if status is None:
         return Health(False, f"the coordinator does not answer: {problem}")
     return Health(True, f"{status.world}: the coordinator answers")
@@ -173,7 +173,7 @@ class _Server(ThreadingHTTPServer):
 
     def server_bind(self) -> None:
         """Bind without the reverse DNS look-up of the base class."""
-        # So a world that is started again can use its port at once.
+        # Allows a restarted world to use its port at once.
         self.socket.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         self.socket.bind(self.server_address)
         self.server_address = self.socket.getsockname()
@@ -181,7 +181,7 @@ class _Server(ThreadingHTTPServer):
 
 
 class _Handler(BaseHTTPRequestHandler):
-    # Seconds; without it, a client that sends nothing would keep its thread for ever.
+    # Seconds; without it, a client that sends nothing would keep its thread forever.
     timeout = 10
     server_version, sys_version = "minerva", ""
 

@@ -38,7 +38,7 @@ def fork(body: Callable[[], int], keep: Collection[int], lifeline: int) -> Child
     of a lifeline, that would stay open after the death of this process.
     """
     read, write = os.pipe()
-    # Otherwise both processes would write what is in the buffers.
+    # Otherwise both processes would write the contents of the buffers.
     sys.stdout.flush()
     sys.stderr.flush()
     pid = os.fork()
@@ -79,7 +79,7 @@ def command(
     The child between this process and the command leads their process group, so that everything
     that the command starts can be killed with it.
     """
-    # A command knows nothing of the lifeline; the child that waits for it watches the lifeline.
+    # A command does not use the lifeline; the child that waits for it watches the lifeline.
     return fork(lambda: _run(words, environment, folder), (), lifeline)
 
 
@@ -102,10 +102,10 @@ def _run(words: Sequence[str], environment: dict[str, str], folder: Path) -> int
 
 
 def _become_child(output: int, keep: Collection[int]) -> None:
-    # A session is a group, too: `kill` reaches all that the child starts, and the signals of the
-    # terminal do not reach the child.
+    # A session is a group, too: `kill` reaches all processes that the child starts, and the signals
+    # of the terminal do not reach the child.
     os.setsid()
-    # The handlers and the wake-up pipe are the launcher's, which alone decides how a world ends.
+    # The handlers and the wake-up pipe belong to the launcher, which controls the end of a world.
     signal.set_wakeup_fd(-1)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
@@ -129,7 +129,7 @@ def _close(descriptor: int) -> None:
     try:
         os.close(descriptor)
     except OSError:
-        return  # The listing of the folder had it open.
+        return  # The descriptor of the folder's listing itself.
 
 
 def _die_with(lifeline: int) -> None:

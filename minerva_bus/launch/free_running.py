@@ -54,12 +54,12 @@ class FreeRunning:
                 threading.Thread(target=self._generate, args=arguments, daemon=True).start()
 
     def stop(self) -> None:
-        """Ask all generators to end; their threads are daemons and are not waited for."""
+        """Request the end of all generators, without a join: their threads are daemons."""
         self._stop.set()
 
     def deliver(self) -> None:
-        """Pass queued events and readings to the runner. Raises what a generator raised."""
-        for _ in range(self._queue.qsize()):  # What arrives meanwhile waits for the next turn.
+        """Pass queued events and readings to the runner. Raises exceptions of generators."""
+        for _ in range(self._queue.qsize()):  # Later output waits for the next turn.
             member, output = self._queue.get()
             # The report of an error names this member.
             self._runner.direct.running = member

@@ -114,7 +114,7 @@ class InProcessRun:
                 self._loop(end)
 
     def ask(self, question: str, **details: Any) -> Mapping[str, Any]:
-        """The answer to a question of an operator, from any thread. Raises BusError."""
+        """Answer a question of an operator, from any thread. Raises BusError."""
         return self._questions.ask(question, **details)
 
     def end(self, reason: str) -> None:
@@ -136,7 +136,7 @@ class InProcessRun:
             if self.collected is not None:
                 self.collected.close()
             self._console.end()
-            # Last, because the method `close` of a service is user code and may raise.
+            # Last, because a service's method `close` is user code and may raise.
             close_services(parts.members)
 
     def summary(self) -> RunSummary:
@@ -177,7 +177,7 @@ class InProcessRun:
             _no_restart,
         )
         for member in members:
-            # A window in this process asks the same questions as one that is connected by the bus.
+            # A window in this process sends the same questions as one that is connected by the bus.
             member.operator = AskingOperator(self._questions.ask)
         return runner, record
 
@@ -206,7 +206,7 @@ class InProcessRun:
         try:
             yield
         except Unready as error:
-            # Not a failure of code: the service cannot run in this world, and its message says why.
+            # Not a failure of code: the service cannot run in this world, as its message explains.
             self._reason = str(error)
             raise WorldStopped(str(error)) from None
         except Exception as error:
@@ -215,7 +215,7 @@ class InProcessRun:
             raise stopped from error
 
     def _failed(self, error: Exception, runner: InProcessRunner, record: RunRecord) -> WorldStopped:
-        """Show an error in a member's code; the reason why the world stops."""
+        """Show an error in a member's code; returns the exception that stops the world."""
         running = runner.direct.running
         member = MEMBERS if running is None else running.name
         frame = max(self.algorithm.frame if running is None else running.frame, 0)
@@ -247,7 +247,7 @@ class InProcessRun:
 
 @dataclass(slots=True)
 class _Parts:
-    """What an open world consists of."""
+    """The parts of an open world."""
 
     runner: InProcessRunner
     members: list[Member]
@@ -360,7 +360,7 @@ class _Questions:
         return reply
 
     def answer(self) -> None:
-        """Answer all questions that wait."""
+        """Answer all waiting questions."""
         while True:
             try:
                 asked, later = self._queue.get_nowait()

@@ -12,7 +12,7 @@ from minerva_bus.launch.pipes import Pipes
 
 
 def end_signals() -> tuple[signal.Signals, ...]:
-    """The signals that ask this process to end: Ctrl-C, SIGTERM and the terminal's hang-up.
+    """The signals that end this process: Ctrl-C, SIGTERM and the terminal's hang-up.
 
     A hang-up that is ignored, as under `nohup`, stays ignored.
     """

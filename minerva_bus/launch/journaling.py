@@ -58,8 +58,7 @@ class RunJournal:
         self._journal: Journal | None = Journal(
             journal_path(file), coordinator.transport.epoch, coordinator.algorithm
         )
-        # This journal replaces the earlier one, so it takes over what stands there besides the
-        # frames.
+        # This journal replaces the earlier one, so it takes over its contents besides the frames.
         if past is not None:
             self._journal.members(past.members)
             if past.rate is not None:
@@ -101,12 +100,12 @@ class RunJournal:
             journal.members(member.name for member in members.active())
 
     def _note_pace(self, journal: Journal) -> None:
-        """Write the pace; a frame in progress counts as left: the journal lacks it."""
+        """Write the pace; a frame in progress counts as left, because the journal lacks it."""
         pace, begun = self._coordinator.schedule.pace, self._coordinator.algorithm.in_frame
         journal.pace(pace.rate, None if pace.left is None else pace.left + begun)
 
     def _give_up(self, journal: Journal, error: OSError) -> None:
-        # Deleted, because a successor must not continue from a frame that is long past.
+        # Deleted, because a successor must not continue from an outdated frame.
         journal.close(over=True)
         self._journal = None
         self._log(

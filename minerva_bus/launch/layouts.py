@@ -45,7 +45,7 @@ LAYOUTS: Final = (
     Layout("one process for all members", True, 1, "5", "MNVA+12"),
     Layout("two processes for each kind of agents", False, 2, "36", "MNVB-14"),
 )
-"""Chosen so that mistakes show: local dates always differ between the two layouts. Sets of two to
+"""Chosen to reveal mistakes: local dates always differ between the two layouts. Sets of two to
 four short texts such as {"a", "b"} have different orders with these seeds, unlike with many others.
 """
 

@@ -1,4 +1,4 @@
-"""The operating system as the launcher uses it, and what all processes of a run share.
+"""The launcher's interface to the operating system, and the context shared by a run's processes.
 
 A simulation passes a machine of its own.
 """
@@ -28,7 +28,7 @@ class Machine:
     """A clock, child processes by their ids, and pipes by their descriptors."""
 
     def monotonic(self) -> float:
-        """Seconds of a clock that never goes back."""
+        """Seconds of a monotonic clock."""
         return time.monotonic()
 
     def cores(self) -> int:
@@ -58,7 +58,7 @@ class Machine:
     def start_coordinator(
         self, start: CoordinatorStart, lifeline: int
     ) -> tuple[ChildProcess, int, int]:
-        """Start a coordinator: its process, where to write commands, where to read reports."""
+        """Start a coordinator; returns its process and the pipes for commands and reports."""
         command_read, command_write = os.pipe()
         report_read, report_write = os.pipe()
         child = forking.fork(
@@ -66,7 +66,7 @@ class Machine:
             (command_read, report_write),
             lifeline,
         )
-        # The child has its own copies; with these open, the end of a pipe would not be seen.
+        # The child has its own copies; with these open, the end of a pipe would not be detected.
         os.close(command_read)
         os.close(report_write)
         os.set_blocking(report_read, False)
@@ -107,9 +107,9 @@ REAL: Final = Machine()
 
 @dataclass(slots=True)
 class LaunchContext:
-    """One world, and what its processes share while it runs.
+    """One world, and the context that its processes share while it runs.
 
-    `endpoint` is where local processes connect ("": not known yet), `shared` whether large
+    `endpoint` is that for local processes ("": not known yet), `shared` whether large
     messages use shared memory. `lifeline` is a pipe that closes when the launcher dies.
     """
 

@@ -37,7 +37,7 @@ def prepare(wanted: bool | None, scene: Scene, needed: int, note: Callable[[str]
 
 
 def column_bytes(scene: Scene) -> int:
-    """Bytes of the numbers in a string's columns: what its populations will send."""
+    """Bytes of the numbers in a string's columns, which its populations will send."""
     return sum(
         column.array.nbytes
         for piece in columns_in(scene)

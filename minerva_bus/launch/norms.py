@@ -35,7 +35,7 @@ _SOURCES = {PEOPLE: "~order"}
 def read_norms(
     table: Table, vocabulary: Vocabulary, scene: Scene, members: Collection[str]
 ) -> tuple[Norm, ...]:
-    """The norms of a world file that are in force, in the order of the file.
+    """The active norms of a world file, in the order of the file.
 
     `members` are the names of its processes. Raises WorldFileError.
     """

@@ -18,7 +18,7 @@ from minerva_bus.settings.kinds import fits, phrase_of
 def read_options(
     table: Table, path: Path, given: Mapping[str, str], completed_by: str
 ) -> dict[str, Any]:
-    """The options of a world file, with those given on the command line in their place.
+    """The options of a world file, replaced by those of the command line.
 
     `completed_by` names a function that completes them ("": none). Raises WorldFileError.
     """
@@ -27,7 +27,7 @@ def read_options(
         if key not in options:
             raise UnknownOption(path.stem, f"--{key}", [f"--{name}" for name in options])
         options[key] = _like(key, text, options[key])
-    # Last, so that what the function derives follows from the values of the command line.
+    # Last, so that the function derives its results from the values of the command line.
     if completed_by:
         completed = called(completed_by, options, path)
         if not isinstance(completed, Mapping):
@@ -45,7 +45,7 @@ def described(spec: str) -> list[tuple[str, str]]:
     try:
         options = tomllib.loads(text).get("options", {})
     except tomllib.TOMLDecodeError:
-        return []  # The run reports it, with its place.
+        return []  # The run reports the error with its place.
     comments = {match["key"]: match["comment"] for match in _COMMENTED.finditer(text)}
     return [
         help_line(key, type(value), comments.get(key, ""), value) for key, value in options.items()

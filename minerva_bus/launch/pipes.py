@@ -15,7 +15,7 @@ from typing import Any, Final, cast
 
 READ_BYTES: Final = 65536
 CLOSED: Final = -1
-"""In place of a closed descriptor, because the system reuses descriptor numbers."""
+"""Replaces a closed descriptor, because the system reuses descriptor numbers."""
 
 
 class Pipes:
@@ -104,7 +104,7 @@ class LineReader:
 
     def read(self) -> bool:
         """Read once; returns whether there was data."""
-        # Once: a child that prints without end must not keep other pipes from being read. `wait`
+        # Once: a child that prints without end must not block the reading of other pipes. `wait`
         # reports the pipe again if it has more.
         data = self._pipes.read(self.descriptor)
         if data is None:
@@ -114,7 +114,7 @@ class LineReader:
         return bool(data)
 
     def finish(self) -> None:
-        """Read what is left, with an unterminated last line, and close the pipe."""
+        """Read the remaining data, with an unterminated last line, and close the pipe."""
         while self.open and self.read():
             pass
         # A grandchild may hold the write end open, so the pipe may never reach its end.
@@ -136,7 +136,7 @@ class ReportPipe:
         """Send a report; without a reader, do nothing."""
         data = json.dumps({"kind": kind, **fields}).encode() + b"\n"
         try:
-            # The system may take a part of a long report only.
+            # The system may accept only a part of a long report.
             while data and not self.broken:
                 data = data[os.write(self.descriptor, data) :]
         except OSError:

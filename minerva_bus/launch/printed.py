@@ -1,4 +1,4 @@
-"""Output of members that have no process of their own: it becomes lines of the log."""
+"""Turns output of members without a process of their own into lines of the log."""
 
 from __future__ import annotations
 
@@ -43,6 +43,6 @@ class _Lines(io.TextIOBase):
 
 @contextmanager
 def printed(tell: Callable[[str], None]) -> Generator[None]:
-    """Pass what is printed on standard output to `tell`, line by line."""
+    """Pass standard output to `tell`, line by line."""
     with _Lines(tell) as lines, redirect_stdout(lines):
         yield

@@ -18,7 +18,7 @@ from minerva_bus.runtime.member import RAISED
 
 HEALTHY_SECONDS: Final = 30.0
 HEALTHY_FRAMES: Final = 10
-"""A process that has worked for this long starts again with no failures counted."""
+"""Seconds and frames after which the failure count of a working process is reset."""
 
 REPORT_SECONDS: Final = 0.4
 """Time for the last reports about a process, or about the end of the world, to arrive."""
@@ -31,7 +31,7 @@ MIN_RESTART_SECONDS: Final = 0.05
 MAX_RESTART_SECONDS: Final = 5.0
 
 FAILURE_REPORT: Final = re.compile(r"failed(?: in frame \d+)?: ")
-"""How a member's report about an error in its user code begins."""
+"""Beginning of a member's report about an error in its user code."""
 
 
 @dataclass(slots=True)
@@ -66,7 +66,7 @@ class SupervisedProcess:
 
     @property
     def due(self) -> list[float]:
-        """The times at which the supervisor has to look at it."""
+        """The times at which the supervisor has to check it."""
         return [at for at in (self.restart_at, self.exited_at) if at is not None]
 
     def restart(self) -> None:
@@ -180,7 +180,7 @@ class ProcessTable:
         for process in self:
             if process.child is not None and process.child.pid == pid:
                 # Before the last lines are read: a grandchild that prints without end would supply
-                # more for ever.
+                # more forever.
                 self._machine.kill_group(pid)
                 if process.output is not None:
                     process.output.finish()
@@ -198,16 +198,16 @@ class ProcessTable:
                 self._machine.kill(process.child.pid)
 
     def stacks(self, process: SupervisedProcess) -> list[str]:
-        """The stacks of a process as it writes them itself; empty for a stopped process."""
+        """The stacks of a process, written by itself; empty for a stopped process."""
         output = process.output
-        # The child of a command only waits for it, so its stack would show nothing.
+        # The child of a command only waits for it, so its stack contains no information.
         if process.child is None or output is None or process.spec.command:
             return []
         process.stacks = []
         self._machine.signal(process.child.pid, STACK_SIGNAL)
         until = self._machine.monotonic() + STACK_SECONDS
         # The caller may be the handler of another pipe. This reads one pipe without calling further
-        # handlers, which could end the process meanwhile.
+        # handlers, which could end the process in the meantime.
         while output.open and (left := until - self._machine.monotonic()) > 0:
             seconds = min(left, STACK_GAP_SECONDS) if process.stacks else left
             if not self._context.pipes.wait_for(output.descriptor, seconds):
@@ -217,7 +217,7 @@ class ProcessTable:
 
 
 class FailureLog:
-    """The failures of user code in a run: which reports were shown, and which causes occurred.
+    """The failures of user code in a run: the reports shown, and the causes.
 
     A process that is restarted several times would otherwise print the same report each time.
     """
@@ -227,7 +227,7 @@ class FailureLog:
         self._before: set[tuple[str, str]] = set()
 
     def abbreviate(self, text: str) -> str:
-        """A report without the lines that were shown before; empty if all of it was."""
+        """A report without the lines that were shown before; empty if no line is new."""
         # The first line has the frame, so that the same error in another frame differs in it only.
         first, _, rest = text.partition("\n")
         seen, self._shown = self._shown, self._shown | {first, rest}
@@ -236,7 +236,7 @@ class FailureLog:
         return f"{first} (as above)" if rest and rest in seen else text
 
     def repeated(self, process: Process, code: int, cause: str) -> bool:
-        """Whether this process, or another host, has failed by the same cause before.
+        """Whether this process, or another host, has failed for the same cause before.
 
         The cause names the frame and the event: the same input fails again.
         """

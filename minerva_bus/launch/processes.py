@@ -106,7 +106,7 @@ class _Reader:
         return bind(cls, options, f"{self.path.name}: [process.{name}]")
 
     def _patience(self, table: Table) -> Patience | None:
-        """How long frames wait for a process; None: as long as for all members."""
+        """Time-outs of frames for a process; None: those for all members."""
         if not any(key in table for key in settings_of(PatienceSettings)):
             return None
         bus = self.top.table("bus").read(PatienceSettings)
@@ -114,7 +114,7 @@ class _Reader:
 
 
 def read_patience(table: Table, defaults: PatienceSettings | None = None) -> Patience:
-    """How long a frame waits for members, in [bus] or for one process. Raises WorldFileError."""
+    """Time-outs of frames for members, in [bus] or for one process. Raises WorldFileError."""
     settings = table.read(PatienceSettings, defaults)
     if settings.soft > settings.hard:
         table.wrong("soft", f"must be at most hard, {settings.hard:g}")
@@ -135,7 +135,7 @@ def check_members(processes: Iterable[Process], vocabulary: Vocabulary, path: Pa
         seen.add(process.name)
         if process.name == COORDINATOR:
             raise WorldFileError(f"{path}: the process name {COORDINATOR} is reserved")
-        # What a command offers is known only from the hello that it sends.
+        # The capabilities of a command are known only from its hello.
         if not process.command and process.alike in ("", process.name):
             members.append(process.participant())
             reason = incompatibility(members[-1].hello(), vocabulary)

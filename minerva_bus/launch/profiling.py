@@ -17,7 +17,7 @@ from minerva_bus.wording import install
 
 @dataclass(frozen=True, slots=True)
 class Profiling:
-    """What to profile: the `frames`, and the code of a `member` ("": of none)."""
+    """Scope of a profile: the `frames`, and the code of a `member` ("": of none)."""
 
     frames: bool = False
     member: str = ""

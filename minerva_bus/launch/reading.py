@@ -39,7 +39,7 @@ def read_world_file(path: Path, overrides: Overrides = AS_WRITTEN) -> WorldFile:
 def read_tables(
     tables: Mapping[str, Any], path: Path, overrides: Overrides = AS_WRITTEN
 ) -> WorldFile:
-    """A world whose tables are not in a file, but as one at this path would have them.
+    """A world from tables that are not in a file, read as if they were at this path.
 
     Raises WorldFileError and SceneError.
     """
@@ -63,7 +63,7 @@ def _tables(path: Path, overrides: Overrides = AS_WRITTEN) -> tuple[Table, str]:
 def _opened(top: Table) -> Table:
     for name in TABLES:
         top.table(name)
-    top.done()  # First, because what is missing in [world] may stand in [wrold].
+    top.done()  # First, because a key missing in [world] may be in [wrold].
     return top
 
 
@@ -82,7 +82,7 @@ def _read_text(path: Path) -> str:
 
 
 def _read(top: Table, text: str, path: Path) -> WorldFile:
-    """Read the tables, in an order in which each finds what it needs."""
+    """Read the tables, in the order of their dependencies."""
     overrides = top.overrides
     completed_by = top.table("world").get("defaults", TEXT, "")
     # Options come first, because the other tables may refer to them as `${name}`.
@@ -90,7 +90,7 @@ def _read(top: Table, text: str, path: Path) -> WorldFile:
     for name in ("world", "process", "bus", "norm", "collect"):
         if name in top:
             top.put(name, filled(top.data[name], options, path))
-    # Before the description, which compares their agents with the vocabulary.
+    # Before the description, which compares the agents of processes with the vocabulary.
     processes = read_processes(top, path)
     bus = top.read(BusSettings)
     waiting = read_patience(top.table("bus"))
@@ -103,7 +103,7 @@ def _read(top: Table, text: str, path: Path) -> WorldFile:
     watch = top.read(WatchSettings)
     collect = read_collecting(top, world.vocabulary)
     for name in ("world", "bus", "limits", "metrics", "log", "collect"):
-        # Every reader has taken its keys, so those that are left are unknown.
+        # Every reader has taken its keys, so the remaining ones are unknown.
         top.table(name).done()
     members = check_members(processes, world.vocabulary, path)
     file = WorldFile(
@@ -126,7 +126,7 @@ def _read(top: Table, text: str, path: Path) -> WorldFile:
 
 
 def _record_settings(top: Table) -> RecordSettings:
-    """Where and how a run is recorded; `record` in [world] is a file or a table.
+    """Settings of a run's record; `record` in [world] is a file or a table.
 
     Raises WorldFileError, and MisuseError for topics without a record.
     """
@@ -136,7 +136,7 @@ def _record_settings(top: Table) -> RecordSettings:
         table = world.table("record")
         defaults = RecordSettings(table.get("file", TEXT, ""), table.get("topics", TOPICS, ()))
         table.done()
-        # What is left of `record` is read as a text below.
+        # Otherwise `record` is read as a text below.
         del world.data["record"]
     settings = top.read(RecordSettings, defaults)
     if settings.path and not settings.path.endswith(".mcap"):

@@ -77,7 +77,7 @@ class RunRecord:
         from minerva_bus.log.recorder import Recorder
 
         # Seconds count from the beginning of the record, also after a succession or resumption; the
-        # clock itself is monotonic, since the system's may be set meanwhile.
+        # clock itself is monotonic, because the system's clock may be set in between.
         self._began = time.monotonic() - (time.time_ns() - description.began) / 1e9
         self._recorder = Recorder(
             Path(file.record.path),
@@ -92,7 +92,7 @@ class RunRecord:
     def frame(self, done: s.FrameDone) -> None:
         """Record a frame that has ended."""
         if self._recorder is None or done.frame < self._next:
-            return  # The previous coordinator has recorded it.
+            return  # Recorded by the previous coordinator.
         if done.frame > self._next:
             self._log(f"frames {self._next} to {done.frame - 1} are not in the record")
         self._next = done.frame + 1
@@ -100,7 +100,7 @@ class RunRecord:
         self._recorder.frame(done, scene, self._seconds(), checkpoint=checkpoint)
 
     def idle(self) -> None:
-        """Do pending work: the caller of `frame` waits for members now."""
+        """Do pending work while the caller of `frame` waits for members."""
         if self._recorder is not None:
             self._recorder.idle()
 
@@ -160,7 +160,7 @@ def _continued(description: Description, file: WorldFile) -> Description:
 def recording(
     file: WorldFile, algorithm: FrameAlgorithm, log: Callable[[str], None], *, again: bool = False
 ) -> RunRecord:
-    """The record that the settings ask for.
+    """The record that the settings request.
 
     `again`: continue the record of a coordinator that was killed, if possible.
     """
@@ -171,8 +171,7 @@ def recording(
         try:
             record.open(file, algorithm, log, again)
         except RecordError as error:
-            # A world does not begin without its record, but a running one does not end because of
-            # it.
+            # A world does not begin without its record, but a running one continues without it.
             if not again:
                 raise
             log(f"{error}; the world continues without a record")

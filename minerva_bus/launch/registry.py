@@ -79,7 +79,7 @@ class WorldLock:
 
     def release(self) -> None:
         """Release the name after the world has ended."""
-        # Removed while it is locked: once it is not, it may already be the file of another run.
+        # Removed while it is locked: without the lock it may already be the file of another run.
         self._path.unlink(missing_ok=True)
         self._file.close()
 
@@ -135,7 +135,7 @@ def _is_locked(path: Path) -> bool:
 
 
 def find(world: str = "") -> RunningWorld:
-    """The running world of a name, or the only one. Raises BusError."""
+    """The running world with a name, or the only one. Raises BusError."""
     worlds = running()
     if world:
         for running_world in worlds:

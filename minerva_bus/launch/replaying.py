@@ -1,6 +1,6 @@
 """Replays a record in any view: `minerva replay FILE --view svg`.
 
-Bus, views and launcher are those of any world; only the coordinator reads its frames from the
+Bus, views and launcher are those of any world; only the coordinator reads its frames from a
 record. The world file provides the code of agents, which is needed for their views.
 """
 
@@ -152,7 +152,7 @@ def world_file_of(
     """The world file with the code of a record's agents."""
     wanted = f"minerva replay {path} WORLD"
     file = read_source(world, description, wanted, completed(given, description))
-    # Only the vocabulary must agree: seed, rules and norms are taken from the record.
+    # Only the vocabulary must agree: seed, rules and norms are those of the record.
     what = differing_vocabulary(file.world, description.world)
     if what:
         raise MinervaError(f"{path}: it is the record of another world: {what}")

@@ -35,7 +35,7 @@ _HOST: Final = "~host"
 
 @dataclass(frozen=True, slots=True)
 class Without:
-    """Which inputs are not fed: those of `members`, and views that only they request.
+    """The inputs that are not fed: those of `members`, and views that only they request.
 
     A record without inputs does not name the sender of an event, so `types` are left out.
     """
@@ -45,7 +45,7 @@ class Without:
     types: frozenset[str] = frozenset()
 
     def inputs(self, frame: RecordedFrame) -> FrameInputs:
-        """What to feed the algorithm with for a recorded frame."""
+        """The inputs of the algorithm for a recorded frame."""
         inputs = frame.inputs
         if inputs is None:
             sent = [rest for event in frame.events for rest in self._of_members(event)]
@@ -88,7 +88,7 @@ class Rerun:
         self._without = without or Without()
 
     def step(self, runner: InProcessRunner) -> bool:
-        """Compute one frame; False if the run is over. Raises whatever user code raises."""
+        """Compute one frame; False if the run is over. Raises any exception of user code."""
         algorithm, frame = self.algorithm, self._cursor.ahead
         if runner.ended is not None or frame is None:
             return False
@@ -98,7 +98,7 @@ class Rerun:
                 " cannot be computed beyond it"
             )
         runner.handle(s.Begin(inputs=self._without.inputs(frame)))
-        # All members reply within `handle`, so a frame that is not complete now never will be.
+        # All members reply within `handle`, so a frame that is incomplete now stays incomplete.
         if algorithm.frame == frame.number and runner.ended is None:
             awaited = ", ".join(algorithm.waiting_for()) or "agents that no process here runs"
             raise MinervaError(f"it waits for {awaited}")
@@ -147,7 +147,7 @@ def recompute(record: Record, kinds: Kinds, progress: Callable[[int], None]) -> 
 def _deliver_without_views(
     member: Member, message: m.ToMember | m.Readings
 ) -> Iterable[m.FromMember | m.Readings]:
-    """Let a host evolve its agents without drawing them: no device is here."""
+    """Let a host evolve its agents without views, because there is no device."""
     if isinstance(message, m.EvolveRequest):
         message = replace(message, visual=())
     return member.receive(message)

@@ -1,7 +1,7 @@
-"""Warnings about norms whose refused agents would not rest, as docs/norms.md explains.
+"""Warnings about norms whose rejected agents would not rest, as docs/norms.md explains.
 
-A coupled device carries out what agents show. An agent that is refused a step has its action still,
-unless its kind says by which attributes it rests.
+A coupled device executes the actions that agents show. An agent with a rejected step keeps its
+action, unless its kind declares the attributes of an agent at rest.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from minerva_bus.launch.worldfile import WorldFile
 
 
 def restless(file: WorldFile) -> list[str]:
-    """A warning for each norm and kind where a refused agent would try the same step again."""
+    """A warning for each norm and kind whose rejected agents would repeat the same step."""
     refusing = [norm for norm in file.world.norms if norm.refuses and not norm.on]
     kinds = file.world.vocabulary.kinds.values()
     restless = [kind for kind in kinds if kind.subscribes and not kind.rest]
@@ -31,7 +31,7 @@ def restless(file: WorldFile) -> list[str]:
 
 
 def _shown(file: WorldFile) -> Iterator[tuple[str, frozenset[str]]]:
-    """The coupled devices, and which visual event types they draw."""
+    """The coupled devices, with the visual event types that they draw."""
     for process in file.processes:
         if process.make_service is not None:
             hello = process.participant().hello()

@@ -64,7 +64,7 @@ def read_resumed(path: Path, world: WorldSource, overrides: Overrides) -> Resume
         damage = tuple(damage_of(record))
         checkpoint, scene = record.end()
         if file.world.until != description.world.until:
-            # Agents that have sent the old `until`, or have given it up, have not sent the new one.
+            # Agents that have sent the old `until`, or have given up, have not sent the new one.
             saved = {name: data for name, data in checkpoint.saved.items() if name != GIVEN_UP}
             nobody: frozenset[str] = frozenset()
             checkpoint = replace(checkpoint, saved=saved, reached=nobody, reaching=nobody)
@@ -100,7 +100,7 @@ def _unused(checkpoint: Checkpoint, file: WorldFile) -> Iterator[str]:
 
 
 def find_file(world: str, description: Description, wanted: str) -> Path:
-    """The world file that the command line names, or the one a record was made with.
+    """The world file that the command line names, or that of the record's run.
 
     `wanted` is the command that names a file that has moved. Raises WorldFileError.
     """
@@ -224,7 +224,7 @@ def last_views(record: Record, file: WorldFile, checkpoint: Checkpoint) -> list[
         drawn = [event for event in events if event.type == event_type]
         try:
             string = record.string(frame)
-        except RecordError:  # Damaged: the device waits for the next view.
+        except RecordError:  # A damaged record: the device waits for the next view.
             continue
         # Only a view of the last frame has halted agents.
         still = tuple(halted["agents"]) if halted.get("frame") == frame else ()
@@ -235,7 +235,7 @@ def last_views(record: Record, file: WorldFile, checkpoint: Checkpoint) -> list[
 
 def _coupled(file: WorldFile) -> frozenset[str]:
     """Visual event types whose views can influence later frames."""
-    if any(process.command for process in file.processes):  # What they draw is unknown here.
+    if any(process.command for process in file.processes):  # Their views are unknown here.
         return frozenset(e.name for e in file.world.vocabulary.events.values() if e.visual)
     hellos = [process.participant().hello() for process in file.processes]
     return frozenset(draws for hello in hellos if hello.coupled for draws in hello.draws)

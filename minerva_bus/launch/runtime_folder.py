@@ -2,7 +2,7 @@
 
 Without XDG_RUNTIME_DIR the folder is in the shared temporary folder, where another user can guess
 its name and create a folder or a link first. So it is used only if it is a real folder of this user
-that nobody else can write to, and no file in it is opened through a link.
+without write permission for others, and no file in it is opened through a link.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from minerva_bus.errors import BusError
 
 
 def runtime_folder() -> Path:
-    """Its path: MINERVA_RUNTIME_DIR, XDG_RUNTIME_DIR/minerva, or one in the temporary folder."""
+    """The path: MINERVA_RUNTIME_DIR, XDG_RUNTIME_DIR/minerva, or one in the temporary folder."""
     named = os.environ.get("MINERVA_RUNTIME_DIR")
     if named:
         return Path(named)

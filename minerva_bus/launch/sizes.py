@@ -40,7 +40,7 @@ def check_sizes(fragments: Mapping[str, Fragment], processes: Iterable[Process])
             agents = f"the agents of {', '.join(sorted(kinds))} are"
             raise WorldFileError(_text(agents, size, f" for {counted(hosts, 'process')}", more))
         for name in group if hosts and size > MAX_BYTES else ():
-            # A part of a population can be cut further, an agent with its scope cannot.
+            # A part of a population can be divided further, an agent with its scope cannot.
             own = 0 if name.startswith(PART) else _size({name: group[name]})
             if own > MAX_BYTES:
                 raise WorldFileError(_text(f"the agent {name} with its scope is", own, "", "Start"))

@@ -84,7 +84,7 @@ def _create(goal: Path, write: Callable[[Path], None]) -> Path:
     if goal.exists() or goal.is_symlink():
         raise MisuseError(f"{goal} already exists; nothing was written. Choose another name")
     try:
-        # Beside the goal, since a folder can be renamed within one file system only.
+        # Beside the goal, because a folder can only be renamed within one file system.
         with tempfile.TemporaryDirectory(dir=goal.parent, prefix=f".{goal.name}-") as temporary:
             root = Path(temporary) / goal.name
             write(root)
@@ -118,7 +118,7 @@ _TAKEN: Final = frozenset(
 
 
 def _fill(template: Path, goal: Path, name: str) -> None:
-    """Write a folder of templates with the name filled in."""
+    """Write a folder of templates with the name inserted."""
     words = {"name": name, "Class": "".join(map(str.capitalize, name.split("_")))}
     for path in sorted(template.rglob("*.txt")):
         place = path.relative_to(template).with_suffix("")

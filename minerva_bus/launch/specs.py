@@ -1,4 +1,4 @@
-"""Load what a world file or a command line names: services, agents, attributes of modules."""
+"""Loads objects named in a world file or command line: services, agents, module attributes."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def load(spec: str, folder: Path | None = None) -> Any:
     if not module_name or not attribute:
         raise WorldFileError(f"{spec!r} names no attribute; expected module:attribute")
     if folder is not None and str(folder) not in sys.path:
-        # First, so that no installed module hides one beside the world file.
+        # First, so that an installed module does not hide one beside the world file.
         sys.path.insert(0, str(folder))
     module = _import(module_name, spec)
     value: Any = module
@@ -54,7 +54,7 @@ def _import(name: str, spec: str) -> Any:
         raise WorldFileError(f"{spec!r}: in {name}: {report(error)}") from error
     except ModuleNotFoundError as error:
         if error.name is not None and name.split(".")[0] == error.name.split(".")[0]:
-            # Otherwise the module is there, and one that it imports is missing.
+            # Otherwise the module exists, and one that it imports is missing.
             raise WorldFileError(
                 f"{spec!r}: there is no module {name}; install it, or put it beside the world file"
             ) from None
@@ -125,7 +125,7 @@ def _installed(group: str, name: str) -> Any:
 
 
 def is_file(path: Path) -> bool:
-    """Whether a text of a user is the path of a file."""
+    """Whether a user's text is the path of a file."""
     # pathlib raises an error for a part that is too long, such as a text that is not a path.
     return os.path.isfile(path)  # noqa: PTH113
 
@@ -228,7 +228,7 @@ def _make(cls: type[Service], options: Mapping[str, Any], owner: str) -> Service
     except MinervaError as error:
         raise WorldFileError(f"{owner}: {error}") from error
     except (TypeError, ValueError) as error:
-        if _is_installed(cls):  # Its options are documented, so its code need not be shown.
+        if _is_installed(cls):  # Its options are documented, so the error need not show its code.
             raise WorldFileError(f"{owner}: {error}") from error
         raise WorldFileError(f"{owner}: {cls.__name__}: {report(error)}") from error
     except (Exception, SystemExit) as error:

@@ -2,7 +2,7 @@
 
 A starting process needs a core for about 0.1 s. If hundreds start at once, each takes seconds and
 all of them exceed their time-outs. So each waits in a queue for a slot. It frees the slot when it
-has sent `hello`, when it has ended, or after `SLOT_SECONDS`: then it waits for something else than
+has sent `hello`, when it has ended, or after `SLOT_SECONDS`: then it waits for something other than
 a core.
 """
 
@@ -14,7 +14,7 @@ STARTS_PER_CORE: Final = 4
 """More than one, because a process that waits for an answer leaves its core to others."""
 
 SLOT_SECONDS: Final = 2.0
-"""Time after which a starting process no longer keeps others from starting."""
+"""Time after which a starting process no longer prevents others from starting."""
 
 
 class StartQueue:
@@ -54,7 +54,7 @@ class StartQueue:
         self._queue.clear()
 
     def next_at(self, now: float) -> float | None:
-        """When the next slot becomes free by time alone; None if no process waits for one."""
+        """Time of the next slot that becomes free by time-out; None if no process waits for one."""
         if not self._queue:
             return None
         ends = [since + SLOT_SECONDS for since in self._started.values()]

@@ -1,4 +1,4 @@
-"""The structure of a world file, read without running the code it names: `check --no-code`."""
+"""The structure of a world file, read without running its code: `check --no-code`."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ PROCESS_CODE: Final = ("service", "agents", "command")
 
 @dataclass(frozen=True, slots=True)
 class Structure:
-    """The processes of a world file, its string if the file has it, and the code it would run.
+    """The processes of a world file, its string if the file has one, and the code that it names.
 
     `code` lists the module:attribute names and commands of the file, in their order.
     """
@@ -32,7 +32,7 @@ class Structure:
 
 
 def structure_of(path: Path) -> Structure:
-    """Check what needs no code of a world file. Raises WorldFileError and SceneError."""
+    """Check the parts of a world file that need no code. Raises WorldFileError and SceneError."""
     top = open_tables(path)
     world, processes = top.table("world"), top.table("process")
     tables = [processes.table(name) for name in processes.data]

@@ -48,12 +48,12 @@ class Succession:
     def start(self, queued: frozenset[str]) -> None:
         """Start the first coordinator, or a successor that reads the journal.
 
-        `queued`: members that are yet to be started.
+        `queued`: members that have not been started yet.
         """
         context, again = self._context, self.count > 0
         file, pipes = context.file, context.pipes
         if again:
-            # Members reconnect to the endpoint that they know.
+            # Members reconnect to their previous endpoint.
             file = replace(file, bus=replace(file.bus, listen=self.listens_at))
         profile, shared = context.profiling.frames, context.shared
         start = CoordinatorStart(file, self._make, profile, shared, again, queued)
@@ -71,7 +71,7 @@ class Succession:
         try:
             self._context.machine.write(self._commands, data + b"\n")
         except OSError:
-            return  # It has died or is stuck; the launcher detects both.
+            return  # The coordinator has died or is stuck; the launcher detects both.
 
     def ended(self) -> None:
         """Read the last reports and lines of a process that has ended."""

@@ -19,7 +19,7 @@ class Startup:
     """Duration of each part of a start, seconds; `began` is on the monotonic clock.
 
     `first_frame` is the number of the first completed frame, `first_at` its end on the
-    coordinators' clock, which successors share, `first_seconds` the time until then.
+    coordinators' clock, which successors share, `first_seconds` the time until this end.
     """
 
     began: float

@@ -51,9 +51,9 @@ MAX_LINE_LENGTH: Final = 2000
 
 @dataclass(slots=True)
 class _Ending:
-    """How the world ends; `deadline` is when its remaining processes are killed.
+    """The end of the world; at the `deadline` its remaining processes are killed.
 
-    `failure`: why it stopped before its end. `reason`: that of the coordinator, None before it
+    `failure`: the reason for a premature end. `reason`: that of the coordinator, None before it
     stops. `report`: its last report.
     """
 
@@ -72,7 +72,7 @@ class _Ending:
 class Supervisor:
     """Runs one world in processes.
 
-    `began`: when the program started, on the monotonic clock. `coordinator` creates the
+    `began`: the start of the program on the monotonic clock. `coordinator` creates the
     coordinator. `run` does everything; a simulation calls `start` and `turn` itself.
     """
 
@@ -132,12 +132,12 @@ class Supervisor:
 
     @property
     def endpoint(self) -> str:
-        """Where local processes connect; empty before the coordinator listens."""
+        """Endpoint for local processes; empty before the coordinator listens."""
         return self._context.endpoint
 
     @property
     def failure(self) -> str:
-        """Why the world stopped before its end; empty if it did not."""
+        """Reason for a premature end of the world; otherwise empty."""
         return self._ending.failure
 
     # --- turns ---
@@ -160,7 +160,7 @@ class Supervisor:
         for process in self._processes:
             if process.restart_at is not None and now >= process.restart_at:
                 self._processes.enqueue(process)
-            # It has ended with code 0, but no report says that the world ends: a failure, too.
+            # It has ended with code 0 without a report of the world's end: a failure, too.
             if process.exited_at is not None and now >= process.exited_at and ending.reason is None:
                 self._on_failure(process, 0)
         self._start_processes()
@@ -169,7 +169,7 @@ class Supervisor:
             self.kill_all()
 
     def patience(self) -> float:
-        """Seconds until something is due, at most 1 s."""
+        """Seconds until the next deadline, at most 1 s."""
         now = self._machine.monotonic()
         times = [at for process in self._processes for at in process.due]
         own = self._ending.deadline, self._processes.queue.next_at(now)
@@ -209,11 +209,11 @@ class Supervisor:
                 self._processes.enqueue(process)
 
     def _inform_successor(self) -> None:
-        """Send a new coordinator what its predecessor knew of the processes."""
+        """Send a new coordinator the states of processes that its predecessor had."""
         self._note(f"a new coordinator listens at {self._context.endpoint}")
-        if self._ending.reason is not None:  # Only the launcher knows it, not the journal.
+        if self._ending.reason is not None:  # Only the launcher has it, not the journal.
             self._coordinator.command(f"end {self._ending.reason}")
-        # The journal has neither the processes that will not return nor those that are starting.
+        # The journal contains neither processes that are not restarted nor those that are starting.
         for process in self._processes:
             if process.abandoned or (self._ending.reason is not None and process.child is None):
                 self._abandon(process)
@@ -265,12 +265,12 @@ class Supervisor:
                 self._log(member, f"{silence}: restart it on its machine")
         elif process.child is not None:
             process.waited = waited
-            # Before it is killed: this is the only trace of what it was doing.
+            # Before it is killed: this is the only trace of its activity.
             self._log_stacks(process, f"{silence}: killing it")
             self._machine.kill(process.child.pid)
 
     def _log_stacks(self, process: SupervisedProcess, text: str) -> None:
-        """Log that a process does not answer, with the line of user code that it executes."""
+        """Log that a process does not respond, with the line of user code that it executes."""
         name, stacks = process.name, self._processes.stacks(process)
         place = blocked_at(stacks, forking.__file__)
         if place is not None:
@@ -317,7 +317,7 @@ class Supervisor:
         if process is None:
             return
         if self._ending.begun:
-            # A successor must not wait for it; the first coordinator has seen it leave.
+            # A successor must not wait for it; the first coordinator was notified that it left.
             if self._coordinator.count:
                 self._abandon(process)
         elif process.restarting:
@@ -342,7 +342,7 @@ class Supervisor:
         # It printed its error last, if it had one.
         ending.failure = ending.failure or self._last_line or f"the coordinator {how_ended(code)}"
         now = self._machine.monotonic()
-        # The report that would set the deadline does not arrive any more.
+        # The report that would set the deadline no longer arrives.
         until = now + self._report_seconds
         ending.deadline = until if ending.deadline is None else min(ending.deadline, until)
 
@@ -351,7 +351,7 @@ class Supervisor:
         # These codes announce a report, which decides between a restart and the end.
         if code in (RAISED, RAISED_BY_CHANCE):
             self._await_cause(process)
-        # The report has been shown and says more than the exit code.
+        # The report has been shown and is more specific than the exit code.
         how = "failed" if process.cause else how_ended(code)
         delay = process.fail(self._coordinator.frame)
         if delay is not None and self._processes.failures.repeated(spec, code, process.cause):

@@ -1,7 +1,7 @@
 """A recorded run with one member replaced: `minerva replay FILE --swap MEMBER=SPEC`.
 
 Agents run again and the new member generates its own events; the recorded inputs of all other
-members are fed (`Rerun`). So two planners, or two views, can be compared in the same world.
+members are fed (`Rerun`). Thus two planners, or two views, can be compared in the same world.
 """
 
 from __future__ import annotations
@@ -229,7 +229,7 @@ def _run(
         for member in members:
             if member.service is not None:
                 member.service.close()
-    # The run and its comparison are complete, but the record that was asked for is not.
+    # The run and its comparison are complete, but the requested record is not.
     if problems:
         raise MinervaError(problems[0])
     ended = runner.ended

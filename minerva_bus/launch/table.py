@@ -1,4 +1,4 @@
-"""TOML tables read strictly: every key known, every value of its type, errors with their line."""
+"""TOML tables, read strictly: known keys, values of the right type, errors with their line."""
 
 from __future__ import annotations
 
@@ -78,14 +78,14 @@ class Table:
         return value
 
     def wrong_setting(self, cls: type[Any], name: str, problem: str) -> NoReturn:
-        """Raise WorldFileError about a setting, where its value was given: option or line."""
+        """Raise WorldFileError about a setting, with the source of its value: option or line."""
         setting = settings_of(cls)[name]
         if setting.option in self.overrides.values:
             raise WorldFileError(f"{setting.flag} {problem}")
         self._home(setting).wrong(setting.key, problem)
 
     def named(self, name: str, what: str) -> str:
-        """A name that the bus can carry. Raises WorldFileError."""
+        """A name that is valid on the bus. Raises WorldFileError."""
         try:
             return checked_name(name, what)
         except MisuseError as error:
@@ -102,17 +102,17 @@ class Table:
     def put(self, key: str, value: Any) -> None:
         """Replace the value of a key, for example with its options filled in."""
         self.data[key] = value
-        # A table that was read before has the old values.
+        # A table that was read earlier has the old values.
         self._tables.pop(key, None)
 
     def rest(self) -> dict[str, Any]:
-        """The keys that nothing has read yet, with their values."""
+        """The keys that have not been read yet, with their values."""
         left = {key: value for key, value in self.data.items() if key not in self._known}
         self._known += left
         return left
 
     def place(self, key: str) -> str:
-        """Where a key stands, for messages: file, line and name."""
+        """Location of a key for messages: file, line and name."""
         at = self._place(key)
         line = f":{self._text.count(chr(10), 0, at) + 1}" if at >= 0 else ""
         return f"{self._source}{line}: {self.name}.{key}"
@@ -132,7 +132,7 @@ class Table:
             yield
         except WorldFileError as error:
             text, _, place = str(error).partition("\n")
-            if place:  # It has a line in a module, which says more than the line in this file.
+            if place:  # Its line in a module is more specific than that in this file.
                 full = f"{self.name}.{key}" if self.name else key
                 raise WorldFileError(f"{self._source}: {full}: {text}\n{place}") from error
             self._raise(key, f": {text}")

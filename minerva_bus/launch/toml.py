@@ -27,7 +27,7 @@ class TomlError(MinervaError):
 
 def read_toml(text: str) -> dict[str, Any]:
     """The tables of a TOML text. Raises TomlError."""
-    # Dots in texts and comments are no parts of keys.
+    # Dots in texts and comments are not parts of keys.
     if _LONG_KEY.search(_STRINGS.sub("s", text)):
         raise TomlError(f"a dotted key has more than {MAX_KEY_PARTS} parts")
     try:
@@ -39,7 +39,7 @@ def read_toml(text: str) -> dict[str, Any]:
 
 
 def toml_value_text(value: Any) -> str:
-    """A value as TOML writes it, in one line."""
+    """A value in TOML, on one line."""
     if isinstance(value, Mapping):
         pairs = cast("Mapping[str, Any]", value).items()
         return f"{{{', '.join(f'{json.dumps(key)} = {toml_value_text(v)}' for key, v in pairs)}}}"

@@ -1,7 +1,7 @@
-"""Stacks of a member that does not answer, as Python's faulthandler writes them.
+"""Stacks of a member that does not respond, as written by Python's faulthandler.
 
-The handler runs at once, whatever Python code or blocking call the process is in; a stopped process
-writes nothing. It writes to the output of the process, among the lines that the process prints.
+The handler runs at once, also during a blocking call; a stopped process writes nothing. It writes
+to the output of the process, among the lines that the process prints.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ def is_stack(line: str) -> bool:
 
 
 def blocked_at(stacks: Sequence[str], began_in: str) -> Place | None:
-    """The line of user code that the thread with the signal was in.
+    """The line of user code that the thread was executing at the signal.
 
     `began_in` is the source file that forked the process: older frames belong to the launcher.
     """

@@ -12,7 +12,7 @@ from minerva_bus.world.services import Service
 
 
 def toml_value(text: str) -> Any:
-    """The value of a text in TOML; a text that is not TOML stands for itself."""
+    """The value of a text in TOML; any other text is returned unchanged."""
     try:
         return read_toml(f"value = {text}")["value"]
     except (TomlError, KeyError):

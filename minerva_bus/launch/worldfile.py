@@ -31,7 +31,7 @@ from minerva_bus.world.services import Service
 
 @dataclass(frozen=True, slots=True)
 class Process:
-    """One process of a world, and what happens when it fails: restart, stop or ignore.
+    """One process of a world, and the policy for its failure: restart, stop or ignore.
 
     `elsewhere`: the world waits for it, but it is started on another machine, by hand or by a
     service manager: `minerva attach WORLD --process NAME`. `speaks_for`: kinds and `#id`s of agents
@@ -60,8 +60,8 @@ class Process:
 class WorldFile:
     """A world file with the settings of the command line, checked.
 
-    `patience` is that with all members, a process may have its own. `notes` are lines to print at
-    the start.
+    `patience` has the time-outs for all members; a process may have its own. `notes` are lines to
+    print at the start.
     """
 
     path: Path
@@ -80,7 +80,7 @@ class WorldFile:
 
     @property
     def deadlines(self) -> Deadlines:
-        """How long a frame waits for each member."""
+        """Time-outs of frames for each member."""
         processes = self.processes
         own = {each.name: each.patience for each in processes if each.patience is not None}
         elsewhere = frozenset(process.name for process in processes if process.elsewhere)

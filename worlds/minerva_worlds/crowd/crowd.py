@@ -1,6 +1,6 @@
-"""A crowd leaves a building: people react to signs, neighbours and collisions, and to nothing else.
+"""A crowd leaves a building: people only react to signs, neighbours and collisions.
 
-A person has a state, follows the signs, gives way to neighbours, is pushed by what it touches, and
+A person has a state, follows the signs, gives way to neighbours, is pushed back by collisions, and
 has an extent and an appearance. Only the signs have a map.
 """
 
@@ -127,7 +127,7 @@ class Person(Agent, symbol="APerson"):
 
 
 class Building(Agent, symbol="ABuilding"):
-    """Counts the people who are out, and reports when all are."""
+    """Counts the people who have left, and reports when all have."""
 
     inside: int
     out: int = 0

@@ -2,8 +2,8 @@
 
 Their body is the scope of the egg from which they hatch: `TAim<angle=40>(PEye<left=1>)` is an eye
 that looks 40° to the left and makes the left wheel turn faster the more berries it sees. A mutation
-of the string therefore creates other creatures, with more or fewer eyes, elsewhere, or wired in
-another way.
+of the string therefore creates other creatures, with more or fewer eyes, or with other positions or
+wiring.
 """
 
 from __future__ import annotations
@@ -87,7 +87,7 @@ class Egg(Agent, symbol="AEgg"):
 
 
 class Creature(Agent, symbol="ACreature"):
-    """Driven by its eyes and wheels; counts the berries that it eats."""
+    """Drives with its eyes and wheels; counts the berries that it eats."""
 
     x: Metres
     y: Metres

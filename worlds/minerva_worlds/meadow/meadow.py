@@ -1,4 +1,4 @@
-"""A meadow: rabbits graze and warn each other, foxes hunt; all are born, and die.
+"""A meadow: rabbits graze and warn each other, foxes hunt; all are born and die.
 
 No animal sees another. It makes a noise: an event whose condition limits where it is received.
 """

@@ -1,7 +1,7 @@
-"""Plants that grow by an L-system: buds rewrite themselves, and stop where there is no room.
+"""Plants that grow by an L-system: buds rewrite themselves, and stop where space is missing.
 
 A bud is an agent with a rule for its replacement, in Lindenmayer's notation: F is a stem, X a bud,
-Y a weaker one, + and - turns, [ ] a branch. Whatever follows a stem or a turn is at its end and
+Y a weaker one, + and - turns, [ ] a branch. The symbols after a stem or a turn are at its end and
 therefore in its scope: the brackets of an L-system are those of the grammar.
 """
 
@@ -98,7 +98,7 @@ class Stem(Agent, symbol="AStem"):
 
 
 class Bud(Agent, symbol="ABud"):
-    """Is replaced according to its rule, or by a flower if something is in its way."""
+    """Is replaced according to its rule, or by a flower if its space is occupied."""
 
     rule: str
     fork: Degrees = 25.0

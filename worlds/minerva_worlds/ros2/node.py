@@ -47,7 +47,7 @@ def pose(x, y, angle=0.0):
 
 
 class Ros:
-    """A node that speaks rmw_zenoh."""
+    """A node that uses the protocol of rmw_zenoh."""
 
     def __init__(self, listen, domain):
         config = zenoh.Config()

@@ -9,7 +9,7 @@ second it stops.
 
 With --clock it is a simulation driven by /clock (use_sim_time): its time advances only by Clock
 messages. It answers each of them with odometry, scan and detections of that time. The velocity
-between two times is the TwistStamped with the first of them.
+between two times is the TwistStamped with the earlier one.
 """
 
 import argparse

@@ -1,7 +1,7 @@
-"""A crossing: drivers who miss the red light, speed and honk, and a town with norms for them.
+"""A crossing: drivers who miss the red light, speed and honk, and norms against this.
 
 Drivers respond to the light with a probability, receive a horn where an event's condition holds,
-and learn the distance to the car ahead from the street. The norms are in traffic.toml.
+and receive the distance to the car ahead from the street. The norms are in traffic.toml.
 """
 
 from __future__ import annotations
@@ -145,7 +145,7 @@ class Car(Agent, symbol="ACar"):
             moment.emit(eHonk(condition=f'lane == "{self.lane}" and s > {self.s}'))
 
     def go(self, way: float) -> None:
-        """Move along the lane; from its end, continue at its beginning."""
+        """Move along the lane; continue at its beginning after its end."""
         self.s += way
         if self.s >= HALF:
             self.s -= 2 * HALF
