@@ -31,7 +31,7 @@ def waited(condition, seconds=20.0):
 
 
 def config_of(live):
-    """The file that the command lines of all processes of a live world name."""
+    """The configuration file that is an argument of all processes of a live world."""
     return live._backend._launched._config
 
 
@@ -139,7 +139,7 @@ def test_a_live_world_without_references_ends():
 
 
 def after_questions(monkeypatch, live, action):
-    """Call this function in the third question of a step."""
+    """Call `action` at the third status query of a step."""
     left, status = [action, None, None], live.operator.status
 
     def asked():
@@ -185,7 +185,7 @@ def test_a_launcher_that_is_killed_ends_its_world(monkeypatch):
 def test_a_second_interrupt_kills_processes_that_do_not_end(monkeypatch):
     live = pond().start(bus=True)
     config, process = config_of(live), live._backend._launched._process
-    process.send_signal(signal.SIGSTOP)  # Else it would end by itself.
+    process.send_signal(signal.SIGSTOP)  # Otherwise it ends on its own.
     wait = process.wait
 
     def interrupted(seconds=None):

@@ -179,7 +179,7 @@ def frames(draw):
 
 
 def sent(result: Evolved):
-    """Sent events by type, since the frame's order separates types anyway."""
+    """Sent events by type, since the world's order sorts types anyway."""
     events = [e for one in result.emitted.values() for e in one] + list(single(result.batches))
     return {name: [e for e in events if e.type == name] for name in TYPES}
 

@@ -79,7 +79,7 @@ def ids_of(count: int, *, numbered: bool) -> Ids:
 
 @st.composite
 def generations(draw):
-    """Fish before and after births and deaths; at least one fish remains."""
+    """Fish before and after births and deaths; the result is not empty."""
     old = fish(ids_of(draw(st.integers(1, 40)), numbered=draw(st.booleans())), 0.5)
     gone = draw(st.sets(st.integers(0, old.count - 1)))
     born = draw(st.integers(1 if len(gone) == old.count else 0, 9))
