@@ -79,7 +79,7 @@ def met(result):
 
 
 def test_the_rate_is_the_probability():
-    """200 agents process a fraction of 0.3 of 20,000 events in 100 frames, within 4 standard deviations."""
+    """Agents process 0.3 of 20,000 events, within 4 standard deviations."""
     w = Many.many("f", 200)
     answered = sum(
         int(met(evolve(w, [eNear(0)], [Many], Frame(t, 0.1, 5))).sum()) for t in range(100)
