@@ -20,7 +20,7 @@ TOO_LATE = "too late"
 
 @dataclass(frozen=True, slots=True)
 class Heard:
-    """The effect of a message: all conversations after it, and the one that it belongs to, if any.
+    """The effect of a message: all conversations after it, and that of the message, if any.
 
     `answer` must be sent immediately. `told`: whether the agent's own method is called.
     """

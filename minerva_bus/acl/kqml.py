@@ -3,7 +3,7 @@
 The performatives are the 36 of Labrou and Finin, A Proposal for a new KQML Specification, TR
 CS-97-03. KQML describes the contents of knowledge bases, FIPA the intentions of agents, so the
 nearest act is not an equivalent. Performatives that manage streams of answers have no counterpart.
-The inverse mapping returns the original performative where that is possible.
+The inverse mapping returns the original performative if possible.
 """
 
 from __future__ import annotations

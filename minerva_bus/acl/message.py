@@ -1,6 +1,6 @@
 """A message of FIPA ACL as an event (SC00061; 3.2 of the paper).
 
-Sender and receivers are those of the event. Names have underscores in place of FIPA's hyphens.
+Sender and receivers are those of the event. Names have underscores instead of FIPA's hyphens.
 `reply_by` is the last frame in which an answer is valid, or -1: a frame and not a time as in FIPA,
 because a world must not depend on the time of day.
 """
@@ -45,7 +45,7 @@ def reply(message: Event, act: Act | str, content: str = "", **parameters: Any) 
     """An answer to a message, with its protocol, conversation, language and ontology.
 
     `parameters` replace those of `eMessage`. Raises MisuseError if the message has no sender: an
-    event without receivers goes to all agents.
+    event without receivers is sent to all agents.
     """
     to = answered_to(message)
     if not to:

@@ -92,7 +92,7 @@ def _arrow(said: Said, y: float, columns: dict[str, float]) -> Iterator[str]:
     x, color = columns[said.sender], _COLORS.get(Act(said.act), SAYS)
     ends = [columns[name] for name in said.receivers]
     dashes = ' stroke-dasharray="5 3"' if color == DENIES else ""
-    # One line to each side is enough, whatever the number of receivers.
+    # One line to each side is enough for any number of receivers.
     for end in sorted({min([x, *ends]), max([x, *ends])} - {x}):
         yield (
             f'<line x1="{x:.0f}" y1="{y:.0f}" x2="{end:.0f}" y2="{y:.0f}" stroke="{color}"'

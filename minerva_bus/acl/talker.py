@@ -75,7 +75,7 @@ class Talker(Agent):
     ) -> str:
         """Begin a conversation with each of several agents; returns their common id.
 
-        `act` is the first act, where a protocol has several (QUERY: `query-if` or `query-ref`).
+        `act` is the first act if a protocol has several (QUERY: `query-if` or `query-ref`).
         `parameters` are those of `eMessage`. Raises MisuseError.
         """
         # Sorted, because the conversations are part of the string.

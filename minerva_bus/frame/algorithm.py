@@ -221,7 +221,7 @@ class FrameAlgorithm:
     def _repeat(self, inputs: FrameInputs) -> None:
         """Run a frame from its complete inputs, which succession does before any member appears.
 
-        It awaits nothing, so the phase stays. Raises ProtocolError where the inputs are not those
+        It awaits nothing, so the phase stays. Raises ProtocolError if the inputs are not those
         of the next frame, or do not fit.
         """
         if inputs.frame != self.frame:

@@ -208,7 +208,7 @@ class CollectionStep:
                 saved[member] = NOTHING if reply.saved is None else reply.saved
 
     def _leave_out_foreign(self, sources: dict[str, Sequence[AnyEvent]]) -> None:
-        """Drop events whose sender is not, or no longer, an agent that the source speaks for."""
+        """Drop events whose sender is not, or no longer, an agent that the source may represent."""
         algorithm = self._algorithm
         for name in sorted(sources.keys() & algorithm.world.speaks_for.keys()):
             kept = self._speaking.kept(name, sources[name])
@@ -226,7 +226,7 @@ class CollectionStep:
     # --- norms on events ---
 
     def _standing_for_people(self, sources: dict[str, Sequence[AnyEvent]]) -> tuple[str, ...]:
-        """The sources that stand for people; only norms depend on them."""
+        """The sources that represent people; only norms depend on them."""
         if not self._algorithm.norms:
             return ()
         people = self._algorithm.members.standing_for_people()
@@ -261,7 +261,7 @@ def visual_events(algorithm: FrameAlgorithm, due: Sequence[str]) -> tuple[Event,
 
 
 def note_answer(algorithm: FrameAlgorithm, member: MemberEntry) -> None:
-    """Note that a member has answered, so it is not late any longer."""
+    """Note that a member has answered, so that it is no longer late."""
     member.last_reply = algorithm.frame
     if member.state is MemberState.LATE:
         algorithm.members.change(member, MemberChange.ANSWERED)

@@ -75,5 +75,5 @@ def _state_mismatch(kind: AgentKind, expected: AgentKind) -> str:
 
 
 def _described(of: Type, other: Type) -> str:
-    """A type as text; with all its parameters where the short texts of both are equal."""
+    """A type as text; with all its parameters if the short texts of both are equal."""
     return str(of) if str(of) != str(other) else repr(of)

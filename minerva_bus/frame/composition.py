@@ -226,7 +226,7 @@ class Composition:
 
     def _replace(self, changes: Mapping[str, Scene]) -> bool:
         # A new skeleton turns all views into keyframes, so fragments are
-        # replaced in place where possible.
+        # replaced in place if possible.
         if not all(self._same_shape(name, scene) for name, scene in changes.items()):
             parts = {**self._as_strings(), **changes}
             self._take_apart(self._held(fill(self.skeleton, parts)), parts)

@@ -13,7 +13,7 @@ Offers: TypeAlias = Mapping[str, frozenset[str]]
 
 @dataclass(frozen=True, slots=True)
 class Rule:
-    """Which hosts may evolve agents of one kind.
+    """Restricts the hosts that may evolve agents of one kind.
 
     `only`: hosts whose names match one of these patterns (`*` and `?`); empty: any host.
     `near`: hosts on the same machine as the member of this name.

@@ -56,8 +56,8 @@ class World:
     shown: Sequence[ViewShown] = ()
 
     def __post_init__(self) -> None:
-        # Ids of copies contain the frame that makes them. A string that has one of a frame to come
-        # would have two agents of one id then.
+        # Ids of copies contain the frame that makes them. A string that already has
+        # such an id of a later frame would then have two agents with one id.
         for agent in agents(self.scene) if self.policy is Policy.LITERAL else ():
             frame = newest_copy((agent.id,))
             if frame >= self.past.frame:

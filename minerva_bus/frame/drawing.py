@@ -31,7 +31,7 @@ class DeviceSide:
         self._unshown: dict[str, int] = {}
 
     def rejoin(self) -> None:
-        """Accept the next keyframes whatever their sequence number."""
+        """Accept the next keyframes regardless of their sequence number."""
         for picture in self._pictures.values():
             picture.sequence = -1
 

@@ -82,7 +82,7 @@ class Host:
         missing = [name for name in concerned if name not in self.fragments]
         if missing:
             raise ProtocolError(f"frame {request.frame} is about #{missing[0]}, never given here")
-        # Views come first: they show the string before the evolution, which replaces the fragments.
+        # Views are first: they show the string before the evolution, which replaces the fragments.
         views = {
             event_type: self._views(event_type, concerned, request.visual, frame)
             for event_type in sorted({event.type for event in request.visual})

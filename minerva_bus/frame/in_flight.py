@@ -30,7 +30,7 @@ class FrameEvents:
     """Events of a frame (steps 2 to 4 of Table 2).
 
     `orders`: people's orders that generators take, and `permitted`, those that norms permit.
-    `taken`: events from the inbox, by source; `people`: the sources that stand for people.
+    `taken`: events from the inbox, by source; `people`: the sources that represent people.
     `due`: visual event types that devices generate in this frame.
     `ordered`: e*, of which `visual` is e^v and `evolving` is e^u.
     """
@@ -60,7 +60,7 @@ class Requests:
     `unassigned`: fragments that wait for a host to return.
     `left_out`: fragments that keep their state in this frame because no host answered for them.
     `reduced`: events and visual events of repeated requests after a norm rejected an outcome.
-    `layout`: how populations were divided when the hosts were asked.
+    `layout`: the division of populations at the time of the request.
     """
 
     outstanding: dict[tuple[str, int], tuple[str, ...]] = field(default_factory=_DICT)
@@ -118,7 +118,7 @@ class FrameResult:
             self.view_patches.setdefault(event_type, {}).update(patches)
 
     def count_answers(self) -> None:
-        """Note how many replies the latest request received."""
+        """Note the number of replies to the latest request."""
         # Succession feeds the replies stage by stage, so their number in each stage must be logged.
         self.answers.append(len(self.replies) - sum(self.answers))
 
@@ -127,7 +127,7 @@ class FrameResult:
 class FrameInFlight:
     """One frame, from `Begin` to its result.
 
-    `clock_views`: visual event types whose devices want a view by the clock in this frame.
+    `clock_views`: visual event types whose devices request a view by the clock in this frame.
     `pending`: members whose tick reply the frame waits for; `ticked`: replies by member.
     `trial`: the outcome before norms that judge agents; `stages`: the reduced events by which
     agents with a rejected outcome may still continue.

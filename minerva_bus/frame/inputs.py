@@ -18,7 +18,7 @@ class FrameInputs:
     `due`: visual event types for which a device requested a view.
     `ticked`: replies of lockstep members (step 2), by member.
     `taken`: events of other sources, by source.
-    `layout`: how populations were divided into fragments.
+    `layout`: the division of populations into fragments.
     `replies`: replies of hosts (steps 5 and 6), in the order in which they were merged.
     `waiting`: events by source that arrived during the frame and count in the next one.
     `people`: sources whose events count as sent by people (for norms).

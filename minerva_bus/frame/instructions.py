@@ -23,7 +23,7 @@ class Instructions:
         self.pending.append(instruction)
 
     def send(self, to: str, message: m.ToMember) -> None:
-        """Send a message, without columns where the member declines them."""
+        """Send a message, without columns if the member declines them."""
         plain = self._members.declines_columns(to)
         self.pending.append(s.Send(to, plain_form(message) if plain else message))
 

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 class FrameSource:
-    """The steps of Table 2 whose inputs come from members or from a record.
+    """The steps of Table 2 whose inputs are from members or from a record.
 
     This base class is a source without members: it ignores their messages.
     """
@@ -83,7 +83,7 @@ class FrameSource:
 
 
 class LiveSource(FrameSource):
-    """Frames whose events come from generators, and whose results come from hosts."""
+    """Frames with events from generators and results from hosts."""
 
     def __init__(self, algorithm: FrameAlgorithm) -> None:
         super().__init__(algorithm)

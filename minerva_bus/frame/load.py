@@ -23,7 +23,7 @@ class Load:
         self._speeds: dict[str, list[float]] = {}
 
     def note(self, host: str, rows: int, elapsed: float) -> None:
-        """Note how many seconds a host needed for some rows."""
+        """Note the seconds that a host needed for some rows."""
         if rows and elapsed > 0:
             speeds = self._speeds.setdefault(host, [])
             speeds.append(rows / elapsed)
@@ -32,7 +32,7 @@ class Load:
     def weights(self, hosts: Sequence[str], rows: int) -> list[float]:
         """Shares of some rows by the speed of these hosts.
 
-        The shares are equal while the speed of a host is unknown, and where there are few rows: the
+        The shares are equal while the speed of a host is unknown, and for few rows: the
         time of a frame does then not depend on rows, so a host with fewer would seem slower.
         """
         known = [self._speed(host) for host in hosts]

@@ -91,7 +91,7 @@ class MemberEntry:
     blamed: bool = False
 
     def change(self, change: MemberChange) -> bool:
-        """Apply the transition table; False where it has no such transition."""
+        """Apply the transition table; False if it has no such transition."""
         after = TRANSITIONS.get((self.state, change))
         if after is not None:
             self.state = after
@@ -125,8 +125,8 @@ class MemberIndex:
     `tickers` receive a tick; `sources` are the devices that generate their own visual events.
     Both include members that are away and awaited. `ahead` receive it before the frame begins;
     `joining` are to be admitted. `anyone_ticks`: the tick itself has a recipient. `rates` maps
-    the visual event types of devices that want views by the clock to views per second. Every other
-    device gets a view within `every` frames.
+    the visual event types of devices that request views by the clock to views per second. Any
+    other device gets a view within `every` frames.
     """
 
     active: tuple[MemberEntry, ...]
@@ -184,7 +184,7 @@ class Members:
     # --- changes ---
 
     def change(self, member: MemberEntry, change: MemberChange) -> bool:
-        """Apply the transition table to a member; False where it has no such transition."""
+        """Apply the transition table to a member; False if it has no such transition."""
         self._index = None
         if change is MemberChange.APPEARED:
             # The hello of a former process must not answer the greeting of this one.
@@ -212,7 +212,7 @@ class Members:
             self._note_departed(member)
 
     def stop_expecting(self, member: MemberEntry) -> None:
-        """Do not wait for a member any longer."""
+        """Stop waiting for a member."""
         self._index = None
         member.expected = False
         self._note_departed(member)
@@ -320,7 +320,7 @@ class Members:
     def makers(self, event_type: str) -> list[str]:
         """The generators, present or awaited, that make events of a type by themselves.
 
-        Generators that stand for people, or that take orders for the type, are not among them.
+        Generators that represent people, or that take orders for the type, are not among them.
         """
         hellos = [m.hello for m in self if m.hello is not None and (m.active or m.expected)]
         return [

@@ -74,7 +74,7 @@ class Norms:
     def events(self, frame: int, sources: Sources, people: Collection[str] = ()) -> Sources:
         """The permitted events of a frame, by source; w is the string that the frame begins with.
 
-        The generators `people` stand for people. An event whose sender no longer exists is judged
+        The generators `people` represent people. An event whose sender no longer exists is judged
         by its data alone.
         """
         # Other internal sources are not acts of a member or person,
@@ -228,14 +228,14 @@ class Norms:
         return sanctions
 
     def _elsewhere(self, name: str) -> Any:
-        """The value of `#id.attribute`; None where there is no such agent."""
+        """The value of `#id.attribute`; None if there is no such agent."""
         if name not in self._seen:
             who, _, attribute = name[1:].partition(".")
             self._seen[name] = self._state(who).get(attribute)
         return self._seen[name]
 
     def _state(self, who: str) -> Mapping[str, Any]:
-        """An agent's state in the string that the frame began with; empty where there is none."""
+        """An agent's state in the string before the frame; empty if it has none."""
         outermost = self._composition.agent(who)
         nodes = agents(Scene((outermost,))) if outermost is not None else ()
         for agent in nodes:

@@ -1,4 +1,4 @@
-"""Orders: which events people may send; those of sensors and clocks are reserved."""
+"""Orders: the events that people may send; those of sensors and clocks are reserved."""
 
 from __future__ import annotations
 

@@ -29,7 +29,7 @@ from minerva_bus.world.norms import WAS, Norm
 
 Sent: TypeAlias = tuple[AnyEvent, ...]
 Elsewhere = Callable[[str], Any]
-"""The value of `#id.attribute`, or None where there is no such agent."""
+"""The value of `#id.attribute`, or None if there is no such agent."""
 
 
 class FragmentOutcome:

@@ -51,7 +51,7 @@ class Placement:
     def arrange(self, offers: Offers, *, mid_frame: bool = False) -> None:
         """Assign each fragment to a host that offers all of its kinds.
 
-        Between frames populations are divided again where the number of hosts has changed, and no
+        Between frames populations are divided again if the number of hosts has changed, and no
         host gets more agents than its limit. `mid_frame` the remaining hosts take over
         regardless of the limit, because the frame waits for the fragments.
         """
@@ -243,7 +243,7 @@ class Placement:
         fragments = self._composition.fragments
         held = self._held.setdefault(host, {})
         given = {name: fragments[name] for name in sorted(stale)}
-        # Noted when sent: delivery is reliable while the process lives, and
+        # Noted when sent: delivery is reliable while the process runs, and
         # `forget` clears this when it is gone.
         held.update(given)
         for name in dropped:
@@ -271,13 +271,13 @@ class Placement:
         host = self._host.get(fragment)
         if host is not None and fragment in self._composition.fragments:
             self._stale[host].add(fragment)
-            # None stands for an unknown state: no fragment is identical with it, and the host still
+            # None means an unknown state: no fragment is identical with it, and the host still
             # receives a request to drop the fragment when it moves.
             self._held.setdefault(host, {})[fragment] = None
 
 
 def place(agent: str, hosts: Iterable[str]) -> str | None:
-    """The host of an agent by rendezvous hashing, or None where there are no hosts.
+    """The host of an agent by rendezvous hashing, or None if there are no hosts.
 
     When hosts join or leave, only the agents of these hosts move.
     """

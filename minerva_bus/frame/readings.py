@@ -47,8 +47,8 @@ class ReadingBuffer:
             return
         waiting = self._free.setdefault(key, deque())
         for reading in readings.readings:
-            # Counted by publisher, so that every nth reading of each
-            # counts, however they interleave.
+            # Counted by publisher, so that every nth reading of each is
+            # used, independent of their interleaving.
             number = self._received[key] = self._received.get(key, 0) + 1
             if number % self._nth:
                 self.dropped += 1

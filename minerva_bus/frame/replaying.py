@@ -157,7 +157,7 @@ class RecordedSource(FrameSource):
         """Show the current string to all devices."""
         algorithm = self._algorithm
         algorithm.in_flight = FrameInFlight()
-        # As at the end of a world, all devices get a view, whatever their rate.
+        # As at the end of a world, all devices get a view, regardless of their rate.
         algorithm.in_flight.events.visual = self._visual(closing=True)
         self.evolve()
         algorithm.show()
@@ -200,7 +200,7 @@ class _Slots:
         self._pieces = scene.pieces
         names = {id(part): name for name, part in self._composition.parts.items()}
         self._names: list[str] = []
-        # The composition holds the packed string. Where packing makes other pieces, they do not
+        # The composition holds the packed string. If packing makes other pieces, they do not
         # correspond to fragments one to one, and each frame replaces the whole string.
         if all(map(is_, packed(scene).pieces, scene.pieces)):
             self._names = [_name(piece, names) for piece in scene.pieces]

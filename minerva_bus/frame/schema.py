@@ -1,7 +1,7 @@
 """Declarations of messages: encoding, limits and documentation of each field.
 
 A message is a frozen dataclass with a `WIRE`. Its fields are encoded by type, in the order of
-declaration; marks beside a type restrict a field or select where its value is sent:
+declaration; marks beside a type restrict a field or determine where its value is sent:
 
     count: Annotated[int, AtLeast(1), Note("how many")]
 

@@ -41,7 +41,7 @@ class SenderRights:
                 continue
             wrong = ~self._may(senders, allowed)
             if allowed:
-                # Only existing agents that the member does not speak for are a violation.
+                # Only existing agents that the member may not represent are a violation.
                 wrong &= self.composition.kinds(senders) != ""
             if wrong.any():
                 sender = senders[int(np.argmax(wrong))]
@@ -53,7 +53,7 @@ class SenderRights:
         return ""
 
     def kept(self, member: str, events: Sequence[AnyEvent]) -> list[AnyEvent]:
-        """The events without sender, or whose sender is an agent that the member speaks for."""
+        """The events without sender, or whose sender is an agent that the member may represent."""
         allowed, kept = self.speaks_for.get(member, ()), list[AnyEvent]()
         for event in events:
             senders = _senders(event)

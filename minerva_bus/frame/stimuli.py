@@ -37,7 +37,7 @@ class Vanished:
 
 @dataclass(frozen=True, slots=True)
 class Abandoned:
-    """A member whose process is not restarted any more; the world continues without it."""
+    """A member whose process is no longer restarted; the world continues without it."""
 
     member: str
 

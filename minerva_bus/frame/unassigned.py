@@ -18,7 +18,7 @@ class UnassignedLog:
         self._reported: set[frozenset[str]] = set()
 
     def count(self, agents: int, *, rules: bool, out: Instructions) -> None:
-        """Log how many agents have no host, if that has changed and placement rules cause it."""
+        """Log the number of agents without a host, if it has changed and rules or limits apply."""
         if agents == self._count or not (rules or self._limit):
             return
         self._count = agents

@@ -158,7 +158,7 @@ def _send(
             out.send(member.name, stream.keyframe())
         elif hello.plain:
             out.add(s.Show(view.event_type, plain_form(shown), member.name))
-    # One publication for all observers, however many there are.
+    # One publication for any number of observers.
     if not last and any(not (hello.coupled or hello.plain) for _, hello in devices):
         out.add(s.Show(view.event_type, view))
 

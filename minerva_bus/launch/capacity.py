@@ -92,7 +92,7 @@ def cores() -> int:
 def _quotas(groups: Iterable[Path]) -> list[int]:
     quotas: list[int] = []
     for group in groups:
-        # An unlimited group has the word "max" in place of a number, here and in `_left`.
+        # An unlimited group has the word "max" instead of a number, here and in `_left`.
         quota, _, period = _text(group / "cpu.max").partition(" ")
         if quota.isdecimal() and period.isdecimal():
             quotas.append(math.ceil(int(quota) / int(period)))

@@ -146,7 +146,7 @@ class Console:
 
 
 def starting_line(status: dict[str, Any], total: int) -> str:
-    """The status line of a start: how many members have joined, and which are missing."""
+    """The status line of a start: the number of members that have joined, and missing ones."""
     here = min(int(status["members"]), total)
     shown = f"{here:,} of {counted(total, 'member')} joined"
     waiting = [str(name) for name in status["waiting"]]

@@ -78,7 +78,7 @@ def _check_kinds(
 
 
 def _check_speakers(processes: Sequence[Process], vocabulary: Vocabulary, path: Path) -> None:
-    """Check that generators speak for kinds of the vocabulary, or for valid ids."""
+    """Check that generators represent kinds of the vocabulary, or valid ids."""
     for process in processes:
         for agent in process.speaks_for:
             known = list(vocabulary.kinds)

@@ -148,7 +148,7 @@ class Exporter:
             try:
                 self._ask("totals")
             except MinervaError:
-                continue  # /live reports it.
+                continue  # `/live` reports this.
 
 
 @contextmanager

@@ -196,7 +196,7 @@ class InProcessRun:
                 time.sleep(POLL_SECONDS if due is None else min(due - now, POLL_SECONDS))
 
     def _due(self, end: int | None) -> float | None:
-        # A caller that steps wants each frame now, even if the world is at rest.
+        # A caller that steps requires each frame now, even if the world is at rest.
         return self._schedule.next_at if end is None else self._schedule.due
 
     @contextmanager

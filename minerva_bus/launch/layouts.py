@@ -19,7 +19,7 @@ from minerva_bus.world.services import Device, Generator
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """How to run a world.
+    """A layout of processes for one run of a world.
 
     `hosts`: number of processes for each process of agents. `in_process`: all members in one
     process, unless one of them is a command.

@@ -83,7 +83,7 @@ def _like(key: str, given: str, default: Any) -> Any:
 
 
 def filled(value: Any, options: Mapping[str, Any], path: Path) -> Any:
-    """A value with `${option}` replaced; an option that stands alone keeps its type.
+    """A value with `${option}` replaced; an option without other text keeps its type.
 
     Raises WorldFileError for an unknown option.
     """

@@ -124,7 +124,7 @@ def read_patience(table: Table, defaults: PatienceSettings | None = None) -> Pat
 def check_members(processes: Iterable[Process], vocabulary: Vocabulary, path: Path) -> list[Member]:
     """Check the hello of each member before any process starts.
 
-    The processes of one table differ only in their names, so the first one stands for all.
+    The processes of one table differ only in their names, so only the first one is checked.
     Raises WorldFileError.
     """
     seen: set[str] = set()

@@ -1,7 +1,7 @@
-"""Resumes a run where its record ends: `minerva run --resume FILE`.
+"""Resumes a run at the end of its record: `minerva run --resume FILE`.
 
-A record has strings, events and checkpoints, but no code. The code comes from the world file, which
-must have the same vocabulary and rules. Options, seed, name, rate and end come from the record
+A record has strings, events and checkpoints, but no code. The code is that of the world file, which
+must have the same vocabulary and rules. Options, seed, name, rate and end are those of the record
 unless the command line sets them. θ computes the last views again, because coupled devices act on
 them in the next frame; views depend only on the string and the events (equation 5).
 """
@@ -42,7 +42,7 @@ WorldSource: TypeAlias = str | Callable[[Overrides], WorldFile]
 
 @dataclass(frozen=True, slots=True)
 class Resumed(WorldFile):
-    """A world file whose world continues where the record `origin` ends."""
+    """A world file whose world continues after the end of the record `origin`."""
 
     origin: Path = field(default_factory=Path)
 

@@ -1,4 +1,4 @@
-"""Limits how many processes start at the same time.
+"""Limits the number of processes that start at the same time.
 
 A starting process needs a core for about 0.1 s. If hundreds start at once, each takes seconds and
 all of them exceed their time-outs. So each waits in a queue for a slot. It frees the slot when it

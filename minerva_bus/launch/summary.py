@@ -95,7 +95,7 @@ class RunSummary:
             seed=world.seed,
             startup=startup.parts,
             figures=report.figures,
-            # A run that continues from a journal begins later than its world file says.
+            # A run that continues from a journal begins later than in its world file.
             before=world.past.frame if startup.first_frame is None else startup.first_frame,
             profile=report.profile,
         )

@@ -54,7 +54,7 @@ class Swap:
 
 @dataclass(frozen=True, slots=True)
 class Swapped:
-    """Result of a run with a replaced member: its first difference, and how it ended."""
+    """Result of a run with a replaced member: its first difference, and its end."""
 
     difference: Difference
     frames: int

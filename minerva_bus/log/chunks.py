@@ -190,7 +190,7 @@ def _unpacked(file: IO[bytes], place: ChunkLocation) -> bytes:
 
 def _decompressed(packed: bytes, place: ChunkLocation) -> bytes:
     """At most one byte more than the declared size."""
-    # Enough to detect a chunk that unpacks to more, however large it is.
+    # Enough to detect a chunk that unpacks to more, without unpacking all of it.
     most = place.unpacked + 1
     if place.packing == "zstd":
         import zstandard

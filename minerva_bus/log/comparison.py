@@ -53,9 +53,9 @@ class AttributeDifference:
 class Difference:
     """The first frame in which two records differ; `frame` is None if no frame differs.
 
-    `before`: differences before the first frame. `ended`: which record continues where the other
-    ends. `only_a`, `only_b`: events of the frame that only one record has. `sides`: names of the
-    two records.
+    `before`: differences before the first frame. `ended`: the record that continues after the
+    end of the other. `only_a`, `only_b`: events of the frame that only one record has. `sides`:
+    names of the two records.
     """
 
     frame: int | None
@@ -125,7 +125,7 @@ def compare(a: Record, b: Record) -> Difference:
         if in_a is None or in_b is None:
             return Difference(None, count, before, _ended(in_a, count))
         same = in_a.number == in_b.number and in_a.digest == in_b.digest
-        # Digests come first, because they are compared without decoding strings. Events are
+        # Digests are first, because they are compared without decoding strings. Events are
         # compared as well: different events may lead to the same string.
         if not same or not same_events(in_a.events, in_b.events):
             return _apart(a, b, in_a, in_b, count, before)

@@ -46,7 +46,7 @@ class Cursor:
     """A position between two frames of a record. Raises RecordError for unreadable data.
 
     `number` is that of the next frame, `scene` the string before it. With `state`, `checkpoint` is
-    the rest of the state, or None where the record does not have it. With `inputs`, frames carry
+    the rest of the state, or None if the record does not have it. With `inputs`, frames carry
     the inputs of their members, if recorded.
     """
 

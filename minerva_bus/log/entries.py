@@ -65,7 +65,7 @@ def encode_keyframe(
 
 
 def encode_inputs(inputs: FrameInputs) -> bytes:
-    """Frame inputs as bytes. Replies that came over the bus are not encoded again."""
+    """Frame inputs as bytes. Replies received over the bus are not encoded again."""
     ticked = [
         [name, reply.received or encode(reply)]
         for name, reply in inputs.ticked.items()

@@ -18,8 +18,8 @@ class IntactMessages:
     """Iterates over the chunks `begin` to `end` (exclusive), in order.
 
     `start` is the frame whose string is known at the beginning. `decode` decodes a keyframe.
-    During iteration, `lost` lists frames whose strings are unknown, `tears` counts places where
-    bytes are lost, and `open` is whether no string is known after frame `reached` - 1.
+    During iteration, `lost` lists frames whose strings are unknown, `tears` counts places with
+    lost bytes, and `open` is whether no string is known after frame `reached` - 1.
     """
 
     def __init__(

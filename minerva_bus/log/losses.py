@@ -15,7 +15,7 @@ SHOWN: Final = 5
 class Losses:
     """The parts of a record that cannot be used.
 
-    `damage`: unreadable bytes. `cut`: bytes at the end that belong to no complete chunk. `lost`:
+    `damage`: unreadable bytes. `cut`: bytes at the end outside of complete chunks. `lost`:
     ranges of frames; frames from number `open_from` on, if there were any, are lost too.
     """
 

@@ -88,7 +88,7 @@ class Surveyor:
         for piece in scene.pieces:
             if piece.ids is not None:
                 if piece.symbol in self.placed:
-                    # The nodes before the columns come first, so that agents
+                    # The nodes before the columns are first, so that agents
                     # stay in the order of the string.
                     yield from _of_nodes(nodes, self._vocabulary, self.placed)
                     yield _of_columns(piece, self.placed[piece.symbol], self._most)

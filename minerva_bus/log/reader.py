@@ -180,7 +180,7 @@ class Record:
 
     def keyframe(self, number: int, before: int | None = None) -> tuple[Keyframe, int]:
         """The last keyframe at or before a frame, and its chunk; `before` excludes later chunks."""
-        # The scanner knows when each chunk begins, so later chunks are not unpacked.
+        # The scan has the time at which each chunk begins, so later chunks are not unpacked.
         time = c.time_of(number, self.description.world.dt)
         for chunk in range((self._count if before is None else before) - 1, -1, -1):
             early = self._chunks.places[chunk].first <= time

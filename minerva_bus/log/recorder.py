@@ -48,7 +48,7 @@ LIGHT: Final = 0.0005
 """Seconds of encoding per frame up to which `idle` does the work."""
 
 REST: Final = 0.01
-"""Minimum seconds between two wake-ups of the thread, however short the flush interval."""
+"""Minimum seconds between two wake-ups of the thread, also for shorter flush intervals."""
 
 _NO_TIMINGS: Mapping[str, float] = {}
 
@@ -256,7 +256,8 @@ class _RecordingThread:
         """Write a queued frame if that is quick and stays in memory; otherwise wake the thread."""
         if self._durable or not (self.queue or self.backlog.waiting):
             return
-        # With a flush interval of 0 each frame goes to the disk, which only the thread may access.
+        # With a flush interval of 0 each frame is flushed to the disk, which only the thread may
+        # access.
         is_quick = self._is_light and self._writer.has_room and self._flush_seconds
         if self.backlog.waiting or not is_quick:
             self.wake.set()

@@ -1,6 +1,6 @@
 """Locates the chunks of an MCAP file, even if it is cut off or damaged.
 
-MCAP readers start at the end of a file, where the index is. The record of a crashed world has no
+MCAP readers start with the index at the end of a file. The record of a crashed world has no
 end, so this scanner moves from record to record without reading chunks. After invalid data it
 continues at the next complete chunk.
 """
@@ -82,8 +82,8 @@ class Damage:
 class ScannedFile:
     """Result of a scan: chunks in order, and the damage between them.
 
-    `complete`: the end of the data was scanned. Otherwise `cut` bytes at the end belong to no
-    complete record. `header`: body of the first record.
+    `complete`: the end of the data was scanned. Otherwise `cut` bytes at the end are not part of
+    a complete record. `header`: body of the first record.
     """
 
     places: list[ChunkLocation] = field(default_factory=list[ChunkLocation])

@@ -92,7 +92,7 @@ class RecordWriter:
     ) -> None:
         """Write a frame; `scene` is the string after it, and `checkpoint` that after it.
 
-        The checkpoint and the inputs come first: a frame that was not cut off then has both.
+        The checkpoint and the inputs are first: a frame that was not cut off then has both.
         """
         number, after = record.frame, record.frame + 1
         data = encode_frame(number, record.events, delta_between(self._scene, scene), scene.digest)

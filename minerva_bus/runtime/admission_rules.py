@@ -123,7 +123,7 @@ class AdmissionRules:
 
     def has_hello(self, who: str) -> bool:
         """Whether another hello is within the limits per second, per sender and in total."""
-        # The sender's own bucket comes first: a flood from one
+        # The sender's own bucket is first: a flood from one
         # sender must not empty the common one.
         return self._filled(who).take(_HELLOS, 1) and self._filled(_ALL).take(_ALL, 1)
 

@@ -44,7 +44,7 @@ POLL_SECONDS: Final = 0.01
 """Longest sleep in seconds before the next frame is due."""
 
 POLL_SECONDS_ASKED: Final = 0.001
-"""The same while an operator's question waits."""
+"""Longest sleep in seconds while an operator's question waits."""
 
 MAX_MESSAGES_AT_ONCE: Final = 500
 """Most messages handled before a due frame begins: a flood delays the frame only this much."""
@@ -67,7 +67,7 @@ class Coordinator(Sink):
         limits: What members may send.
         epoch: Rises with each coordinator of a world; messages of a lower one are ignored.
         algorithm: Continues a run, or replays one; by default the world begins.
-        queued: Members whose processes have yet to be started.
+        queued: Members whose processes have not been started yet.
         keep: Whether to measure every frame for a profile.
         commands: Questions that operators may ask, by name.
         sinks: Further sinks of the runner.
@@ -214,7 +214,7 @@ class Coordinator(Sink):
             return
         until = self.schedule.rest_until() if self.schedule.rests else 0.0
         if self.system.monotonic() < until:
-            # A world at rest skips frames; it still checks the clock where a view may be due.
+            # A world at rest skips frames; it still checks the clock if a view may be due.
             self._drain(until) if self.schedule.shows_by_clock else self._wait()
             return
         self._drain(due)

@@ -61,7 +61,7 @@ class DirectTransport:
         self.running: Member | None = None
         self._on_readings = on_readings
         self._deliver = deliver
-        # A hello is costly to make, and what a member receives does not change.
+        # A hello is costly to make, and the messages that a member receives do not change.
         self._receivers: dict[str, list[Member]] = {}
         self._observers: dict[str, list[Member]] = {}
 

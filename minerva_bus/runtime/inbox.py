@@ -2,7 +2,7 @@
 
 Threads of Zenoh deliver, the main thread receives. Delivery through a Python callback acquires the
 interpreter lock for each message. The messages of a frame are therefore read from a channel that
-Zenoh fills without the lock; everything else goes to a side queue and sends a wake-up.
+Zenoh fills without the lock; everything else is put into a side queue and sends a wake-up.
 """
 
 # Zenoh's own stubs leave some types open.
@@ -114,7 +114,7 @@ class Inbox:
     def open(self, session: zenoh.Session, key: str, wake_key: str = "") -> list[Any]:
         """Subscribe to a key; returns the declarations to undeclare at the end.
 
-        `wake_key` carries the wake-ups where the key itself has wildcards.
+        `wake_key` carries the wake-ups if the key itself has wildcards.
         """
         channel = session.declare_subscriber(key, FifoChannel(CAPACITY))
         waker = session.declare_publisher(
@@ -132,7 +132,7 @@ class Inbox:
 
         self._channel, self._wake = channel, tell
         for _ in range(min(self._side.qsize(), MAX_WAKE_UPS)):
-            tell(WAKE_UP)  # For items that arrived before.
+            tell(WAKE_UP)  # For earlier items.
         return [channel]
 
     def close(self) -> None:

@@ -30,7 +30,7 @@ class LargeMessage:
 
 @dataclass(frozen=True, slots=True)
 class Decoded:
-    """A large message after decoding, or None and its problem; `seconds` is how long it took."""
+    """A large message after decoding, or None and its problem; decoding took `seconds`."""
 
     large: LargeMessage
     message: m.FromMember | None

@@ -57,7 +57,7 @@ class Links:
 
     def of(self, name: str) -> list[Linked]:
         """The links of a name."""
-        # A copy, because threads of Zenoh add links meanwhile.
+        # A copy, because threads of Zenoh may add links during the iteration.
         return [linked for linked in list(self._linked.values()) if linked.name == name]
 
 

@@ -52,7 +52,7 @@ POLL_SECONDS: Final = 0.02
 
 @dataclass(frozen=True, slots=True)
 class MemberLinkOptions:
-    """How a member connects: endpoint, shared memory for large messages, own certificate."""
+    """Connection options of a member: endpoint, shared memory for large messages, certificate."""
 
     endpoint: str
     shared: bool
@@ -66,7 +66,7 @@ class MemberProcess:
     Args:
         member: The protocol side, which is pure.
         world: Name of the world.
-        endpoint: Where to connect.
+        endpoint: The endpoint of the world.
         notify: Called with lines for the user.
         shared: Whether large messages use shared memory.
         own: The member's certificate.
@@ -134,7 +134,7 @@ class MemberProcess:
     def run(self) -> int:
         """Take part until the world ends; returns the exit code of the process.
 
-        Raises BusError where the world cannot be reached and Refusal where it rejects the member.
+        Raises BusError if the world cannot be reached and Refusal if it rejects the member.
         """
         return run_through(self.life())
 
@@ -154,8 +154,8 @@ class MemberProcess:
             try:
                 return (yield from self._take_part())
             finally:
-                # Threads and timers stop first, because they put into the inbox. The token goes
-                # before the subscriptions: while it is present, the coordinator may send.
+                # Threads and timers stop first, because they put into the inbox. The token is
+                # removed before the subscriptions: while it is present, the coordinator may send.
                 self._threads.stop()
                 self._rejoin.monitor.close()
                 self.inbox.close()

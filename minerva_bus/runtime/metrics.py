@@ -99,7 +99,7 @@ class Metrics(Sink):
     """Measures the frames of one algorithm, in microseconds and bytes.
 
     tick, evolve   from the request to the last reply
-    wait for NAME  from a request to this member's reply, both requests together; absent where the
+    wait for NAME  from a request to this member's reply, both requests together; absent if the
                    reply had arrived before the frame began
     collect        after the last reply to a tick: steps 2 to 4
     commit         end of a frame: changes to w, digest, next requests
@@ -172,7 +172,7 @@ class Metrics(Sink):
             self._figures.add(name, MICRO * (perf_counter() - began))
 
     def received(self, stimulus: s.Stimulus) -> None:
-        """Measure how long a reply was awaited."""
+        """Measure the waiting time for a reply."""
         self._phase, self._began = self._algorithm.phase, perf_counter()
         replies = isinstance(stimulus, m.TickReply | m.EvolveReply)
         # A reply that arrived early, or late, was not awaited in this frame.

@@ -33,7 +33,7 @@ REPORTS_WITHIN: Final = 10.0
 # Shorter than the launcher waits before it kills the coordinator, which
 # still has to send its final report.
 HURRIED_REPORTS_WITHIN: Final = 0.5
-"""The same if a person or a failure ends the world."""
+"""The same time-out if a person or a failure ends the world."""
 
 
 class Monitor:

@@ -1,4 +1,4 @@
-"""A member's name in its world, and how a member reclaims it after a lost connection."""
+"""A member's name in its world, and its reclamation after a lost connection."""
 
 # Zenoh's own stubs leave some types open.
 # pyright: reportUnknownMemberType=false
@@ -91,7 +91,7 @@ class Rejoin:
     def lost(self) -> None:
         """The coordinator's token is gone: the world has ended, or the link is interrupted.
 
-        Another member may take the name meanwhile. So the member ignores coordinators until one
+        Another member may take the name in between. So the member ignores coordinators until one
         greets it again, and reclaims its name only once that is free.
         """
         if not self.monitor.away:
@@ -115,7 +115,7 @@ class Rejoin:
             self.name.declare(session)
             self.monitor.restored()
             # Events have no recipient while the link is lost, and a
-            # generator cannot know which were lost.
+            # generator cannot detect which were lost.
             if self._link.unsent:
                 self._notify(f"{self._member}: {self._link.unsent} events were lost meanwhile")
                 self._link.unsent = 0

@@ -25,7 +25,7 @@ class Transport(Protocol):
     """Delivers the coordinator's messages to the members.
 
     Both methods return the stimuli that the delivery itself causes: the answers of members that
-    run in this process, nothing where answers arrive later.
+    run in this process, nothing if answers arrive later.
     """
 
     def send(self, to: str, message: m.ToMember) -> Iterable[s.Stimulus]:

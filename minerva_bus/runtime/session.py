@@ -40,7 +40,7 @@ CONNECT_SECONDS = 5.0
 # The events of a link arrive in the threads that opened it (app) or accepted it (acc), which wake
 # the reading threads (rx): two context switches per message. With one pool for both there is one
 # switch, and a client, which has one link, needs a single thread. Writing threads (tx) stay
-# separate, so that a link is kept alive whatever its readers do.
+# separate, so that a link is kept alive regardless of its readers.
 _HUB_THREADS = "(acc:(handover:rx))"
 _CLIENT_THREADS = "(rx:(worker_threads:1),app:(handover:rx))"
 
@@ -116,7 +116,7 @@ def open_hub(
 ) -> tuple[zenoh.Session, str]:
     """The coordinator's session and its endpoint for members of this machine.
 
-    `shared`: messages of a megabyte and more use shared memory, where the receiver does, too.
+    `shared`: messages of a megabyte and more use shared memory, if the receiver does so, too.
     `routers` are Zenoh routers to join. Raises BusError if it cannot listen or reach a router.
     """
     check_port_free(check_endpoint(listen))

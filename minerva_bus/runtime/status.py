@@ -29,7 +29,7 @@ class Status:
 
 
 class StatusMeter(Sink):
-    """Frame rate and number of members. `waited` is how long the current step has waited."""
+    """Frame rate and number of members. `waited` is the waiting time of the current step."""
 
     def __init__(self, algorithm: FrameAlgorithm, pace: Pace, now: float) -> None:
         self.hz = 0.0

@@ -1,4 +1,4 @@
-"""Which members a frame waits for, since when, and what happens after their time-out."""
+"""The members that a frame waits for: waiting times, time-outs and the resulting actions."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ class _Wait:
 class Waits:
     """The members that a step of a frame waits for; times are seconds of one monotonic clock.
 
-    `queued` are members whose processes have yet to be started; they are not awaited until then.
+    `queued` are members whose processes have not been started; they are not awaited until then.
     """
 
     def __init__(self, deadlines: Deadlines, queued: Iterable[str] = ()) -> None:

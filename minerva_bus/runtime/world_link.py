@@ -74,7 +74,7 @@ class WorldLink:
         """The coordinator's message; None for one that must be ignored.
 
         Raises ProtocolError and SceneError for a message that cannot be decoded: a member that has
-        missed one cannot take part any longer.
+        missed one can no longer take part.
         """
         # The usual case, decided without decoding the epoch.
         if self.stamp and data.startswith(self.stamp):

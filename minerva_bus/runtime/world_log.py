@@ -49,12 +49,12 @@ class WorldLog(Sink):
             self._write(member, text, details)
 
     def report_omitted(self, now: float) -> None:
-        """Log how many warnings were omitted, for each member that may be logged again."""
+        """Log the number of omitted warnings for each member that may be logged again."""
         for subject, text in self._restraint.left_out(now):
             self._write(COORDINATOR if subject == GUESTS else subject, text)
 
     def notify(self, notice: s.Notify) -> None:
-        """Log what the algorithm reports."""
+        """Log a report of the algorithm."""
         self.warn(notice.member, notice.text, notice.details)
 
     def frame_done(self, notice: s.FrameDone) -> None:

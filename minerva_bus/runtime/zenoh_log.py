@@ -19,7 +19,7 @@ from typing import Final
 import zenoh
 
 _ROOM: Final = 1 << 20
-"""Size of the pipe, where the system allows it: a thread of Zenoh blocks when it is full."""
+"""Size of the pipe, if the system allows it: a thread of Zenoh blocks when it is full."""
 
 _CHOSEN, _PLAIN = "RUST_LOG", "NO_COLOR"
 

@@ -8,7 +8,7 @@
 Each member has an uplink to the coordinator and a downlink from it. Messages on one link keep their
 order, as on a real bus; between links there is no order. Readings go up, and down to the members
 that subscribe to them. Liveliness changes have a link of their own. `settle` delivers everything in
-a fixed order; a test that wants another schedule lists the possible steps with `ready` and executes
+a fixed order; a test with another schedule lists the possible steps with `ready` and executes
 one with `step`. A member whose code raises ends, as its process would.
 """
 
@@ -272,7 +272,7 @@ class MemoryBus:
 
     @property
     def ended(self) -> s.Ended | None:
-        """How the world ended, once it has."""
+        """The end of the world; None before it."""
         return self._runner.ended
 
     @property

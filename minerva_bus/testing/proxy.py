@@ -54,7 +54,7 @@ class Proxy:
     def cut(self) -> int:
         """Break all connections and return their number. New ones are still accepted."""
         with self._lock:
-            # Taken out under the lock: the accepting thread may add links meanwhile.
+            # Removed under the lock, because the accepting thread may add links at the same time.
             links, self._links = self._links, set()
         for link in links:
             with suppress(OSError):

@@ -63,7 +63,7 @@ def read_array(plain: Any) -> NDArray[Any]:
         if (array.view(np.uint8) > 1).any():
             raise ProtocolError("bools in a column must be bytes 0 or 1")
         return array
-    # Copied even where the type is right: the bytes after the letter are unaligned and read-only.
+    # Copied even if the type is right: the bytes after the letter are unaligned and read-only.
     return array.astype(np.float64 if dtype == "<f8" else np.int64)
 
 

@@ -26,8 +26,8 @@ class Limits:
     """Limits of the protocol; a member that sends a message over a limit is rejected.
 
     A *value* is one item of MessagePack: a list, map, number, text, binary or extension. A column
-    is one or a few values, whatever its number of rows. The limits apply to messages of members;
-    the notes say what each one counts.
+    is one or a few values for any number of rows. The limits apply to messages of members; the
+    notes describe the count of each one.
     """
 
     message_bytes: Annotated[int, Note("bytes of a message"), Configurable(1024)] = 64 << 20

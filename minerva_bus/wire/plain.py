@@ -49,7 +49,7 @@ def unpack(data: bytes, limits: Limits = DEFAULT) -> Any:
 
 
 def _unpacked(data: bytes) -> Any:
-    """Decode in slices where data is large, so that other threads get the GIL in between."""
+    """Decode large data in slices, so that other threads get the GIL in between."""
     if len(data) <= SLICE:
         return msgpack.unpackb(data, ext_hook=msgpack.ExtType, strict_map_key=True)
     unpacker = msgpack.Unpacker(

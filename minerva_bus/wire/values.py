@@ -6,7 +6,7 @@ A string is flat, in reading order, so that its depth costs no recursion:
     piece  = node | columns                             nodes of one shape (columns.py)
     node   = [symbol, values]                           figure
            | [symbol, values, count]                    transformation
-           | [symbol, id, values, count]                agent; values is nil where it has none,
+           | [symbol, id, values, count]                agent; values is nil if it has none,
                                                         and for a mere slot
     event  = [type, values] | [type, values, condition, sender, [receivers]]
            | events                                     a batch of one type (columns.py)

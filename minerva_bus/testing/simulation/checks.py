@@ -1,4 +1,4 @@
-"""Properties that must hold for every history, whatever its faults."""
+"""Properties that must hold for every history, regardless of its faults."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ def _wrong_strings(played: Played) -> Iterator[str]:
     same = undisturbed(played.history.frames, tuple((n, orders) for n, orders in ordered if orders))
     for frame in observed.frames:
         number = frame.number
-        # A free-running generator emits by the clock, so its events may belong to other frames than
+        # A free-running generator emits by the clock, so its events may be in other frames than
         # in the undisturbed run. No agent responds to them, so the strings must be equal
         # nevertheless.
         events = tuple(str(event) for event in frame.events if event.type != "eCry")

@@ -152,7 +152,7 @@ class SimulatedMachine(Machine):
         self._commands.pop(descriptor, None)
 
     def write(self, descriptor: int, data: bytes) -> None:
-        """Write to a pipe. Raises OSError where its reader is dead."""
+        """Write to a pipe. Raises OSError if its reader is dead."""
         if descriptor not in self._commands:
             raise BrokenPipeError
         self._later(descriptor, lambda: self._command(descriptor, data))

@@ -17,7 +17,7 @@ LEASE: Final = 3.0
 
 RETRY: Final = 0.02, 0.5
 RESET: Final = 1e-4, 20e-3
-"""Seconds until a side learns that the other one has closed a link."""
+"""Seconds until a side detects that the other one has closed a link."""
 
 TOKENS_FIRST: Final = 0.2
 """Probability that a new link announces tokens before subscribers."""
@@ -253,7 +253,7 @@ class Network:
             link.up(asked)
 
     def tokens_matching(self, session: Session, pattern: str) -> list[str]:
-        """Tokens that the hub knows, sorted; none if it is unreachable."""
+        """Tokens that are visible to the hub, sorted; none if it is unreachable."""
         link = session.link
         hub = session if session.hub else None if link is None or link.cut else link.hub
         if hub is None or not self._reachable(hub):

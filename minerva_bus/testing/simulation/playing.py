@@ -190,5 +190,5 @@ class Play:
 
 
 def play(history: History, folder: Path) -> Played:
-    """Play a history; its journal goes to an empty folder."""
+    """Play a history; its journal is written to an empty folder."""
     return Play(history, folder).run()

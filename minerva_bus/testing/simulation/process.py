@@ -99,7 +99,7 @@ class SimulatedProcess:
             next(self.life)
         except StopIteration as end:
             self._end(end.value)
-        # `after_turn` undoes the writes of a killed process, however its turn ends.
+        # `after_turn` undoes the writes of a killed process for any end of its turn.
         finally:
             if self.after_turn is not None:
                 self.after_turn()

@@ -87,8 +87,7 @@ class Channel:
         """The next message."""
         if self._queue:
             return self._queue.popleft()
-        # No turn runs until a message arrives; a spurious wake-up lets the caller continue
-        # meanwhile.
+        # No turn runs until a message arrives; a spurious wake-up lets the caller continue.
         self._process.block()
         return self._spurious
 

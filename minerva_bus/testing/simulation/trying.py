@@ -51,7 +51,7 @@ def tried(history: History) -> Tried:
 
 
 def tried_seed(seed: int) -> Tried:
-    """The same for the history of a seed."""
+    """Play and check the history of a seed."""
     return tried(drawn(seed))
 
 

@@ -1,6 +1,6 @@
 """A meadow: rabbits graze and warn each other, foxes hunt; all are born and die.
 
-No animal sees another. It makes a noise: an event whose condition limits where it is received.
+No animal sees another. It makes a noise: an event whose condition limits the area of reception.
 """
 
 from __future__ import annotations

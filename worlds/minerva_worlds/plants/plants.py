@@ -1,4 +1,4 @@
-"""Plants that grow by an L-system: buds rewrite themselves, and stop where space is missing.
+"""Plants that grow by an L-system: buds rewrite themselves, and stop without free space.
 
 A bud is an agent with a rule for its replacement, in Lindenmayer's notation: F is a stem, X a bud,
 Y a weaker one, + and - turns, [ ] a branch. The symbols after a stem or a turn are at its end and
