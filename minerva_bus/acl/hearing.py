@@ -84,7 +84,7 @@ def _late(conversations: Conversations, expired: Conversation, message: Event) -
 
 
 def _late_bid(message: Event) -> bool:
-    """Whether a message is a bid of a contract net: SC00029 demands that late bids are rejected."""
+    """Whether a message is a bid of a contract net: SC00029 requires a rejection of late bids."""
     return message.protocol == CONTRACT_NET.name and message.performative == Act.PROPOSE
 
 

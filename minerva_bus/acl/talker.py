@@ -32,7 +32,7 @@ from minerva_bus.world.context import Context
 
 
 class Talker(Agent):
-    """An agent with conversations: `talks` is their string, `opened` counts those that it began."""
+    """An agent with conversations: `talks` is their string, `opened` counts its own ones."""
 
     talks: Scene = EMPTY
     opened: int = 0

@@ -1,4 +1,4 @@
-"""Composition of a world's string: its static skeleton, and the fragments that fill its slots."""
+"""Composition of a world's string: a static skeleton, and the fragments in its slots."""
 
 from __future__ import annotations
 

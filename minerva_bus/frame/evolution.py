@@ -1,4 +1,4 @@
-"""Steps 5, 6 and 8 of Table 2: requests to hosts, their replies, norms, and the next string."""
+"""Steps 5, 6 and 8 of Table 2: requests to hosts, replies, norms, and the next string."""
 
 from __future__ import annotations
 

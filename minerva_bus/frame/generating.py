@@ -1,4 +1,4 @@
-"""Generator side of a member: answers ticks with events, from readings, orders and its service."""
+"""Generator side of a member: answers ticks from readings, orders and its service."""
 
 from __future__ import annotations
 

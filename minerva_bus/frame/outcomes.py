@@ -191,7 +191,7 @@ class ColumnsOutcome(PopulationOutcome):
 
 
 class MixedOutcome(PopulationOutcome):
-    """Outcome of agents in columns of which some have died, have newborns or changed their kind."""
+    """Outcome of agents in columns, some of which died, have newborns or changed their kind."""
 
     def __init__(self, old: Columns, new: Scene) -> None:
         super().__init__(old, new)

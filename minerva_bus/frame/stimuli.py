@@ -136,7 +136,7 @@ class Send:
 
 @dataclass(frozen=True, slots=True)
 class Show:
-    """Publish a view for all observers of its event type, or for `to`, which needs another form."""
+    """Publish a view for all observers of its type, or for `to`, which needs another form."""
 
     event_type: str
     message: ToMember
@@ -154,7 +154,7 @@ class Notify:
 
 @dataclass(frozen=True, slots=True)
 class Ready:
-    """All required members are present and no frame is in progress: send `Begin` when it is due."""
+    """All required members are present, and no frame is in progress: send `Begin` when due."""
 
     frame: int
 
@@ -162,7 +162,7 @@ class Ready:
 # Without slots, which `cached_property` does not support.
 @dataclass(frozen=True)
 class FrameDone:
-    """A frame is complete. `record` is computed on first access, before the next stimulus or never.
+    """A frame is complete. `record` is computed on first access, before the next stimulus.
 
     It contains the digest of the whole string, whose cost only its readers should pay. The
     `inputs` are for the log.

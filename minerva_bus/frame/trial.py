@@ -1,4 +1,4 @@
-"""Judges the outcome of a frame by norms; rejected agents are evolved again by fewer events.
+"""Judges the outcome of a frame by norms; rejected agents evolve again by fewer events.
 
 If a norm rejects an agent's outcome, the agent is evolved again without the events of the
 last type, then without those of the last two types, and so on. The first outcome that no norm

@@ -70,7 +70,7 @@ class ViewStream:
 
 
 class Views:
-    """The view streams of a world; `last_change` is the frame that began with the latest change."""
+    """The view streams of a world; the frame `last_change` began with the latest change."""
 
     def __init__(self, world: World) -> None:
         self._streams = {

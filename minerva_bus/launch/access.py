@@ -81,7 +81,7 @@ def _limits(table: Table) -> Limits:
 
 
 def security(access: Access, world: str, started: Iterable[str] = ()) -> Security | None:
-    """Security of the coordinator's session. Raises KeysError, and BusError for the local socket.
+    """Security of the coordinator's session. Raises KeysError and, for the socket, BusError.
 
     Local processes connect through a socket in a folder that only its owner can open. No family of
     certificates may contain the name of a process that the world has `started`.

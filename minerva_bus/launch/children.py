@@ -1,4 +1,4 @@
-"""The code of the launcher's child processes: a member, or the coordinator with its reports."""
+"""Code of the launcher's child processes: a member, or the coordinator with its reports."""
 
 from __future__ import annotations
 

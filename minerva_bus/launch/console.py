@@ -1,4 +1,4 @@
-"""The console of a run: a status line at the bottom, and log lines above it, as text or JSON."""
+"""Console of a run: a status line at the bottom, and log lines above it, or JSON lines."""
 
 from __future__ import annotations
 

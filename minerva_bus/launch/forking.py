@@ -1,4 +1,4 @@
-"""Child processes: fork this process or start a command, kill them, and collect their exit codes.
+"""Child processes: forks and commands, their end and their exit codes.
 
 A fork takes milliseconds; a new Python interpreter would spend most of its start on imports.
 Forking is safe because the launcher has a single thread and never opens a Zenoh session.

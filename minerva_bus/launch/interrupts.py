@@ -23,7 +23,7 @@ def end_signals() -> tuple[signal.Signals, ...]:
 
 @contextmanager
 def caught(pipes: Pipes, interrupted: Callable[[signal.Signals], None]) -> Generator[None]:
-    """Wake a wait for `pipes` at each signal; call `interrupted` for those that end the process."""
+    """Wake a wait for `pipes` at each signal; call `interrupted` for `end_signals`."""
 
     def interrupt(number: int, _: FrameType | None) -> None:
         interrupted(signal.Signals(number))

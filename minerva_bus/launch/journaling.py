@@ -20,7 +20,7 @@ def journal_path(file: WorldFile) -> Path:
 
 
 def find_past(file: WorldFile, *, again: bool) -> Journaled | None:
-    """The journal to continue from, if `again` is set or a journal is configured, and it exists.
+    """The journal to continue from, if it exists, and `again` is set or it is configured.
 
     Raises RecordError if the journal cannot be used.
     """

@@ -1,4 +1,4 @@
-"""The launcher's interface to the operating system, and the context shared by a run's processes.
+"""The launcher's interface to the operating system, and the context of a run.
 
 A simulation passes a machine of its own.
 """

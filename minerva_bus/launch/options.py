@@ -1,4 +1,4 @@
-"""The options of a world: the table [options], `--name value` on the command line, `${name}`."""
+"""Options of a world: the table [options], `--name value` on a command line, `${name}`."""
 
 from __future__ import annotations
 

@@ -155,7 +155,7 @@ def _notes(spec: str, options: Mapping[str, Any], path: Path) -> tuple[str, ...]
 
 
 def _interactive(file: WorldFile, overrides: Overrides) -> WorldFile:
-    """A world with a user interface: in real time and without end, unless options override this."""
+    """A world with a user interface: by default in real time and without end."""
     world, rate, notes = file.world, file.rate, list(file.notes)
     if "rate" not in overrides.values and not rate:
         rate = 1.0 / world.dt

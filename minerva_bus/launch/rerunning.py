@@ -1,4 +1,4 @@
-"""Computing a recorded run again: `minerva replay FILE --recompute` and `--swap MEMBER=SPEC`.
+"""Recomputes a recorded run: `minerva replay FILE --recompute` and `--swap MEMBER=SPEC`.
 
 A frame algorithm is fed with the logged inputs of each frame, except those of members that take
 part here, and asks the hosts here for the evolution. Each frame is compared with the recorded one.

@@ -18,7 +18,7 @@ SLOT_SECONDS: Final = 2.0
 
 
 class StartQueue:
-    """A queue of process names with a number of slots; times are seconds of one monotonic clock."""
+    """A queue of process names with a number of slots; times are monotonic seconds."""
 
     def __init__(self, slots: int) -> None:
         self._slots = slots

@@ -21,7 +21,7 @@ PROCESS_CODE: Final = ("service", "agents", "command")
 
 @dataclass(frozen=True, slots=True)
 class Structure:
-    """The processes of a world file, its string if the file has one, and the code that it names.
+    """The processes of a world file, its string if it has one, and the code that it names.
 
     `code` lists the module:attribute names and commands of the file, in their order.
     """

@@ -1,4 +1,4 @@
-"""The supervisor: starts the processes of a world, restarts those that fail, and ends them all."""
+"""The supervisor: starts the processes of a world, restarts failed ones, and ends all."""
 
 from __future__ import annotations
 

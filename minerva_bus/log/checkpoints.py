@@ -58,7 +58,7 @@ class Step:
 
 
 def encode_checkpoint(kept: Kept, before: Kept | None) -> bytes:
-    """Changes of a checkpoint as bytes, empty if there are none; everything if `before` is None.
+    """Changes of a checkpoint as bytes, possibly empty; everything if `before` is None.
 
     Raises ValueError for data that cannot be encoded.
     """

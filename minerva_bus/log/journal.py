@@ -1,4 +1,4 @@
-"""Journal of a running world: the tail of its log, from which another coordinator continues.
+"""Journal of a running world: the tail of its log, from which a successor continues.
 
     file  = entry, entry, ...
     entry = length of the data (4 bytes, big endian), its CRC-32 (4 bytes), data

@@ -37,7 +37,7 @@ class Pending:
 
 
 class FrameQueue:
-    """A queue from the thread that runs the frames to the recorder's thread, which `wake` wakes.
+    """A queue from the thread of the frames to the recorder's thread, which `wake` wakes.
 
     `lost` counts dropped frames. The other counts are of items that were put, taken and flushed;
     each is changed by one thread at a time, so none needs a lock.

@@ -50,7 +50,7 @@ byte. Frames differ, so records never compress that well; decompression bombs do
 
 @dataclass(frozen=True, slots=True)
 class ChunkLocation:
-    """Location of a chunk: its record begins at byte `begin`, its `size` packed bytes at `data`.
+    """Location of a chunk: its record is at byte `begin`, its `size` packed bytes at `data`.
 
     `first`: time of its first message in nanoseconds. `unpacked`: size before compression.
     """
@@ -256,7 +256,7 @@ def _summarized(data: bytes) -> FileSummary:
 
 
 def channels_in(data: bytes) -> Iterator[tuple[int, str]]:
-    """Id and topic of each channel that these bytes declare, before any message. Raises ValueError.
+    """Id and topic of each channel that data declare before messages. Raises ValueError.
 
     mcap raises further exceptions for invalid data.
     """

@@ -1,4 +1,4 @@
-"""Answers the questions of operators: over the bus with their rights, and from other threads."""
+"""Answers questions of operators: over the bus with their rights, and from other threads."""
 
 # Zenoh's own stubs leave some types open.
 # pyright: reportUnknownMemberType=false

@@ -1,4 +1,4 @@
-"""The process of a member: one loop around its `Member`, its inbox and its link to the world."""
+"""Process of a member: a loop around its `Member`, its inbox and its link to the world."""
 
 # Zenoh's own stubs leave some types open.
 # pyright: reportUnknownMemberType=false, reportUnknownLambdaType=false

@@ -37,7 +37,7 @@ HURRIED_REPORTS_WITHIN: Final = 0.5
 
 
 class Monitor:
-    """Checks every STATUS_EVERY seconds which members the world waits for, and acts on time-outs.
+    """Checks every STATUS_EVERY seconds for awaited members, and acts on their time-outs.
 
     `guests` are members of the previous coordinator that the world file does not name.
     """

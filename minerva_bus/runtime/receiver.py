@@ -1,4 +1,4 @@
-"""Receives what members send: checks rights and limits, decodes, and passes it to the runner."""
+"""Receives members' messages: checks rights and limits, decodes, and informs the runner."""
 
 from __future__ import annotations
 

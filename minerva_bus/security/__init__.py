@@ -1,1 +1,1 @@
-"""Security of worlds with remote members: rights, credentials, certificates (docs/security.md)."""
+"""Security of remote members: rights, credentials and certificates (docs/security.md)."""

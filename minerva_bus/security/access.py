@@ -1,4 +1,4 @@
-"""Zenoh's access control for a world: which keys each certificate may publish and subscribe to.
+"""Zenoh's access control for a world: the keys that each certificate may use.
 
 Everything is forbidden unless a rule allows it. Zenoh has no templates, so each common name has its
 own rules. A member publishes on keys that end with its name, so that it cannot impersonate another

@@ -1,4 +1,4 @@
-"""Certificates of a world: their contents, and how to issue and read them (X.509, RFC 5280).
+"""Certificates of a world: contents, issuing and reading (X.509, RFC 5280).
 
 The common name is the member's (a family's is hosts-*). Roles are organizational units (OU).
 Alternative names hold restrictions as URIs (`minerva:kind/AFox`, `minerva:event/eNear`,

@@ -1,4 +1,4 @@
-"""Hypothesis strategies for everything in the language: values, vocabularies, strings, events.
+"""Hypothesis strategies for the language: values, vocabularies, strings and events.
 
     from hypothesis import given
     from minerva_bus.testing.strategies import scenes, vocabularies

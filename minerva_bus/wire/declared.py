@@ -1,4 +1,4 @@
-"""Encoders and decoders of messages, compiled from their declarations (minerva_bus.frame.schema).
+"""Encoders and decoders of messages, compiled from declarations (`frame/schema.py`).
 
 Each type of message is compiled once, on first use; encoding or decoding a message then calls one
 function per field.

@@ -132,7 +132,7 @@ def asking_key(world: str, who: str) -> str:
 
 
 def who_asks(key: str, world: str) -> tuple[str, bool, str]:
-    """Split the key of a query into the asker, whether changes are allowed, and the reply's key.
+    """Split a query's key: the asker, whether changes are allowed, and the reply's key.
 
     The asker is empty for a command on this machine.
     """

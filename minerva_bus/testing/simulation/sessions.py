@@ -166,7 +166,7 @@ class Publisher:
 
 @dataclass(slots=True)
 class Session:
-    """Session of a process: the hub's, or a client's with its `link` to the hub if there is one."""
+    """Session of a process: the hub's, or a client's with its `link` to the hub, if any."""
 
     network: Network
     process: SimulatedProcess

@@ -1,4 +1,4 @@
-"""Histories as lines of JSON, so that failures stay reproducible when the generator changes."""
+"""Histories as lines of JSON: failures stay reproducible when the generator changes."""
 
 from __future__ import annotations
 

@@ -206,7 +206,7 @@ class Signs(Device, Generator, draws=("eBody",), coupled=True, events=("eSign",)
 
 
 def two_steps_ahead(free: np.ndarray, exits: np.ndarray) -> np.ndarray:
-    """The target from each cell, (rows, columns, 2) metres: the centre of the cell two steps on."""
+    """Target from each cell, (rows, columns, 2) metres: the centre of the cell two steps on."""
     step: dict[tuple[int, int], tuple[int, int]] = {}
     queue = [(0.0, cell, cell) for cell in map(tuple, np.argwhere(exits).tolist())]
     while queue:

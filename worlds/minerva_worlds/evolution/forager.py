@@ -1,4 +1,4 @@
-"""Creatures whose eyes drive their wheels, after Braitenberg's Vehicles (1984), among berries.
+"""Creatures among berries whose eyes drive their wheels, after Braitenberg (1984).
 
 Their body is the scope of the egg from which they hatch: `TAim<angle=40>(PEye<left=1>)` is an eye
 that looks 40° to the left and makes the left wheel turn faster the more berries it sees. A mutation

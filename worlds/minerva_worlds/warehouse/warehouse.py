@@ -1,4 +1,4 @@
-"""A warehouse: a manager announces transports, carriers bid for them, the best bidder carries.
+"""A warehouse: a manager announces transports, carriers bid, and the best bid wins.
 
 They exchange information only in messages: one FIPA contract net (SC00029) per transport.
 """
