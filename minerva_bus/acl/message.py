@@ -52,7 +52,7 @@ def reply(message: Event, act: Act | str, content: str = "", **parameters: Any) 
         raise MisuseError("nobody can be answered: the message has neither sender nor reply_to")
     kept = ("language", "encoding", "ontology", "protocol", "conversation_id")
     given = {name: getattr(message, name) for name in kept}
-    # SC00061: the answer repeats the expression that the message asked for.
+    # SC00061: the answer repeats the expression that the message requested.
     given["in_reply_to"] = message.reply_with
     answer: Event = eMessage(act, content, receivers=to, **(given | parameters))
     return answer

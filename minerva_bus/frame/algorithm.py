@@ -110,8 +110,8 @@ class FrameAlgorithm:
             source.collect()  # 2: e* = E(G*, t); 3: e^v of views; 4: e^u of evolution
             self._enter(Awaited.EVENTS)
             source.evolve()  # 5: w_next = η(w, e^u); 6: v = π(w, e^v)
-        # `settle` is the last condition because it has effects: it applies the norms, and may ask
-        # hosts again.
+        # `settle` is the last condition because it has effects: it applies the norms, and may
+        # repeat requests to hosts.
         if self.phase is Phase.EVOLVE and in_flight.requests.complete and source.settle():
             # Views are sent with the results and not before: a coupled device acts on a view, and a
             # frame that its coordinator never commits must not move anything. They are sent
@@ -200,7 +200,7 @@ class FrameAlgorithm:
     # --- handlers ---
 
     def on_begin(self, begin: s.Begin) -> None:
-        """Begin a frame: step 2 asks all generators for their events.
+        """Begin a frame: step 2 requests the events of all generators.
 
         A world that expects no members becomes ready by its first `Begin`.
         """

@@ -83,8 +83,8 @@ class CollectionStep:
         permitted = algorithm.in_flight.events.permitted
         orders = tuple([event for event in permitted if event.type in taken])
         if orders:
-            # A generator that is asked ahead may have answered for this frame already. The orders
-            # then count in the first frame that it has not been asked about.
+            # A generator with an early request may have answered for this frame already. The orders
+            # then count in the first frame without a request to it.
             frame = max(algorithm.frame, algorithm.inbox.early.last_asked(member.name) + 1)
             algorithm.out.send(member.name, m.Orders(frame, orders))
 

@@ -200,7 +200,7 @@ class EvolutionStep:
     # --- norms ---
 
     def settle(self) -> bool:
-        """Whether the results are final; if norms reject some, ask again by fewer events."""
+        """Whether the results are final; if norms reject some, repeat with fewer events."""
         in_flight = self._algorithm.in_flight
         # A stage may have no outstanding replies: the fragments no longer have a host, or their
         # logged replies are present already. Then the next stage follows at once.

@@ -24,7 +24,7 @@ class GeneratorSide:
     """Answers the ticks of one member.
 
     A tick is answered once the readings of all lockstep publishers for its frame have arrived.
-    Answers are kept for two frames, because a coordinator or its successor may ask again.
+    Answers are kept for two frames, because a coordinator or its successor may repeat a tick.
     `asked` is the frame whose tick is not answered yet, or None.
     """
 
@@ -82,7 +82,7 @@ class GeneratorSide:
     def repeated(self, frame: int) -> tuple[Outgoing, ...] | None:
         """The answer to a tick that was answered before; None for a new one.
 
-        A new tick is noted as asked, unless it is older than those that were answered.
+        A new tick becomes the unanswered one, unless it is older than those that were answered.
         """
         answer = self._answers.get(frame)
         # A tick older than the latest answer cannot be answered: the state of its frame is gone.
@@ -92,11 +92,11 @@ class GeneratorSide:
 
     @property
     def complete(self) -> bool:
-        """Whether a tick is asked and all readings of its frame have arrived."""
+        """Whether a tick is unanswered and all readings of its frame have arrived."""
         return self.asked is not None and not (self._sources and next(self.missing(), None))
 
     def missing(self) -> Iterator[str]:
-        """The publishers whose readings of the asked frame have not arrived."""
+        """The publishers whose readings of the unanswered tick's frame have not arrived."""
         return self.buffer.missing(-1 if self.asked is None else self.asked, self._sources)
 
     def answer(self, frame: Frame, vocabulary: Vocabulary) -> tuple[Outgoing, ...]:
@@ -125,7 +125,7 @@ class GeneratorSide:
             events = in_columns(checked) if checked else ()
             published = self._publish(service, tick) if service.publishes or tick.published else ()
         # Readings are sent before the reply. If the process dies between the two, it has not
-        # answered, so the frame asks its successor, which publishes them again.
+        # answered, so its successor receives the request and publishes them again.
         yield from published
         yield m.TickReply(self._name, frame.number, events, saved_by(service))
 
@@ -144,7 +144,7 @@ class GeneratorSide:
             self._orders[frame + 1] = orders.events[obeyed:]
 
     def _ordered(self, frame: int) -> tuple[AnyEvent, ...]:
-        """People's orders for a frame, and for earlier ones in which it was not asked."""
+        """People's orders for a frame, and for earlier ones without a tick."""
         # Orders for a frame in which the member was away must not be lost.
         due = {n: self._orders.pop(n) for n in sorted(self._orders) if n <= frame}
         self._obeyed = {frame: len(due.get(frame, ()))}

@@ -27,20 +27,20 @@ MAX_SINGLE_EVENTS: Final = 2_000
 
 
 class EarlyTicks:
-    """Generators that are asked before a frame begins because they do not depend on the world."""
+    """Early requests to generators that do not depend on the world, before a frame begins."""
 
     def __init__(self) -> None:
         self._asked: dict[str, int] = {}
         self.replies: dict[str, m.TickReply] = {}
 
     def ask(self, members: Iterable[str], frame: int) -> list[str]:
-        """The members that have not been asked about this frame yet; they count as asked now."""
+        """The members without a request for this frame; from now on they count as requested."""
         new = [member for member in members if self._asked.get(member, -1) < frame]
         self._asked.update(dict.fromkeys(new, frame))
         return new
 
     def last_asked(self, member: str) -> int:
-        """The latest frame that a member was asked about early, or -1."""
+        """The latest frame of an early request to a member, or -1."""
         return self._asked.get(member, -1)
 
     def awaits(self, member: str) -> bool:
@@ -117,7 +117,7 @@ class FrameInbox:
     def take(self, is_taken: Callable[[str], bool]) -> dict[str, list[AnyEvent]]:
         """Remove and return the events for this frame.
 
-        Orders that a generator takes stay: they arrived after it was asked.
+        Orders that a generator takes stay: they arrived after the request to it.
         """
         # The counts start again with the queues; held-back events are counted by the next `add`.
         taken, self.events, self._counts = self.events, {}, {}

@@ -46,7 +46,7 @@ class FrameInputs:
     @property
     def without_replies(self) -> FrameInputs:
         """These inputs without the replies of hosts, so that hosts have to compute them again."""
-        # Empty `answers` mark the inputs as incomplete, so the frame asks its hosts.
+        # Empty `answers` mark the inputs as incomplete, so the frame sends requests to its hosts.
         return replace(self, layout=(), replies=(), waiting={}, answers=(), left_out=())
 
 

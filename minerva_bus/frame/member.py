@@ -230,7 +230,7 @@ class Member:
         self._out.extend(self._generating.answer(context, vocabulary))
 
     def missing(self) -> Iterator[str]:
-        """The publishers whose readings of the asked frame have not arrived."""
+        """The publishers whose readings of the unanswered tick's frame have not arrived."""
         return self._generating.missing()
 
     def _on_repeat(self, repeat: m.Repeat) -> None:

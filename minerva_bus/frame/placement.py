@@ -217,7 +217,7 @@ class Placement:
         shown = {event.type for event in visual}
         hosts = {host for host, types in self._types.items() if types & shown}
         for event in events:
-            # All hosts are asked anyway, so the remaining events need no check.
+            # All hosts get a request anyway, so the remaining events need no check.
             if len(hosts) == len(self._types):
                 break
             if event.receivers is not None and len(event.receivers):
@@ -256,7 +256,7 @@ class Placement:
         """Note a host's result; the host keeps it if it is still a single agent."""
         held = self._held.setdefault(host, {})
         placed = self._host.get(fragment, host)
-        if placed != host:  # It moved after its former host had been asked.
+        if placed != host:  # It moved after the request to its former host.
             self._stale[placed].add(fragment)
         if fragment not in held:  # The host was requested to drop it.
             return

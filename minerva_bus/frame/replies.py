@@ -1,4 +1,4 @@
-"""Checks replies of hosts: a host may report only on the fragments that it was asked for."""
+"""Checks replies of hosts: a host may only report on the requested fragments."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def patched(reply: m.EvolveReply, composition: Composition) -> dict[str, Scene]:
 
 
 def foreign_fragment(reply: m.EvolveReply, asked: Collection[str]) -> str:
-    """Reason for rejecting a reply about fragments that its host was not asked for, or empty."""
+    """Reason for rejecting a reply about fragments that were not requested, or empty."""
     named = set(reply.changed).union(reply.patched, *reply.views.values())
     for fragment in sorted(named.union(*reply.view_patches.values()).difference(asked)):
         return f"it answered for #{fragment}, not its own"

@@ -1,7 +1,7 @@
 """Recomputes a recorded run: `minerva replay FILE --recompute` and `--swap MEMBER=SPEC`.
 
 A frame algorithm is fed with the logged inputs of each frame, except those of members that take
-part here, and asks the hosts here for the evolution. Each frame is compared with the recorded one.
+part here; the hosts here compute the evolution. Each frame is compared with the recorded one.
 Time is simulated, and everything runs in this process.
 """
 

@@ -166,7 +166,7 @@ class _Head:
         head = cls(at, opcode, length, begin[RECORD.size :])
         if head.end > size or not head.fits():
             return None
-        # Random bytes may look like the end of the data, so what follows must be plausible as well.
+        # Random bytes may look like the end of the data, so the next byte must be plausible, too.
         if head.opcode == _DATA_END and _read(file, head.end, 1) not in _SUMMARY:
             return None
         return head

@@ -115,7 +115,7 @@ class AdmissionRules:
 
         A message above the limit per message passes, so that the decoder rejects it with a reason.
         """
-        # Counting takes time itself, so the count stops at what the sender may still send.
+        # Counting takes time itself, so the count stops at the sender's remaining allowance.
         own, most = self._filled(who), self._limits.values
         left = int(own.left(_VALUES))
         count = values_in(data, left if 2 * left < most else most)

@@ -259,7 +259,7 @@ class Coordinator(Sink):
             self.system.sleep(min(wait, poll))
 
     def _use_idle_time(self) -> None:
-        """Let the record work off its backlog while members compute, once after each output."""
+        """Process the record's backlog while members compute, once after each output."""
         self.transport.has_output = False
         self.watchers.idle()
 

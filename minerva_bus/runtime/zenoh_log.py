@@ -38,7 +38,7 @@ def begin_logging(levels: str, required: str = "") -> None:
 
 @contextmanager
 def log_read(read_lines: Callable[[bytes], bytes], delay: float = 0.0) -> Generator[None]:
-    """Pass whole lines of the log to `read_lines` in a thread; print what it returns.
+    """Pass whole lines of the log to `read_lines` in a thread; print its results.
 
     Must begin before the session. Lines gather for `delay` seconds: otherwise each line wakes the
     thread, which then takes the interpreter's lock from the frame.

@@ -53,7 +53,7 @@ class SimulatedProcess:
         self._chance = timeline.stream(f"turns of {name}")
 
     def start(self, make: Callable[[], Generator[None, None, int]]) -> None:
-        """Start a life; one that fails to start ends at once."""
+        """Start a life, which ends at once if its start fails."""
 
         def begin() -> None:
             if self.alive:
