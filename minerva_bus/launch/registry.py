@@ -65,17 +65,18 @@ class WorldLock:
     def _open(self) -> IO[str]:
         try:
             # Not truncated: the file may be that of a running world.
-            descriptor = open_itself(self._path, os.O_RDWR | os.O_CREAT | os.O_APPEND)
+            descriptor = open_itself(self._path, os.O_RDWR | os.O_CREAT)
         except OSError as error:
             raise BusError(f"{self._path} cannot be opened: {error.strerror}; remove it") from None
-        return os.fdopen(descriptor, "a+", encoding="utf-8")
+        return os.fdopen(descriptor, "r+", encoding="utf-8")
 
     def publish(self, endpoint: str) -> None:
         """Publish the endpoint of the world to local processes."""
-        self._file.seek(0)
-        self._file.truncate()
-        json.dump(asdict(RunningWorld(self.world, endpoint, os.getpid())), self._file)
-        self._file.flush()
+        entry = json.dumps(asdict(RunningWorld(self.world, endpoint, os.getpid()))).encode()
+        file = self._file.fileno()
+        # One write that covers the previous entry: a reader finds either of them, never an empty
+        # file, which it would take for a world that does not run.
+        os.pwrite(file, entry.ljust(os.fstat(file).st_size), 0)
 
     def release(self) -> None:
         """Release the name after the world has ended."""

@@ -2,6 +2,7 @@
 
 import json
 import os
+import threading
 
 import pytest
 
@@ -74,3 +75,27 @@ def test_a_link_in_the_folder_is_not_written_through(place, tmp_path):
         WorldLock("w")
     assert running() == []
     assert valuable.read_text() == before
+
+
+def test_a_reader_finds_a_world_while_its_endpoint_changes(tmp_path, monkeypatch):
+    monkeypatch.setenv("MINERVA_RUNTIME_DIR", str(tmp_path))
+    lock = WorldLock("w")
+    endpoints = [f"tcp/127.0.0.1:{port}" for port in (7447, 80)]
+    lock.publish(endpoints[0])
+    done = threading.Event()
+
+    def change():
+        for number in range(2000):
+            lock.publish(endpoints[number % 2])
+        done.set()
+
+    thread = threading.Thread(target=change)
+    thread.start()
+    worlds = []
+    while not done.is_set():
+        worlds += running()
+        assert len(running()) == 1
+    thread.join()
+    lock.release()
+    assert {world.endpoint for world in worlds} <= set(endpoints)
+    assert running() == []
