@@ -19,7 +19,7 @@ VAGUE = {"one", "found", "mine", "some", "many", "told"}
 BASELINE = tomllib.loads(Path(__file__).with_name("naming.toml").read_text(encoding="utf-8"))
 PACKAGES = ("minerva_bus", "services/minerva_services", "agents/minerva_agents")
 ARCHAIC = re.compile(
-    r"\b(anew|of late|by and by|truths|in vain|ever more|the how many(th)?"
+    r"\b(anew|of late(?!\s+\w)|by and by|truths|in vain|ever more|the how many(th)?"
     r"|(is|are|was|were|be|been) heard)\b",
     re.IGNORECASE,
 )
