@@ -11,7 +11,7 @@ PAGES = {
     str(path.relative_to(ROOT)): path
     for path in (
         ROOT / "README.md",
-        *sorted((ROOT / "docs").glob("*.md")),
+        *sorted((ROOT / "docs").rglob("*.md")),
         ROOT / "deploy" / "README.md",
         *sorted((ROOT / "worlds" / "minerva_worlds").glob("*/README.md")),
     )
