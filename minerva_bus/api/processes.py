@@ -67,6 +67,7 @@ class Launched:
         self._config = folder / "run.json"
         self._config.write_text(json.dumps(config), encoding="utf-8")
         self._process: subprocess.Popen[bytes] | None = None
+        self._result: dict[str, Any] | None = None
         self._errors = folder / "errors.txt"
         self._quiet = quiet
 
@@ -104,17 +105,21 @@ class Launched:
         # Not in one wait: another thread may take the signal of Ctrl-C, which would not end it.
         while not self.ended:
             time.sleep(POLL_SECONDS)
+        if self._result is None:
+            self._result = self._read_result()
+        if "error" in self._result:
+            raise MinervaError(str(self._result["error"]))
+        return self._result
+
+    def _read_result(self) -> dict[str, Any]:
         # A launcher that was killed leaves no result.
         if not self._end.exists():
-            raise MinervaError(self._why())
-        told: dict[str, Any] = json.loads(self._end.read_text(encoding="utf-8"))
-        if "error" in told:
-            raise MinervaError(str(told["error"]))
-        return told
+            return {"error": self._why()}
+        return json.loads(self._end.read_text(encoding="utf-8"))
 
     def _why(self) -> str:
-        said = self._errors.read_text(encoding="utf-8", errors="replace").strip()
-        return said.removeprefix("minerva: ") or "the world's processes ended without a message"
+        errors = self._errors.read_text(encoding="utf-8", errors="replace").strip()
+        return errors.removeprefix("minerva: ") or "the world's processes ended without a message"
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None
@@ -135,3 +140,5 @@ class Launched:
                 os.killpg(process.pid, signal.SIGKILL)
                 process.wait()
             process.stdin.close()
+            # The folder is removed next.
+            self._result = self._result or self._read_result()

@@ -32,7 +32,8 @@ from minerva_bus.world.agent import Agent
 from minerva_bus.world.services import Service
 
 if TYPE_CHECKING:
-    from minerva_bus.api.live import AsyncLive, Live
+    from minerva_bus.api.async_live import AsyncLive
+    from minerva_bus.api.live import Live
 
 MAKE: Final = "make"
 _numbers = count(1)
@@ -230,7 +231,7 @@ class World:
 
     def start_async(self, *, bus: bool = False, **settings: Any) -> AsyncLive:
         """As `start`, for `async with`: `step`, `publish` and the others are awaited."""
-        from minerva_bus.api.live import AsyncLive
+        from minerva_bus.api.async_live import AsyncLive
 
         return AsyncLive(lambda: self.start(bus=bus, **settings))
 

@@ -172,6 +172,30 @@ def test_code_that_fails_in_a_step_is_an_exception_as_in_this_process():
     assert not running()
 
 
+def test_the_last_string_of_a_world_in_processes_remains_after_its_end():
+    done = run(pond(), frames=4, seed=5)
+    with pond(seed=5).start(bus=True, frames=4) as live:
+        assert live.step(100) == 4
+        assert live.ended
+        assert (live.frame, live.digest) == (done.frames, done.digest)
+    with pond(seed=5).start(bus=True) as closed:
+        closed.step(4)
+    assert (closed.frame, closed.digest) == (done.frames, done.digest)
+    with pytest.raises(BusError, match="no world"):
+        connect("pond")
+
+
+def test_a_step_requests_the_string_only_when_it_is_read(monkeypatch):
+    with pond(seed=5).start(bus=True) as live:
+        client, questions = live._backend._client, []
+        ask = client.ask
+        monkeypatch.setattr(client, "ask", lambda name: questions.append(name) or ask(name))
+        live.step(3)
+        assert questions == []
+        assert live.scene == run(pond(), frames=3, seed=5).scene
+        assert questions == ["scene"]
+
+
 def test_a_launcher_that_is_killed_ends_its_world(monkeypatch):
     with pond().start(bus=True) as live:
         config, pid = config_of(live), live._backend._launched.pid

@@ -1,0 +1,196 @@
+"""Live worlds in other processes, stepped and queried over the bus."""
+
+from __future__ import annotations
+
+import tempfile
+import threading
+import time
+from collections.abc import Callable
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Final, TypeVar
+from weakref import ref
+
+from minerva_bus.api.processes import END_SECONDS, Launched
+from minerva_bus.api.running import Request
+from minerva_bus.collect.table import DataTable
+from minerva_bus.errors import BusError, MisuseError, WorldStopped
+from minerva_bus.grammar.scene import Scene
+from minerva_bus.launch.registry import find, running
+from minerva_bus.runtime.client import Client
+from minerva_bus.world.operator import WorldStatus
+
+POLL_SECONDS: Final = 0.002
+START_SECONDS: Final = 60.0
+EXIT_SECONDS: Final = 0.2
+"""Interval at which an open connection checks whether it is still in use."""
+BETWEEN_FRAMES: Final = "between frames"
+
+_T = TypeVar("_T")
+
+
+class OnBus:
+    """A world in other processes, queried over the bus; `launched` if they were started here.
+
+    It takes over what `stack` closes.
+    """
+
+    def __init__(self, client: Client, stack: ExitStack, launched: Launched | None = None) -> None:
+        self.vocabulary = client.vocabulary()
+        self.operator = client.operator
+        self._client = client
+        self._launched = launched
+        self._last: tuple[int, Scene] | None = None
+        self._complete = False
+        self.tables: dict[str, DataTable] = {}
+        # Last: after any earlier error the caller closes what is open.
+        self._opened = _Opened(self, stack.pop_all())
+
+    def _current(self) -> tuple[int, Scene]:
+        """The next frame and its string; after the end of the world the last ones."""
+        answer = self._asked(lambda: self._client.ask("scene"))
+        if answer is not None:
+            frame, text = answer["frame"], answer["scene"]
+            self._last = int(frame), self.vocabulary.read(str(text), "the world")
+        elif self._launched is not None and not self._complete:
+            result = self._launched.result()
+            scene = self.vocabulary.read(result["scene"], "the last string")
+            self._last, self._complete = (int(result["summary"]["frames"]), scene), True
+        if self._last is None:
+            raise BusError(f"the world {self._client.world!r} has ended")
+        return self._last
+
+    @property
+    def frame(self) -> int:
+        status = self._status()
+        return self._current()[0] if status is None else status.frame
+
+    @property
+    def scene(self) -> Scene:
+        return self._current()[1]
+
+    @property
+    def ended(self) -> bool:
+        if self._launched is not None:
+            return self._launched.ended
+        try:
+            self.operator.status()
+        except BusError:
+            return True
+        return False
+
+    def step(self, frames: int) -> None:
+        if self.ended:
+            return
+        # Paused first, so that the frame counted from is the one with which the step begins.
+        self._asked(self.operator.pause)
+        status = self._status()
+        while status is not None and status.phase != BETWEEN_FRAMES:
+            time.sleep(POLL_SECONDS)
+            status = self._status()
+        if status is not None:
+            target = status.frame + frames
+            self.operator.step(frames)
+            while (status := self._status()) is not None and status.frame < target:
+                # Another coordinator followed.
+                if status.paused and status.phase == BETWEEN_FRAMES:
+                    self.operator.step(target - status.frame)
+                time.sleep(POLL_SECONDS)
+        if status is None and self._launched is not None:
+            failure = self._launched.result()["failure"]
+            if failure:
+                raise WorldStopped(failure)
+
+    def _status(self) -> WorldStatus | None:
+        """The state of the world; None if it has ended."""
+        return self._asked(self.operator.status)
+
+    def _asked(self, question: Callable[[], _T]) -> _T | None:
+        """The answer to a question; None if the world has ended. Raises BusError."""
+        until = time.monotonic() + END_SECONDS
+        while self._launched is None or not self._launched.ended:
+            try:
+                return question()
+            except BusError:
+                if self.ended:
+                    return None
+                # A launcher ends later than its coordinator, or starts another one.
+                if self._launched is None or time.monotonic() >= until:
+                    raise
+            time.sleep(POLL_SECONDS)
+        return None
+
+    def close(self) -> None:
+        self._opened.close()
+
+
+class _Opened:
+    """Connection and processes of a world on the bus, which end with their owner.
+
+    They also end before Python exits, and when the owner is garbage.
+    """
+
+    def __init__(self, owner: OnBus, stack: ExitStack) -> None:
+        self._stack = stack
+        self._owner = ref(owner)
+        self._lock = threading.Lock()
+        self._closed = threading.Event()
+        # Python waits for the threads of an open session before it exits, so this one closes it.
+        # It is no daemon: Python would abort if it ended such a thread within Zenoh's code.
+        threading.Thread(target=self._watch, name="minerva-close").start()
+
+    def _watch(self) -> None:
+        # Not in a finalizer: the end takes seconds, and any thread may collect garbage.
+        while not self._closed.wait(EXIT_SECONDS):
+            if self._owner() is None or not threading.main_thread().is_alive():
+                self.close()
+
+    def close(self) -> None:
+        # The lock makes each caller wait until all is closed.
+        with self._lock:
+            self._closed.set()
+            self._stack.close()
+
+
+def start_on_bus(request: Request) -> OnBus:
+    """Start processes for a world, paused before its first frame. Raises MinervaError."""
+    into = request.file.collect.into
+    if request.file.collect.entries and not into:
+        raise MisuseError("a world on the bus collects into a file: start(into='run.parquet')")
+    with ExitStack() as stack:
+        # Processes that were killed may still write into it while it is removed.
+        folder = Path(
+            stack.enter_context(
+                tempfile.TemporaryDirectory(prefix="minerva-live-", ignore_cleanup_errors=True)
+            )
+        )
+        launched = stack.enter_context(Launched(request, folder, into=into, paused=True))
+        client = stack.enter_context(_awaited(launched, request.file.world.name))
+        # Until all members have joined.
+        while client.operator.status().phase != BETWEEN_FRAMES:
+            launched.check_running()
+            time.sleep(POLL_SECONDS)
+        return OnBus(client, stack, launched)
+
+
+def connect_on_bus(world: str, endpoint: str) -> OnBus:
+    """A connection to a running world. Raises BusError if there is none."""
+    if not endpoint:
+        # The registry of this machine has the endpoints of its worlds.
+        entry = find(world)
+        world, endpoint = entry.world, entry.endpoint
+    with ExitStack() as stack:
+        client = stack.enter_context(Client(endpoint, world))
+        return OnBus(client, stack)
+
+
+def _awaited(launched: Launched, name: str) -> Client:
+    """A connection to the world of a launcher, as soon as it listens."""
+    until = time.monotonic() + START_SECONDS
+    while time.monotonic() < until:
+        launched.check_running()
+        for each in running():
+            if each.world == name and each.pid == launched.pid and each.endpoint:
+                return Client(each.endpoint, name)
+        time.sleep(POLL_SECONDS)
+    raise BusError(f"{name} has not started within {START_SECONDS:.0f} s")
