@@ -1,13 +1,36 @@
 """How Sphinx builds the documentation site: `python -m sphinx -W docs build/site`."""
 
+import logging
+import sys
+from pathlib import Path
+
 from minerva_bus import __version__
 
+sys.path.insert(0, str(Path(__file__).parent / "extensions"))
+
 project = "Minerva Bus"
+copyright = "Minerva Bus contributors, Apache-2.0"
 release = __version__
-extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx_design"]
+extensions = [
+    "myst_nb",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.napoleon",
+    "sphinx_design",
+    "highlighting",
+    "mathml",
+    "repository",
+]
 html_theme = "furo"
-html_title = f"Minerva Bus {release}"
+html_title = "Minerva Bus"
+html_math_renderer = "mathml"
+html_copy_source = False
+html_show_sourcelink = False
 myst_enable_extensions = ["colon_fence", "deflist", "dollarmath"]
 myst_heading_anchors = 4
+myst_update_mathjax = False
 nb_execution_mode = "off"
-exclude_patterns = ["README.md"]
+
+# Sections fill up: an index page may name more patterns than there are pages.
+logging.getLogger("sphinx.sphinx.directives.other").addFilter(
+    lambda record: "glob pattern" not in record.msg
+)

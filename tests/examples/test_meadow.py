@@ -245,7 +245,7 @@ def blocks(language: str) -> list[str]:
     return re.findall(rf"```{language}\n(.*?)```", README, re.DOTALL)
 
 
-@pytest.mark.parametrize("block", [*blocks("python"), *blocks("toml")])
+@pytest.mark.parametrize("block", [*blocks("python"), *blocks("toml"), *blocks("mnv")])
 def test_the_readme_shows_the_files(block: str):
     files = [FOLDER / "meadow.py", WORLD, Path(__file__)]
     assert any(block in file.read_text(encoding="utf-8") for file in files)

@@ -122,7 +122,7 @@ def test_the_garden_keeps_its_distance_and_is_the_same_in_any_number_of_processe
 
 def test_the_readme_shows_the_files():
     readme = FOLDER / "README.md"
-    shown = [*blocks(readme, "python"), *blocks(readme, "toml")]
+    shown = [*blocks(readme, "python"), *blocks(readme, "mnv")]
     files = [(FOLDER / name).read_text(encoding="utf-8") for name in ("plants.py", "plants.toml")]
     assert len(shown) == 2
     for block in shown:

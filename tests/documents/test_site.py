@@ -1,0 +1,87 @@
+"""The documentation site: it builds without warnings, its links lead somewhere, its search finds."""
+
+import shutil
+
+import pytest
+
+pytest.importorskip("sphinx")
+pytest.importorskip("myst_nb")
+
+from pages import ROOT
+from site_links import broken, broken_in_markdown, build, page
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+OTHERS = ("build", "dist")
+MARKDOWN = [
+    path
+    for path in sorted(ROOT.rglob("*.md"))
+    if not any(part.startswith(".") or part in OTHERS for part in path.relative_to(ROOT).parts)
+]
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("site") / "site"
+    done = build(folder)
+    assert done.returncode == 0, done.stderr
+    return folder
+
+
+@pytest.mark.timeout(400)
+def test_the_site_builds_without_warnings(site):
+    assert (site / "index.html").is_file()
+
+
+def test_every_link_and_image_of_the_site_exists(site):
+    pages = sorted(site.rglob("*.html"))
+    assert len(pages) > 30
+    assert not {str(path.relative_to(site)): broken(path) for path in pages if broken(path)}
+
+
+def test_the_site_needs_no_other_host(site):
+    """Links to other sites are fine; files that a page loads are not."""
+    for path in site.rglob("*.html"):
+        text = path.read_text(encoding="utf-8")
+        assert 'src="http' not in text, path
+        assert 'rel="stylesheet" href="http' not in text, path
+
+
+def test_every_image_of_the_site_has_an_alternative_text(site):
+    silent = {path.name: page(path).silent for path in site.rglob("*.html")}
+    assert not {name: images for name, images in silent.items() if images}
+
+
+def test_documents_outside_docs_are_pages_and_folders_are_archives(site):
+    assert (
+        "reference/protocol.html#limits-and-invalid-messages"
+        in page(site / "security.html").targets
+    )
+    deploy = page(site / "howto" / "deploy.html").targets
+    assert "../_downloads/folders/deploy-docker.zip" in deploy
+
+
+def test_no_page_loads_a_mathematics_script(site):
+    assert not list(site.rglob("*mathjax*"))
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="needs chromium (apt install chromium)")
+@pytest.mark.parametrize("page_name", ["index.html", "reference/index.html"])
+def test_a_reader_finds_a_page_by_search_without_a_server(site, page_name):
+    playwright = pytest.importorskip("playwright.sync_api")
+    with playwright.sync_playwright() as player:
+        browser = player.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        view = browser.new_page(viewport={"width": 1280, "height": 900})
+        view.goto((site / page_name).as_uri())
+        box = view.locator("input.sidebar-search")
+        box.fill("certificates revoked")
+        box.press("Enter")
+        result = view.locator("#search-results a", has_text="Security").first
+        result.click()
+        view.wait_for_url("**/security.html*")
+        assert "Security" in view.locator("h1").first.inner_text()
+        browser.close()
+
+
+@pytest.mark.parametrize("path", MARKDOWN, ids=lambda path: str(path.relative_to(ROOT)))
+def test_relative_links_of_a_markdown_file_exist_in_the_repository(path):
+    assert not broken_in_markdown(path)
