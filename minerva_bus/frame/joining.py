@@ -61,8 +61,9 @@ class MemberLifecycle:
         self._blame(member, f"may not join: {reason}")
         algorithm.out.send(member.name, m.Refused(reason))
         # Otherwise the world would wait forever: a process of the world file
-        # that is incompatible now stays incompatible.
-        if member.expected and algorithm.phase is Phase.WAITING:
+        # that is incompatible now stays incompatible. A missing guest is given up after a while.
+        named = algorithm.members.named(member)
+        if member.expected and named and algorithm.phase is Phase.WAITING:
             algorithm.fail(f"{member.name} cannot take part: {reason}")
 
     def admit_joining(self) -> None:
@@ -75,6 +76,10 @@ class MemberLifecycle:
         algorithm, world = self._algorithm, self._algorithm.world
         # First, because the following code reads the active members.
         algorithm.members.change(member, MemberChange.ADMITTED)
+        # A guest of the previous coordinator is expected until it returns. From here on it is a
+        # guest like any other, which nothing restarts and for which the world does not wait.
+        if not algorithm.members.named(member):
+            algorithm.members.stop_expecting(member)
         # A newcomer has not shown the string, so the world is not at
         # rest even if nothing has changed.
         member.last_reply = algorithm.views.last_change = algorithm.frame

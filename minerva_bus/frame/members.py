@@ -257,9 +257,13 @@ class Members:
         """The members that the world waits for."""
         return self.index.awaited
 
-    def expected(self) -> frozenset[str]:
-        """The members that the world waits for whenever they are away."""
-        return frozenset(name for name, member in self._entries.items() if member.expected)
+    def named(self, member: MemberEntry) -> bool:
+        """Whether a member is a process of the world file; any other is a guest."""
+        return member.name in self._named
+
+    def missing_guests(self) -> list[str]:
+        """Guests of the previous coordinator that have not returned yet, sorted."""
+        return [m.name for m in self if m.expected and not self.named(m)]
 
     def declines_columns(self, name: str) -> bool:
         """Whether a member receives agents and events one by one instead of in columns."""
@@ -309,12 +313,11 @@ class Members:
 
         Their hello declares it, as a keyboard's does, or they were attached to the running world.
         """
-        named, active = self._named, self.active()
         return frozenset(
             # Only processes of the world file are trusted to be sensors or clocks.
             m.name
-            for m in active
-            if m.name not in named or (m.hello is not None and m.hello.people)
+            for m in self.active()
+            if not self.named(m) or (m.hello is not None and m.hello.people)
         )
 
     def makers(self, event_type: str) -> list[str]:

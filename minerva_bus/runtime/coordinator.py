@@ -105,8 +105,7 @@ class Coordinator(Sink):
         self.status = StatusMeter(algorithm, self.schedule.pace, clock())
         own = (self.schedule, self.metrics, log, self.status, self)
         self.runner = Runner(algorithm, self.transport, [*own, *sinks])
-        guests = algorithm.members.expected() - world.expected
-        self._monitor = Monitor(self, Waits(deadlines or Deadlines(), queued), guests)
+        self._monitor = Monitor(self, Waits(deadlines or Deadlines(), queued))
         receiver = Receiver(self, limits, self._monitor.arrived)
         operated = Operated(
             self.runner,

@@ -37,12 +37,9 @@ HURRIED_REPORTS_WITHIN: Final = 0.5
 
 
 class Monitor:
-    """Checks every STATUS_EVERY seconds for awaited members, and acts on their time-outs.
+    """Checks every STATUS_EVERY seconds for awaited members, and acts on their time-outs."""
 
-    `guests` are members of the previous coordinator that the world file does not name.
-    """
-
-    def __init__(self, coordinator: Coordinator, waits: Waits, guests: frozenset[str]) -> None:
+    def __init__(self, coordinator: Coordinator, waits: Waits) -> None:
         self._algorithm = coordinator.algorithm
         self._runner = coordinator.runner
         self._meter = coordinator.status
@@ -51,7 +48,6 @@ class Monitor:
         self._watchers = coordinator.watchers
         self._clock = coordinator.system.monotonic
         self._waits = waits
-        self._guests = guests
         self._greeted: dict[str, float] = {}
         self._reports_within = REPORTS_WITHIN
 
@@ -126,9 +122,7 @@ class Monitor:
             guests = [name for name in late if not algorithm.members.get(name).expected]
             for name, text in self._waits.describe(late, guests, now):
                 self._log.warn(name or COORDINATOR, f"{frame} for {text}")
-        # The journal names guests of the predecessor, but some may have left with it.
-        if self._meter.waited >= BACK_WITHIN and self._guests:
-            self._give_up_guests(waiting)
+        self._give_up_guests(waiting, now)
         for name, action in self._waits.overdue(now):
             self._time_out(name, action, now)
 
@@ -172,8 +166,9 @@ class Monitor:
                 reason = f"it did not answer for {waited:.0f} s"
                 self._runner.handle(s.Violation(name, reason))
 
-    def _give_up_guests(self, waiting: Sequence[str]) -> None:
+    def _give_up_guests(self, waiting: Sequence[str], now: float) -> None:
         """Stop waiting for members of the previous coordinator that have not returned."""
-        for name in sorted(self._guests.intersection(waiting)):
-            self._runner.handle(s.Abandoned(name))
-        self._guests = frozenset[str]()
+        # The journal names guests of the predecessor, but some may have left with it.
+        for name in self._algorithm.members.missing_guests():
+            if name in waiting and self._waits.since(name, now) >= BACK_WITHIN:
+                self._runner.handle(s.Abandoned(name))

@@ -136,6 +136,26 @@ def test_guests_are_waited_for_and_a_paused_world_stays_paused(tmp_path):
     assert found["digest"] == undisturbed["digest"]
 
 
+@pytest.mark.parametrize("spec", ["yard:Steps", "yard:Walker"])
+def test_a_guest_that_returned_and_dies_is_not_waited_for(tmp_path, spec):
+    path = write_world(tmp_path, frames=0, rate=50)
+    with World(path) as world:
+        world.runs("steps", "walkers")
+        words = ("attach", spec, "--name", "guest", "--world", world.name)
+        with Run(tmp_path, *words, "--connect", world.endpoint()) as guest:
+            world.runs("guest")
+            world.kill_coordinator()
+            world.runs("guest", "steps")
+            assert not world.members()["guest"]["expected"]
+            guest.kill()
+            guest.ends()
+        eventually(lambda: world.members().get("guest", {}).get("state") == "left", "it has left")
+        before = world.frame
+        eventually(lambda: world.members() and world.frame > before, "the world goes on")
+    assert "guest │ is gone" in world.text
+    assert "waits for it" not in world.text
+
+
 def test_a_record_goes_on_with_the_coordinator_that_follows(tmp_path):
     pytest.importorskip("mcap", reason="pip install 'minerva-bus[record]'")
     path = write_world(tmp_path, LOCKSTEP, frames=250, rate=60, record="run.mcap", flush=0.1)

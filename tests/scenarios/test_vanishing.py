@@ -396,17 +396,27 @@ def test_a_member_given_up_before_the_start_is_not_awaited():
     assert len(bus.records) == 1
 
 
+def joined(bus, guest, returned):
+    """Run a frame with a guest that joins, or that returns to the next coordinator."""
+    if returned:
+        bus.algorithm.expect(["guest"])
+    bus.start()
+    bus.settle()
+    assert bus.algorithm.waiting_for() == ["guest"] * returned
+    bus.makers["guest"] = guest
+    bus.appear("guest")
+    bus.run(1)
+
+
+@pytest.mark.parametrize("returned", [False, True])
 @pytest.mark.parametrize("how", ["vanish", "leave"])
 @pytest.mark.parametrize(
     "hold", [("down", "guest"), ("up", "guest"), ("up", "slow"), ("up", "host")]
 )
-def test_a_guest_that_goes_is_not_waited_for(how, hold):
+def test_a_guest_that_goes_is_not_waited_for(how, hold, returned):
     """The world file does not name this generator; it leaves before or after its reply."""
     bus = counters(members={"slow": service("slow", Steps)})
-    bus.start()
-    bus.makers["guest"] = service("guest", Add)
-    bus.appear("guest")
-    bus.run(1)
+    joined(bus, service("guest", Add), returned)
     bus.hold(hold)
     bus.frame()
     getattr(bus, how)("guest")
@@ -418,16 +428,14 @@ def test_a_guest_that_goes_is_not_waited_for(how, hold):
     assert bus.algorithm.members.get("guest").state is MemberState.LEFT
 
 
+@pytest.mark.parametrize("returned", [False, True])
 @pytest.mark.parametrize("how", ["vanish", "leave"])
 @pytest.mark.parametrize(
     "hold", [("down", "guest"), ("up", "guest"), ("up", "host"), ("up", "add")]
 )
-def test_a_guest_that_hosted_agents_gives_them_back(how, hold):
+def test_a_guest_that_hosted_agents_gives_them_back(how, hold, returned):
     bus = counters()
-    bus.start()
-    bus.makers["guest"] = host("guest", Counter)
-    bus.appear("guest")
-    bus.run(1)
+    joined(bus, host("guest", Counter), returned)
     bus.hold(hold)
     bus.frame()
     getattr(bus, how)("guest")
@@ -436,6 +444,21 @@ def test_a_guest_that_hosted_agents_gives_them_back(how, hold):
     bus.run(2)
     assert bus.stuck == []
     assert bus.digests == undisturbed(4)
+
+
+def test_a_member_under_a_missing_guests_name_that_is_refused_does_not_end_the_world():
+    bus = counters()
+    bus.algorithm.expect(["guest"])
+    bus.start()
+    bus.settle()
+    bus.handle(s.Appeared("guest"))
+    bus.put(m.Hello("guest", 0, generates=("eAdd",)))
+    bus.settle()
+    assert any(line.startswith("guest: may not join") for line in bus.said)
+    assert bus.algorithm.waiting_for() == ["guest"]
+    bus.handle(s.Abandoned("guest"))
+    bus.run(2)
+    assert bus.digests == undisturbed(2)
 
 
 def test_one_that_leaves_of_its_own_will_is_not_waited_for():
