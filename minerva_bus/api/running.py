@@ -186,8 +186,8 @@ def request_of(
     **values: Any,
 ) -> Request:
     """The settings of one run, checked. Raises MinervaError."""
-    # Processes of a family share one name in settings.
-    hosts = [process.alike or process.name for process in world.read().processes if process.agents]
+    # Settings name a table of the world file, which may stand for several processes.
+    hosts = [process.table for process in world.read().processes if process.agents]
     if processes is not None and processes < 1:
         raise MisuseError(f"processes is {processes}; expected at least 1")
     settings = () if processes is None else tuple(f"{name}.processes={processes}" for name in hosts)

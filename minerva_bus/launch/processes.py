@@ -42,7 +42,7 @@ def read_processes(top: Table, path: Path) -> tuple[Process, ...]:
         processes.append(Process(name, make, on_failure="ignore"))
     if settings:
         name = next(iter(settings))
-        known = [process.name for process in processes]
+        known = list(dict.fromkeys(process.table or process.name for process in processes))
         raise WorldFileError(f"--set: there is no process {name!r}{nearest(name, known)}")
     return tuple(processes)
 
@@ -62,6 +62,7 @@ class _Reader:
         own = table.read(ProcessSettings)
         plain = Process(
             checked,
+            table=name,
             on_failure=own.on_failure,
             restarts=own.restarts,
             elsewhere=own.elsewhere,
@@ -82,10 +83,7 @@ class _Reader:
             with table.loading("service"):
                 cls = find_service(own.service, folder)
             makers = {each: self.maker(each, cls, options) for each in names}
-            return [
-                replace(plain, name=each, make_service=make, alike=names[0])
-                for each, make in makers.items()
-            ]
+            return [replace(plain, name=each, make_service=make) for each, make in makers.items()]
         # Only services have further keys, the arguments of their constructors.
         table.done()
         # The command runs in the world file's folder, which PATH does not contain.
@@ -97,7 +95,7 @@ class _Reader:
         with table.loading("agents"):
             classes = tuple(find_agent(spec, folder) for spec in own.agents)
         plain = replace(plain, agents=classes, command=own.command, folder=folder)
-        return [replace(plain, name=each, alike=names[0]) for each in names]
+        return [replace(plain, name=each) for each in names]
 
     def maker(
         self, name: str, cls: type[Service], options: dict[str, Any]
@@ -128,6 +126,7 @@ def check_members(processes: Iterable[Process], vocabulary: Vocabulary, path: Pa
     Raises WorldFileError.
     """
     seen: set[str] = set()
+    tables: set[str] = set()
     members: list[Member] = []
     for process in processes:
         if process.name in seen:
@@ -136,7 +135,9 @@ def check_members(processes: Iterable[Process], vocabulary: Vocabulary, path: Pa
         if process.name == COORDINATOR:
             raise WorldFileError(f"{path}: the process name {COORDINATOR} is reserved")
         # The capabilities of a command are known only from its hello.
-        if not process.command and process.alike in ("", process.name):
+        first = process.table not in tables
+        tables.update({process.table} - {""})
+        if not process.command and first:
             members.append(process.participant())
             reason = incompatibility(members[-1].hello(), vocabulary)
             if reason:

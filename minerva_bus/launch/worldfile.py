@@ -35,7 +35,8 @@ class Process:
 
     `elsewhere`: the world waits for it, but it is started on another machine, by hand or by a
     service manager: `minerva attach WORLD --process NAME`. `speaks_for`: kinds and `#id`s of agents
-    in whose name a generator may send events. `alike`: the first process of the same table.
+    in whose name a generator may send events. `table`: the name of its table in the
+    world file, empty for a view of the command line.
     """
 
     name: str
@@ -46,7 +47,7 @@ class Process:
     on_failure: str = "restart"
     restarts: int = 5
     elsewhere: bool = False
-    alike: str = ""
+    table: str = ""
     speaks_for: tuple[str, ...] = ()
     patience: Patience | None = None
 

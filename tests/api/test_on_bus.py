@@ -55,6 +55,11 @@ def test_processes_give_the_same_string_and_the_same_tables():
         assert list(table.rows()) == list(there.table(name).rows())
 
 
+def test_a_number_of_processes_replaces_that_of_the_world_file():
+    here = run("meadow", frames=5, seed=5)
+    assert run("meadow", frames=5, seed=5, processes=1).digest == here.digest
+
+
 def test_a_live_world_in_processes_is_the_same():
     steps = (1, 7)
     digests = []
