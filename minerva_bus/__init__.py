@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from typing import Any
 
     from minerva_bus.api.evolving import evolve_strings
+    from minerva_bus.api.exporting import Export, export
     from minerva_bus.api.live import Live, connect
     from minerva_bus.api.records import check, diff, record, replay, resume
     from minerva_bus.api.running import Run, run
@@ -49,6 +50,7 @@ __version__ = "0.5.0"
 
 _HOMES = {
     "api.evolving": "evolve_strings",
+    "api.exporting": "Export export",
     "api.live": "Live connect",
     "api.records": "check diff record replay resume",
     "api.running": "Run run",
@@ -116,6 +118,7 @@ __all__ = [
     "EventBatch",
     "EventType",
     "Events",
+    "Export",
     "Frame",
     "Generator",
     "Geometry",
@@ -150,6 +153,7 @@ __all__ = [
     "each",
     "evolve",
     "evolve_strings",
+    "export",
     "interpret",
     "on",
     "parse",

@@ -14,7 +14,7 @@ from typing import Any
 
 from minerva_bus.api.processes import Launched
 from minerva_bus.api.world import World, own_options, world_of
-from minerva_bus.collect.collector import plans_of, read_entries
+from minerva_bus.collect.plans import plans_of, read_entries
 from minerva_bus.collect.table import DataTable
 from minerva_bus.collect.writers import check_ending, path_of, read_columns
 from minerva_bus.errors import MisuseError, WorldStopped, nearest

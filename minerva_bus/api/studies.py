@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from minerva_bus.api.running import pick_table, request_of
 from minerva_bus.api.world import World, world_of
-from minerva_bus.collect.collector import plans_of, read_entries
+from minerva_bus.collect.plans import plans_of, read_entries
 from minerva_bus.collect.table import ARRAY_TYPES, DataTable, Gathered
 from minerva_bus.collect.writers import path_of, read_columns
 from minerva_bus.errors import MisuseError

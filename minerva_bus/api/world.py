@@ -13,7 +13,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any, Final, cast
 
 from minerva_bus.api.symbols import SymbolFinder, spec_of
-from minerva_bus.collect.collector import read_entries
+from minerva_bus.collect.plans import read_entries
 from minerva_bus.errors import MisuseError, WorldFileError, nearest
 from minerva_bus.grammar.parser import parse
 from minerva_bus.grammar.scene import Scene

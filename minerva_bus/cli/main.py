@@ -30,7 +30,10 @@ GROUPS: Final = {
     "Run": ("run", "worlds", "check", "attach", "bridge"),
     "Observe": ("list", "top", "logs", "echo", "metrics"),
     "Control": ("pub", "pause", "resume", "step", "rate", "restart", "drain", "stop"),
-    "Records": ("info", "replay", "seek", "diff", "plot", "conversation", "recover", "map"),
+    "Records": (
+        *("info", "replay", "seek", "diff", "export", "plot"),
+        *("conversation", "recover", "map"),
+    ),
     "Studies": ("sweep", "evolve"),
     "Set up": ("new", "schema", "doctor", "keys", "version"),
 }

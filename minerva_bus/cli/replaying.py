@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Callable, Generator
-from contextlib import contextmanager
 from pathlib import Path
-
-import typer
 
 from minerva_bus.api.records import replay
 from minerva_bus.cli.output import FAILED, INTERRUPTED, print_message, print_result
+from minerva_bus.cli.progress import progress_bar
 from minerva_bus.errors import WorldStopped
 from minerva_bus.launch.console import Console
 from minerva_bus.launch.replaying import read_replay
@@ -49,7 +46,7 @@ def recompute_record(path: Path, world: str, as_json: bool) -> int:
 
     Raises RecordError and WorldFileError, and ActivityError if user code raises.
     """
-    with _progress() as told:
+    with progress_bar("λ again") as told:
         found = replay(path, world, told)
     if as_json:
         print_result(json.dumps(found.plain()))
@@ -66,25 +63,10 @@ def replay_with(path: Path, world: str, swap: Swap, into: str, as_json: bool) ->
     Raises RecordError and WorldFileError, and MisuseError for an invalid swap.
     """
     try:
-        with _progress() as told:
+        with progress_bar("λ again") as told:
             found = replay_swapped(path, world, swap, into, told)
     except WorldStopped as stopped:
         print_message(f"minerva: {stopped}")
         return FAILED
     print_result(json.dumps(found.plain()) if as_json else "\n".join(found.lines()))
     return 0 if found.difference.same else FAILED
-
-
-@contextmanager
-def _progress() -> Generator[Callable[[int, int], None]]:
-    """A progress bar on standard error, if it is a terminal."""
-    if not sys.stderr.isatty():
-        yield lambda done, last: None
-        return
-    with typer.progressbar(length=1, label="λ again", file=sys.stderr) as bar:
-
-        def told(done: int, last: int) -> None:
-            bar.length = last
-            bar.update(done - bar.pos)
-
-        yield told

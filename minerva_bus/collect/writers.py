@@ -10,7 +10,7 @@ from __future__ import annotations
 import csv
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import IO, Any, Final, Protocol
+from typing import IO, Any, Final, Protocol, TextIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,7 @@ from minerva_bus.collect.rows import Data
 from minerva_bus.collect.table import DataTable, Gathered, columns_of, needed, texts
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.ids import Ids
-from minerva_bus.outputs import check_output
+from minerva_bus.outputs import MARK, check_output
 
 ENDINGS: Final = (".csv", ".parquet", ".columns")
 BUFFERED_ROWS: Final = 1 << 16
@@ -94,11 +94,14 @@ class _FileWriter:
 
 
 class CsvWriter(_FileWriter):
-    """Writes a .csv file."""
+    """Writes a .csv file, or texts of this format to a stream, which it does not close."""
 
-    def __init__(self, path: Path, types: Mapping[str, str]) -> None:
+    def __init__(self, into: Path | TextIO, types: Mapping[str, str]) -> None:
         super().__init__(types)
-        self._file = path.open("w", encoding="utf-8", newline="")
+        self._is_path = isinstance(into, Path)
+        self._file = (
+            into.open("w", encoding="utf-8", newline="") if isinstance(into, Path) else into
+        )
         self._csv = csv.writer(self._file, lineterminator="\n")
         self._csv.writerow(types)
 
@@ -109,7 +112,10 @@ class CsvWriter(_FileWriter):
 
     def finish(self) -> None:
         """Finish the file."""
-        self._file.close()
+        if self._is_path:
+            self._file.close()
+        else:
+            self._file.flush()
 
 
 class ParquetWriter(_FileWriter):
@@ -121,7 +127,10 @@ class ParquetWriter(_FileWriter):
         parquet = needed("pyarrow.parquet", "parquet")
         kinds = {"float64": self._pa.float64(), "int64": self._pa.int64(), "bool": self._pa.bool_(),
                  "text": self._pa.string()}  # fmt: skip
-        schema = self._pa.schema([(name, kinds[kind]) for name, kind in types.items()])
+        # The mark, so that a later run may replace the file.
+        schema = self._pa.schema(
+            [(name, kinds[kind]) for name, kind in types.items()], {"software": MARK}
+        )
         self._schema = schema
         self._writer = parquet.ParquetWriter(path, schema)
         self._known: dict[str, tuple[Data, Any]] = {}

@@ -18,7 +18,7 @@ from minerva_bus.settings.tables import CollectSettings
 from minerva_bus.world.expressions import Expression, read_expression
 
 if TYPE_CHECKING:
-    from minerva_bus.collect.collector import TablePlan
+    from minerva_bus.collect.plans import TablePlan
     from minerva_bus.collect.table import DataTable
     from minerva_bus.collect.writers import Writer
 
@@ -69,7 +69,8 @@ class CollectSink(Sink):
         *,
         again: bool = False,
     ) -> None:
-        from minerva_bus.collect.collector import Collector, plans_of
+        from minerva_bus.collect.collector import Collector
+        from minerva_bus.collect.plans import plans_of
         from minerva_bus.collect.table import Gathered
         from minerva_bus.collect.writers import open_writer, path_of
 
@@ -77,7 +78,8 @@ class CollectSink(Sink):
         if again and collecting.into:
             path = path.with_name(f"{path.stem}-from-{algorithm.frame}{path.suffix}")
             say(f"the data collected from frame {algorithm.frame} on are in {path}")
-        several = len(plans_of(collecting.entries, world.vocabulary)) > 1
+        plans = plans_of(collecting.entries, world.vocabulary)
+        several = len(plans) > 1
         self._gathered: dict[str, Gathered] = {}
 
         def open_table(plan: TablePlan) -> Writer:
@@ -87,7 +89,7 @@ class CollectSink(Sink):
             return gathered
 
         self._algorithm = algorithm
-        self.collector = Collector(collecting.entries, world.vocabulary, world.dt, open_table)
+        self.collector = Collector(plans, world.vocabulary, world.dt, open_table)
         self.collector.begin(algorithm.frame, algorithm.scene)
 
     def frame_done(self, notice: s.FrameDone) -> None:

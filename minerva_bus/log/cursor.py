@@ -101,6 +101,17 @@ class Cursor:
         self._tears: int = 0
         self._ahead.clear()
 
+    def settle(self) -> bool:
+        """Move to the beginning of the next frame, over lost ones; False if its string is unknown.
+
+        At the end of the record it is the end of the last frame.
+        """
+        ahead = self._peek()
+        if ahead is not None and ahead.base is not None:
+            self.number, self.scene = ahead.base.number, ahead.base.scene
+            self.checkpoint = ahead.base.checkpoint
+        return ahead is None or ahead.frame.number == self.number
+
     def advance(self) -> Scene:
         """Move past the next frame and return the string after it."""
         ahead = self._peek()

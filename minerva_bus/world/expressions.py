@@ -124,25 +124,27 @@ class Expression:
 
     def checked(self, vocabulary: Vocabulary, source: str = "collect") -> Condition:
         """Its parsed condition. Raises VocabularyError if the vocabulary lacks what it names."""
-        fields, owner = self._fields(vocabulary, source), self.symbol
+        fields, owner, text = self._fields(vocabulary, source), self.symbol, str(self)
         types = {field.name: field.type for field in fields.all}
+        # The caret points to the name, which follows the first dot.
+        where: dict[str, Any] = {"text": text, "offset": text.find(".") + 1, "source": source}
         # The attribute must exist, fit into a column, and be a number if there is a function.
         for name in (self.name,) if self.name else ():
             if name not in types:
                 near = nearest(name, list(types))
-                raise VocabularyError(f"{owner} has no {name}{near}", source=source)
+                raise VocabularyError(f"{owner} has no {name}{near}", **where)
             sort = sort_of_kind(types[name].kind)
             if not sort:
                 raise VocabularyError(
                     f"{owner}.{name} is a {types[name]}; numbers, truths and texts can be"
                     " collected",
-                    source=source,
+                    **where,
                 )
             if self.function and types[name].kind == "text":
                 raise VocabularyError(
                     f"{owner}.{name} is a text, which has no {self.function}; count texts with"
                     f' count({owner}, {name} == "...")',
-                    source=source,
+                    **where,
                 )
         condition = parse_condition(in_double_quotes(self.condition), source)
         sorts = {name: sort_of_kind(kind.kind) for name, kind in types.items()}
@@ -153,9 +155,12 @@ class Expression:
         known: Mapping[str, Any] = vocabulary.events if self.of_events else vocabulary.kinds
         if self.symbol not in known:
             what = "event type" if self.of_events else "agent kind"
-            near = nearest(self.symbol, list(known))
+            near, text = nearest(self.symbol, list(known)), str(self)
             raise VocabularyError(
                 f"the world has no {what} {self.symbol}{near}",
+                text=text,
+                # After the parenthesis of a function.
+                offset=text.find("(") + 1 if self.function else 0,
                 expected=f"one of {', '.join(known) or 'none'}",
                 source=source,
             )

@@ -12,6 +12,12 @@ from minerva_bus.cli.startup import BEGAN, uncollected
 from minerva_bus.settings.overrides import Overrides
 
 Record = Annotated[Path, typer.Argument(help="A record, .mcap.")]
+Collect = Annotated[
+    list[str] | None,
+    typer.Option(
+        help="NAME=EXPRESSION, such as 'sick=count(APerson, sick == true)'; may be repeated."
+    ),
+]
 
 
 @examples(
@@ -160,6 +166,38 @@ def diff(
     from minerva_bus.cli.recording import show_difference
 
     raise typer.Exit(show_difference(a, b, json))
+
+
+@examples(
+    "minerva export run.mcap --collect 'sick=count(APerson, sick == true)' > sick.csv",
+    "minerva export run.mcap --parquet run.parquet --every 10",
+)
+def export(
+    file: Record,
+    collect: Collect = None,
+    csv: Annotated[
+        Path | None, typer.Option(help="Write .csv files; default: standard output.")
+    ] = None,
+    parquet: Annotated[Path | None, typer.Option(help="Write .parquet files.")] = None,
+    begin: Annotated[int, typer.Option("--from", help="First frame.", min=0)] = 0,
+    to: Annotated[int | None, typer.Option(help="Last frame; default: the end.", min=0)] = None,
+    every: Annotated[
+        int, typer.Option(help="Frames per row, if an expression does not say it.", min=1)
+    ] = 1,
+    json: Json = False,
+    quiet: Quiet = False,
+    force: Force = False,
+) -> None:
+    """Export agents, events and series of a record as tables.
+
+    Without --collect, all attributes of agents, a table for each kind, and all events. Expressions
+    are those of [collect] in world files. Several tables go into several files, FILE-TABLE.csv.
+    No code of the world is run.
+    """
+    from minerva_bus.cli.exporting import ExportOptions, export_record
+
+    options = ExportOptions(tuple(collect or ()), csv, parquet, begin, to, every)
+    export_record(file, options, json, quiet)
 
 
 @examples(

@@ -1,0 +1,205 @@
+"""Tables for expressions: which rows and columns each has."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Final, TypeAlias, cast
+
+from minerva_bus.errors import MisuseError
+from minerva_bus.grammar.fields import Fields
+from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.world.expressions import Expression, read_expression
+
+FRAMES: Final = "frames"
+_OWN: Final = {"A": ("frame", "id"), "e": ("frame", "sender", "receiver")}
+
+Entries: TypeAlias = Mapping[str, Expression]
+
+
+@dataclass(slots=True)
+class TablePlan:
+    """One table: its rows are about a kind of agents, a type of events, or the frames.
+
+    `columns` are the types of its columns (float64, int64, bool or text) by name. `names` are the
+    attributes by column, `entries` the expressions by column for a table of frames.
+    """
+
+    name: str
+    interval: int
+    columns: dict[str, str]
+    symbol: str = ""
+    condition: str = ""
+    names: dict[str, str] = field(default_factory=dict[str, str])
+    entries: dict[str, Expression] = field(default_factory=dict[str, Expression])
+
+    @property
+    def expressions(self) -> list[Expression]:
+        """The expressions that it evaluates, or one for the rows that it selects."""
+        if self.entries:
+            return list(self.entries.values())
+        return [Expression(self.symbol, condition=self.condition)]
+
+
+def read_entries(given: object) -> dict[str, Expression]:
+    """The expressions to collect, by name, from a mapping or from a list of attributes.
+
+    Values are expressions or their texts. Raises MisuseError and VocabularyError.
+    """
+    pairs: list[tuple[str, object]]
+    if isinstance(given, Mapping):
+        named = cast("Mapping[object, object]", given)
+        pairs = [(str(name), value) for name, value in named.items()]
+    elif isinstance(given, list | tuple):
+        listed = cast("Iterable[object]", given)
+        # A list gives no names, so the attributes name the columns.
+        expressions = [_expression(value, "collect") for value in listed]
+        pairs = [(default_name(expression), expression) for expression in expressions]
+    else:
+        raise MisuseError(f"collect: expected names with expressions, not {given!r:.60}")
+    entries: dict[str, Expression] = {}
+    for name, value in pairs:
+        if not name or name in entries:
+            raise MisuseError(f"collect: the name {name!r} is given twice, or is empty")
+        entries[name] = _expression(value, f"collect: {name}")
+    return entries
+
+
+_NAMED: Final = re.compile(r"\s*(?P<name>[A-Za-z_]\w*)\s*=(?!=)(?P<text>.*)\Z", re.DOTALL)
+
+
+def parse_entries(words: Sequence[str], option: str = "--collect") -> dict[str, Expression]:
+    """The expressions of a command line, each `NAME=EXPRESSION` or `EXPRESSION`.
+
+    Without a name, an attribute names its column, and a function gives `mean_APerson_x`. Raises
+    MisuseError and VocabularyError, which name the option.
+    """
+    entries: dict[str, Expression] = {}
+    for word in words:
+        named = _NAMED.match(word)
+        name, text = (named["name"], named["text"].strip()) if named else ("", word)
+        expression = read_expression(text, f"{option} {name}".rstrip())
+        name = name or default_name(expression)
+        if name in entries:
+            raise MisuseError(f"{option}: the name {name} is given twice; give NAME=EXPRESSION")
+        entries[name] = expression
+    return entries
+
+
+def default_name(expression: Expression) -> str:
+    """The name of an expression that has none."""
+    if not expression.function:
+        return expression.name or expression.symbol
+    return "_".join(filter(None, (expression.function, expression.symbol, expression.name)))
+
+
+def _expression(value: object, source: str) -> Expression:
+    if isinstance(value, Expression):
+        return value
+    if isinstance(value, str):
+        return read_expression(value, source)
+    raise MisuseError(
+        f"{source}: expected an expression such as Person.x or count(Person), not {value!r:.60}"
+    )
+
+
+def plans_of(entries: Entries, vocabulary: Vocabulary, option: str = "collect:") -> list[TablePlan]:
+    """The tables for these expressions. Raises VocabularyError and MisuseError.
+
+    `option` begins the messages about an expression, before its name.
+    """
+    plans: dict[tuple[Any, ...], TablePlan] = {}
+    taken: set[str] = set()
+    for name, entry in entries.items():
+        entry.checked(vocabulary, f"{option} {name}")
+        about = FRAMES if entry.function else entry.symbol
+        # Aggregates select rows column by column, so they share a table whatever their conditions
+        # are.
+        key = (about, entry.condition if not entry.function else "", entry.interval)
+        # One table for each kind of rows: the same agents or events, in the same frames.
+        plan = plans.get(key)
+        if plan is None:
+            plan = plans[key] = _plan(_table_name(about, entry, name, taken), about, entry)
+            taken.add(plan.name)
+        fields = fields_of(vocabulary, entry.symbol)
+        for column, kind in _columns(name, entry, fields):
+            if column in plan.columns:
+                raise MisuseError(
+                    f"collect: the table {plan.name} has two columns {column!r}; rename {name}"
+                )
+            plan.columns[column] = kind
+        if entry.function:
+            plan.entries[name] = entry
+        else:
+            names = [entry.name] if entry.name else fields.names
+            plan.names |= {name if entry.name else each: each for each in names}
+    return list(plans.values())
+
+
+def whole_plans(vocabulary: Vocabulary, interval: int = 1) -> list[TablePlan]:
+    """A table for each agent kind and event type, with all that fits into columns.
+
+    Attributes that are no number, truth or text, such as grids, have no column.
+    """
+    plans: list[TablePlan] = []
+    for symbol in sorted({*vocabulary.kinds, *vocabulary.events}):
+        types = {
+            field.name: _TYPES[field.type.kind]
+            for field in fields_of(vocabulary, symbol).all
+            if field.type.kind in _TYPES
+        }
+        own = _own_columns(symbol)
+        # An attribute may have the name of a column such as `id`.
+        names = {f"{name}_" if name in own else name: name for name in types}
+        columns = own | {column: types[name] for column, name in names.items()}
+        plans.append(TablePlan(symbol, interval, columns, symbol, names=names))
+    return plans
+
+
+def _table_name(about: str, entry: Expression, name: str, taken: set[str]) -> str:
+    if about not in taken:
+        return about
+    return f"{about}_every_{entry.interval}" if about == FRAMES else f"{about}_{name}"
+
+
+def _plan(name: str, about: str, entry: Expression) -> TablePlan:
+    if about == FRAMES:
+        return TablePlan(name, entry.interval, {"frame": "int64", "time": "float64"})
+    return TablePlan(name, entry.interval, _own_columns(about), about, entry.condition)
+
+
+def _own_columns(symbol: str) -> dict[str, str]:
+    """The columns that all tables of agents, or of events, have."""
+    return dict.fromkeys(_OWN[symbol[0]], "text") | {"frame": "int64"}
+
+
+_TYPES: Final = {"real": "float64", "int": "int64", "bool": "bool", "text": "text"}
+
+
+def fields_of(vocabulary: Vocabulary, symbol: str) -> Fields:
+    """The attributes of an agent kind, or the data of an event type."""
+    known: Mapping[str, Any] = vocabulary.events if symbol[0] == "e" else vocabulary.kinds
+    return known[symbol].fields
+
+
+def _columns(name: str, entry: Expression, fields: Fields) -> list[tuple[str, str]]:
+    """The columns of an expression, with their types."""
+    types = {field.name: field.type.kind for field in fields.all}
+    function = entry.function
+    if not function:
+        return [(name, _TYPES[types[entry.name]])] if entry.name else _data_columns(entry, types)
+    if function == "quantiles":
+        return [(f"{name}_{number:g}", "float64") for number in entry.arguments]
+    if function == "histogram":
+        return [(f"{name}_{number}", "int64") for number in range(int(entry.arguments[2]))]
+    whole = function == "count" or (function == "sum" and types[entry.name] in ("int", "bool"))
+    return [(name, "int64" if whole else "float64")]
+
+
+def _data_columns(entry: Expression, types: Mapping[str, str]) -> list[tuple[str, str]]:
+    for name, kind in types.items():
+        if kind not in _TYPES:
+            raise MisuseError(f"collect: {entry.symbol}.{name} is no number, truth or text; name"
+                              f" the data to collect: data({entry.symbol}, NAME)")  # fmt: skip
+    return [(name, _TYPES[kind]) for name, kind in types.items()]
