@@ -331,8 +331,14 @@ def undisturbed(chaos: Chaos, frames: int) -> dict[str, object]:
         "--record", chaos.folder / "undisturbed.mcap", "--json",
     ]  # fmt: skip
     done = subprocess.run(
-        [*MINERVA, *map(str, words)], cwd=HERE, env=chaos.environment, capture_output=True
+        [*MINERVA, *map(str, words)],
+        cwd=HERE,
+        env=chaos.environment,
+        capture_output=True,
+        text=True,
     )
+    if done.returncode:
+        raise SystemExit(f"chaos: the undisturbed run failed ({done.returncode}):\n{done.stderr}")
     return json.loads(done.stdout)
 
 

@@ -148,9 +148,9 @@ def print_vulnerabilities(lock: Path) -> int:
         if answer is not None:
             return print_answer(source, answer)
         silent.append(f"{source}: {reason}")
-    print("\nVulnerabilities: UNKNOWN. No source of advisories can be reached from here:")
+    print("\nVulnerabilities: UNKNOWN. No source gives advisories for these packages:")
     print("\n".join(f"    {line}" for line in silent))
-    print("Run this again where one can be reached.")
+    print("Run this again where a source can be reached that knows them.")
     return 2
 
 

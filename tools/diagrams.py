@@ -9,7 +9,6 @@ In the document each diagram is between `<!-- diagram: NAME -->` and `<!-- end o
 from __future__ import annotations
 
 import argparse
-import re
 import sys
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -19,9 +18,9 @@ from minerva_bus.frame.description import World
 from minerva_bus.frame.phases import diagram
 from minerva_bus.grammar.scene import EMPTY
 from minerva_bus.grammar.vocabulary import Vocabulary
+from tools import blocks
 
 DOCUMENT = Path(__file__).resolve().parents[1] / "ARCHITECTURE.md"
-DIAGRAM = re.compile(r"(<!-- diagram: ([\w ]+) -->\n).*?(<!-- end of diagram -->)", re.S)
 
 
 def owned(owner: object) -> Mapping[str, str]:
@@ -52,11 +51,7 @@ DIAGRAMS: Mapping[str, Callable[[], str]] = {"phases": diagram, "types": types}
 
 def written(text: str) -> str:
     """The document with its generated diagrams up to date."""
-
-    def block(match: re.Match[str]) -> str:
-        return f"{match[1]}```mermaid\n{DIAGRAMS[match[2]]()}\n```\n{match[3]}"
-
-    return DIAGRAM.sub(block, text)
+    return blocks.filled(text, "diagram", lambda name: f"```mermaid\n{DIAGRAMS[name]()}\n```\n")
 
 
 def main() -> int:

@@ -9,7 +9,6 @@ In the document each table is between `<!-- table: NAME -->` and `<!-- end of ta
 from __future__ import annotations
 
 import argparse
-import re
 import sys
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict
@@ -21,9 +20,9 @@ from minerva_bus.wire.codec import FOR_ALL, FROM_MEMBER, TO_MEMBER
 from minerva_bus.wire.declared import MessageCodec, message_codec
 from minerva_bus.wire.fields import DeclaredField, field_codec
 from minerva_bus.wire.limits import DEFAULT, configurable_limits, limit_notes
+from tools import blocks
 
 DOCUMENT = Path(__file__).resolve().parents[1] / "PROTOCOL.md"
-TABLE = re.compile(r"(<!-- table: ([\w ]+) -->\n).*?(<!-- end of table -->)", re.S)
 
 
 def table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
@@ -121,7 +120,7 @@ TABLES: Mapping[str, Callable[[], str]] = {
 
 def with_tables(document: str) -> str:
     """The document with its tables up to date."""
-    return TABLE.sub(lambda match: match[1] + TABLES[match[2]]() + match[3], document)
+    return blocks.filled(document, "table", lambda name: TABLES[name]())
 
 
 def main() -> int:

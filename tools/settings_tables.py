@@ -6,18 +6,16 @@ classes of settings/tables.py, and `<!-- end of settings -->`.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from minerva_bus.settings import tables
 from minerva_bus.settings.declaring import Setting, settings_of
+from tools import blocks
 
 DOCS = Path(__file__).parents[1] / "docs"
 PAGES = (DOCS / "worlds.md", DOCS / "norms.md")
-# The blank lines around a table are not part of the match, because an empty block lacks them.
-_BLOCK = re.compile(r"(<!-- settings: ([\w ]+) -->\n).*?(<!-- end of settings -->)", re.S)
 
 
 def table_of(classes: Sequence[type[Any]], qualified: bool = False) -> str:
@@ -51,14 +49,14 @@ def _default(setting: Setting) -> str:
 
 
 def filled(text: str) -> str:
-    """A page with its tables up to date."""
+    """A page with its tables up to date. Exits for an incomplete pair of markers."""
 
-    def replaced(match: re.Match[str]) -> str:
-        names = match[2].split()
-        classes = [getattr(tables, f"{name}Settings") for name in names]
-        return f"{match[1]}\n{table_of(classes, qualified='Watch' in names)}\n\n{match[3]}"
+    def make(name: str) -> str:
+        names = name.split()
+        classes = [getattr(tables, f"{each}Settings") for each in names]
+        return f"\n{table_of(classes, qualified='Watch' in names)}\n\n"
 
-    return _BLOCK.sub(replaced, text)
+    return blocks.filled(text, "settings", make)
 
 
 def main() -> None:

@@ -6,7 +6,8 @@ from pathlib import Path
 import pytest
 
 from minerva_bus.frame.phases import TRANSITIONS, Awaited, Phase
-from tools.diagrams import DIAGRAM, DIAGRAMS, DOCUMENT, written
+from tools import blocks
+from tools.diagrams import DIAGRAMS, DOCUMENT, written
 
 FRAME = Path(__file__).parents[2] / "minerva_bus" / "frame"
 MAX_ATTRIBUTES = 15
@@ -14,7 +15,7 @@ MAX_ATTRIBUTES = 15
 
 def test_the_diagrams_are_those_of_the_code():
     text = DOCUMENT.read_text(encoding="utf-8")
-    assert {match[2] for match in DIAGRAM.finditer(text)} == set(DIAGRAMS)
+    assert set(blocks.names(text, "diagram")) == set(DIAGRAMS)
     assert text == written(text), "run python -m tools.diagrams --write"
 
 

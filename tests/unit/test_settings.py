@@ -191,6 +191,21 @@ def test_the_tables_of_the_documents_follow_from_the_declarations(page):
     assert filled(text) == text, "run python -m tools.settings_tables"
 
 
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("{0}{0}{1}", "line 1: <!-- settings: Record --> lacks its end marker"),
+        ("a\n{0}b\n", "line 2: <!-- settings: Record --> lacks its end marker"),
+        ("a\n{1}{0}{1}", "line 2: <!-- end of settings --> lacks a start marker before it"),
+    ],
+)
+def test_a_marker_without_its_counterpart_is_an_error(text, said):
+    """The text up to the end of another block would be lost."""
+    with pytest.raises(SystemExit) as error:
+        filled(text.format("<!-- settings: Record -->\n", "<!-- end of settings -->\n"))
+    assert str(error.value) == said
+
+
 @pytest.mark.parametrize("lines", ["", "\n", "\n\n", "\nold\n\n"])
 def test_an_empty_block_gets_its_table_and_no_other_text_is_lost(lines):
     begin, end = "<!-- settings: Record -->\n", "<!-- end of settings -->\n"
