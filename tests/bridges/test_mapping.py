@@ -179,9 +179,8 @@ def test_without_scans_or_places_there_is_no_map(tmp_path, lines, why):
         drawn(write(tmp_path / "a.log", *lines))
 
 
-@pytest.mark.parametrize("place", [(1e7, 1e7, 0.0), (11_000.0, 0.0, 0.0)])
-def test_a_map_that_is_too_large_is_refused(tmp_path, place):
-    path = write(tmp_path / "a.log", flaser([1.0]), flaser([1.0], place))
+def test_a_map_that_is_too_large_is_refused(tmp_path):
+    path = write(tmp_path / "a.log", flaser([1.0]), flaser([1.0], (1e7, 1e7, 0.0)))
     with pytest.raises(MisuseError, match="Use larger cells"):
         drawn(path)
 

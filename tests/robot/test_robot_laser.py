@@ -11,7 +11,6 @@ from robot_steps import after, changed, robot
 from minerva_agents.robot.knowledge import (
     FREE,
     MARKER,
-    MAX_SIDE,
     OBSTACLE,
     SEEN,
     SURE,
@@ -21,6 +20,7 @@ from minerva_agents.robot.knowledge import (
     doubt,
 )
 from minerva_agents.robot.vocabulary import eClear, eLaser
+from minerva_agents.robot.world import vocabulary
 
 
 def marked(grid):
@@ -70,14 +70,26 @@ def test_a_beam_leaves_no_gap_and_may_leave_the_grid(angle, dist, row, column):
         assert (around - {cell}) & known
 
 
-@pytest.mark.parametrize("end", [MAX_SIDE - 0.5, MAX_SIDE + 0.2, 2.5 * MAX_SIDE])
-def test_a_beam_clears_the_longest_grid_to_its_end(end):
+@pytest.mark.parametrize("side", [3, 100_000, 250_000])
+@pytest.mark.parametrize("beyond", [-0.5, 0.2, 4e6])
+def test_a_beam_clears_the_longest_grid_to_its_end(side, beyond):
+    end = side + beyond
     for grid, ends in (
-        (np.zeros((MAX_SIDE, 1), np.int16), (0.0, 0.5, end, 0.5)),
-        (np.zeros((1, MAX_SIDE), np.int16), (0.5, 0.0, 0.5, end)),
+        (np.zeros((side, 1), np.int16), (0.0, 0.5, end, 0.5)),
+        (np.zeros((1, side), np.int16), (0.5, 0.0, 0.5, end)),
     ):
         clear_beam(grid, *ends)
-        assert np.count_nonzero(grid == FREE) == MAX_SIDE - (end < MAX_SIDE)
+        assert np.count_nonzero(grid == FREE) == side - (beyond < 0)
+
+
+def test_a_robot_clears_a_literal_grid_of_any_length_to_the_end():
+    side = 150_000
+    scene = vocabulary.read(
+        f"ARobot#r<grid=1x{side}[0*{side}], row=0.5, column=0.5, angle=90deg>()"
+    )
+    grid = after(scene, eLaser(side * 0.1 - 0.1, 0.0)).grid
+    assert (grid[0, :-1] == FREE).all()
+    assert grid[0, -1] >= OBSTACLE
 
 
 def test_evidence_rises_by_three_up_to_nine():

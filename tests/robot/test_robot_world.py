@@ -187,15 +187,6 @@ def test_cells_too_small_for_a_map_are_refused_before_there_are_any():
         scene({"cell": 1e-5})
 
 
-def test_a_map_longer_than_any_beam_is_refused(hall):
-    path = Path(hall)
-    (path.parent / "hall.pgm").write_bytes(b"P5\n1000 1\n255\n" + b"\xfe" * 1000)
-    keys = {"resolution": 10.5, "origin": [0, 0, 0], "start": [50, 5, 0], "markers": {"a": [9, 5]}}
-    path.write_text(json.dumps(json.loads(path.read_text()) | keys))
-    with pytest.raises(MapError, match=r"needs 105002 x 107 cells .* at most 100000 on each side"):
-        scene({"map": hall})
-
-
 def test_a_map_error_is_one_of_ours():
     assert issubclass(MapError, MinervaError)
     assert issubclass(MapError, ValueError)

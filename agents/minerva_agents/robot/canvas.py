@@ -10,7 +10,6 @@ from typing import Final
 import numpy as np
 
 from minerva_agents.robot.knowledge import (
-    MAX_SIDE,
     at_distance,
     clear_beam,
     clearing_part,
@@ -74,10 +73,10 @@ def canvas_of(extent: MapExtent, cell: float) -> Canvas:
     first = [math.floor(low / cell) - _MARGIN for low in (extent.low_x, extent.low_y)]
     last = [math.floor(high / cell) + _MARGIN for high in (extent.high_x, extent.high_y)]
     rows, columns = (end - begin + 1 for begin, end in zip(first, last, strict=True))
-    if rows * columns > _MAX_CELLS or max(rows, columns) > MAX_SIDE:
+    if rows * columns > _MAX_CELLS:
         raise MisuseError(
-            f"the map would have {rows} x {columns} cells; the limit is {_MAX_CELLS}, and"
-            f" {MAX_SIDE} on each side. Use larger cells (--cell) or a shorter range (--range)"
+            f"the map would have {rows} x {columns} cells; the limit is {_MAX_CELLS}."
+            " Use larger cells (--cell) or a shorter range (--range)"
         )
     return Canvas(np.zeros((rows, columns), np.int16), cell, first[0] * cell, first[1] * cell)
 

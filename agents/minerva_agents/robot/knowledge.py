@@ -35,9 +35,6 @@ Mask: TypeAlias = NDArray[np.bool_]
 Reals: TypeAlias = NDArray[np.float64]
 Codes: TypeAlias = NDArray[np.int16]
 
-MAX_SIDE: Final = 100_000
-"""Maximum number of rows and of columns of a grid: longer beams would not reach its end."""
-
 _HIT: Final = 3
 """Evidence added by a hit; a passing beam removes 1."""
 
@@ -67,8 +64,7 @@ def doubt(grid: Cells) -> None:
 
 # Tables: hundreds of beams are drawn per frame, and each then needs one look-up and no allocation.
 _PASSED: Final = _after_passing()
-# Steps of a beam that ends off the grid are a little shorter than a cell, hence two more of them.
-_STEPS: Final = np.arange(MAX_SIDE + 2, dtype=np.float64)
+_STEPS: Final = np.arange(100_000, dtype=np.float64)
 _NONE: Final = np.empty(0, np.intp)
 
 
@@ -175,10 +171,12 @@ def _passed(
     last = math.floor((count - 1) * down + row), math.floor((count - 1) * across + column)
     if last == (math.floor(to_row), math.floor(to_column)):
         count -= 1
-    steps = _STEPS[:count]
+    high, wide = grid.shape
+    # Steps of a beam that ends off the grid are a little shorter than a cell, hence two more.
+    enough = max(high, wide) + 2
+    steps = _STEPS[:count] if enough <= _STEPS.size else np.arange(min(count, enough), dtype=float)
     rows = (steps * down + row).astype(np.intp)
     columns = (steps * across + column).astype(np.intp)
-    high, wide = grid.shape
     # A beam with both ends on the grid stays on it. Otherwise positions are tested before the
     # conversion, which rounds small negative numbers to 0.
     if not (0 <= row < high > to_row >= 0 <= column < wide > to_column >= 0):

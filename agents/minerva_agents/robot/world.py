@@ -32,7 +32,6 @@ import numpy as np
 
 from minerva_agents.robot import vocabulary as words
 from minerva_agents.robot.grids import MapError
-from minerva_agents.robot.knowledge import MAX_SIDE
 from minerva_agents.robot.localising import ALocalisingRobot
 from minerva_agents.robot.narrows import passable_width
 from minerva_agents.robot.occupancy import MapPose, Marker, OccupancyMap
@@ -203,11 +202,6 @@ def _empty_grid(floor: OccupancyMap, cell: float) -> _Grid:
         )
     # Rounded first: the quotient may lie just above a whole number.
     high, wide = (math.ceil(round(side / cell, 6)) + 2 for side in sides)
-    if max(high, wide) > MAX_SIDE:
-        raise MapError(
-            f"a map of {sides[0]:g} m x {sides[1]:g} m needs {high} x {wide} cells of {cell:g} m;"
-            f" expected at most {MAX_SIDE} on each side; use larger cells"
-        )
     cells = np.zeros((high, wide), np.int16)
     # Shared by all robots; `writable` copies it at the first change.
     cells.setflags(write=False)
