@@ -63,16 +63,20 @@ class KeyFolder:
         if days < 1:
             raise KeysError(f"--days must be a whole number from 1, not {days}")
         made, wanted = Authority.new(self.now, days), Wanted((HUB,), tuple(hosts))
-        made.issue(COORDINATOR, wanted, self.now)  # Fails for invalid hosts before any file exists.
+        # Fails for invalid hosts before any file exists.
+        certificate, key = made.issue(COORDINATOR, wanted, self.now)
         try:
             self.folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         except OSError as error:
             raise KeysError(f"{self.folder}: {error.strerror}") from None
-        # ca.pem is written last, because its presence means that the folder is complete.
+        # ca.pem is written last, because its presence means that the folder is complete. Without
+        # it, the next `init` replaces everything else.
         _put(self._path(_AUTHORITY, "key"), key_pem(made.key), 0o600)
         _put(self._path(_REVOKED, "pem"), made.revocations((), self.now), 0o644)
+        _put(self._path(COORDINATOR, "key"), key_pem(key), 0o600)
+        _put(self._path(COORDINATOR, "pem"), certificate_pem(certificate), 0o644)
         _put(self._path(_AUTHORITY, "pem"), certificate_pem(made.certificate), 0o644)
-        return self.issue(COORDINATOR, wanted)
+        return self.issued()[COORDINATOR]
 
     def issue(self, name: str, wanted: Wanted, *, renew: bool = False) -> Issued:
         """Issue a certificate with its key; `renew` replaces an existing one. Raises KeysError."""

@@ -215,6 +215,31 @@ def test_an_interrupted_renewal_leaves_a_pair_that_belongs_together(keys, monkey
     assert not list(keys.folder.glob("*.new"))
 
 
+@pytest.mark.parametrize("written", range(5))
+def test_a_killed_init_leaves_nothing_that_the_next_one_keeps(tmp_path, monkeypatch, written):
+    """The folder has an authority only if all of its files are complete."""
+    keys, replace, left = KeyFolder(tmp_path / "keys"), Path.replace, iter(range(written))
+
+    class Killed(BaseException):
+        pass
+
+    def killed(path, target):
+        if next(left, None) is None:
+            raise Killed
+        return replace(path, target)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(Path, "replace", killed)
+        with pytest.raises(Killed):
+            keys.init(["lab.example"])
+    with pytest.raises(KeysError, match="has no authority"):
+        keys.issued()
+    keys.init(["lab.example"])
+    shake_hands(*contexts(keys, "coordinator", "coordinator", crl=True), "lab.example")
+    with pytest.raises(KeysError, match="has an authority already"):
+        keys.init()
+
+
 def test_an_authority_is_created_completely_or_not(tmp_path):
     for host in ("two words", "tls/a:1"):
         done = here(tmp_path, "keys", "init", "--host", host)
