@@ -9,7 +9,7 @@ import sys
 import time
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from minerva_bus.errors import MinervaError
 from minerva_bus.frame import stimuli as s
@@ -23,6 +23,9 @@ from minerva_bus.runtime.coordinator import Coordinator
 from minerva_bus.runtime.watchers import Watchers
 from minerva_bus.settings.overrides import Overrides
 from minerva_bus.world.expressions import read_expression
+
+KILL_SECONDS: Final = 5.0
+"""Time for a launcher without a parent to end its world, before it is killed."""
 
 
 def main() -> None:
@@ -115,6 +118,12 @@ def _die_with_parent() -> None:
     # If the launcher has ended by itself, its id may belong to another process by now.
     if os.getppid() == launcher:
         os.kill(launcher, signal.SIGTERM)
+    # A launcher that is stopped or stuck ignores the signal; its children end with it.
+    until = time.monotonic() + KILL_SECONDS
+    while os.getppid() == launcher and time.monotonic() < until:
+        time.sleep(0.05)
+    if os.getppid() == launcher:
+        os.kill(launcher, signal.SIGKILL)
     # Without the interpreter's clean-up: that is the launcher's, and this process is a copy of it.
     os._exit(0)
 

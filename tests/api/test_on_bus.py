@@ -115,6 +115,23 @@ def test_processes_end_with_the_program_that_started_them(tmp_path):
         waited(lambda: not running())
 
 
+def test_a_launcher_that_cannot_end_itself_is_killed_with_the_program_that_started_it():
+    """A stopped process does not handle SIGTERM."""
+    program = (
+        "import time; from frogs import pond\n"
+        "live = pond().start(bus=True); live.step()\n"
+        "print(live._backend._launched.pid, flush=True); time.sleep(60)\n"
+    )
+    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parent)}
+    with subprocess.Popen(
+        [sys.executable, "-c", program], env=environment, stdout=subprocess.PIPE, text=True,
+        stderr=subprocess.DEVNULL,
+    ) as process:  # fmt: skip
+        os.kill(int(process.stdout.readline()), signal.SIGSTOP)
+        process.kill()
+    waited(lambda: not running())
+
+
 @pytest.mark.parametrize("error", [ZeroDivisionError, KeyboardInterrupt])
 def test_an_exception_in_the_context_of_a_live_world_ends_its_processes(error):
     live = pond().start(bus=True)
