@@ -6,8 +6,12 @@ records that is always a mapping, so any other value is sent as the only entry o
 
 from __future__ import annotations
 
+import math
+import re
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, Final, cast
+
+import numpy as np
 
 from minerva_bus.blame import blamed
 from minerva_bus.errors import MisuseError
@@ -18,6 +22,11 @@ from minerva_bus.world.services import Service
 
 VALUE: Final = "="
 """Key of a value that is not a mapping."""
+
+MAX_DEPTH: Final = 100
+"""Lists and mappings that may be nested in saved data."""
+
+_SURROGATE: Final = re.compile("[\ud800-\udfff]")
 
 NOTHING: Final[Mapping[str, Any]] = {VALUE: None}
 """Replaces a member's earlier data when it no longer saves any."""
@@ -72,21 +81,58 @@ def restore(service: Service, saved: Mapping[str, Any]) -> None:
         service.restore(value)
 
 
-def _check_plain(value: Any, where: str) -> None:
+def figures_by(service: Service) -> dict[str, bool | int | float | str]:
+    """The figures that a service reports. Raises UserCodeError if they are no figures.
+
+    Numbers that are not finite are omitted: the protocol forbids them.
+    """
+    with blamed(service.report):
+        reported = cast("Mapping[Any, Any]", service.report() or {})
+        named = [(name, _figure(name, value)) for name, value in reported.items()]
+    return {
+        name: value for name, value in named if not isinstance(value, float) or math.isfinite(value)
+    }
+
+
+def _figure(name: Any, value: Any) -> bool | int | float | str:
+    """A figure as a value of Python. Raises MisuseError."""
+    if isinstance(value, np.generic):
+        value = cast("Any", value).item()
+    if not isinstance(name, str) or not isinstance(value, bool | int | float | str):
+        raise MisuseError(
+            f"it reports {name!r:.60} as {type(value).__name__}; a figure is a boolean, a number"
+            " or a text, and its name a text"
+        )
+    _check_scalar(name, "the name of a figure")
+    _check_scalar(value, f"its figure {name!r:.60}")
+    return value
+
+
+def _check_plain(value: Any, where: str, depth: int = 0) -> None:
     """Raise MisuseError for a value that cannot be sent or recorded."""
+    if depth > MAX_DEPTH:
+        raise MisuseError(f"{where[:60]}... is nested more than {MAX_DEPTH} deep")
     if value is None or isinstance(value, bool | int | float | str | bytes):
-        return
-    if isinstance(value, list | tuple):
+        _check_scalar(value, where)
+    elif isinstance(value, list | tuple):
         for place, item in enumerate(cast("Iterable[Any]", value)):
-            _check_plain(item, f"{where}[{place}]")
-        return
-    if isinstance(value, Mapping):
+            _check_plain(item, f"{where}[{place}]", depth + 1)
+    elif isinstance(value, Mapping):
         for key, item in cast("Mapping[object, Any]", value).items():
             if not isinstance(key, str):
                 raise MisuseError(f"{where} has the key {key!r:.60}; keys are texts")
-            _check_plain(item, f"{where}[{key!r}]")
-        return
-    raise MisuseError(
-        f"{where} is of type {type(value).__name__}; what is saved is None, a boolean, a number,"
-        " a text, bytes, or a list or mapping of these"
-    )
+            _check_scalar(key, f"a key of {where}")
+            _check_plain(item, f"{where}[{key!r}]", depth + 1)
+    else:
+        raise MisuseError(
+            f"{where} is of type {type(value).__name__}; what is saved is None, a boolean, a"
+            " number, a text, bytes, or a list or mapping of these"
+        )
+
+
+def _check_scalar(value: object, where: str) -> None:
+    """Raise MisuseError for a number or a text that MessagePack cannot represent."""
+    if isinstance(value, int) and not -(1 << 63) <= value < 1 << 64:
+        raise MisuseError(f"{where} is a whole number of more than 64 bits; use a text instead")
+    if isinstance(value, str) and not value.isascii() and _SURROGATE.search(value):
+        raise MisuseError(f"{where} is a text with lone surrogates; expected valid Unicode")

@@ -5,7 +5,6 @@ The same object is used on the bus, in one process and in tests. It calls the us
 
 from __future__ import annotations
 
-import math
 import os
 import platform
 from collections.abc import Callable, Iterable, Iterator
@@ -14,7 +13,7 @@ from typing import Any, TypeAlias, cast
 from minerva_bus.blame import blamed
 from minerva_bus.errors import MinervaError, UserCodeError
 from minerva_bus.frame import messages as m
-from minerva_bus.frame.calling import made_events
+from minerva_bus.frame.calling import figures_by, made_events
 from minerva_bus.frame.compatibility import PROTOCOL_VERSION
 from minerva_bus.frame.drawing import DeviceSide
 from minerva_bus.frame.generating import GeneratorSide, generated_types, ordered_types
@@ -187,12 +186,7 @@ class Member:
 
     def figures(self) -> m.Figures:
         """Finite metrics of its service; others, such as a mean without values, are left out."""
-        reported: m.Figures = {}
-        if self.service is not None:
-            with blamed(self.service.report):
-                reported = self.service.report() or {}
-        # The protocol allows finite numbers only, and a rejected report would exclude the member.
-        figures = {name: value for name, value in reported.items() if _is_figure(value)}
+        figures = {} if self.service is None else figures_by(self.service)
         if self._generating.buffer.dropped:
             figures["dropped"] = self._generating.buffer.dropped
         return figures
@@ -293,7 +287,3 @@ class Member:
 
     def _context(self, number: int) -> Frame:
         return Frame(number, self._welcome.dt, self._welcome.seed)
-
-
-def _is_figure(value: bool | int | float | str) -> bool:
-    return not isinstance(value, float) or math.isfinite(value)

@@ -41,8 +41,12 @@ _UNKNOWN: Final = Wire("", ("from",), "an unknown message")
 
 
 def encode(message: m.Message) -> bytes:
-    """A message as bytes."""
-    return _ENCODERS[type(message)](message)
+    """A message as bytes. Raises ProtocolError for values that MessagePack cannot represent."""
+    try:
+        return _ENCODERS[type(message)](message)
+    except (TypeError, ValueError, OverflowError) as error:
+        what = f"a {type(message).__name__} cannot be sent"
+        raise ProtocolError(f"{what}: {type(error).__name__}: {error}"[:200]) from error
 
 
 def declaration(data: bytes, offset: int = 0) -> Wire:

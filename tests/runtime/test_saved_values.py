@@ -5,7 +5,7 @@ import signal
 from functools import partial
 
 import pytest
-from running import World, eventually, here, summary, write_world
+from running import World, eventually, here, minerva, summary, write_world
 
 CODE = '''\
 from minerva_bus import Agent, EventType, Generator, Vocabulary, on
@@ -114,3 +114,71 @@ def test_the_journal_gives_back_what_was_saved(tmp_path):
         found = world.summary()
     assert found["digest"] == undisturbed["digest"]
     assert "a successor continues from its journal" in world.text
+
+
+ODD = """\
+from minerva_bus import Agent, EventType, Generator, Vocabulary, on
+
+eCount = EventType("eCount", count=int)
+
+
+class Adder(Agent, symbol="AAdder"):
+    @on("eCount")
+    def add(self, told, moment):
+        pass
+
+
+class Odd(Generator, events=("eCount",)):
+    def __init__(self, what: str, value: str) -> None:
+        self.what, self.value = what, value
+
+    def generate(self, tick):
+        return eCount(count=1)
+
+    def save(self):
+        return {"odd": eval(self.value)} if self.what == "save" else None
+
+    def report(self):
+        return {"odd": eval(self.value)} if self.what == "report" else {}
+
+
+vocabulary = Vocabulary.of(eCount, Adder)
+"""
+
+
+def odd(folder, what, value):
+    """A world with a service that saves or reports a value."""
+    members = '[process.adders]\nagents = "oddities:Adder"\n[process.odd]\n' + (
+        f'service = "oddities:Odd"\nwhat = "{what}"\nvalue = "{value}"\n'
+    )
+    path = write_world(folder, members, string="AAdder#a", frames=3)
+    path.write_text(path.read_text().replace("yard:vocabulary", "oddities:vocabulary"))
+    (folder / "oddities.py").write_text(ODD)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("what", "value", "said"),
+    [
+        ("save", "{1}", "it['odd'] is of type set"),
+        ("save", "[1 << 64]", "it['odd'][0] is a whole number of more than 64 bits"),
+        ("save", "chr(0xD800)", "it['odd'] is a text with lone surrogates"),
+        ("save", "__import__('functools').reduce(lambda v, _: [v], range(200), 1)", "100 deep"),
+        ("report", "1 << 64", "its figure 'odd' is a whole number of more than 64 bits"),
+        ("report", "[1]", "it reports 'odd' as list; a figure is"),
+    ],
+)
+@pytest.mark.parametrize("place", [["--in-process"], []])
+def test_a_value_that_cannot_be_sent_is_an_error_of_the_service(tmp_path, what, value, said, place):
+    done = minerva(tmp_path, "run", odd(tmp_path, what, value), *place)
+    assert said in done.stderr
+    assert f"Odd.{what}" in done.stderr
+    assert "msgpack" not in done.stderr
+    # Figures are read at the end of the run, when the string is complete.
+    assert done.returncode == 1 or what == "report"
+
+
+def test_a_figure_from_numpy_is_reported(tmp_path):
+    path = odd(tmp_path, "report", "__import__('numpy').int64(7)")
+    for place in ([], ["--in-process"]):
+        assert summary(minerva(tmp_path, "run", path, "--json", *place))["odd"] == 7
