@@ -16,6 +16,7 @@ extensions = [
     "sphinx.ext.autodoc",
     "sphinx.ext.napoleon",
     "sphinx_design",
+    "command_line",
     "highlighting",
     "mathml",
     "repository",
@@ -29,6 +30,7 @@ myst_enable_extensions = ["colon_fence", "deflist", "dollarmath"]
 myst_heading_anchors = 4
 myst_update_mathjax = False
 nb_execution_mode = "off"
+smartquotes = False  # Options begin with two hyphens.
 
 # Sections fill up: an index page may name more patterns than there are pages.
 logging.getLogger("sphinx.sphinx.directives.other").addFilter(

@@ -12,17 +12,16 @@ All other files of the repository are downloads, which MyST provides.
 
 from __future__ import annotations
 
-import os
 import zipfile
 from pathlib import Path
 from typing import Any, cast
 
 from docutils import nodes
+from rendering import MarkdownDirective
 from sphinx import addnodes
 from sphinx.application import Sphinx
 from sphinx.environment import BuildEnvironment
 from sphinx.transforms.post_transforms import SphinxPostTransform
-from sphinx.util.docutils import SphinxDirective
 from sphinx.util.osutil import relative_uri
 
 ARCHIVES = "_downloads/folders"
@@ -30,7 +29,7 @@ STAMP = (1980, 1, 1, 0, 0, 0)
 """Time of all files in an archive, so that the same files give the same archive."""
 
 
-class Document(SphinxDirective):
+class Document(MarkdownDirective):
     """A Markdown file of the repository as a page; `include` would keep its links as they are."""
 
     required_arguments = 1
@@ -40,15 +39,7 @@ class Document(SphinxDirective):
         path = Path(name)
         self.env.note_dependency(relative)
         self.env.note_included(name)
-        renderer = cast(Any, self.state)._renderer
-        here = Path(self.env.doc2path(self.env.docname)).parent
-        renderer.md_env["relative-images"] = os.path.relpath(path.parent, here)
-        renderer.md_env["relative-docs"] = ("", here, path.parent)  # the prefix of all links
-        try:
-            renderer.nested_render_text(path.read_text(encoding="utf-8"), 0, heading_offset=0)
-        finally:
-            del renderer.md_env["relative-images"], renderer.md_env["relative-docs"]
-        return []
+        return self.rendered(path.read_text(encoding="utf-8"), path.parent)
 
 
 def page_of(env: BuildEnvironment, path: Path) -> str | None:

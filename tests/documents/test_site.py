@@ -1,14 +1,22 @@
 """The documentation site: it builds without warnings, its links lead somewhere, its search finds."""
 
 import shutil
+import tomllib
+from html import escape
+from itertools import chain
 
 import pytest
+import typer
 
 pytest.importorskip("sphinx")
 pytest.importorskip("myst_nb")
 
 from pages import ROOT
 from site_links import broken, broken_in_markdown, build, page
+
+from minerva_bus.cli.main import GROUPS, app
+
+ROBOT = ROOT / "agents" / "minerva_agents" / "robot" / "robot.toml"
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 OTHERS = ("build", "dist")
@@ -58,6 +66,23 @@ def test_documents_outside_docs_are_pages_and_folders_are_archives(site):
     )
     deploy = page(site / "howto" / "deploy.html").targets
     assert "../_downloads/folders/deploy-docker.zip" in deploy
+
+
+def test_the_reference_has_every_command_and_option(site):
+    text = (site / "reference" / "cli.html").read_text(encoding="utf-8")
+    anchors = page(site / "reference" / "cli.html").anchors
+    for name in chain.from_iterable(GROUPS.values()):
+        assert f"minerva-{name}" in anchors
+        options = typer.main.get_command(app).commands[name].params
+        assert not [o for each in options for o in each.opts if escape(o) not in text]
+    assert "minerva-keys-issue" in anchors
+
+
+def test_the_page_of_the_robot_world_has_all_its_options(site):
+    text = (site / "reference" / "robot.html").read_text(encoding="utf-8")
+    options = tomllib.loads(ROBOT.read_text(encoding="utf-8"))["options"]
+    assert len(options) > 20
+    assert not [name for name in options if f">--{name}<" not in text]
 
 
 def test_no_page_loads_a_mathematics_script(site):
