@@ -196,8 +196,8 @@ def in_world(task: Task) -> dict[str, Any]:
             "--parcels", "", "--frames", str(MOST_FRAMES),
         ]  # fmt: skip
         done = subprocess.run(command, capture_output=True, text=True, check=True)
-    said = json.loads(done.stdout.splitlines()[-1])
-    return {key: said[key] for key in ("reached", "frames", "distance_driven", "collisions")}
+    result = json.loads(done.stdout.splitlines()[-1])
+    return {key: result[key] for key in ("reached", "frames", "distance_driven", "collisions")}
 
 
 def summary(results: Sequence[Result]) -> dict[str, Any]:

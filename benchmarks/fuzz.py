@@ -40,9 +40,9 @@ ROUND = 60.0
 
 def inside(target: Target, words: list[str], log: Path) -> NoReturn:
     """Fuzz one target in this child process, which Atheris ends."""
-    with log.open("w") as said:
+    with log.open("w") as output:
         for stream in (1, 2):
-            os.dup2(said.fileno(), stream)
+            os.dup2(output.fileno(), stream)
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
     atheris.Setup([sys.argv[0], *words, f"-max_len={target.longest}"], target)
     atheris.Fuzz()
@@ -79,14 +79,14 @@ def a_round(name: str, seconds: float, seed: int, keep: Path, grown: str) -> int
     return os.waitpid(child, 0)[1]
 
 
-def _finding(said: str) -> str:
+def _finding(text: str) -> str:
     """The error report in Atheris's output."""
-    crash = re.search(r"=== Uncaught.*?\n\n|^==\d+== ERROR.*?$|ALARM.*?$", said, re.S | re.M)
-    return crash[0] if crash else said[-400:]
+    crash = re.search(r"=== Uncaught.*?\n\n|^==\d+== ERROR.*?$|ALARM.*?$", text, re.S | re.M)
+    return crash[0] if crash else text[-400:]
 
 
-def _stat(said: str, name: str) -> int:
-    match = re.search(rf"stat::{name}:\s*(\d+)", said)
+def _stat(text: str, name: str) -> int:
+    match = re.search(rf"stat::{name}:\s*(\d+)", text)
     return int(match[1]) if match else 0
 
 

@@ -175,9 +175,9 @@ def finger(pipes: Pipes) -> None:
 
 def eye(pipes: Pipes) -> None:
     with open_client("eye", pipes.endpoint(1)) as session:
-        heard = session.declare_subscriber("b", FifoChannel(16))
+        received = session.declare_subscriber("b", FifoChannel(16))
         token = session.liveliness().declare_token("alive/eye")
-        while heard.recv().payload.to_bytes():
+        while received.recv().payload.to_bytes():
             os.write(pipes.sees, STAMP.pack(time.monotonic()))
         token.undeclare()
 
@@ -185,14 +185,14 @@ def eye(pipes: Pipes) -> None:
 def hub(pipes: Pipes) -> None:
     session, endpoint = open_hub("hub")
     with session:
-        heard = session.declare_subscriber("a", FifoChannel(16))
+        received = session.declare_subscriber("a", FifoChannel(16))
         publisher = session.declare_publisher("b", congestion_control=zenoh.CongestionControl.BLOCK)
         alive = session.liveliness().declare_subscriber("alive/*", FifoChannel(16), history=True)
         pipes.listening(endpoint)
         alive.recv(), alive.recv()
         os.write(pipes.is_ready, b"x")
         while True:
-            publisher.put(heard.recv().payload.to_bytes())
+            publisher.put(received.recv().payload.to_bytes())
 
 
 def driven(pipes: Pipes, children: list[int], events: int) -> list[float]:

@@ -227,7 +227,7 @@ def running(host: bool) -> Iterator[tuple[str, SimpleQueue[tuple[int, float, flo
             ended = [message.frame, time.monotonic(), time.thread_time()]
             os.write(write_frames, (json.dumps(ended) + "\n").encode())
 
-        def said(who: str, text: str, _: str) -> None:
+        def log(who: str, text: str, _: str) -> None:
             os.write(write_frames, (json.dumps(f"{who}: {text}"[:2000]) + "\n").encode())
 
         world = World(
@@ -237,7 +237,7 @@ def running(host: bool) -> Iterator[tuple[str, SimpleQueue[tuple[int, float, flo
             dt=1 / RATE,
             expected=frozenset(member.name for member in parts),
         )
-        coordinator(world, listening, done, said=said, rate=RATE).run()
+        coordinator(world, listening, done, said=log, rate=RATE).run()
 
     children = [forked(coordinate)]
     endpoint = json.loads(os.fdopen(read_at, "r").readline())
@@ -275,12 +275,12 @@ class Raw:
         self.sent_at = 0.0
         self.armed = threading.Event()
         self.greeted_at = 0.0
-        heard = zenoh.handlers.Callback(self._hear, indirect=True)
+        handler = zenoh.handlers.Callback(self._hear, indirect=True)
         listens = [self.keys.to("large"), self.keys.all, self.keys.tick, self.keys.evolve]
         self.out = session.declare_publisher(
             self.keys.sent_by("large"), congestion_control=zenoh.CongestionControl.BLOCK
         )
-        self._kept: list[Any] = [session.declare_subscriber(key, heard) for key in listens]
+        self._kept: list[Any] = [session.declare_subscriber(key, handler) for key in listens]
         self._kept.append(session.liveliness().declare_token(self.keys.alive("large")))
 
     def send(self, data: bytes) -> None:

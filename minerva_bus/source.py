@@ -53,10 +53,10 @@ def place_of(error: BaseException) -> Place | None:
     """The last line of user code that an exception came through, if it came through any."""
     if isinstance(error, SyntaxError) and error.filename is not None:
         return _syntax_place(error)
-    found = _user_frame(list(traceback.walk_tb(error.__traceback__)))
-    if found is None:
+    place = _user_frame(list(traceback.walk_tb(error.__traceback__)))
+    if place is None:
         return None
-    frame, number, index = found
+    frame, number, index = place
     summary = traceback.extract_tb(error.__traceback__)[index]
     _, *shown = "".join(traceback.StackSummary.from_list([summary]).format()).split("\n")
     source = textwrap.dedent("\n".join(line for line in shown if line.strip()))

@@ -61,7 +61,7 @@ def main() -> None:
         )  # fmt: skip
         try:
             assert world.stderr is not None
-            line = next(one for one in world.stderr if "http://" in one)
+            line = next(entry for entry in world.stderr if "http://" in entry)
             photograph(line[line.index("http://") :].strip(), path)
         finally:
             world.terminate()

@@ -130,9 +130,9 @@ def recorded(result: Result, path: Path = SURVIVORS) -> None:
     runs, accepted = read_survivors(path)
     reasons = {entry.key: entry.reason for entry in accepted}
     others = [entry for entry in accepted if entry.module != result.module]
-    found = {entry.key: entry for entry in result.survivors}
-    mine = [replace(entry, reason=reasons.get(entry.key, "")) for entry in found.values()]
-    write_survivors({**runs, result.module: result.counts}, others + mine, path)
+    entries = {entry.key: entry for entry in result.survivors}
+    own = [replace(entry, reason=reasons.get(entry.key, "")) for entry in entries.values()]
+    write_survivors({**runs, result.module: result.counts}, others + own, path)
 
 
 def only_a_cast(mutation: str) -> bool:

@@ -158,10 +158,10 @@ def check_drawable(record: Record, exchange: Exchange) -> None:
         )
 
 
-def _conversations(said: list[Said]) -> list[str]:
+def _conversations(messages: list[Said]) -> list[str]:
     return [
         conversation
-        for conversation in dict.fromkeys(message.conversation for message in said)
+        for conversation in dict.fromkeys(message.conversation for message in messages)
         if conversation
     ]
 

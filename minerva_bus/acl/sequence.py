@@ -43,7 +43,7 @@ def draw(exchange: Exchange) -> str:
     rows = list(_rows(exchange))
     columns = {name: LEFT + COLUMN * (n + 0.5) for n, name in enumerate(exchange.agents)}
     # Labels may extend beyond the last lifeline.
-    right = max(_right_end(said, columns) for said, _, _ in rows)
+    right = max(_right_end(message, columns) for message, _, _ in rows)
     width = max(LEFT + COLUMN * len(columns), right, _wide(exchange.title, 10)) + MARGIN
     height = rows[-1][1] + 2 * MARGIN
     lines = [
@@ -56,12 +56,12 @@ def draw(exchange: Exchange) -> str:
     ]
     for name, x in columns.items():
         lines += _lifeline(name, x, height - MARGIN)
-    for said, y, begins in rows:
+    for message, y, begins in rows:
         if begins:
             lines.append(
-                f'<text class="frame" x="{LEFT - 16}" y="{y + 4:.0f}">frame {said.frame}</text>'
+                f'<text class="frame" x="{LEFT - 16}" y="{y + 4:.0f}">frame {message.frame}</text>'
             )
-        lines += _arrow(said, y, columns)
+        lines += _arrow(message, y, columns)
     return "\n".join([*lines, "</svg>", ""])
 
 
@@ -88,9 +88,9 @@ def _lifeline(name: str, x: float, bottom: float) -> Iterator[str]:
     yield f'<text class="name" x="{x:.0f}" y="{top + 19}">{_text(shown)}</text>'
 
 
-def _arrow(said: Said, y: float, columns: dict[str, float]) -> Iterator[str]:
-    x, color = columns[said.sender], _COLORS.get(Act(said.act), SAYS)
-    ends = [columns[name] for name in said.receivers]
+def _arrow(message: Said, y: float, columns: dict[str, float]) -> Iterator[str]:
+    x, color = columns[message.sender], _COLORS.get(Act(message.act), SAYS)
+    ends = [columns[name] for name in message.receivers]
     dashes = ' stroke-dasharray="5 3"' if color == DENIES else ""
     # One line to each side is enough for any number of receivers.
     for end in sorted({min([x, *ends]), max([x, *ends])} - {x}):
@@ -106,8 +106,8 @@ def _arrow(said: Said, y: float, columns: dict[str, float]) -> Iterator[str]:
             continue
         yield (f'<path d="M {end:.0f} {y:.0f} l {back} -4 l 0 8 z" fill="{color}"/>')
     yield f'<circle cx="{x:.0f}" cy="{y:.0f}" r="2.5" fill="{color}"/>'
-    yield f'<text class="said" x="{_label_at(said, columns):.0f}" y="{y - 6:.0f}">'
-    yield f"<title>{_text(said.content)}</title>{_text(said.label)}</text>"
+    yield f'<text class="said" x="{_label_at(message, columns):.0f}" y="{y - 6:.0f}">'
+    yield f"<title>{_text(message.content)}</title>{_text(message.label)}</text>"
 
 
 def _text(text: str) -> str:
@@ -115,16 +115,16 @@ def _text(text: str) -> str:
     return escape(_UNWRITABLE.sub("\ufffd", text))
 
 
-def _label_at(said: Said, columns: dict[str, float]) -> float:
+def _label_at(message: Said, columns: dict[str, float]) -> float:
     """The left end of a label: beside the sender, above the arrow."""
-    x, ends = columns[said.sender], [columns[name] for name in said.receivers]
+    x, ends = columns[message.sender], [columns[name] for name in message.receivers]
     if max(ends) >= x:
         return x + 8
-    return max(min(ends) + 10, x - 8 - _wide(said.label))
+    return max(min(ends) + 10, x - 8 - _wide(message.label))
 
 
-def _right_end(said: Said, columns: dict[str, float]) -> float:
-    return _label_at(said, columns) + _wide(said.label)
+def _right_end(message: Said, columns: dict[str, float]) -> float:
+    return _label_at(message, columns) + _wide(message.label)
 
 
 def _wide(text: str, letter: float = LETTER) -> float:

@@ -46,14 +46,14 @@ def main() -> None:
             file, console, time.monotonic(), coordinator=_witnesses(last, config["paused"])
         )
         summary = supervisor.run()
-        told: dict[str, Any] = {}
+        result: dict[str, Any] = {}
         if last.exists():
-            told = json.loads(last.read_text(encoding="utf-8"))
+            result = json.loads(last.read_text(encoding="utf-8"))
         write_result(
             end,
             {
-                "scene": told.get("scene", ""),
-                "events": told.get("events", {}),
+                "scene": result.get("scene", ""),
+                "events": result.get("events", {}),
                 "summary": summary.plain(),
                 "figures": {
                     name: value

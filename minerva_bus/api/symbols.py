@@ -206,11 +206,11 @@ def spec_of(thing: Any, what: str) -> str:
     module = getattr(thing, "__module__", "")
     if isinstance(thing, type | FunctionType):
         spec = f"{module}:{thing.__qualname__}"
-        found = _attribute(module, thing.__qualname__) is thing
+        importable = _attribute(module, thing.__qualname__) is thing
     else:
-        spec, found = _variable_of(thing), True
+        spec, importable = _variable_of(thing), True
         module = spec.partition(":")[0]
-    if module == MAIN or not spec or not found:
+    if module == MAIN or not spec or not importable:
         where = "the program that runs (__main__)" if module == MAIN else "a function or cell"
         raise MisuseError(
             f"{what} is defined in {where}, where other processes cannot find it; move it into a"

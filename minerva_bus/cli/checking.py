@@ -13,24 +13,24 @@ from minerva_bus.errors import MinervaError, SceneError
 
 def check_file(file: Path, vocabulary: str, as_json: bool, *, code: bool = True) -> int:
     """Check a file, running its code only if `code` is true; returns the exit code."""
-    found: dict[str, Any] = {"file": str(file), "ok": True}
+    answer: dict[str, Any] = {"file": str(file), "ok": True}
     try:
         checked = check(file, vocabulary=vocabulary, code=code)
-        found["what"] = checked.what
-        found |= {"code": checked.code} if not code and file.suffix == ".toml" else {}
-        found |= {"warnings": checked.warnings} if checked.warnings else {}
+        answer["what"] = checked.what
+        answer |= {"code": checked.code} if not code and file.suffix == ".toml" else {}
+        answer |= {"warnings": checked.warnings} if checked.warnings else {}
     except MinervaError as error:
-        found |= {"ok": False, "error": str(error)}
+        answer |= {"ok": False, "error": str(error)}
         if isinstance(error, SceneError):
-            found |= {"line": error.line, "column": error.column, "expected": error.expected}
+            answer |= {"line": error.line, "column": error.column, "expected": error.expected}
     if as_json:
-        print_result(json.dumps(found))
-    elif found["ok"]:
-        print_result(f"{file}: {found['what']}")
-        for name in found.get("code", []):
+        print_result(json.dumps(answer))
+    elif answer["ok"]:
+        print_result(f"{file}: {answer['what']}")
+        for name in answer.get("code", []):
             print_result(f"  not run: {name}")
-        for warning in found.get("warnings", []):
+        for warning in answer.get("warnings", []):
             print_message(f"warning: {warning}")
     else:
-        print_message(found["error"])
-    return 0 if found["ok"] else 1
+        print_message(answer["error"])
+    return 0 if answer["ok"] else 1

@@ -100,9 +100,9 @@ def _verdict(path: Path, frames: int, folder: Path) -> Verdict:
             wrong = done.returncode == WRONG
             return Verdict(done.returncode if wrong else FAILED, error=text if wrong else how)
     omitted = json.loads((folder / OMITTED).read_text(encoding="utf-8"))
-    with Record(records[0]) as one, Record(records[1]) as other:
-        found = compare(one, other)
-    return Verdict(0 if found.same else FAILED, found, omitted=omitted)
+    with Record(records[0]) as first, Record(records[1]) as second:
+        difference = compare(first, second)
+    return Verdict(0 if difference.same else FAILED, difference, omitted=omitted)
 
 
 def _started(

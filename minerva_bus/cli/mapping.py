@@ -59,8 +59,8 @@ def _opener(file: Path, passed: PassOver) -> Callable[[], Recording]:
     suffix = "db3" if file.is_dir() else file.name.removesuffix(".gz").rpartition(".")[2].lower()
     read = load(_installed(RECORDINGS, suffix, f"{file}: reader of recordings"))
     # The mapper reads the recording several times.
-    told = chain([passed], repeat(_silently))
-    return lambda: read(file, next(told))
+    reporters = chain([passed], repeat(_silently))
+    return lambda: read(file, next(reporters))
 
 
 def _installed(group: str, name: str, what: str) -> str:

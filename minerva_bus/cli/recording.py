@@ -36,9 +36,9 @@ def show_moment(file: Path, frame: int | None, string: bool, as_json: bool) -> N
 
 def show_difference(a: Path, b: Path, as_json: bool) -> int:
     """Print the first difference of two records; returns the exit code. Raises RecordError."""
-    found = diff(a, b)
-    print_result(json.dumps(found.plain()) if as_json else "\n".join(found.lines()))
-    return 0 if found.same else 1
+    difference = diff(a, b)
+    print_result(json.dumps(difference.plain()) if as_json else "\n".join(difference.lines()))
+    return 0 if difference.same else 1
 
 
 def show_frames(file: Path, begin: int, as_json: bool) -> None:

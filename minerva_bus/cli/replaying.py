@@ -46,15 +46,15 @@ def recompute_record(path: Path, world: str, as_json: bool) -> int:
 
     Raises RecordError and WorldFileError, and ActivityError if user code raises.
     """
-    with progress_bar("λ again") as told:
-        found = replay(path, world, told)
+    with progress_bar("λ again") as report:
+        result = replay(path, world, report)
     if as_json:
-        print_result(json.dumps(found.plain()))
-    elif found.same:
-        print_result(f"the same: λ gives all {found.frames:,} frames again")
+        print_result(json.dumps(result.plain()))
+    elif result.same:
+        print_result(f"the same: λ gives all {result.frames:,} frames again")
     else:
-        print_result("\n".join(found.lines()))
-    return 0 if found.same else FAILED
+        print_result("\n".join(result.lines()))
+    return 0 if result.same else FAILED
 
 
 def replay_with(path: Path, world: str, swap: Swap, into: str, as_json: bool) -> int:
@@ -63,10 +63,10 @@ def replay_with(path: Path, world: str, swap: Swap, into: str, as_json: bool) ->
     Raises RecordError and WorldFileError, and MisuseError for an invalid swap.
     """
     try:
-        with progress_bar("λ again") as told:
-            found = replay_swapped(path, world, swap, into, told)
+        with progress_bar("λ again") as report:
+            result = replay_swapped(path, world, swap, into, report)
     except WorldStopped as stopped:
         print_message(f"minerva: {stopped}")
         return FAILED
-    print_result(json.dumps(found.plain()) if as_json else "\n".join(found.lines()))
-    return 0 if found.difference.same else FAILED
+    print_result(json.dumps(result.plain()) if as_json else "\n".join(result.lines()))
+    return 0 if result.difference.same else FAILED

@@ -187,7 +187,7 @@ class Events:
         return again
 
     def _hashes(self) -> NDArray[np.uint64]:
-        found = np.zeros(self.count, np.uint64)
+        hashes = np.zeros(self.count, np.uint64)
         for column in self.columns:
             array = column.array
             if array.dtype == object:
@@ -196,12 +196,12 @@ class Events:
                 word = np.array([hash(text) & 0xFFFFFFFFFFFFFFFF for text in array], np.uint64)
             else:
                 word = bits(array).astype(np.int64).view(np.uint64)
-            found = _mixed(found, word)
+            hashes = _mixed(hashes, word)
         for ids in (self.senders, self.receivers):
             if ids is not None:
                 # Numbered ids are mixed by their numbers: hashes would first spell each id.
-                found = _mixed(found, ids.data.view(np.uint64) if ids.stem else ids.hashes)
-        return found
+                hashes = _mixed(hashes, ids.data.view(np.uint64) if ids.stem else ids.hashes)
+        return hashes
 
 
 AnyEvent: TypeAlias = Event | Events
@@ -229,13 +229,13 @@ def in_columns(events: tuple[AnyEvent, ...]) -> tuple[AnyEvent, ...]:
     """
     if len(events) <= MANY:
         return events
-    found: list[AnyEvent] = []
+    collected: list[AnyEvent] = []
     for _, alike in groupby(sorted(events, key=_by_type), _by_type):
         for is_batch, group in groupby(alike, lambda event: isinstance(event, Events)):
             run = list(group)
             columns = None if is_batch else Events.of(cast("list[Event]", run))
-            found += run if columns is None else [columns]
-    return tuple(found)
+            collected += run if columns is None else [columns]
+    return tuple(collected)
 
 
 def _by_type(event: AnyEvent) -> str:

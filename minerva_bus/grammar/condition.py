@@ -82,13 +82,13 @@ class Condition:
 
     def holds_of_many(self, state: Mapping[str, Any], count: int) -> NDArray[np.bool_]:
         """For which agents it holds; their states are arrays of shape (count,), or values."""
-        found = np.ones(count, np.bool_)
+        everyone = np.ones(count, np.bool_)
         if self.term is None:
-            return found
+            return everyone
         if self.problem(lambda name: value_sort(state.get(name))) is not None:
-            return ~found
+            return ~everyone
         # The conjunction also extends a single bool to all agents.
-        return found & np.asarray(self.term.truth(state), np.bool_)
+        return everyone & np.asarray(self.term.truth(state), np.bool_)
 
     def problem(self, sort_of: Callable[[str], str]) -> tuple[int, str, str] | None:
         """The first wrong name, if there is one: offset, name, and the sort it is compared with.
@@ -98,9 +98,9 @@ class Condition:
         for comparison in self.comparisons:
             left, right = comparison.left, comparison.right
             for value, other in ((left, right), (right, left)):
-                mine, others = sort_in(value, sort_of), sort_in(other, sort_of)
-                if isinstance(value, Name) and (not mine or (others and mine != others)):
-                    return value.offset, value.name, others if mine else ""
+                sort, other_sort = sort_in(value, sort_of), sort_in(other, sort_of)
+                if isinstance(value, Name) and (not sort or (other_sort and sort != other_sort)):
+                    return value.offset, value.name, other_sort if sort else ""
         return None
 
     def check(self, scopes: Sequence[Scope], source: str) -> None:
@@ -109,12 +109,12 @@ class Condition:
         The error is about the scope in which the largest part of it is valid.
         """
         wrong = [(scope, self.problem(scope.sort_of)) for scope in scopes]
-        found = [(scope, problem) for scope, problem in wrong if problem is not None]
-        if not found or len(found) < len(wrong):
+        problems = [(scope, problem) for scope, problem in wrong if problem is not None]
+        if not problems or len(problems) < len(wrong):
             return
         # The further to the right the first problem is, the more names the scope has.
         scope, (offset, name, other) = max(
-            found, key=lambda item: (item[1][0], item[0].near(item[1]))
+            problems, key=lambda item: (item[1][0], item[0].near(item[1]))
         )
         if other:
             sort = scope.sort_of(name)
@@ -216,12 +216,12 @@ class _Reader:
             self._skip()
             self._wrong("the condition cannot be read", "< <= > >= == or !=", self._at)
         self._at, at = token.end(), self._at
-        found = Comparison(left, token["sign"], self._value())
+        comparison = Comparison(left, token["sign"], self._value())
         # A comparison of two constants is probably a mistake: it would not depend on the agent.
-        if not (isinstance(left, Name) or isinstance(found.right, Name)):
+        if not (isinstance(left, Name) or isinstance(comparison.right, Name)):
             self._wrong("the comparison has no attribute", "an attribute on one side", at)
-        self._found.append(found)
-        return found
+        self._found.append(comparison)
+        return comparison
 
     def _value(self) -> Value:
         self._skip()

@@ -191,10 +191,12 @@ class Ids(Joinable):
         """Whether other ids are equal and have the same representation."""
         if self is other:
             return True
-        one, two = self._data, other._data
-        if self._stem != other._stem or one.dtype != two.dtype or len(one) != len(two):
+        left, right = self._data, other._data
+        if self._stem != other._stem or left.dtype != right.dtype or len(left) != len(right):
             return False
-        return one.tobytes() == two.tobytes() if self._stem is None else np.array_equal(one, two)
+        return (
+            left.tobytes() == right.tobytes() if self._stem is None else np.array_equal(left, right)
+        )
 
     @classmethod
     def _in_one(cls, parts: Sequence[Ids]) -> Ids:
@@ -255,9 +257,9 @@ class Ids(Joinable):
         """An id that is not a valid agent id, or None."""
         if self._stem is not None:
             # One number represents all of them: only a negative one adds another character.
-            some = int(self._data.min()) if len(self) else 0
-            whole = AGENT_ID.fullmatch(f"{self._stem}{some}") if some >= 0 else None
-            return None if whole is not None else f"{self._stem}{some}"
+            smallest = int(self._data.min()) if len(self) else 0
+            whole = AGENT_ID.fullmatch(f"{self._stem}{smallest}") if smallest >= 0 else None
+            return None if whole is not None else f"{self._stem}{smallest}"
         # In parts, because the text of a million ids would take as much memory again.
         for row in range(0, len(self), 65536):
             text = self.text_of(slice(row, row + 65536))
@@ -281,10 +283,10 @@ class Ids(Joinable):
 
     def _apart(self, others: Ids) -> bool:
         """Whether two different stems cannot give the same id with any numbers."""
-        one, other = self._stem, others._stem
-        if one is None or other is None or one == other:
+        stem, other_stem = self._stem, others._stem
+        if stem is None or other_stem is None or stem == other_stem:
             return False
-        longer, shorter = (one, other) if len(one) > len(other) else (other, one)
+        longer, shorter = (stem, other_stem) if len(stem) > len(other_stem) else (other_stem, stem)
         # `fox` and `fox1` can both give fox12; `fox` and `hen` cannot give the same id.
         return not longer.startswith(shorter) or not longer[len(shorter) :].isdigit()
 
@@ -310,22 +312,22 @@ class Ids(Joinable):
         stem = cast("str", self._stem)
         alike = np.flatnonzero(np.strings.startswith(others.spelled, stem.encode()))
         texts = others.take(alike).texts()
-        mine = [n for n, text in enumerate(texts) if _NUMBER.fullmatch(text, len(stem))]
-        if mine:
-            numbers = [int(texts[n][len(stem) :]) for n in mine]
-            rows[alike[mine]] = self._rows(np.array(numbers, np.int64))
+        matching = [n for n, text in enumerate(texts) if _NUMBER.fullmatch(text, len(stem))]
+        if matching:
+            numbers = [int(texts[n][len(stem) :]) for n in matching]
+            rows[alike[matching]] = self._rows(np.array(numbers, np.int64))
         return rows
 
     def _search(self, others: Ids) -> Rows:
         if not len(self):
             return np.full(len(others), -1, np.intp)
         rows = self._places.rows_of(others.hashes)
-        mine, theirs = self.spelled, others.spelled
+        own, theirs = self.spelled, others.spelled
         there = rows >= 0
         # Equal hashes do not prove equal ids.
-        if (mine[rows[there]] == theirs[there]).all():
+        if (own[rows[there]] == theirs[there]).all():
             return rows
-        return found_in(mine, np.argsort(mine, kind="stable"), theirs)  # Two ids share a hash.
+        return found_in(own, np.argsort(own, kind="stable"), theirs)  # Two ids share a hash.
 
     @cached_property
     def _places(self) -> Places:
@@ -340,11 +342,11 @@ def _numbered(texts: Sequence[str]) -> tuple[str, NDArray[np.int64]] | None:
     """The common stem of these ids, and their numbers; None if there is none."""
     stem, numbers = None, list[int]()
     for text in texts:
-        found = _NUMBERED.fullmatch(text)
-        if found is None or (stem is not None and found[1] != stem):
+        match = _NUMBERED.fullmatch(text)
+        if match is None or (stem is not None and match[1] != stem):
             return None
-        stem = found[1]
-        numbers.append(int(found[2]))
+        stem = match[1]
+        numbers.append(int(match[2]))
     return None if stem is None else (stem, np.array(numbers, np.int64))
 
 

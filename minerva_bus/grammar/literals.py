@@ -53,11 +53,11 @@ class Literals:
         at = self.skip(at + 1)
         if self.text.startswith(">", at):
             return ((), ()), at + 1
-        found: dict[str, Value] = {}
+        pairs: dict[str, Value] = {}
         more = True
         while more:
-            at, more = self.pair(at, found)
-        return (tuple(found), tuple(found.values())), at
+            at, more = self.pair(at, pairs)
+        return (tuple(pairs), tuple(pairs.values())), at
 
     def pair(self, at: int, pairs: dict[str, Value]) -> tuple[int, bool]:
         """Read `name=value` and the following sign; returns the next offset, and if more follow."""

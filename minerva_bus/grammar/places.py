@@ -31,12 +31,12 @@ def hashes_of(texts: NDArray[np.bytes_]) -> Hashes:
     count, width = len(texts), texts.dtype.itemsize
     weights, behind = _weights(width)
     letters = np.ascontiguousarray(texts).view(np.uint8).reshape(count, width)
-    found = np.empty(count, np.uint64)
+    hashes = np.empty(count, np.uint64)
     # In blocks, because letters as 64-bit integers take eight times their memory.
     for at in range(0, count, _AT_ONCE):
-        found[at : at + _AT_ONCE] = letters[at : at + _AT_ONCE].astype(np.uint64) @ weights
+        hashes[at : at + _AT_ONCE] = letters[at : at + _AT_ONCE].astype(np.uint64) @ weights
     # Each zero byte of padding has multiplied the hash by the factor; its inverse undoes that.
-    return found * behind[width - np.strings.str_len(texts)]
+    return hashes * behind[width - np.strings.str_len(texts)]
 
 
 def found_in(column: NDArray[Any], sorter: Rows, wanted: NDArray[Any]) -> Rows:

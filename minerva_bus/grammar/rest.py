@@ -49,8 +49,8 @@ def _piece(piece: Piece, who: Collection[str], kinds: Kinds) -> tuple[Piece, ...
 
     def leave(node: Node, scope: Scene) -> Scene | Node:
         node = rescoped(node, scope)
-        mine = isinstance(node, AgentNode) and node.id in who
-        return _agent(cast("AgentNode", node), kinds[node.symbol].rest) if mine else node
+        selected = isinstance(node, AgentNode) and node.id in who
+        return _agent(cast("AgentNode", node), kinds[node.symbol].rest) if selected else node
 
     return rebuild(Scene((piece,)), leave).pieces
 

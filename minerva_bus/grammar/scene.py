@@ -360,13 +360,13 @@ def agents(scene: Scene, passed_over: Container[int] = ()) -> Iterator[AgentNode
 
 def _perhaps_agents(scene: Scene) -> list[Node]:
     """The nodes that are agents or may contain some, from right to left."""
-    found: list[Node] = []
+    pieces: list[Node] = []
     for piece in reversed(scene.pieces):
         if isinstance(piece, FigureNode | TransformationNode | AgentNode):
-            found.append(piece)
+            pieces.append(piece)
         elif piece.ids is not None:
             return list(reversed(scene.nodes))
-    return found
+    return pieces
 
 
 def identities(scene: Scene) -> frozenset[int]:

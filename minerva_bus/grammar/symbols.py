@@ -163,8 +163,8 @@ class AgentKind:
 
     def sort_of(self, attribute: str) -> str:
         """The sort of an attribute in conditions; empty if it cannot be compared."""
-        found = [declared.type.kind for declared in self.fields.all if declared.name == attribute]
-        return sort_of_kind(found[0]) if found else ""
+        kinds = [declared.type.kind for declared in self.fields.all if declared.name == attribute]
+        return sort_of_kind(kinds[0]) if kinds else ""
 
 
 class EventType:

@@ -75,12 +75,12 @@ class Joined:
 
     def truth(self, state: Mapping[str, Any]) -> Any:
         """Like `Comparison.truth`."""
-        found: Any = self.terms[0].truth(state)
+        result: Any = self.terms[0].truth(state)
         for term in self.terms[1:]:
             truth = term.truth(state)
             # Operators that exist for bools and arrays alike; terms have no side effects to skip.
-            found = found & truth if self.word == "and" else found | truth
-        return found
+            result = result & truth if self.word == "and" else result | truth
+        return result
 
 
 Term: TypeAlias = Comparison | Not | Joined

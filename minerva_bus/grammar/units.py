@@ -54,9 +54,9 @@ class Quantity:
 
     def into(self, unit: str) -> float | None:
         """The number in another unit, or None if the dimensions differ."""
-        mine, wanted = _UNITS.get(self.unit), _UNITS.get(unit)
-        if mine is None or wanted is None or mine[0] != wanted[0]:
+        own, wanted = _UNITS.get(self.unit), _UNITS.get(unit)
+        if own is None or wanted is None or own[0] != wanted[0]:
             return None
         if self.unit == unit:
             return self.number
-        return self.number * (mine[1] * wanted[2]) / (mine[2] * wanted[1])
+        return self.number * (own[1] * wanted[2]) / (own[2] * wanted[1])

@@ -297,14 +297,14 @@ def _in_order(receivers: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def _named(kind: type[_E], entries: Iterable[Entry]) -> dict[str, _E]:
-    found: dict[str, _E] = {}
+    named: dict[str, _E] = {}
     for entry in entries:
         if isinstance(entry, kind):
-            if entry.name in found:
+            if entry.name in named:
                 raise MisuseError(f"{entry.name} is declared twice in the vocabulary")
-            found[entry.name] = entry
+            named[entry.name] = entry
     # Sorted, so that the order of declarations does not matter.
-    return dict(sorted(found.items()))
+    return dict(sorted(named.items()))
 
 
 def _vocabulary_error(

@@ -169,10 +169,10 @@ def check_same(world: World, recorded: World, path: Path) -> None:
 def differing(world: World, recorded: World) -> Iterator[str]:
     """Differences between two worlds, beside their strings, that change their frames."""
     for what in ("seed", "dt", "policy"):
-        mine, theirs = getattr(world, what), getattr(recorded, what)
-        if mine != theirs:
-            mine, theirs = getattr(mine, "value", mine), getattr(theirs, "value", theirs)
-            yield f"{what} {theirs} is recorded, {mine} is wanted"
+        wanted, before = getattr(world, what), getattr(recorded, what)
+        if wanted != before:
+            wanted, before = getattr(wanted, "value", wanted), getattr(before, "value", before)
+            yield f"{what} {before} is recorded, {wanted} is wanted"
     what = differing_vocabulary(world, recorded)
     if what:
         yield what

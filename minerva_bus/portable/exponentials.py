@@ -96,9 +96,9 @@ def expm1_many(x: Numbers) -> Numbers:
     rest, less = _expm1_rest(near, k)
     tiny = _raised(np.ones(len(k)), -np.clip(k, 0.0, 1000.0))
     far = 2.0 * _raised(1.0 - (less - rest), k - 1.0) - 1.0
-    some = _raised((1.0 - tiny) - (less - rest), k)
-    most = _raised((rest - (less + tiny)) + 1.0, k)
-    made = np.where((k < -1.0) | (k > 56.0), far, np.where(k < 20.0, some, most))
+    medium = _raised((1.0 - tiny) - (less - rest), k)
+    large = _raised((rest - (less + tiny)) + 1.0, k)
+    made = np.where((k < -1.0) | (k > 56.0), far, np.where(k < 20.0, medium, large))
     above, below = 1.0 + 2.0 * (rest - less), -2.0 * (less - (rest + 0.5))
     made = np.where(k == 1.0, np.where(rest >= -0.25, above, below), made)
     made = np.where(k == -1.0, 0.5 * (rest - less) - 0.5, made)

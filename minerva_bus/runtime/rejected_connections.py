@@ -52,9 +52,9 @@ def reason_in(line: bytes) -> str:
     """The reason of a rejection in a line of the log, or an empty string."""
     plain = _COLOURS.sub(b"", line)
     for mark in _OF_LINKS:
-        _, found, rest = plain.partition(mark)
-        if found:
-            said = rest.decode(errors="replace").partition(": ")[2]
-            known = [reason for sign, reason in _REASONS if sign in said]
-            return known[0] if known else said.partition(". Hint")[0].strip()
+        _, separator, rest = plain.partition(mark)
+        if separator:
+            message = rest.decode(errors="replace").partition(": ")[2]
+            known = [reason for sign, reason in _REASONS if sign in message]
+            return known[0] if known else message.partition(". Hint")[0].strip()
     return ""

@@ -77,13 +77,13 @@ def setting(
 @cache
 def settings_of(cls: type[Any]) -> Mapping[str, Setting]:
     """The settings that a dataclass declares, by the names of its fields."""
-    found: dict[str, Setting] = {}
+    settings: dict[str, Setting] = {}
     for each in fields(cls):
         declared: Setting | None = each.metadata.get(_METADATA)
         if declared is not None:
             key = each.name if declared.key == _UNSET else declared.key
-            found[each.name] = replace(declared, name=each.name, key=key)
-    return found
+            settings[each.name] = replace(declared, name=each.name, key=key)
+    return settings
 
 
 def by_option(*classes: type[Any]) -> Mapping[str, Setting]:

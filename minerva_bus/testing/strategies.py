@@ -243,5 +243,5 @@ def family_events(scene: Scene, visual: bool = False) -> SearchStrategy[list[Eve
     present = [agent.id for agent in agents(scene)]
     # Always, for some kinds, for some states, and never.
     conditions = ("", "energy > 0", "x < 3 and energy >= 1", "nothing == 1")
-    one = events_of(FAMILY_VOCABULARY, present, conditions, names)
-    return st.lists(one, max_size=5, unique=True)
+    single = events_of(FAMILY_VOCABULARY, present, conditions, names)
+    return st.lists(single, max_size=5, unique=True)

@@ -16,13 +16,13 @@ def copy_id(name: str, taken: set[str]) -> str:
         return name
     # A copy of `fox-2` is `fox-3`, not `fox-2-2`.
     stem = _COPY.sub("", name) or name
-    return next(one for n in count(2) if (one := f"{stem}-{n}") not in taken)
+    return next(free for n in count(2) if (free := f"{stem}-{n}") not in taken)
 
 
 def new_id(symbol: str, taken: set[str]) -> str:
     """An id for a new agent of a kind: `fox1`, `fox2`, ... of AFox."""
     stem = symbol[1:].lower() or "a"
-    return next(one for n in count(1) if (one := f"{stem}{n}") not in taken)
+    return next(free for n in count(1) if (free := f"{stem}{n}") not in taken)
 
 
 def with_own_ids(nodes: Scene, taken: set[str]) -> Scene:

@@ -66,20 +66,20 @@ Operator: TypeAlias = Callable[[Material], Mutant | None]
 
 def perturb(given: Material) -> Mutant | None:
     """Change one parameter to a value near its own, of its type and in its domain."""
-    found = [
+    candidates = [
         (place, n, field, domain)
         for place in given.all()
         for n, field, domain in given.targets.fields(place)
     ]
-    if not found:
+    if not candidates:
         return None
-    place, n, one, domain = one_of(found, given.chance)
+    place, n, parameter, domain = one_of(candidates, given.chance)
     old = place.node.values[n]
-    new = perturbed(one.type, domain, old, given.chance, given.inner)
+    new = perturbed(parameter.type, domain, old, given.chance, given.inner)
     if new is old:
         return None
-    told = f"{_name(place.node)}.{one.name} {_short(old)} → {_short(new)}"
-    return Mutant(put(given.scene, place, [with_value(place.node, n, new)]), told)
+    text = f"{_name(place.node)}.{parameter.name} {_short(old)} → {_short(new)}"
+    return Mutant(put(given.scene, place, [with_value(place.node, n, new)]), text)
 
 
 def replace(given: Material) -> Mutant | None:
@@ -108,14 +108,14 @@ def insert(given: Material) -> Mutant | None:
     if choice == 0:
         around = given.new(scene_of(place.node))
         if not isinstance(around, FigureNode):
-            told = f"{_name(around)} inserted around {_name(place.node)}"
-            return Mutant(put(given.scene, place, [around]), told)
+            text = f"{_name(around)} inserted around {_name(place.node)}"
+            return Mutant(put(given.scene, place, [around]), text)
     node = given.new()
-    told = f"{_name(node)} inserted"
+    text = f"{_name(node)} inserted"
     if choice == 1 and not isinstance(place.node, FigureNode):
         inside = with_scope(place.node, place.node.scope + scene_of(node))
-        return Mutant(put(given.scene, place, [inside]), told)
-    return Mutant(put(given.scene, place, [place.node, node]), told)
+        return Mutant(put(given.scene, place, [inside]), text)
+    return Mutant(put(given.scene, place, [place.node, node]), text)
 
 
 def delete(given: Material) -> Mutant | None:
@@ -136,25 +136,25 @@ def duplicate(given: Material) -> Mutant | None:
     if place is None:
         return None
     copy = given.with_own_ids(scene_of(place.node))
-    told = f"{_name(place.node)} duplicated"
-    return Mutant(put(given.scene, place, [place.node, *copy.nodes]), told)
+    text = f"{_name(place.node)} duplicated"
+    return Mutant(put(given.scene, place, [place.node, *copy.nodes]), text)
 
 
 def swap(given: Material) -> Mutant | None:
     """Exchange two nodes, neither of which contains the other."""
-    found = given.movable()
-    one, other = given.one_of(found), given.one_of(found)
-    if one is None or other is None or one is other:
+    movable = given.movable()
+    left, right = given.one_of(movable), given.one_of(movable)
+    if left is None or right is None or left is right:
         return None
-    first, second = sorted((one, other), key=lambda place: place.path)
+    first, second = sorted((left, right), key=lambda place: place.path)
     # The first node contains the second.
     if second.path[: first.depth] == first.path:
         return None
     # The later place first, because replacing it leaves the path of the earlier one valid.
     there = put(given.scene, second, [first.node])
     again = next(p for p in places(there, first.depth) if p.path == first.path)
-    told = f"{_name(first.node)} and {_name(second.node)} swapped"
-    return Mutant(put(there, again, [second.node]), told)
+    text = f"{_name(first.node)} and {_name(second.node)} swapped"
+    return Mutant(put(there, again, [second.node]), text)
 
 
 def cross(given: Material, other: Scene) -> Mutant | None:
@@ -168,8 +168,8 @@ def cross(given: Material, other: Scene) -> Mutant | None:
     donor = given.one_of(alike or donors)
     assert donor is not None
     taken = given.with_own_ids(scene_of(donor.node), scene_of(place.node))
-    told = f"{_name(donor.node)} from the other parent"
-    return Mutant(put(given.scene, place, taken.nodes), told)
+    text = f"{_name(donor.node)} from the other parent"
+    return Mutant(put(given.scene, place, taken.nodes), text)
 
 
 def blend(given: Material, other: Scene) -> Mutant | None:

@@ -32,22 +32,22 @@ class Place:
 
     def upwards(self) -> Iterator[Place]:
         """The place itself and the places around it, from inside to outside."""
-        one: Place | None = self
-        while one is not None:
-            yield one
-            one = one.parent
+        place: Place | None = self
+        while place is not None:
+            yield place
+            place = place.parent
 
 
 def places(scene: Scene, deepest: int) -> list[Place]:
     """All nodes of a string down to a depth, from left to right, outer nodes first."""
-    found: list[Place] = []
+    result: list[Place] = []
     stack = _within(scene, None, deepest)
     while stack:
         place = stack.pop()
-        found.append(place)
+        result.append(place)
         if not isinstance(place.node, FigureNode):
             stack += _within(place.node.scope, place, deepest)
-    return found
+    return result
 
 
 def _within(scene: Scene, parent: Place | None, deepest: int) -> list[Place]:

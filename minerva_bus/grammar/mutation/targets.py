@@ -37,8 +37,8 @@ class Target:
         """Whether a node is at the place that this target describes."""
         around = place.upwards()
         for step in reversed(self.steps):
-            one = next(around, None)
-            if one is None or not _is(one.node, step):
+            place_above = next(around, None)
+            if place_above is None or not _is(place_above.node, step):
                 return False
         return True
 
@@ -64,9 +64,9 @@ class Targets:
     def fields(self, place: Place) -> Iterator[tuple[int, Field, Domain]]:
         """The parameters of a node that may change: index, field and domain."""
         for n, field in enumerate(self.vocabulary.fields(place.node.symbol).all):
-            found = self._domain(place, field.name)
-            if found is not None:
-                yield n, field, found.domain
+            target = self._domain(place, field.name)
+            if target is not None:
+                yield n, field, target.domain
 
     def _domain(self, place: Place, name: str) -> Target | None:
         """The most specific target that allows a parameter to change."""

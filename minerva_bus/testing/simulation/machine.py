@@ -167,11 +167,11 @@ class SimulatedMachine(Machine):
         """Start a coordinator; returns its process and the pipes for commands and reports."""
         commands, reports = self._pipes.open(), self._pipes.open()
         process, child = self._process(COORDINATOR, (reports,))
-        told = SimulatedReports(process, lambda data: self._written(reports, data))
+        sink = SimulatedReports(process, lambda data: self._written(reports, data))
         self._commands[commands] = obeyed = _Obeyed(process)
 
         def life() -> Generator[None, None, int]:
-            run = CoordinatorRun(start, told, process.system)
+            run = CoordinatorRun(start, sink, process.system)
             obeyed.begin(run.coordinator)
             return run.life()
 
@@ -217,7 +217,7 @@ class SimulatedMachine(Machine):
     def _process(self, name: str, pipes: tuple[int, ...]) -> tuple[SimulatedProcess, ChildProcess]:
         pid, output = next(self._pids), self._pipes.open()
 
-        def said(line: str) -> None:
+        def log(line: str) -> None:
             self.timeline.note(name, line)
             self._written(output, line.encode() + b"\n")
 
@@ -230,7 +230,7 @@ class SimulatedMachine(Machine):
             last = max(self._arrives[pipe] for pipe in (output, *pipes))
             self.timeline.at(last, lambda: self._has_ended(pid, code))
 
-        process = SimulatedProcess(name, self.timeline, self.network, exited, said)
+        process = SimulatedProcess(name, self.timeline, self.network, exited, log)
         self.processes[pid] = process
         return process, ChildProcess(pid, output)
 

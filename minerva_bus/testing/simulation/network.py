@@ -227,7 +227,7 @@ class Network:
     def _tell_of(self, link: Link, key: str, *, there: bool) -> None:
         session = link.client
 
-        def told() -> None:
+        def notify() -> None:
             # From a former link, or without a change: watchers receive changes only.
             if session.link is not link or (key in session.known) is there:
                 return
@@ -237,7 +237,7 @@ class Network:
                 session.known.pop(key)
             session.see(key, there=there)
 
-        link.down(told)
+        link.down(notify)
 
     def tell_of_tokens(self, session: Session, watch: Declared) -> None:
         """Notify a new watcher of the present tokens."""

@@ -94,8 +94,8 @@ class Person:
         self._timeline.after(ANSWER_WITHIN, lambda: answered(None))
 
     def _finish(self, asked: Asked) -> None:
-        said = "no answer" if asked.answer is None else asked.answer.get("error", "done")
-        self._timeline.note("person", f"{asked.act.ask}: {said}")
+        answer = "no answer" if asked.answer is None else asked.answer.get("error", "done")
+        self._timeline.note("person", f"{asked.act.ask}: {answer}")
         self._heard(asked)
         # A confirmed `resume` is enough; the others are there for lost ones.
         if asked.confirmed and self._next > self._unpausing:

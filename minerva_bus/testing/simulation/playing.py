@@ -115,16 +115,16 @@ class Play:
         if name in self.guests and self.guests[name][0].alive:
             return
 
-        def said(line: str) -> None:
+        def log(line: str) -> None:
             self.timeline.note(name, line)
 
         def exited(code: int) -> None:
             self.timeline.note(name, f"ended with {code}")
 
-        process = SimulatedProcess(name, self.timeline, self.network, exited, said)
+        process = SimulatedProcess(name, self.timeline, self.network, exited, log)
         participant = Member(name, None, GUESTS[name])
         endpoint, system = self.launcher.endpoint, process.system
-        member = MemberProcess(participant, NAME, endpoint, said, system=system)
+        member = MemberProcess(participant, NAME, endpoint, log, system=system)
         self.guests[name] = process, member
         process.start(member.life)
 

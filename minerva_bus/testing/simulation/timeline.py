@@ -44,10 +44,10 @@ class Timeline:
 
     def stream(self, name: str) -> Random:
         """The random stream of this name."""
-        found = self._streams.get(name)
-        if found is None:
-            found = self._streams[name] = Random(f"{self._seed}/{name}")  # noqa: S311
-        return found
+        stream = self._streams.get(name)
+        if stream is None:
+            stream = self._streams[name] = Random(f"{self._seed}/{name}")  # noqa: S311
+        return stream
 
     def at(self, time: float, call: Callable[[], object]) -> Alarm:
         """Schedule a call at a time, or now if it has passed."""

@@ -219,5 +219,5 @@ def _opened(path: Path) -> AnyReader:
 def _line(error: Exception) -> str:
     if isinstance(error, UnicodeError):
         return "invalid header"
-    said = " ".join(str(error).split())[:200] or type(error).__name__
-    return f"{said}; rebuild the index with rosbag reindex" if "index" in said else said
+    text = " ".join(str(error).split())[:200] or type(error).__name__
+    return f"{text}; rebuild the index with rosbag reindex" if "index" in text else text
