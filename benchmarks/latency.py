@@ -74,10 +74,10 @@ class Finger(Generator, events=("eTouch", "eShow"), lockstep=False):
     """Emits an event on request through a pipe, and reports the time."""
 
     def __init__(self, event: EventType, delivered: int, stamps: int) -> None:
-        self.event, self.told, self.stamps = event, delivered, stamps
+        self.event, self.delivered, self.stamps = event, delivered, stamps
 
     def run(self, emit, stop) -> None:
-        while os.read(self.told, 1):
+        while os.read(self.delivered, 1):
             os.write(self.stamps, STAMP.pack(time.monotonic()))
             emit(self.event())
 
@@ -99,7 +99,7 @@ class Pipes:
     """Pipes between processes: requests, times of events and views, endpoints and readiness."""
 
     def __init__(self, others: int) -> None:
-        self.told, self.tell = os.pipe()
+        self.delivered, self.tell = os.pipe()
         self.emitted, self.emits = os.pipe()
         self.seen, self.sees = os.pipe()
         self.endpoints = [os.pipe() for _ in range(others)]

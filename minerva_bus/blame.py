@@ -20,7 +20,7 @@ from minerva_bus.errors import (
     UserCodeError,
     nearest,
 )
-from minerva_bus.source import LINE_LENGTH, Place, assignments, defined, handler_name, place_of
+from minerva_bus.source import LINE_LENGTH, SourceLine, assignments, defined, handler_name, place_of
 
 MESSAGE_LINES: Final = 3
 """Lines of an exception's text to show: an error in a string has an excerpt and a caret."""
@@ -93,7 +93,7 @@ class blamed:  # noqa: N801 - used like a function
             raise UserCodeError(handler_name(self._handler), self._handler) from error
 
 
-def _handler_place(handler: Callable[..., Any], error: BaseException) -> Place | None:
+def _handler_place(handler: Callable[..., Any], error: BaseException) -> SourceLine | None:
     """The line of a handler that sets the attribute in question, or its first line."""
     attribute = error.attribute if isinstance(error, StateError) else ""
     places = assignments(handler, attribute) if attribute else []
@@ -126,7 +126,7 @@ def _root(error: BaseException) -> BaseException | None:
     return own[-1] if own else None
 
 
-def _caused_by(root: BaseException, shown: Place | None) -> Iterable[str]:
+def _caused_by(root: BaseException, shown: SourceLine | None) -> Iterable[str]:
     place = place_of(root)
     yield f"  caused by {described(root).partition(chr(10))[0]}"
     if place is None:

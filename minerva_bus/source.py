@@ -33,7 +33,7 @@ _LIBRARIES: Final = tuple(
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class SourceLine:
     """A line of user code; `shown` is its source, with markers below it if known."""
 
     file: str
@@ -49,7 +49,7 @@ class Place:
         return [where, *(f"    {text[:LINE_LENGTH]}" for text in self.shown)]
 
 
-def place_of(error: BaseException) -> Place | None:
+def place_of(error: BaseException) -> SourceLine | None:
     """The last line of user code that an exception came through, if it came through any."""
     if isinstance(error, SyntaxError) and error.filename is not None:
         return _syntax_place(error)
@@ -60,7 +60,7 @@ def place_of(error: BaseException) -> Place | None:
     summary = traceback.extract_tb(error.__traceback__)[index]
     _, *shown = "".join(traceback.StackSummary.from_list([summary]).format()).split("\n")
     source = textwrap.dedent("\n".join(line for line in shown if line.strip()))
-    return Place(
+    return SourceLine(
         frame.f_code.co_filename, number, function_name(frame.f_code), tuple(source.splitlines())
     )
 
@@ -87,7 +87,7 @@ def _user_frame(
     return None
 
 
-def innermost(frames: Sequence[Place]) -> Place | None:
+def innermost(frames: Sequence[SourceLine]) -> SourceLine | None:
     """The first frame of user code in a stack, most recent call first, with its source line.
 
     A package that the framework calls is user code if there is no other.
@@ -125,7 +125,7 @@ def function_name(code: CodeType) -> str:
     return "" if name == "<module>" else name
 
 
-def _syntax_place(error: SyntaxError) -> Place:
+def _syntax_place(error: SyntaxError) -> SourceLine:
     source = (error.text or "").rstrip("\n")
     bare = source.lstrip()
     shown = [bare] if bare else []
@@ -134,7 +134,7 @@ def _syntax_place(error: SyntaxError) -> Place:
         column = max(0, error.offset - 1 - (len(source) - len(bare)))
         end = (error.end_offset or 0) - error.offset if error.end_lineno == error.lineno else 1
         shown.append(" " * column + "^" * max(1, min(end, len(bare) - column)))
-    return Place(str(error.filename), error.lineno or 0, "", tuple(shown))
+    return SourceLine(str(error.filename), error.lineno or 0, "", tuple(shown))
 
 
 # --- handlers, for errors without a frame in them ---
@@ -147,7 +147,7 @@ def handler_name(handler: Callable[..., Any]) -> str:
     return name.rpartition("<locals>.")[2]
 
 
-def defined(handler: Callable[..., Any]) -> Place | None:
+def defined(handler: Callable[..., Any]) -> SourceLine | None:
     """The first line of a function, without its decorators."""
     code: CodeType | None = getattr(inspect.unwrap(handler), "__code__", None)
     if code is None:
@@ -156,13 +156,13 @@ def defined(handler: Callable[..., Any]) -> Place | None:
     try:
         lines, first = inspect.getsourcelines(code)
     except (OSError, TypeError):
-        return Place(code.co_filename, first, function_name(code))
+        return SourceLine(code.co_filename, first, function_name(code))
     # The first line of the code object is that of the first decorator.
     at = next((n for n, line in enumerate(lines) if line.lstrip().startswith(("def ", "async"))), 0)
-    return Place(code.co_filename, first + at, function_name(code), (lines[at].strip(),))
+    return SourceLine(code.co_filename, first + at, function_name(code), (lines[at].strip(),))
 
 
-def assignments(handler: Callable[..., Any], attribute: str) -> list[Place]:
+def assignments(handler: Callable[..., Any], attribute: str) -> list[SourceLine]:
     """The lines of a method that set or delete an attribute of its first argument."""
     function = inspect.unwrap(handler)
     code: CodeType | None = getattr(function, "__code__", None)
@@ -179,7 +179,7 @@ def assignments(handler: Callable[..., Any], attribute: str) -> list[Place]:
     numbers = sorted({node.lineno for node in setters if _sets(node, own, attribute)})
     name = function_name(code)
     return [
-        Place(code.co_filename, first + number - 1, name, (lines[number - 1].strip(),))
+        SourceLine(code.co_filename, first + number - 1, name, (lines[number - 1].strip(),))
         for number in numbers
     ]
 

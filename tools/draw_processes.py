@@ -26,7 +26,7 @@ def bar(sheet: Sheet, x: float, end: float, y: float, label: str, fill: str) -> 
 def frame() -> Sheet:
     """One frame as a timeline: two round trips, and who waits for whom."""
     sheet = Sheet("One frame on the bus, from its tick to the views", 800, 372)
-    generators, coordinator, one, two, device = 66, 136, 206, 266, 326
+    generators, coordinator, host, other_host, device = 66, 136, 206, 266, 326
     names = {"generators": 66, "coordinator": 136, "host 1": 206, "host 2": 266, "devices": 326}
     lanes(sheet, names, 776)
     for x, end, label in ((150, 320, "TICK"), (320, 620, "EVOLVE"), (620, 680, "READY")):
@@ -37,8 +37,8 @@ def frame() -> Sheet:
     bar(sheet, 180, 262, generators, "measure", EVENTS)
     bar(sheet, 150, 172, coordinator, "", IDLE)
     bar(sheet, 284, 340, coordinator, "collect", EVENTS)
-    bar(sheet, 366, 470, one, "evolve, view", WORK)
-    bar(sheet, 366, 530, two, "evolve, view", WORK)
+    bar(sheet, 366, 470, host, "evolve, view", WORK)
+    bar(sheet, 366, 530, other_host, "evolve, view", WORK)
     bar(sheet, 534, 614, coordinator, "commit", WORK)
     bar(sheet, 640, 760, device, "draw, move", VIEWS)
     bar(sheet, 680, 702, coordinator, "", IDLE)
@@ -46,12 +46,12 @@ def frame() -> Sheet:
     sheet.text(150, 104, "tick t", anchor="middle", color=EVENT)
     sheet.arrow([(258, generators + 13), (288, coordinator - 13)], EVENT)
     sheet.text(284, 104, "events", color=EVENT)
-    sheet.arrow([(338, coordinator + 13), (368, one - 13)], AGENT)
+    sheet.arrow([(338, coordinator + 13), (368, host - 13)], AGENT)
     sheet.line([(338, coordinator + 13), (354, 200)], AGENT)
-    sheet.arrow([(354, 200), (368, two - 13)], AGENT)
+    sheet.arrow([(354, 200), (368, other_host - 13)], AGENT)
     sheet.text(332, 182, "events", anchor="end", color=AGENT)
-    sheet.arrow([(466, one - 13), (534, coordinator + 4)], AGENT)
-    sheet.arrow([(526, two - 13), (552, coordinator + 13)], AGENT)
+    sheet.arrow([(466, host - 13), (534, coordinator + 4)], AGENT)
+    sheet.arrow([(526, other_host - 13), (552, coordinator + 13)], AGENT)
     sheet.text(480, 150, "changes, views,", anchor="end", color=AGENT)
     sheet.text(480, 167, "new events", anchor="end", color=AGENT)
     sheet.arrow([(608, coordinator + 13), (644, device - 13)], TRANSFORMATION)

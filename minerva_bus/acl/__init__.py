@@ -4,7 +4,7 @@
     message        the event type `eMessage` with the parameters of SC00061, and replies
     protocols      request, query, contract net, subscribe and propose as tables
     conversation   state of a conversation with one other agent, according to such a table
-    hearing        effect of a message on an agent's conversations; pure
+    receiving        effect of a message on an agent's conversations; pure
     talker         base class of agents that converse
     outside        agents that represent others outside of the world
     kqml           KQML's performatives

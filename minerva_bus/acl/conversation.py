@@ -72,7 +72,7 @@ class Conversation:
         return self.rules.ends(self.state)
 
     @property
-    def mine(self) -> bool:
+    def our_turn(self) -> bool:
         """Whether it is this side's turn."""
         return Role(self.role) in self.rules.turns.get(self.state, ())
 
@@ -80,12 +80,12 @@ class Conversation:
         """Whether its deadline has passed."""
         return NEVER < self.deadline < frame
 
-    def said(self, act: str, deadline: int = NEVER) -> Conversation | None:
+    def sent(self, act: str, deadline: int = NEVER) -> Conversation | None:
         """The conversation after an act of this side; None if the protocol forbids it."""
         state = self.rules.after(self.state, Role(self.role), act)
         return replace(self, state=state, deadline=deadline) if state else None
 
-    def heard(self, message: Event) -> Conversation | None:
+    def received(self, message: Event) -> Conversation | None:
         """The conversation after a message of the other side; None if the protocol forbids it."""
         state = self.rules.after(self.state, Role(self.role).other, message.performative)
         # Later messages of a conversation may omit the protocol.

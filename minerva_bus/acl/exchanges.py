@@ -26,7 +26,7 @@ LONGEST: Final = 60
 
 
 @dataclass(frozen=True, slots=True)
-class Said:
+class SentMessage:
     """A message among the events of a frame."""
 
     frame: int
@@ -39,9 +39,9 @@ class Said:
     reply_by: int
 
     @staticmethod
-    def of(frame: int, event: Event) -> Said:
+    def of(frame: int, event: Event) -> SentMessage:
         """The message of an event of the type `eMessage`."""
-        return Said(
+        return SentMessage(
             frame,
             event.sender or NOBODY,
             event.receivers or (EVERYBODY,),
@@ -81,12 +81,12 @@ class Exchange:
     """Messages in order; `title` names the world and the conversation."""
 
     title: str
-    said: tuple[Said, ...]
+    messages: tuple[SentMessage, ...]
 
     @property
     def agents(self) -> tuple[str, ...]:
         """The agents, in the order in which they first send or receive a message."""
-        names = [name for message in self.said for name in (message.sender, *message.receivers)]
+        names = [name for message in self.messages for name in (message.sender, *message.receivers)]
         return tuple(dict.fromkeys(names))
 
     def plain(self) -> dict[str, Any]:
@@ -94,7 +94,7 @@ class Exchange:
         return {
             "title": self.title,
             "agents": list(self.agents),
-            "messages": [message.plain() for message in self.said],
+            "messages": [message.plain() for message in self.messages],
         }
 
     def mermaid(self) -> str:
@@ -111,7 +111,7 @@ class Exchange:
         first, last = ids[self.agents[0]], ids[self.agents[-1]]
         over = first if first == last else f"{first},{last}"
         frame = None
-        for message in self.said:
+        for message in self.messages:
             if message.frame != frame:
                 frame = message.frame
                 yield f"    Note over {over}: frame {frame}"
@@ -122,22 +122,22 @@ class Exchange:
 
 def exchange_of(record: Record, conversation: str = "") -> Exchange:
     """The messages of a record, or of one conversation. Raises RecordError if there are none."""
-    said = [
-        Said.of(frame.number, event)
+    sent = [
+        SentMessage.of(frame.number, event)
         for frame in record.frames()
         for event in single(frame.events)
         if event.type == eMessage.name
     ]
-    if not said:
+    if not sent:
         raise RecordError(
             f"{record.path}: agents exchanged no messages: there is no {eMessage.name}"
         )
     world = record.description.world.name
     if not conversation:
-        return Exchange(world, tuple(said))
-    chosen = tuple([message for message in said if message.conversation == conversation])
+        return Exchange(world, tuple(sent))
+    chosen = tuple([message for message in sent if message.conversation == conversation])
     if not chosen:
-        known = _conversations(said)
+        known = _conversations(sent)
         near = nearest(conversation, known)
         raise RecordError(
             f"{record.path}: there is no conversation {conversation!r}{near}; {_named(known)}"
@@ -148,9 +148,9 @@ def exchange_of(record: Record, conversation: str = "") -> Exchange:
 
 def check_drawable(record: Record, exchange: Exchange) -> None:
     """Raises RecordError if there are too many messages for one diagram."""
-    count = len(exchange.said)
+    count = len(exchange.messages)
     if count > MOST:
-        known = _conversations(list(exchange.said))
+        known = _conversations(list(exchange.messages))
         choose = f"; choose one with --conversation: {_named(known)}" if len(known) > 1 else ""
         raise RecordError(
             f"{record.path}: {count:,} messages are too many for one picture, which shows {MOST}"
@@ -158,7 +158,7 @@ def check_drawable(record: Record, exchange: Exchange) -> None:
         )
 
 
-def _conversations(messages: list[Said]) -> list[str]:
+def _conversations(messages: list[SentMessage]) -> list[str]:
     return [
         conversation
         for conversation in dict.fromkeys(message.conversation for message in messages)

@@ -12,7 +12,7 @@ from typing import Final
 from xml.sax.saxutils import escape
 
 from minerva_bus.acl.acts import Act
-from minerva_bus.acl.exchanges import Exchange, Said
+from minerva_bus.acl.exchanges import Exchange, SentMessage
 
 COLUMN, ROW, FRAME_ROW = 150, 34, 12
 LEFT, TOP, MARGIN = 84, 92, 28
@@ -34,7 +34,7 @@ _STYLE: Final = (
     f"text {{ font-family: 'DejaVu Sans', Helvetica, sans-serif; font-size: 11px; fill: {INK} }}"
     " .title { font-size: 16px; font-weight: bold } .frame { fill: #80848f; text-anchor: end }"
     " .name { text-anchor: middle; font-weight: bold }"
-    f" .said {{ paint-order: stroke; stroke: {PAPER}; stroke-width: 4px }}"
+    f" .label {{ paint-order: stroke; stroke: {PAPER}; stroke-width: 4px }}"
 )
 
 
@@ -65,14 +65,14 @@ def draw(exchange: Exchange) -> str:
     return "\n".join([*lines, "</svg>", ""])
 
 
-def _rows(exchange: Exchange) -> Iterator[tuple[Said, float, bool]]:
+def _rows(exchange: Exchange) -> Iterator[tuple[SentMessage, float, bool]]:
     """Each message with its height, and whether it is the first of a frame."""
     y, frame = float(TOP), None
-    for said in exchange.said:
-        begins = said.frame != frame
+    for message in exchange.messages:
+        begins = message.frame != frame
         y += ROW + (FRAME_ROW if begins else 0)
-        frame = said.frame
-        yield said, y, begins
+        frame = message.frame
+        yield message, y, begins
 
 
 def _lifeline(name: str, x: float, bottom: float) -> Iterator[str]:
@@ -88,7 +88,7 @@ def _lifeline(name: str, x: float, bottom: float) -> Iterator[str]:
     yield f'<text class="name" x="{x:.0f}" y="{top + 19}">{_text(shown)}</text>'
 
 
-def _arrow(message: Said, y: float, columns: dict[str, float]) -> Iterator[str]:
+def _arrow(message: SentMessage, y: float, columns: dict[str, float]) -> Iterator[str]:
     x, color = columns[message.sender], _COLORS.get(Act(message.act), SAYS)
     ends = [columns[name] for name in message.receivers]
     dashes = ' stroke-dasharray="5 3"' if color == DENIES else ""
@@ -106,7 +106,7 @@ def _arrow(message: Said, y: float, columns: dict[str, float]) -> Iterator[str]:
             continue
         yield (f'<path d="M {end:.0f} {y:.0f} l {back} -4 l 0 8 z" fill="{color}"/>')
     yield f'<circle cx="{x:.0f}" cy="{y:.0f}" r="2.5" fill="{color}"/>'
-    yield f'<text class="said" x="{_label_at(message, columns):.0f}" y="{y - 6:.0f}">'
+    yield f'<text class="label" x="{_label_at(message, columns):.0f}" y="{y - 6:.0f}">'
     yield f"<title>{_text(message.content)}</title>{_text(message.label)}</text>"
 
 
@@ -115,7 +115,7 @@ def _text(text: str) -> str:
     return escape(_UNWRITABLE.sub("\ufffd", text))
 
 
-def _label_at(message: Said, columns: dict[str, float]) -> float:
+def _label_at(message: SentMessage, columns: dict[str, float]) -> float:
     """The left end of a label: beside the sender, above the arrow."""
     x, ends = columns[message.sender], [columns[name] for name in message.receivers]
     if max(ends) >= x:
@@ -123,7 +123,7 @@ def _label_at(message: Said, columns: dict[str, float]) -> float:
     return max(min(ends) + 10, x - 8 - _wide(message.label))
 
 
-def _right_end(message: Said, columns: dict[str, float]) -> float:
+def _right_end(message: SentMessage, columns: dict[str, float]) -> float:
     return _label_at(message, columns) + _wide(message.label)
 
 

@@ -5,7 +5,7 @@
         def ask(self, wish, moment):
             self.open(moment, REQUEST, ["printer"], wish.text, reply_by=moment.number + 20)
 
-        def heard(self, message, conversation, moment):
+        def received(self, message, conversation, moment):
             if conversation and conversation.state == "refused":
                 ...
 
@@ -21,9 +21,9 @@ from typing import Any
 
 from minerva_bus.acl.acts import ACTS, Act
 from minerva_bus.acl.conversation import Conversation, Conversations
-from minerva_bus.acl.hearing import hear, numbered
 from minerva_bus.acl.message import NEVER, eMessage, reply
 from minerva_bus.acl.protocols import EXPIRED, START, Protocol, Role
+from minerva_bus.acl.receiving import numbered, receive
 from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.scene import EMPTY, Scene
@@ -37,7 +37,7 @@ class Talker(Agent):
     talks: Scene = EMPTY
     opened: int = 0
 
-    def heard(
+    def received(
         self, message: Event, conversation: Conversation | None, moment: Context
     ) -> Scene | None:
         """λ for a received message; returns the same as any activity.
@@ -50,15 +50,15 @@ class Talker(Agent):
 
     @on("eMessage")
     def listen(self, message: Event, moment: Context) -> Scene | None:
-        """Update the conversation of a message, answer errors, and call `heard`."""
-        effect = hear(Conversations(self.talks), self.id, message, moment.number)
-        # Before `heard`, whose answers continue from this state.
+        """Update the conversation of a message, answer errors, and call `received`."""
+        effect = receive(Conversations(self.talks), self.id, message, moment.number)
+        # Before `received`, whose answers continue from this state.
         self.talks = effect.conversations.scene
         if effect.answer is not None:
             # Errors of the protocol are answered here, so that an
             # agent's own method need not check acts.
             moment.emit(effect.answer)
-        return self.heard(message, effect.conversation, moment) if effect.told else None
+        return self.received(message, effect.conversation, moment) if effect.delivered else None
 
     # --- sending ---
 
@@ -88,7 +88,7 @@ class Talker(Agent):
         name, first = numbered(self.id, self.opened), str(act) or protocol.opening
         # A protocol has two sides, so each receiver gets a conversation; the message is sent once.
         begun = [
-            _said(Conversation(name, protocol.name, Role.INITIATOR, peer), first, reply_by)
+            _sent(Conversation(name, protocol.name, Role.INITIATOR, peer), first, reply_by)
             for peer in receivers
         ]
         self._keep(*begun)
@@ -116,7 +116,7 @@ class Talker(Agent):
         """
         # The argument may be an old copy, for example of a conversation that has ended since.
         known = self.conversation(conversation.id, conversation.peer)
-        after = _said(known or replace(conversation, state=EXPIRED), str(act), reply_by)
+        after = _sent(known or replace(conversation, state=EXPIRED), str(act), reply_by)
         self._keep(after)
         given: dict[str, Any] = {
             "protocol": after.protocol,
@@ -185,11 +185,11 @@ class Talker(Agent):
         self.talks = Conversations(self.talks).keep(*conversations).scene
 
 
-def _said(conversation: Conversation, act: str, deadline: int) -> Conversation:
+def _sent(conversation: Conversation, act: str, deadline: int) -> Conversation:
     """The conversation after an act of its own side. Raises MisuseError."""
     if act not in ACTS:
         raise MisuseError(f"there is no communicative act {act!r}{nearest(act, list(ACTS))}")
-    after = conversation.said(act, deadline)
+    after = conversation.sent(act, deadline)
     if after is None:
         where = (
             "cannot begin with"

@@ -78,7 +78,7 @@ class EvolutionStudy:
 
 
 @dataclass(frozen=True)
-class Evolved:
+class EvolvedStrings:
     """The result of an evolution.
 
     Attributes:
@@ -109,7 +109,7 @@ def evolve_strings(
     limit: float = 60.0,
     quiet: bool = False,
     **options: Any,
-) -> Evolved:
+) -> EvolvedStrings:
     """Evolve the string of a world by a genetic algorithm; needs the extra `evolve`.
 
     Args:
@@ -151,7 +151,9 @@ def evolve_strings(
     if best is None:
         why = ran.cache.failures[0].score.error if ran.cache.failures else "there was none"
         raise MisuseError(f"no string could be evaluated; the first: {why}")
-    return Evolved(best.scene, best.score.fitness, best.score.digest, _table(ran.evolution.log))
+    return EvolvedStrings(
+        best.scene, best.score.fitness, best.score.digest, _table(ran.evolution.log)
+    )
 
 
 def _table(log: Sequence[Generation]) -> DataTable:

@@ -49,7 +49,7 @@ class Verdict:
     """
 
     code: int
-    found: Difference | None = None
+    difference: Difference | None = None
     error: str = ""
     omitted: dict[str, str] | None = None
 
@@ -58,17 +58,17 @@ class Verdict:
         plain: dict[str, Any] = {"ok": not self.code, "not_compared": self.omitted or {}}
         if self.error:
             plain["error"] = self.error
-        return plain | (self.found.plain() if self.found is not None else {})
+        return plain | (self.difference.plain() if self.difference is not None else {})
 
     def lines(self) -> list[str]:
         """The verdict as text."""
         omitted = [f"not compared: {name} ({why})" for name, why in (self.omitted or {}).items()]
-        if self.found is None:
+        if self.difference is None:
             return [*self.error.split("\n"), *omitted]
-        if self.found.same:
-            return [f"the same in both runs: {counted(self.found.frames, 'frame')}", *omitted]
+        if self.difference.same:
+            return [f"the same in both runs: {counted(self.difference.frames, 'frame')}", *omitted]
         sides = [f"  {side}: {layout.name}" for side, layout in zip("AB", LAYOUTS, strict=True)]
-        return ["two runs differ", *sides, *self.found.lines(), *omitted, *ADVICE]
+        return ["two runs differ", *sides, *self.difference.lines(), *omitted, *ADVICE]
 
 
 def check_determinism(spec: str, frames: int, as_json: bool) -> int:

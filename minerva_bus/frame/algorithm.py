@@ -427,7 +427,7 @@ _HANDLERS: Final[Mapping[type, Callable[[FrameAlgorithm, Any], None]]] = {
     m.TickReply: lambda algorithm, reply: algorithm.source.tick_reply(reply),
     m.EvolveReply: lambda algorithm, reply: algorithm.source.evolve_reply(reply),
     m.Emitted: lambda algorithm, emitted: algorithm.source.emitted(emitted),
-    s.Order: lambda algorithm, order: algorithm.source.order(order),
+    s.Publish: lambda algorithm, order: algorithm.source.order(order),
     s.Seek: lambda algorithm, seek: algorithm.source.seek(seek.frame),
     s.Appeared: lambda algorithm, appeared: algorithm.joining.appeared(appeared),
     m.Hello: lambda algorithm, hello: algorithm.joining.hello(hello),

@@ -139,7 +139,7 @@ class CollectionStep:
             )
         member.dropped += sum(map(len, emitted.events))
 
-    def order(self, order: s.Order) -> None:
+    def order(self, order: s.Publish) -> None:
         """Accept an event from a person for the next frame."""
         self._algorithm.inbox.add_order(order.event)
 

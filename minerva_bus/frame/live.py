@@ -66,7 +66,7 @@ class FrameSource:
     def emitted(self, emitted: m.Emitted) -> None:
         """Accept events of a free-running generator."""
 
-    def order(self, order: s.Order) -> None:
+    def order(self, order: s.Publish) -> None:
         """Accept an event from a person."""
 
     def seek(self, frame: int) -> None:

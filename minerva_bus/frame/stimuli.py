@@ -51,7 +51,7 @@ class Violation:
 
 
 @dataclass(frozen=True, slots=True)
-class Order:
+class Publish:
     """A person sends an event."""
 
     event: Event
@@ -113,7 +113,7 @@ Stimulus: TypeAlias = (
     | Vanished
     | Abandoned
     | Violation
-    | Order
+    | Publish
     | Drain
     | Skip
     | Silent

@@ -192,9 +192,9 @@ class Literals:
         return self.skip(at + 1)
 
     def wrong(self, at: int, expected: str, problem: str = "") -> GrammarError:
-        found = "the end" if at >= len(self.text) else repr(self.text[at])
+        actual = "the end" if at >= len(self.text) else repr(self.text[at])
         return GrammarError(
-            problem or f"found {found}",
+            problem or f"found {actual}",
             text=self.text,
             offset=at,
             expected=expected,

@@ -87,7 +87,7 @@ class OpenTransformation:
 
     transformation: Transformation
     values: tuple[Value, ...]
-    many: Columns | None = None
+    columns: Columns | None = None
 
     def __call__(self, *scope: Scene) -> Scene:
         name, fields = self.transformation.name, self.transformation.fields
@@ -98,8 +98,8 @@ class OpenTransformation:
                     " transformation twice to get a string"
                 )
         inside = Scene(tuple([piece for node in scope for piece in node.pieces]))
-        if self.many is not None:
-            return around_each(self.many, inside)
+        if self.columns is not None:
+            return around_each(self.columns, inside)
         return Scene((TransformationNode(name, fields.names, self.values, inside),))
 
 

@@ -14,7 +14,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from itertools import takewhile
 from typing import Final
 
-from minerva_bus.source import Place, innermost
+from minerva_bus.source import SourceLine, innermost
 
 STACK_SIGNAL: Final = signal.SIGUSR1
 """The signal at which a process writes the stacks of its threads."""
@@ -34,7 +34,7 @@ def is_stack(line: str) -> bool:
     return bool(_THREAD.match(line) or _FRAME.match(line)) or line == "  ..."
 
 
-def blocked_at(stacks: Sequence[str], began_in: str) -> Place | None:
+def blocked_at(stacks: Sequence[str], began_in: str) -> SourceLine | None:
     """The line of user code that the thread was executing at the signal.
 
     `began_in` is the source file that forked the process: older frames belong to the launcher.
@@ -42,11 +42,11 @@ def blocked_at(stacks: Sequence[str], began_in: str) -> Place | None:
     return innermost(list(takewhile(lambda place: place.file != began_in, _current(stacks))))
 
 
-def _current(stacks: Iterable[str]) -> Iterator[Place]:
+def _current(stacks: Iterable[str]) -> Iterator[SourceLine]:
     current = False
     for line in stacks:
         frame = _FRAME.match(line)
         if frame is None:
             current = line.startswith(_CURRENT)
         elif current:
-            yield Place(frame["file"], int(frame["line"]), frame["function"])
+            yield SourceLine(frame["file"], int(frame["line"]), frame["function"])

@@ -193,7 +193,7 @@ def _send(running: Operated, event: Event) -> dict[str, Any]:
     if refusal:
         raise ProtocolError(refusal)
     takers = [member.name for member in algorithm.members.takers(event.type)]
-    running.runner.handle(s.Order(event))
+    running.runner.handle(s.Publish(event))
     return {"frame": algorithm.frame, "event": str(event), "through": takers}
 
 

@@ -21,7 +21,7 @@ from minerva_bus.runtime.admission import Admission, ListenConfig
 from minerva_bus.runtime.answers import Answers
 from minerva_bus.runtime.audit import Denials
 from minerva_bus.runtime.control import COMMANDS, Command, Operated
-from minerva_bus.runtime.inbox import HubInbox, Question, Tick
+from minerva_bus.runtime.inbox import HubInbox, Question, TimerTick
 from minerva_bus.runtime.large import Decoded
 from minerva_bus.runtime.links import Linked
 from minerva_bus.runtime.metrics import Metrics
@@ -124,7 +124,7 @@ class Coordinator(Sink):
             Decoded: receiver.take_decoded,
             s.Appeared: receiver.appear,
             s.End: self._monitor.end,
-            Tick: lambda _: self._monitor.tick(clock()),
+            TimerTick: lambda _: self._monitor.tick(clock()),
             Printed: lambda line: log.line(line.member, line.line, line.level),
             Started: lambda started: self._monitor.started(started.member),
             Question: self._answers.queue.append,

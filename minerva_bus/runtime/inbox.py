@@ -28,7 +28,7 @@ WAKE_UP_SECONDS = 1.0
 
 
 @dataclass(frozen=True, slots=True)
-class Tick:
+class TimerTick:
     """Periodic timer: time-outs and status are due."""
 
 
@@ -226,7 +226,7 @@ class HubInbox(Inbox):
             self._clock.join()
 
     def wait(self) -> Any:
-        """The next item: a member's name and its message, one of the side queue, or a `Tick`."""
+        """The next item: a member's name and its message, an item of the side queue, or a tick."""
         return self._read(self._channel.recv())
 
     def ready(self) -> Any:
@@ -238,4 +238,4 @@ class HubInbox(Inbox):
         key, data = str(sample.key_expr), sample.payload.to_bytes()
         if key != self._wake_key:
             return key[self._sender :], data
-        return self._aside() if data == WAKE_UP else Tick()
+        return self._aside() if data == WAKE_UP else TimerTick()

@@ -39,7 +39,7 @@ def trace_line(what: object) -> str:  # noqa: C901
             return f"{member} is given up"
         case s.Violation(member, reason):
             return f"{member} breaks the protocol: {reason}"
-        case s.Order(event):
+        case s.Publish(event):
             return f"order: {event}"
         case s.End(reason=reason):
             return f"end: {reason}"

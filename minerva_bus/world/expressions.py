@@ -136,8 +136,7 @@ class Expression:
             sort = sort_of_kind(types[name].kind)
             if not sort:
                 raise VocabularyError(
-                    f"{owner}.{name} is a {types[name]}; numbers, truths and texts can be"
-                    " collected",
+                    f"{owner}.{name} is a {types[name]}; numbers, bools and texts can be collected",
                     **where,
                 )
             if self.function and types[name].kind == "text":

@@ -38,7 +38,7 @@ class Seller(Talker, symbol="ASeller"):
             self.award(moment, bids, best)
             self.winner, self.price, self.awarded = best.peer, float(best.content), moment.number
 
-    def heard(self, message, conversation, moment):
+    def received(self, message, conversation, moment):
         if conversation and conversation.over and message.sender == self.winner:
             self.ended = conversation.state
 
@@ -56,7 +56,7 @@ class Bidder(Talker, symbol="ABidder"):
             if 0 <= self.delay <= moment.number - self.since:
                 self.say(moment, call, "propose", f"{moment.random.random():.6f}")
 
-    def heard(self, message, conversation, moment):
+    def received(self, message, conversation, moment):
         match message.performative:
             case "cfp":
                 self.since = moment.number

@@ -36,7 +36,7 @@ class Person(Talker, symbol="APerson"):
         for one in self.expire(moment):
             self.notes += (f"{one.peer} {one.state}",)
 
-    def heard(self, message, conversation, moment):
+    def received(self, message, conversation, moment):
         state = conversation.state if conversation else "-"
         self.notes += (f"{message.performative} {state}",)
 

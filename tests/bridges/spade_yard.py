@@ -25,7 +25,7 @@ class Buyer(Talker, symbol="ABuyer"):
                 reply_by=moment.number + 400,
             )
 
-    def heard(self, message, conversation, moment):
+    def received(self, message, conversation, moment):
         self.heard_from += (f"{message.sender} {message.performative} {message.content}",)
         if conversation.state == "proposed":
             self.award(moment, [conversation], conversation)
@@ -43,7 +43,7 @@ class Clerk(Talker, symbol="AClerk"):
         if moment.number == 0:
             moment.emit(eMessage("inform", "open", receivers=["alice"]))
 
-    def heard(self, message, conversation, moment):
+    def received(self, message, conversation, moment):
         if conversation and conversation.state == "requested":
             self.served += 1
             agreed = self.say(moment, conversation, "agree")

@@ -164,7 +164,7 @@ def test_it_does_not_rest_without_observers(tmp_path):
 def test_it_takes_no_orders(tmp_path):
     projector = Projector("meadow", tmp_path)
     vocabulary = projector.algorithm.world.vocabulary
-    projector.runner.handle(s.Order(vocabulary.events["eStep"]()))
+    projector.runner.handle(s.Publish(vocabulary.events["eStep"]()))
     assert not projector.algorithm.inbox.events
 
 

@@ -57,7 +57,7 @@ def test_members_in_containers_join_rejoin_and_leave(compose, podman):
     inside = podman("inspect", "--format={{.State.Pid}}", "docker_gSpeed_1").strip()
     os.kill(int(inside), signal.SIGKILL)
     eventually(lambda: inside != podman("inspect", "--format={{.State.Pid}}", "docker_gSpeed_1"),
-               "it is started anew")  # fmt: skip
+               "it restarts")  # fmt: skip
     eventually(lambda: ready() and listed(podman)["gSpeed"] == "present", "it is there again", 60)
     podman("stop", "--time=20", "docker_robots_1")
     assert eventually(lambda: listed(podman).get("robots") == "left", "it has left")

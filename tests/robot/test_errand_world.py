@@ -48,7 +48,7 @@ class Run:
             self.digests.append(instruction.record.digest)
 
     def order(self, event):
-        self.runner.handle(s.Order(event))
+        self.runner.handle(s.Publish(event))
         return self
 
     def to_the_end(self, frames):

@@ -7,7 +7,7 @@ import threading
 import zenoh
 
 from minerva_bus.runtime import inbox as inboxes
-from minerva_bus.runtime.inbox import HubInbox, Inbox, Tick
+from minerva_bus.runtime.inbox import HubInbox, Inbox, TimerTick
 from minerva_bus.runtime.session import open_client, open_hub
 from tests.runtime.running import eventually
 
@@ -66,9 +66,9 @@ def test_the_hub_receives_senders_and_a_clock():
         session.put("from/a", b"hello", congestion_control=zenoh.CongestionControl.BLOCK)
         inbox.put("aside")
         found = []
-        while not {"Tick", "aside", ("a", b"hello")} <= set(found):
+        while not {"TimerTick", "aside", ("a", b"hello")} <= set(found):
             item = inbox.wait()
-            found.append("Tick" if isinstance(item, Tick) else item)
+            found.append("TimerTick" if isinstance(item, TimerTick) else item)
         inbox.close()
 
 

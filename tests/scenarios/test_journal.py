@@ -9,7 +9,7 @@ from test_any_schedule import SETTINGS
 
 from minerva_bus.errors import Followed
 from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.frame.stimuli import FrameDone, Order
+from minerva_bus.frame.stimuli import FrameDone, Publish
 from minerva_bus.log import journal as j
 from minerva_bus.log.checkpoints import Kept, encode_checkpoint
 from minerva_bus.log.errors import RecordError
@@ -194,7 +194,7 @@ def test_people_s_events_between_two_frames_are_not_lost(tmp_path):
     written.bus.frame()
     algorithm = written.bus.algorithm
     for _ in range(2):  # The second event equals that of the previous frame.
-        written.bus.handle(Order(written.world.vocabulary.events["eAdd"](n=3)))
+        written.bus.handle(Publish(written.world.vocabulary.events["eAdd"](n=3)))
         written.journal.waiting(algorithm.ordered)
         _, again, _ = written.read()
         assert kept(again) == kept(algorithm)

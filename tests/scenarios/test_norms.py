@@ -12,7 +12,7 @@ from minerva_bus import Generator
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.messages import Emitted
 from minerva_bus.frame.norms import PEOPLE
-from minerva_bus.frame.stimuli import Begin, FrameDone, Order
+from minerva_bus.frame.stimuli import Begin, FrameDone, Publish
 from minerva_bus.grammar.batch import single
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.scene import Scene
@@ -100,7 +100,7 @@ def test_events_that_a_generator_may_send(applies, boos):
 
 
 def test_events_that_people_may_send():
-    order = Order(eShout(1.0))
+    order = Publish(eShout(1.0))
     for norms, count in (((), 1), ((Norm("n", (SOURCE[:0] + "~order",), on=("eShout",)),), 0)):
         frames, _, _ = live("APasser#p", norms, before=[order])
         assert sum(happened(frames, "eShout")) == count
@@ -316,7 +316,7 @@ def ordered(members, orders, norms=(HUSH,), expected=None, emitted=()):
     bus.start()
     bus.run(1)
     for event in orders:
-        bus.handle(Order(event))
+        bus.handle(Publish(event))
     for name, event in emitted:
         bus.handle(Emitted(name, (event,)))
     bus.run(2)
@@ -366,7 +366,7 @@ def test_an_order_that_is_handed_over_is_obeyed_once_whenever_the_coordinator_di
     bus = MemoryBus(street("ARunner#r<speed=-9>", (HUSH,), members, frames=0), members)
     bus.start()
     bus.run(1)
-    bus.handle(Order(eShout(4.0)))
+    bus.handle(Publish(eShout(4.0)))
     for _ in range(steps):
         bus.step(bus.ready()[0])
     waits, whole = bus.algorithm.ordered, len(bus.records)

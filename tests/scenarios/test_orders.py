@@ -24,7 +24,7 @@ def test_an_order_goes_through_the_generator_that_takes_it():
     bus.start()
     bus.run(1)
     bus.trace.clear()
-    bus.handle(s.Order(eAdd(3)))
+    bus.handle(s.Publish(eAdd(3)))
     bus.run(2)
     expect(
         bus,
@@ -53,7 +53,7 @@ def test_an_order_without_a_taker_counts_in_the_next_frame():
     bus.start()
     bus.run(1)
     bus.trace.clear()
-    bus.handle(s.Order(eAdd(3, receivers=["b"])))
+    bus.handle(s.Publish(eAdd(3, receivers=["b"])))
     bus.run(2)
     expect(
         bus,
@@ -83,7 +83,7 @@ def test_orders_in_a_tick_wait_for_the_next():
     bus.run(1)
     bus.hold(("up", "slow"))
     bus.frame()
-    bus.handle(s.Order(eAdd(3)))
+    bus.handle(s.Publish(eAdd(3)))
     bus.settle()
     bus.release()
     bus.settle()
@@ -97,7 +97,7 @@ def test_many_orders_keep_their_order_and_each_counts():
     bus.start()
     bus.run(1)
     for n in (1, 2, 3):
-        bus.handle(s.Order(eAdd(n)))
+        bus.handle(s.Publish(eAdd(n)))
     bus.run(1)
     assert [str(event) for event in bus.records[-1].events] == [
         "eAdd<n=2>", "eAdd<n=4>", "eAdd<n=6>",
@@ -111,7 +111,7 @@ def test_an_order_whose_taker_is_away_is_not_lost():
     bus.run(1)
     bus.vanish("add")
     bus.settle()
-    bus.handle(s.Order(eAdd(3)))
+    bus.handle(s.Publish(eAdd(3)))
     bus.appear("add")
     bus.run(1)
     assert "n=6" in str(bus.algorithm.scene)
@@ -121,7 +121,7 @@ def test_an_order_whose_taker_has_gone_for_good_counts_as_it_is():
     bus = taking()
     bus.start()
     bus.run(1)
-    bus.handle(s.Order(eAdd(3)))
+    bus.handle(s.Publish(eAdd(3)))
     bus.vanish("add")
     bus.handle(s.Abandoned("add"))
     bus.run(1)
@@ -133,7 +133,7 @@ def test_a_taker_restarted_during_a_tick_receives_the_orders_again():
     bus.start()
     bus.run(1)
     bus.hold(("up", "add"))
-    bus.handle(s.Order(eAdd(3)))
+    bus.handle(s.Publish(eAdd(3)))
     bus.frame()
     bus.vanish("add")
     bus.release()
@@ -149,7 +149,7 @@ def test_an_order_without_receivers_changes_nothing():
     before = bus.algorithm.scene
     bus.vanish("add")
     bus.handle(s.Abandoned("add"))
-    bus.handle(s.Order(eStep(1)))
+    bus.handle(s.Publish(eStep(1)))
     bus.settle()
     bus.run(1)
     assert bus.algorithm.scene == before

@@ -51,7 +51,7 @@ def test_people_may_send_types_with_a_taker_even_if_another_generates_them():
 def test_the_world_file_may_allow_it():
     bus = started(counters(people=("eAdd",)))
     assert refusal(bus, "eAdd") == ""
-    bus.handle(s.Order(eAdd(3)))
+    bus.handle(s.Publish(eAdd(3)))
     bus.run(1)
     assert "n=5" in str(bus.algorithm.scene)
 

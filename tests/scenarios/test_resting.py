@@ -54,7 +54,7 @@ def test_it_rests_until_an_event_waits_and_while_agents_answer_one_another():
 
 def test_an_order_ends_the_rest():
     bus = resting()
-    bus.handle(s.Order(eAdd(3)))
+    bus.handle(s.Publish(eAdd(3)))
     assert not bus.algorithm.at_rest
     bus.run(2)
     assert bus.algorithm.at_rest
@@ -64,7 +64,7 @@ def test_an_order_ends_the_rest():
 def test_it_rests_when_every_device_has_seen_what_has_changed(every):
     screen = Screen(every)
     bus = resting(screen=service("screen", lambda: screen))
-    bus.handle(s.Order(eAdd(1)))
+    bus.handle(s.Publish(eAdd(1)))
     while not bus.algorithm.at_rest:
         bus.run(1)
         assert len(bus.records) < 20

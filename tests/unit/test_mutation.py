@@ -8,7 +8,7 @@ import pytest
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.fields import Default, Fields
 from minerva_bus.grammar.mutation import operators as op
-from minerva_bus.grammar.mutation.domains import OneOf, Range
+from minerva_bus.grammar.mutation.domains import Interval, OneOf
 from minerva_bus.grammar.mutation.mutator import Mutator
 from minerva_bus.grammar.mutation.naming import copy_id, new_id
 from minerva_bus.grammar.mutation.places import Extent, extent, ids_of, places
@@ -73,7 +73,7 @@ def test_an_agent_is_named_by_its_id():
 
 
 def test_bounds_have_units_and_choices_are_of_the_type():
-    assert targets("TAim.angle=-1rad:90deg").all[0].domain == Range(-57.29577951308232, 90.0)
+    assert targets("TAim.angle=-1rad:90deg").all[0].domain == Interval(-57.29577951308232, 90.0)
     assert targets("ABug.gait=walk, hop").all[0].domain == OneOf(("walk", "hop"))
     assert targets("ABug.legs=2,4,6").all[0].domain == OneOf((2, 4, 6))
     assert targets('AStone.name="a,b","c"').all[0].domain == OneOf(("a,b", "c"))

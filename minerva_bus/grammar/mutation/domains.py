@@ -13,7 +13,7 @@ from minerva_bus.grammar.types import Type
 
 
 @dataclass(frozen=True, slots=True)
-class Range:
+class Interval:
     """All numbers from `low` to `high`, inclusive, in the parameter's unit."""
 
     low: float
@@ -36,10 +36,10 @@ class OneOf:
     values: tuple[Value, ...]
 
 
-Domain: TypeAlias = Range | OneOf | None
+Domain: TypeAlias = Interval | OneOf | None
 
 
-def parse_domain(text: str, kind: Type, owner: str) -> Range | OneOf:
+def parse_domain(text: str, kind: Type, owner: str) -> Interval | OneOf:
     """The domain in a text such as `-2:2`, `-90deg:1rad` or `slow,fast`, for a type.
 
     Raises MisuseError, which begins with `owner`.
@@ -53,13 +53,13 @@ def parse_domain(text: str, kind: Type, owner: str) -> Range | OneOf:
         raise MisuseError(f"{owner}={text}: expected {unfit}") from None
 
 
-def _range(low: Any, high: Any) -> Range:
+def _range(low: Any, high: Any) -> Interval:
     if not low <= high:
         raise Unfit("a lower end that is at most the upper end")
     # Steps are proportional to the width, which must be finite.
     if high - low == float("inf"):
         raise Unfit("a range of finite width")
-    return Range(low, high)
+    return Interval(low, high)
 
 
 def _values(text: str, kind: Type) -> tuple[Value, ...]:

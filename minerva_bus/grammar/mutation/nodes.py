@@ -8,7 +8,7 @@ import numpy as np
 
 from minerva_bus.grammar.fields import Field
 from minerva_bus.grammar.mutation.naming import new_id
-from minerva_bus.grammar.mutation.places import Place, ids_of, put, scope_of
+from minerva_bus.grammar.mutation.places import NodePath, ids_of, put, scope_of
 from minerva_bus.grammar.mutation.targets import Targets
 from minerva_bus.grammar.mutation.values import drawn, one_of
 from minerva_bus.grammar.scene import (
@@ -63,10 +63,10 @@ def with_value(node: Node, n: int, value: Value) -> Node:
 
 def with_value_at(scene: Scene, path: tuple[int, ...], n: int, value: Value) -> Scene:
     """The string with another value of the nth parameter of the node at a path."""
-    place: Place | None = None
+    place: NodePath | None = None
     for depth, index in enumerate(path, 1):
         scope = scene if place is None else scope_of(place.node)
-        place = Place(scope.nodes[index], index, place, depth)
+        place = NodePath(scope.nodes[index], index, place, depth)
     if place is None or value is place.node.values[n]:
         return scene
     return put(scene, place, [with_value(place.node, n, value)])

@@ -13,7 +13,7 @@ import numpy as np
 
 from minerva_bus.grammar.mutation.naming import with_own_ids
 from minerva_bus.grammar.mutation.nodes import new_node, with_value, with_value_at
-from minerva_bus.grammar.mutation.places import Extent, Place, ids_of, places, put, scope_of
+from minerva_bus.grammar.mutation.places import Extent, NodePath, ids_of, places, put, scope_of
 from minerva_bus.grammar.mutation.targets import Targets
 from minerva_bus.grammar.mutation.values import Inner, drawn, one_of, perturbed
 from minerva_bus.grammar.printer import head, value_text
@@ -40,15 +40,15 @@ class Material:
     chance: Stream
     inner: Inner
 
-    def all(self) -> list[Place]:
+    def all(self) -> list[NodePath]:
         """All nodes down to the maximum depth."""
         return places(self.scene, self.limit.depth)
 
-    def movable(self) -> list[Place]:
+    def movable(self) -> list[NodePath]:
         """The nodes that may be added, removed and moved."""
         return [field for field in self.all() if self.targets.whole(field)]
 
-    def one_of(self, places: Sequence[Place]) -> Place | None:
+    def one_of(self, places: Sequence[NodePath]) -> NodePath | None:
         """A random one of the places; None if there are none."""
         return one_of(places, self.chance) if places else None
 

@@ -17,12 +17,12 @@ from minerva_bus.grammar.scene import (
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Place:
+class NodePath:
     """A node of a string with its index in the scope of its parent, and its depth."""
 
     node: Node
     index: int
-    parent: Place | None = None
+    parent: NodePath | None = None
     depth: int = 1
 
     @property
@@ -30,17 +30,17 @@ class Place:
         """The indices from the outermost node to this one."""
         return tuple([above.index for above in self.upwards()])[::-1]
 
-    def upwards(self) -> Iterator[Place]:
+    def upwards(self) -> Iterator[NodePath]:
         """The place itself and the places around it, from inside to outside."""
-        place: Place | None = self
+        place: NodePath | None = self
         while place is not None:
             yield place
             place = place.parent
 
 
-def places(scene: Scene, deepest: int) -> list[Place]:
+def places(scene: Scene, deepest: int) -> list[NodePath]:
     """All nodes of a string down to a depth, from left to right, outer nodes first."""
-    result: list[Place] = []
+    result: list[NodePath] = []
     stack = _within(scene, None, deepest)
     while stack:
         place = stack.pop()
@@ -50,16 +50,16 @@ def places(scene: Scene, deepest: int) -> list[Place]:
     return result
 
 
-def _within(scene: Scene, parent: Place | None, deepest: int) -> list[Place]:
+def _within(scene: Scene, parent: NodePath | None, deepest: int) -> list[NodePath]:
     depth = 1 if parent is None else parent.depth + 1
     if depth > deepest:
         return []
     nodes = enumerate(scene.nodes)
     # Reversed, because the stack returns the last one first.
-    return [Place(node, index, parent, depth) for index, node in nodes][::-1]
+    return [NodePath(node, index, parent, depth) for index, node in nodes][::-1]
 
 
-def put(scene: Scene, place: Place, nodes: Sequence[Node]) -> Scene:
+def put(scene: Scene, place: NodePath, nodes: Sequence[Node]) -> Scene:
     """The string with these nodes instead of the one at a place; other nodes are shared."""
     # From the place outwards: only the nodes around it are made again.
     for above in place.upwards():

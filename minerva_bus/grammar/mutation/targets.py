@@ -18,7 +18,7 @@ from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.grammar.fields import Field
 from minerva_bus.grammar.fitting import Unfit
 from minerva_bus.grammar.mutation.domains import Domain, parse_domain
-from minerva_bus.grammar.mutation.places import Place
+from minerva_bus.grammar.mutation.places import NodePath
 from minerva_bus.grammar.scene import AGENT_ID, AgentNode, Node
 from minerva_bus.grammar.vocabulary import Vocabulary
 
@@ -33,7 +33,7 @@ class Target:
     parameter: str = ""
     domain: Domain = None
 
-    def meets(self, place: Place) -> bool:
+    def meets(self, place: NodePath) -> bool:
         """Whether a node is at the place that this target describes."""
         around = place.upwards()
         for step in reversed(self.steps):
@@ -57,25 +57,25 @@ class Targets:
     vocabulary: Vocabulary
     all: tuple[Target, ...] = ()
 
-    def whole(self, place: Place) -> bool:
+    def whole(self, place: NodePath) -> bool:
         """Whether a complete node may be removed, added or moved."""
         return not self.all or any(not field.parameter and field.meets(place) for field in self.all)
 
-    def fields(self, place: Place) -> Iterator[tuple[int, Field, Domain]]:
+    def fields(self, place: NodePath) -> Iterator[tuple[int, Field, Domain]]:
         """The parameters of a node that may change: index, field and domain."""
         for n, field in enumerate(self.vocabulary.fields(place.node.symbol).all):
             target = self._domain(place, field.name)
             if target is not None:
                 yield n, field, target.domain
 
-    def _domain(self, place: Place, name: str) -> Target | None:
+    def _domain(self, place: NodePath, name: str) -> Target | None:
         """The most specific target that allows a parameter to change."""
         if not self.all:
             return _EVERYTHING
         met = [field for field in self.all if field.parameter in ("", name) and field.meets(place)]
         return max(met, key=_exactness, default=None)
 
-    def idle(self, places: Sequence[Place]) -> list[int]:
+    def idle(self, places: Sequence[NodePath]) -> list[int]:
         """Indexes of targets that match neither these nodes nor nodes that may be added."""
         may_come = set(self.symbols)
         return [
@@ -84,7 +84,7 @@ class Targets:
             if _symbol(field) not in may_come and not any(self._is_of(field, it) for it in places)
         ]
 
-    def _is_of(self, target: Target, place: Place) -> bool:
+    def _is_of(self, target: Target, place: NodePath) -> bool:
         names = ("", *self.vocabulary.fields(place.node.symbol).names)
         return target.parameter in names and target.meets(place)
 

@@ -9,7 +9,7 @@ from typing import Any, Final, TypeVar, cast
 import numpy as np
 
 from minerva_bus.grammar.digest import same_values
-from minerva_bus.grammar.mutation.domains import Domain, OneOf, Range
+from minerva_bus.grammar.mutation.domains import Domain, Interval, OneOf
 from minerva_bus.grammar.scene import EMPTY, Scene, Value
 from minerva_bus.grammar.types import Type
 from minerva_bus.portable import normal
@@ -39,12 +39,12 @@ def drawn(kind: Type, domain: Domain, chance: Stream) -> Value:
     """A value of a type, from its domain if it has one, otherwise a small value."""
     if isinstance(domain, OneOf):
         return one_of(domain.values, chance)
-    if isinstance(domain, Range):
+    if isinstance(domain, Interval):
         return _in_range(kind, domain, chance)
     return _DRAWN[kind.kind](kind, chance)
 
 
-def _in_range(kind: Type, domain: Range, chance: Stream) -> Value:
+def _in_range(kind: Type, domain: Interval, chance: Stream) -> Value:
     if kind.kind == "int":
         low, high = int(domain.low), int(domain.high)
         return int(chance.integers(low, high, endpoint=True))
@@ -69,7 +69,7 @@ def perturbed(kind: Type, domain: Domain, value: Any, chance: Stream, inner: Inn
     if choice:
         others = [item for item in choice if not same_values((item,), (value,))]
         return one_of(others, chance) if others else value
-    if isinstance(domain, Range) and chance.random() < AFRESH:
+    if isinstance(domain, Interval) and chance.random() < AFRESH:
         return drawn(kind, domain, chance)
     if kind.kind == "bool":
         return not value
@@ -85,7 +85,7 @@ def perturbed(kind: Type, domain: Domain, value: Any, chance: Stream, inner: Inn
 
 
 def _real(kind: Type, domain: Domain, value: float, chance: Stream) -> float:
-    if isinstance(domain, Range):
+    if isinstance(domain, Interval):
         return float(domain.nearest(value + STEP * domain.width * normal(chance)))
     moved = value + max(STEP * abs(value), STEP * _scale(kind)) * normal(chance)
     # A step from a huge number may overflow.
@@ -97,11 +97,11 @@ def _scale(kind: Type) -> float:
 
 
 def _whole(domain: Domain, value: int, chance: Stream) -> int:
-    width = domain.width if isinstance(domain, Range) else abs(value)
+    width = domain.width if isinstance(domain, Interval) else abs(value)
     # Bounded, so that the step fits into 64 bits.
     step = int(chance.geometric(1.0 / (1.0 + min(STEP * width, 1e15))))
     moved = value + (step if chance.random() < 0.5 else -step)
-    if isinstance(domain, Range):
+    if isinstance(domain, Interval):
         moved = int(domain.nearest(moved))
     # An int of the language has 64 bits.
     return min(max(moved, _LEAST), _GREATEST)

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from itertools import chain
 
 from minerva_bus.grammar.events import Event
-from minerva_bus.testing.simulation.observing import Frame, Observed
+from minerva_bus.testing.simulation.observing import Observed, ObservedFrame
 from minerva_bus.testing.simulation.operations import wrong_operations
 from minerva_bus.testing.simulation.playing import Played
 from minerva_bus.testing.simulation.reference import cries_in, orders_in, undisturbed
@@ -114,7 +114,7 @@ def _differing(events: tuple[str, ...], wanted: tuple[str, ...]) -> str:
     return " ".join(lines) or "in another order"
 
 
-def _single(frame: Frame) -> Iterator[Event]:
+def _single(frame: ObservedFrame) -> Iterator[Event]:
     return (event for event in frame.events if isinstance(event, Event))
 
 

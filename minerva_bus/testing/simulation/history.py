@@ -39,7 +39,7 @@ class Fault:
 
 
 @dataclass(frozen=True, slots=True)
-class Act:
+class Operation:
     """An act of a person, in seconds after the answer to the previous one."""
 
     wait: float
@@ -62,7 +62,7 @@ class History:
     rate: float
     slow: float
     faults: tuple[Fault, ...] = ()
-    acts: tuple[Act, ...] = ()
+    acts: tuple[Operation, ...] = ()
     acts_from: int = 0
 
     def __str__(self) -> str:
@@ -137,12 +137,12 @@ def _target(chance: Random, kind: str) -> str:
     return chance.choice((*MEMBERS, *GUESTS, *(COORDINATOR,) * 4))
 
 
-def _acts(chance: Random, span: float) -> tuple[Act, ...]:
-    acts: list[Act] = []
+def _acts(chance: Random, span: float) -> tuple[Operation, ...]:
+    acts: list[Operation] = []
     for number in range(1, chance.randint(1, 6) + 1):
         wait = chance.choice((0.0, span, 10 * span)) * chance.random()
         ask = chance.choice(_ASKS)
-        acts.append(Act(wait, ask, chance.randint(1, 3) if ask == "step" else number))
+        acts.append(Operation(wait, ask, chance.randint(1, 3) if ask == "step" else number))
     return tuple(acts)
 
 

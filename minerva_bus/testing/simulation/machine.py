@@ -183,9 +183,9 @@ class SimulatedMachine(Machine):
         process, child = self._process(start.process.name, ())
 
         def life() -> Generator[None, None, int]:
-            participant, said = start.process.participant(), process.said
+            participant, log = start.process.participant(), process.log
             member = MemberProcess(
-                participant, start.world, start.endpoint, said, system=process.system
+                participant, start.world, start.endpoint, log, system=process.system
             )
             return member.life()
 

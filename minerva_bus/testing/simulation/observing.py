@@ -15,13 +15,13 @@ from minerva_bus.runtime.coordinator import Coordinator
 from minerva_bus.runtime.runner import Sink
 from minerva_bus.runtime.system import System
 from minerva_bus.runtime.watchers import Watchers
-from minerva_bus.testing.simulation.history import Act
+from minerva_bus.testing.simulation.history import Operation
 from minerva_bus.testing.simulation.process import SimulatedSystem
 from minerva_bus.testing.simulation.timeline import Timeline
 
 
 @dataclass(frozen=True, slots=True)
-class Frame:
+class ObservedFrame:
     """A frame ended by the coordinator with this `epoch`."""
 
     number: int
@@ -36,7 +36,7 @@ class Frame:
 class Asked:
     """A query of a person with its times and answer; None: no answer, or not sent."""
 
-    act: Act
+    act: Operation
     at: float
     sent: bool
     done: float
@@ -52,7 +52,7 @@ class Asked:
 class Observed:
     """Observations of a history; `shown` has the screen's drawings by frame."""
 
-    frames: list[Frame] = field(default_factory=list[Frame])
+    frames: list[ObservedFrame] = field(default_factory=list[ObservedFrame])
     begun: list[tuple[float, int]] = field(default_factory=list[tuple[float, int]])
     asked: list[Asked] = field(default_factory=list[Asked])
     shown: dict[int, str] = field(default_factory=dict[int, str])
@@ -105,7 +105,7 @@ class _FrameSink(Sink):
         assert inputs is not None
         self._timeline.note("coordinator", f"ends frame {notice.frame}, {digest[:8]}")
         now, epoch = self._timeline.now, self.coordinator.transport.epoch
-        frame = Frame(notice.frame, epoch, now, digest, notice.events, inputs)
+        frame = ObservedFrame(notice.frame, epoch, now, digest, notice.events, inputs)
         self._observed.frames.append(frame)
         self._ended(self.coordinator)
 

@@ -7,7 +7,7 @@ from typing import Any, Final
 
 from minerva_bus.runtime.asking import question_key
 from minerva_bus.runtime.client import ANSWER_WITHIN
-from minerva_bus.testing.simulation.history import Act
+from minerva_bus.testing.simulation.history import Operation
 from minerva_bus.testing.simulation.network import Network
 from minerva_bus.testing.simulation.observing import Asked
 from minerva_bus.testing.simulation.process import SimulatedProcess
@@ -16,7 +16,7 @@ from minerva_bus.testing.simulation.timeline import Timeline
 from minerva_bus.testing.simulation.worlds import NAME
 from minerva_bus.wire.plain import as_map, pack, unpack
 
-UNPAUSED: Final = Act(0.5, "resume")
+UNPAUSED: Final = Operation(0.5, "resume")
 TRIES: Final = 60
 SETTLED: Final = 20.0
 """Simulated seconds within which requested frames must have ended in spite of all faults."""
@@ -31,7 +31,7 @@ class Person:
         self,
         timeline: Timeline,
         network: Network,
-        acts: tuple[Act, ...],
+        acts: tuple[Operation, ...],
         heard: Callable[[Asked], None],
     ) -> None:
         self._timeline = timeline
@@ -39,7 +39,7 @@ class Person:
         self._heard = heard
         halted = any(act.ask in _HALTING for act in acts)
         # Frames of a last step get time to run before the world is resumed.
-        first = Act(SETTLED, "resume") if acts and acts[-1].ask == "step" else UNPAUSED
+        first = Operation(SETTLED, "resume") if acts and acts[-1].ask == "step" else UNPAUSED
         # A person who has paused the world also resumes it; otherwise it would never end.
         self._acts = [*acts, *([first, *[UNPAUSED] * TRIES] if halted else ())]
         self._unpausing = len(acts)
@@ -66,7 +66,7 @@ class Person:
         if self._session is not None:
             self._session.close()
 
-    def _do(self, act: Act) -> None:
+    def _do(self, act: Operation) -> None:
         if not self._acts:
             return
         self._next += 1
@@ -103,7 +103,7 @@ class Person:
         self._go_on()
 
 
-def question_of(act: Act) -> Mapping[str, Any]:
+def question_of(act: Operation) -> Mapping[str, Any]:
     """The query of an act."""
     word, _, what = act.ask.partition(" ")
     if word == "pub":

@@ -26,7 +26,7 @@ THREAD: Final = 10e-6, 200e-6
 class SimulatedProcess:
     """Runs a `life` in turns until it ends or is killed; `exited` receives the exit code.
 
-    A frozen process runs no turn, and its timers wait. `said` receives its output.
+    A frozen process runs no turn, and its timers wait. `log` receives its output.
     """
 
     def __init__(
@@ -35,7 +35,7 @@ class SimulatedProcess:
         timeline: Timeline,
         network: Network,
         exited: Callable[[int], None],
-        said: Callable[[str], None],
+        log: Callable[[str], None],
     ) -> None:
         self.name = name
         self.alive = True
@@ -44,7 +44,7 @@ class SimulatedProcess:
         self.system = SimulatedSystem(self)
         self.network = network
         self._exited = exited
-        self.said = said
+        self.log = log
         self.life: Generator[None, None, int] | None = None
         self._next: Alarm | None = None
         self._blocked = False
@@ -112,10 +112,10 @@ class SimulatedProcess:
         try:
             call()
         except MinervaError as error:
-            self.said(str(error))
+            self.log(str(error))
             self._end(1)
         except Exception as error:
-            self.said(f"{type(error).__name__}: {error}")
+            self.log(f"{type(error).__name__}: {error}")
             self._end(FAILED)
 
     def _end(self, code: int) -> None:

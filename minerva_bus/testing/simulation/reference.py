@@ -47,7 +47,7 @@ def undisturbed(frames: int, orders: Orders) -> Undisturbed:
     while runner.ended is None:
         # The number of finished frames is the number of the next one.
         for event_type, number in due.get(len(digests), ()):
-            runner.handle(s.Order(ORDERS[event_type](number)))
+            runner.handle(s.Publish(ORDERS[event_type](number)))
         runner.handle(s.Begin())
     return Undisturbed(tuple(digests), tuple(events), shown)
 

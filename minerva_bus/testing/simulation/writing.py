@@ -6,7 +6,7 @@ import json
 from dataclasses import asdict, replace
 from typing import Any, cast
 
-from minerva_bus.testing.simulation.history import Act, Fault, History
+from minerva_bus.testing.simulation.history import Fault, History, Operation
 
 
 def written(history: History, reason: str) -> str:
@@ -19,5 +19,5 @@ def read_back(line: str) -> tuple[History, str]:
     plain = cast("dict[str, Any]", json.loads(line))
     reason = str(plain.pop("reason"))
     faults = tuple([Fault(**fault) for fault in plain.pop("faults")])
-    acts = tuple([Act(**act) for act in plain.pop("acts")])
+    acts = tuple([Operation(**act) for act in plain.pop("acts")])
     return replace(History(**plain), faults=faults, acts=acts), reason

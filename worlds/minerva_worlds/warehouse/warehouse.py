@@ -108,7 +108,7 @@ class Manager(Talker, symbol="AManager"):
             job = self.waiting[0]
             self.open(moment, CONTRACT_NET, self.carriers, job, language="minerva", reply_by=by)
 
-    def heard(self, message: Event, conversation: Conversation | None, moment: Context) -> None:
+    def received(self, message: Event, conversation: Conversation | None, moment: Context) -> None:
         match conversation.state if conversation else "":
             case "proposed" if not message.content.replace(".", "", 1).isdecimal():
                 self.say(moment, conversation, "not-understood", "expected a number")
@@ -133,7 +133,7 @@ class Carrier(Talker, symbol="ACarrier"):
     battery: Metres = FULL
     loaded: bool = False
 
-    def heard(self, message: Event, conversation: Conversation | None, moment: Context) -> None:
+    def received(self, message: Event, conversation: Conversation | None, moment: Context) -> None:
         match conversation.state if conversation else "":
             case "called":
                 self.bid(conversation, moment)

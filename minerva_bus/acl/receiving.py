@@ -19,68 +19,70 @@ TOO_LATE = "too late"
 
 
 @dataclass(frozen=True, slots=True)
-class Heard:
+class Received:
     """The effect of a message: all conversations after it, and that of the message, if any.
 
-    `answer` must be sent immediately. `told`: whether the agent's own method is called.
+    `answer` must be sent immediately. `delivered`: whether the agent's own method is called.
     """
 
     conversations: Conversations
     conversation: Conversation | None = None
     answer: Event | None = None
-    told: bool = True
+    delivered: bool = True
 
 
-def hear(conversations: Conversations, me: str, message: Event, frame: int) -> Heard:
+def receive(conversations: Conversations, me: str, message: Event, frame: int) -> Received:
     """The effect of a message on the conversations of the agent `me` in a frame."""
     # A message without receivers reaches its sender as well.
     if message.sender == me:
-        return Heard(conversations, told=False)
+        return Received(conversations, delivered=False)
     if not message.sender:
-        return Heard(conversations)  # From outside of the string, so there is no agent to answer.
+        return Received(
+            conversations
+        )  # From outside of the string, so there is no agent to answer.
     known = conversations.find(message.conversation_id, message.sender)
     if known is None:
         return _first(conversations, me, message)
     # Checked here as well as by `expire`, which an agent may not call in each frame.
     if known.expired(frame):
         return _late(conversations.drop(known), known, message)
-    after = known.heard(message)
+    after = known.received(message)
     if after is not None:
-        return Heard(conversations.keep(after), after)
+        return Received(conversations.keep(after), after)
     # Both sides end the conversation: after an act that is not allowed their states differ.
     broken = replace(known, state=NOT_UNDERSTOOD, content=message.content)
     why = f"{message.performative} where {known.protocol} is {known.state}"
-    return Heard(conversations.keep(broken), broken, _not_understood(message, why))
+    return Received(conversations.keep(broken), broken, _not_understood(message, why))
 
 
-def _first(conversations: Conversations, me: str, message: Event) -> Heard:
+def _first(conversations: Conversations, me: str, message: Event) -> Received:
     """The effect of a message without a conversation, which may begin one."""
     name: str = message.protocol
     # Without a protocol there is nothing to check. `not-understood` is never answered, or two
     # agents could answer each other forever.
     if not name or message.performative == Act.NOT_UNDERSTOOD:
-        return Heard(conversations)
+        return Received(conversations)
     if name not in PROTOCOLS:
         return _refused(conversations, message, f"there is no protocol {name} here")
     fresh = Conversation(message.conversation_id, name, Role.PARTICIPANT, message.sender)
-    begun = fresh.heard(message)
+    begun = fresh.received(message)
     if begun is not None:
-        return Heard(conversations.keep(begun), begun)
+        return Received(conversations.keep(begun), begun)
     # The conversation no longer exists, but its id still names the agent that opened it.
     if _late_bid(message) and opener(message.conversation_id) == me:
-        return Heard(conversations, answer=_too_late(message), told=False)
+        return Received(conversations, answer=_too_late(message), delivered=False)
     why = f"{message.performative} where no {name} {message.conversation_id} is under way"
     return _refused(conversations, message, why)
 
 
-def _late(conversations: Conversations, expired: Conversation, message: Event) -> Heard:
+def _late(conversations: Conversations, expired: Conversation, message: Event) -> Received:
     """The effect of a message to a conversation whose deadline has passed."""
     over = replace(expired, state=EXPIRED)
     if message.performative == Act.NOT_UNDERSTOOD:
-        return Heard(conversations, over)
+        return Received(conversations, over)
     if _late_bid(message) and expired.role == Role.INITIATOR:
-        return Heard(conversations, over, _too_late(message))
-    return Heard(conversations, over, _not_understood(message, TOO_LATE))
+        return Received(conversations, over, _too_late(message))
+    return Received(conversations, over, _not_understood(message, TOO_LATE))
 
 
 def _late_bid(message: Event) -> bool:
@@ -88,8 +90,8 @@ def _late_bid(message: Event) -> bool:
     return message.protocol == CONTRACT_NET.name and message.performative == Act.PROPOSE
 
 
-def _refused(conversations: Conversations, message: Event, why: str) -> Heard:
-    return Heard(conversations, answer=_not_understood(message, why), told=False)
+def _refused(conversations: Conversations, message: Event, why: str) -> Received:
+    return Received(conversations, answer=_not_understood(message, why), delivered=False)
 
 
 def _not_understood(message: Event, why: str) -> Event | None:
