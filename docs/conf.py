@@ -19,6 +19,7 @@ extensions = [
     "command_line",
     "highlighting",
     "mathml",
+    "public_api",
     "repository",
 ]
 html_theme = "furo"
@@ -30,6 +31,11 @@ myst_enable_extensions = ["colon_fence", "deflist", "dollarmath"]
 myst_heading_anchors = 4
 myst_update_mathjax = False
 nb_execution_mode = "off"
+default_role = "py:obj"  # Docstrings mark names and code with single backquotes.
+autodoc_member_order = "bysource"
+autodoc_typehints = "description"
+autodoc_typehints_description_target = "documented_params"
+python_use_unqualified_type_names = True
 smartquotes = False  # Options begin with two hyphens.
 
 # Sections fill up: an index page may name more patterns than there are pages.

@@ -25,7 +25,16 @@ NAME: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 
 @dataclass(frozen=True, slots=True)
 class Default:
-    """A parameter's annotation and its default value."""
+    """A parameter's annotation and its default value, for symbols and event types.
+
+    Attributes:
+        annotation: a type, such as `float` or `Metres`.
+        value: the value if none is given, in the unit of the type.
+
+    Example:
+        `eSun = EventType("eSun", heat=Default(float, 0.4))`
+
+    """
 
     annotation: Any
     value: Any

@@ -14,7 +14,19 @@ Measure: TypeAlias = float | str
 
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """A motion of the plane: translation by (x, y), rotation, translation along the new x axis."""
+    """A motion of the plane: translation by (x, y), rotation, translation along the new x axis.
+
+    Each attribute is a number, or the name of the transformation's parameter that has it.
+
+    Attributes:
+        x, y: translation, metres.
+        turn: rotation, degrees, counter-clockwise.
+        forward: translation along the x axis after the rotation, metres.
+
+    Example:
+        `TAt = Transformation("TAt", Motion(x="x", y="y"), x=Metres, y=Metres)`
+
+    """
 
     x: Measure = 0.0
     y: Measure = 0.0
@@ -24,7 +36,18 @@ class Motion:
 
 @dataclass(frozen=True, slots=True)
 class Disc:
-    """A disc around the origin; with `heading`, a mark shows the direction of its x axis."""
+    """A disc around the origin.
+
+    Attributes:
+        radius: metres, or the name of the parameter that has it.
+        color: `#rrggbb`.
+        heading: whether a mark shows the direction of its x axis.
+        height: metres, in three dimensions.
+
+    Example:
+        `PSnail = Primitive("PSnail", Disc(0.2, "#8a5a44"))`
+
+    """
 
     radius: Measure = 0.1
     color: str = "#444444"
@@ -34,7 +57,18 @@ class Disc:
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """A line through points whose coordinates are two `list of real` parameters."""
+    """A line through points.
+
+    Attributes:
+        xs, ys: names of two parameters of type `tuple[Metres, ...]` with the coordinates.
+        color: `#rrggbb`.
+        width: metres.
+        dashed: whether the line is dashed.
+
+    Example:
+        `PPath = Primitive("PPath", Line("xs", "ys"), xs=tuple[Metres, ...], ys=tuple[Metres, ...])`
+
+    """
 
     xs: str
     ys: str
@@ -45,7 +79,16 @@ class Line:
 
 @dataclass(frozen=True, slots=True)
 class Label:
-    """The text of a parameter, on a small pin at the origin."""
+    """The text of a parameter, on a small pin at the origin.
+
+    Attributes:
+        text: name of the parameter that has the text.
+        color: `#rrggbb`.
+
+    Example:
+        `PMarker = Primitive("PMarker", Label("name"), name=str)`
+
+    """
 
     text: str
     color: str = "#444444"

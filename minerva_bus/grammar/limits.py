@@ -26,7 +26,15 @@ _PARAMETER: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 
 @dataclass(frozen=True, slots=True)
 class Range:
-    """Numbers from `least` to `most`, both included, in the unit of the type."""
+    """Numbers from `least` to `most`, both included, in the unit of the type.
+
+    Raises:
+        MisuseError: there is no such number, or no limit at all.
+
+    Example:
+        `eSpeed = EventType("eSpeed", speed=Annotated[MetresPerSecond, Range(least=0)])`
+
+    """
 
     least: float = -math.inf
     most: float = math.inf
@@ -72,7 +80,19 @@ def _shown(end: float) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Of:
-    """The values that a parameter of a symbol has in the world's string."""
+    """The values that a parameter of a symbol has in the world's string: a limit of texts.
+
+    Attributes:
+        symbol: name of a primitive, transformation or agent kind.
+        parameter: name of its parameter or attribute.
+
+    Raises:
+        MisuseError: these are no names.
+
+    Example:
+        `eObjective = EventType("eObjective", marker=Annotated[str, Of("PMarker", "name")])`
+
+    """
 
     symbol: str
     parameter: str

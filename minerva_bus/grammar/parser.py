@@ -65,9 +65,19 @@ class Parsed:
 
 
 def parse(text: str, source: str = "") -> Scene:
-    """The string that a text represents.
+    """The string that a text represents, by Table 1 only, without a vocabulary.
 
-    Raises GrammarError with line, column, caret and what was expected.
+    Args:
+        text: a string of L(M).
+        source: name of the file, for errors.
+
+    Raises:
+        GrammarError: with line, column, caret and what was expected.
+
+    Example:
+        >>> print(parse("TAt<x=1>(PSnail PSnail)"))
+        TAt<x=1>(PSnail · PSnail)
+
     """
     return parse_located(text, source).scene
 

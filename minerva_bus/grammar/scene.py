@@ -47,6 +47,13 @@ class Scene(Digested):
     """A string w ∈ L(M): a concatenation of nodes. `EMPTY` is ε. Immutable.
 
     `pieces` is the representation: nodes, and `Columns` for many nodes. `nodes` is the content.
+    `a + b` is the concatenation, `len` the number of nodes, `str` the text, and equal strings have
+    equal digests.
+
+    Example:
+        >>> print(parse("PWall") + parse("PFloor"))
+        PWall · PFloor
+
     """
 
     __slots__ = ("_nodes", "pieces")

@@ -43,6 +43,21 @@ class Primitive:
     """A primitive p ∈ P; calling it returns the string of one figure.
 
     If parameters are arrays of shape (n,), it returns n figures, one for each row.
+
+    Args:
+        name: begins with P.
+        shape: how pictures and windows draw it, such as `Disc`; None: only geometric systems with a
+            method of this name do.
+        parameters: names with types, such as `size=Metres`, or with `Default(type, value)`.
+
+    Raises:
+        MisuseError: an invalid name or type, or a shape that names no parameter.
+
+    Example:
+        >>> PSpot = Primitive("PSpot", Disc("size"), size=Metres)
+        >>> print(PSpot(size=0.2))
+        PSpot<size=0.2>
+
     """
 
     def __init__(self, name: str, /, shape: Shape | None = None, **parameters: Any) -> None:
@@ -64,6 +79,20 @@ class Transformation:
 
     If parameters are arrays of shape (n,), it returns n transformations, each around its row of
     the scope if the scope has n rows, otherwise around the whole scope.
+
+    Args:
+        name: begins with T.
+        motion: how pictures and windows move what is in its scope; None: not at all.
+        parameters: names with types, such as `x=Metres`, or with `Default(type, value)`.
+
+    Raises:
+        MisuseError: an invalid name or type, or a motion that names no parameter.
+
+    Example:
+        >>> TAt = Transformation("TAt", Motion(x="x", y="y"), x=Metres, y=Metres)
+        >>> print(TAt(1, 2)(PSnail()))
+        TAt<x=1, y=2>(PSnail)
+
     """
 
     def __init__(self, name: str, /, motion: Motion | None = None, **parameters: Any) -> None:
@@ -168,7 +197,22 @@ class AgentKind:
 
 
 class EventType:
-    """An event type d ∈ D with typed data; calling it returns an event. `visual`: d ∈ V."""
+    """An event type d ∈ D with typed data; calling it returns an event.
+
+    Args:
+        name: begins with e.
+        visual: d ∈ V: agents respond with views instead of an evolution.
+        data: names with types, such as `heat=float`, or with `Default(type, value)`.
+
+    Raises:
+        MisuseError: an invalid name or type.
+
+    Example:
+        >>> eSun = EventType("eSun", heat=Default(float, 0.4))
+        >>> eSun(heat=0.6, receivers=["anna"]).heat
+        0.6
+
+    """
 
     def __init__(self, name: str, /, visual: bool = False, **data: Any) -> None:
         self.name = _checked(name, "an event type", "e")

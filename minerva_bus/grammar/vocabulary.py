@@ -50,7 +50,17 @@ def _check_unlimited(owner: str, fields: Fields) -> None:
 
 @dataclass(frozen=True, slots=True)
 class Vocabulary:
-    """The alphabets P, T, A and the event types D of a world."""
+    """The alphabets P, T, A and the event types D of a world.
+
+    Attributes:
+        primitives, transformations, kinds, events: the symbols, by name.
+
+    Example:
+        >>> vocabulary = Vocabulary.of(PSnail, TAt, Fox, eHunger, ePicture)
+        >>> print(vocabulary.read("TAt<x=1, y=150cm>(PSnail)"))
+        TAt<x=1, y=1.5>(PSnail)
+
+    """
 
     primitives: Mapping[str, Primitive] = field(default_factory=dict[str, Primitive])
     transformations: Mapping[str, Transformation] = field(default_factory=dict[str, Transformation])
@@ -124,7 +134,14 @@ class Vocabulary:
     def read(self, text: str, source: str = "") -> Scene:
         """The string that a text represents, checked and completed with defaults.
 
-        Raises GrammarError and VocabularyError with line, column and caret.
+        Args:
+            text: a string of L(M).
+            source: name of the file, for errors.
+
+        Raises:
+            GrammarError: it is not in L(M); with line, column and caret.
+            VocabularyError: an unknown symbol, or a value of a wrong type.
+
         """
         parsed = parse_located(text, source)
         return self.check(parsed.scene, source, parsed)

@@ -96,8 +96,15 @@ _NOTHING = _Nothing()
 def interpret(scene: Scene, geometry: Geometry) -> None:
     """φ : L(E) → G, equation 1: run a string of primitives and transformations.
 
-    Raises MisuseError if the string contains an agent, because φ is defined for L(E) only. After
-    an error, δ still runs for each β that has run.
+    After an error, δ still runs for each β that has run.
+
+    Args:
+        scene: a string of L(E), such as a view.
+        geometry: the geometric system, whose methods run for each symbol.
+
+    Raises:
+        MisuseError: the string contains an agent; φ is defined for L(E) only.
+
     """
     opened: list[TransformationNode] = []
     try:

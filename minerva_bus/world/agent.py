@@ -64,17 +64,30 @@ def on(
     together: bool = False,
     probability: float | str = 1.0,
 ) -> Callable[[_F], _F]:
-    """Mark a method `(self, event, moment)` as the activity for these event types.
+    """Mark a method `(self, event, moment)` as the evolution λ for these event types (equation 2).
 
-    With `population`, `self` is a population (world/population.py). With `together`, `event` is an
-    `EventBatch` of all events of the type in a frame: data are arrays with a row per event, and
-    `event.row` has the receivers. `together` implies `population` unless that is False: then `self`
-    is one agent and the batch has its events only, for example the beams of a scan.
+    The method changes attributes of `self`, or returns the string of L(M) that replaces the agent;
+    None keeps it.
 
-    With a `probability` h, a number from 0 to 1 or the name of an attribute, the agent is an
-    a^{d,h} of section 5: it responds to each event of these types with that probability.
+    Args:
+        event_types: names, such as "eHunger".
+        population: `self` is a population (world/population.py): attributes are arrays of shape
+            (n,), a row for each agent, and the method returns nothing.
+        together: `event` is an `EventBatch` of all events of the type in a frame: data are arrays
+            with a row per event, and `event.row` has the receivers. Implies `population` unless
+            that is False: then `self` is one agent and the batch has its events only, for example
+            the beams of a scan.
+        probability: h of a^{d,h} (section 5), a number from 0 to 1 or the name of an attribute: the
+            agent responds to each event of these types with that probability.
 
-    Raises MisuseError.
+    Raises:
+        MisuseError: no event type is named, or the probability is neither.
+
+    Example:
+        >>> @on("eHunger", probability=0.5)
+        ... def starve(self, hunger, moment):
+        ...     self.energy -= hunger.amount
+
     """
     if isinstance(probability, bool) or not isinstance(probability, float | int | str):  # pyright: ignore[reportUnnecessaryIsInstance]
         raise MisuseError("a probability is a number from 0 to 1, or the name of an attribute")
@@ -84,10 +97,23 @@ def on(
 
 
 def view(*event_types: str, population: bool = False) -> Callable[[_F], _F]:
-    """Mark a method `(self, event)` as the view for these visual event types.
+    """Mark a method `(self, event)` as the view θ for these visual event types (equation 4).
 
-    With `population`, `self` is a population, and the method returns a string with a node per
-    agent: primitives and transformations whose parameters are arrays make one. Raises MisuseError.
+    The method returns a string of primitives and transformations, and changes nothing.
+
+    Args:
+        event_types: names of event types with `visual=True`, such as "ePicture".
+        population: `self` is a population, and the method returns a string with a node per agent:
+            primitives and transformations whose parameters are arrays make one.
+
+    Raises:
+        MisuseError: no event type is named.
+
+    Example:
+        >>> @view("ePicture")
+        ... def picture(self, event):
+        ...     return TMove(self.x, self.y)(PFox())
+
     """
     return _mark(VIEW, event_types, population, False, 1.0)
 
@@ -113,11 +139,53 @@ def _mark(
 
 
 class Agent:
-    """Base of all agent classes; `symbol` is the name of the kind in the vocabulary.
+    """Base of all agent classes: attributes are the state, methods the evolution and the views.
 
-    `rest` names the attributes that are commands, such as a robot's action. If a norm rejects the
-    result of λ, they are reset: to 0, false, "" or (), and a string to its primitives without
-    transformations.
+    A subclass declares a kind a^D_ST of agents. Its annotated attributes are the state st ∈ ST; D
+    are the event types that its methods name with `on` and `view`.
+
+    **Life cycle.** In each frame, and for each of its events in the world's order, an agent is made
+    of its node in the string, the method marked with `on` runs, and the new state becomes the node.
+    An attribute that is not declared would be lost and is an error, except if its name begins with
+    `_`: it lives until the end of the frame. λ of a frame sees the string with which the frame
+    began; events that agents emit belong to the next frame. To die, a method returns `EMPTY`; to
+    give birth, `self.string + self.child(...)`; to become something else, any other string of L(M).
+
+    **State fields.** `bool`, `int`, `float`, `str`, `Literal["a", "b"]`, units (`Metres`,
+    `Degrees`, `Seconds`, `MetresPerSecond`), `tuple[X, ...]`, `Cells` and `Reals` (read-only
+    matrices, see `writable`), `Scene`. A default makes an attribute optional in strings.
+    `births: int = 0` is required for `child`.
+
+    **moment** is a `Context`, or a `BatchContext` in a method for populations: the frame's number
+    and time, the agent's random numbers, and `emit`. A method uses no other clock, random numbers
+    or global state; then the string is the same with any number of processes.
+
+    Args:
+        id: unique in the world; letters, digits and `_ . ~ -`.
+        scope: the string inside the agent's brackets.
+        state: attributes by name; those without a default are required.
+
+    Class arguments: `symbol` is the name of the kind, such as "AFox"; without it a subclass
+    declares no kind of its own. `rest` names the attributes that are commands, such as a robot's
+    action. If a norm rejects the result of λ, they are reset: to 0, false, "" or (), and a string
+    to its primitives without transformations.
+
+    Raises:
+        MisuseError: an id, attribute or value that the kind does not allow; and, when the class is
+            made, a declaration that is not possible.
+
+    Example:
+        >>> class Fox(Agent, symbol="AFox"):
+        ...     x: Metres = 0.0
+        ...     energy: float = 10.0
+        ...
+        ...     @on("eHunger")
+        ...     def starve(self, hunger, moment):
+        ...         self.energy -= hunger.amount
+        ...         return EMPTY if self.energy <= 0 else None
+        >>> print(Fox("f1", x=2.0).string)
+        AFox#f1<x=2, energy=10>()
+
     """
 
     kind: ClassVar[AgentKind]
@@ -248,9 +316,17 @@ class Agent:
     def many(cls, ids: Ids | Sequence[str] | str, count: int = 0, **state: Any) -> Scene:
         """The string of n agents, held in columns.
 
-        `ids` are n ids, or the stem of `count` ids: `Fox.many("fox", 1000, x=array)` are fox0 to
-        fox999. Values of `state` are arrays of shape (n,), or one value for all. Raises
-        MisuseError.
+        Args:
+            ids: n ids, or the stem of `count` ids.
+            count: the number n of agents, if `ids` is a stem.
+            state: attributes by name: arrays of shape (n,), or one value for all.
+
+        Raises:
+            MisuseError: an invalid id, or values of a wrong type or shape.
+
+        Example:
+            `Fox.many("fox", 1000, x=array)` are fox0 to fox999.
+
         """
         if isinstance(ids, str):
             ids = Ids.numbered(ids, range(count))
@@ -278,10 +354,21 @@ class Agent:
         return array
 
     def child(self, kind: type[Agent] | None = None, **state: Any) -> Scene:
-        """A newborn of this kind, or of `kind`, with an id that derives from this agent's.
+        """The string of a newborn, with an id that derives from this agent's.
 
         Increments the attribute `births`, which the parent's kind must declare, so that ids are
-        equal wherever and whenever the world runs. Raises MisuseError.
+        equal wherever and whenever the world runs.
+
+        Args:
+            kind: the class of the newborn; default: that of this agent.
+            state: its attributes by name.
+
+        Raises:
+            MisuseError: the kind has no `births`, or the state does not fit.
+
+        Example:
+            `return self.string + self.child(x=self.x, energy=5.0)`
+
         """
         check_births(self.kind)
         births: int = self.__dict__["births"] + 1

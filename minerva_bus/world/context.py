@@ -29,7 +29,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """A frame t of a world: its number, its duration `dt` in seconds, and the world's seed."""
+    """A frame t of a world.
+
+    Attributes:
+        number: t, from 0.
+        dt: its duration in simulated seconds.
+        seed: the world's seed, from which all random numbers follow.
+
+    """
 
     number: int = 0
     dt: float = 0.1
@@ -94,10 +101,25 @@ class InFrame:
 
 @dataclass(slots=True)
 class Context(InFrame):
-    """The context of one agent or generator in a frame.
+    """What a method may know and do in a frame: time, random numbers, `emit`. Called `moment`.
 
-    `who` is the generator's name, or `#id` for an agent. The agents of a population share a
-    `FrameStreams`, in which each has the streams of its `row`.
+    It is the context of one agent or generator. `number`, `dt` (s) and `time` (s) are those of the
+    frame; `random` is a numpy Generator, `chance` draws the same numbers as in a population.
+
+    Attributes:
+        frame: the frame.
+        who: the generator's name, or `#id` for an agent.
+        emitted: the events emitted so far.
+        streams: the random streams that the agents of a population share; each has those of its
+            `row`.
+        row: the agent's row in `streams`.
+
+    Example:
+        >>> moment = Context(Frame(number=20, dt=0.1, seed=7), "#f1")
+        >>> moment.time
+        2.0
+        >>> moment.emit(eCall(loud=moment.chance.uniform(0, 1)))
+
     """
 
     frame: Frame
@@ -119,7 +141,7 @@ class Context(InFrame):
 
     @property
     def random(self) -> np.random.Generator:
-        """The numpy Generator of this agent or generator in this frame."""
+        """The numpy Generator of this agent or generator, keyed by (seed, id, frame)."""
         return self.shared_streams().generator(self.who)
 
     @property
@@ -152,7 +174,12 @@ class Context(InFrame):
         return self.shared_streams().answers(event_type).row(self.row).chance(probability)
 
     def emit(self, event: AnyEvent) -> None:
-        """Emit an event or a batch into the next frame; the sender is the agent, if any."""
+        """Emit an event or a batch into the next frame; the sender is the agent, if any.
+
+        Raises:
+            MisuseError: it is no event.
+
+        """
         if isinstance(event, Events):
             for each in event:
                 self.emit(each)
@@ -168,7 +195,11 @@ class Context(InFrame):
 
 
 class BatchContext(InFrame):
-    """The context of a population in a frame; `rows` are its rows in the streams, None for all."""
+    """The context of a population in a frame: the `moment` of methods with `population=True`.
+
+    `number`, `dt` (s) and `time` (s) are those of the frame. `chance` draws a number for each
+    agent, in arrays of shape (n,), equal to those that `Context.chance` draws for one agent.
+    """
 
     __slots__ = ("_population", "_rows", "_streams", "frame")
 
@@ -196,8 +227,14 @@ class BatchContext(InFrame):
     def emit(self, event: AnyEvent, where: Mask = True) -> None:
         """Emit an event into the next frame from each agent where the mask is true.
 
-        A batch, such as `eGive(amount=array, receivers=ids)`, has a row for each agent or for each
-        sender. Raises MisuseError.
+        Args:
+            event: an event, or a batch such as `eGive(amount=array, receivers=ids)` with a row for
+                each agent or for each sender.
+            where: bool, shape (n,), or one value for all.
+
+        Raises:
+            MisuseError: the numbers of rows differ.
+
         """
         self._population._emit(event, where)  # pyright: ignore[reportPrivateUsage]
 

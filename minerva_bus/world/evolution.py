@@ -33,10 +33,10 @@ from minerva_bus.world.population_step import evolve_population
 class Policy(Enum):
     """Interpretation of equation 3 for an agent with several events in a frame, or none.
 
-    SEQUENTIAL  the agent processes its events in order; without events it does not change
-    LITERAL     the equation to the letter: one copy of the agent for each event of the frame,
-                whether or not the event concerns it, and no copy in a frame without events. The
-                first copy keeps the id, the ids of the others derive from it (world/lineage.py).
+    - SEQUENTIAL: the agent processes its events in order; without events it does not change.
+    - LITERAL: the equation to the letter: one copy of the agent for each event of the frame,
+      whether or not the event concerns it, and no copy in a frame without events. The first copy
+      keeps the id, the ids of the others derive from it (world/lineage.py).
 
     Only `copies` depends on the policy: the number of copies of an agent, and their events.
     """
@@ -78,9 +78,27 @@ def evolve(
 ) -> Evolved:
     """η(w, e^v), equation 3: every agent processes its events, scopes before their agents.
 
-    Agents whose kind is not among `kinds` do not change. Ids of copies contain the frame's number,
-    or a higher one if the string already has copies of later frames. Raises ActivityError if user
-    code fails, and MisuseError before there are too many copies.
+    Ids of copies contain the frame's number, or a higher one if the string already has copies of
+    later frames.
+
+    Args:
+        scene: w, checked by its vocabulary.
+        events: e^v, in the world's order.
+        kinds: agent classes; agents of other kinds do not change.
+        frame: its number, duration and seed, for random numbers and `moment`.
+        policy: how an agent processes several events.
+
+    Returns:
+        `scene`, the next string, and `emitted`, the events of each agent, by id.
+
+    Raises:
+        ActivityError: code of an agent fails.
+        MisuseError: before there are too many copies.
+
+    Example:
+        >>> evolve(Fox("f1", energy=0.5).string, [eHunger(amount=1.0)], [Fox]).scene == EMPTY
+        True
+
     """
     eta = _Eta(policy.copies(addressed(events)), kinds_of(kinds), frame)
     if len(eta.copies) > 1:

@@ -36,8 +36,15 @@ from minerva_bus.world.signatures import check_overridden
 class WorldInfo:
     """The world that a member has joined.
 
-    `operator` is for services with controls for people. `ended()` is whether the world has ended:
-    False in `close` means that the member leaves a world that continues, or has lost it.
+    Attributes:
+        world: its name.
+        vocabulary: its symbols and event types.
+        seed: its seed.
+        dt: duration of a frame, simulated seconds.
+        operator: pause, step, send events: for services with controls for people.
+        ended: returns whether the world has ended. False in `close` means that the member leaves a
+            world that continues, or has lost it.
+
     """
 
     world: str
@@ -52,10 +59,13 @@ class WorldInfo:
 
 @dataclass(slots=True)
 class Tick(Context):
-    """The context in which a lockstep generator produces C^d(t).
+    """The context in which a lockstep generator produces C^d(t); a `Context` with inputs.
 
-    `readings` are this frame's readings of its topics, sorted by topic and publisher. `orders` are
-    the events that people have sent through it since the previous tick.
+    Attributes:
+        readings: this frame's readings of its topics, sorted by topic and publisher.
+        orders: the events that people have sent through it since the previous tick.
+        published: what it has published in this frame, as (topic, reading).
+
     """
 
     readings: tuple[Reading, ...] = ()
@@ -72,13 +82,18 @@ class Tick(Context):
 class View:
     """The view π of a frame's string for one visual event type: a string of L(E).
 
-    `skeleton` is that string with a slot `A#name()` for each outermost agent, or part of a
-    population, and `parts` has their views by name. A part that is the same object as in the
-    previous view has not changed. `scene` is the complete string.
+    Attributes:
+        frame: the frame's number.
+        event_type: the visual event type.
+        skeleton: the string with a slot `A#name()` for each outermost agent, or part of a
+            population.
+        parts: the views of these, by name. A part that is the same object as in the previous view
+            has not changed.
+        halted: ids of agents whose step does not count in this frame, because a norm rejected it or
+            their host is absent. A device that executes commands in a view, such as motors,
+            executes none for these agents, because the string still has them at their former
+            position.
 
-    `halted` are the ids of agents whose step does not count in this frame, because a norm rejected
-    it or their host is absent. A device that executes commands in a view, such as motors, executes
-    none for these agents, because the string still has them at their former position.
     """
 
     frame: int
@@ -113,10 +128,18 @@ CALLED: Final = {
 
 
 class Service:
-    """Base of generators and devices: processes of a world that are not hosts of agents."""
+    """Base of generators and devices: processes of a world that are not hosts of agents.
+
+    Its member calls `joined` first, then `restore` if there is saved state, the methods of
+    `Generator` and `Device` in each frame, and `close` last.
+    """
 
     topics: tuple[str, ...] = ()
+    """Sensor topics whose readings it receives."""
+
     publishes: tuple[str, ...] = ()
+    """Sensor topics on which it publishes readings."""
+
     takes: str = "newest"
     """Which readings to use if several arrive within a frame: the "newest" or "all"."""
 
@@ -177,10 +200,22 @@ def _several(cls: type, what: str, event_types: tuple[str, ...] | str) -> tuple[
 class Generator(Service):
     """An event generator, C^d(t).
 
-    Lockstep (the default): `generate` is called once per frame. With `lockstep=False` the member
-    runs freely: `run` emits at any time, and a frame has the events that arrived before it began.
-    With `ahead=True`, `generate` is called during the previous frame. This is for generators that
-    depend neither on the world nor on the time, nor on readings, views or orders.
+    The keyword arguments of a subclass's constructor are options of the process in a world file.
+
+    Class arguments: `events` are the event types that it generates. Lockstep (the default):
+    `generate` is called once per frame. With `lockstep=False` the member runs freely: `run` emits
+    at any time, and a frame has the events that arrived before it began. With `ahead=True`,
+    `generate` is called during the previous frame. This is for generators that depend neither on
+    the world nor on the time, nor on readings, views or orders.
+
+    Example:
+        >>> class Rain(Generator, events=("eRain",)):
+        ...     def __init__(self, probability: float = 0.1) -> None:
+        ...         self.probability = probability
+        ...
+        ...     def generate(self, tick):
+        ...         return eRain() if tick.random.random() < self.probability else None
+
     """
 
     events: ClassVar[tuple[str, ...]] = ()
@@ -229,6 +264,16 @@ class Device(Service):
     second of real time. Otherwise a generator is their source. A *coupled* device has shown the
     view of frame t before the events of frame t+1 are collected. Any other device is an observer,
     for which frames never wait.
+
+    Class arguments: `draws` and `coupled`.
+
+    Example:
+        >>> class Printer(Device, draws=("ePicture",)):
+        ...     every = 10
+        ...
+        ...     def show(self, view):
+        ...         print(view.frame, view.scene)
+
     """
 
     draws: tuple[str, ...] = ()

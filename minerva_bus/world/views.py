@@ -33,8 +33,21 @@ def visualize(
 ) -> Scene:
     """π(w, e^v), equation 5: the string of L(E) that represents w for the visual events.
 
-    The view of an agent whose kind has no method for any of the events is ε. Raises ActivityError
-    if user code fails.
+    The view of an agent whose kind has no method for any of the events is ε.
+
+    Args:
+        scene: w, checked by its vocabulary.
+        events: events of visual types.
+        kinds: agent classes.
+        frame: number of the frame, for errors.
+
+    Raises:
+        ActivityError: code of an agent fails.
+
+    Example:
+        >>> print(visualize(Fox("f1", x=2.0).string, [ePicture()], [Fox]))
+        TAt<x=2, y=0>(PSnail)
+
     """
     concerning = addressed(events)
     classes = kinds_of(kinds)

@@ -14,6 +14,7 @@ pytest.importorskip("myst_nb")
 from pages import ROOT
 from site_links import broken, broken_in_markdown, build, page
 
+import minerva_bus
 from minerva_bus.cli.main import GROUPS, app
 
 ROBOT = ROOT / "agents" / "minerva_agents" / "robot" / "robot.toml"
@@ -76,6 +77,13 @@ def test_the_reference_has_every_command_and_option(site):
         options = typer.main.get_command(app).commands[name].params
         assert not [o for each in options for o in each.opts if escape(o) not in text]
     assert "minerva-keys-issue" in anchors
+
+
+def test_the_reference_has_every_public_name(site):
+    pages = {path: page(path).anchors for path in (site / "reference" / "api").glob("*.html")}
+    for name in minerva_bus.__all__:
+        places = [path.name for path, names in pages.items() if f"minerva_bus.{name}" in names]
+        assert len(places) == 1, f"{name}: add its module to a page in docs/reference/api"
 
 
 def test_the_page_of_the_robot_world_has_all_its_options(site):
