@@ -50,6 +50,11 @@ def force_overwriting(forced: bool) -> None:
     _policy.forced = forced
 
 
+def is_forced() -> bool:
+    """Whether `--force` allows overwriting any file."""
+    return _policy.forced
+
+
 def note_read(path: str | Path) -> None:
     """Register a file as an input, which no output may overwrite."""
     with contextlib.suppress(OSError):

@@ -7,6 +7,8 @@ from pathlib import Path
 
 from minerva_bus.api.records import diff
 from minerva_bus.cli.output import print_message, print_result
+from minerva_bus.collect.parts import read_parts
+from minerva_bus.errors import MisuseError
 from minerva_bus.log.info import info_of
 from minerva_bus.log.looking import frames_after, moment_of, written
 from minerva_bus.log.reader import Record
@@ -52,9 +54,24 @@ def show_frames(file: Path, begin: int, as_json: bool) -> None:
 
 
 def recover_record(file: Path, output: Path | None, as_json: bool) -> None:
-    """Write what is intact in a record into a new one. Raises RecordError and MisuseError."""
+    """Write what is intact in a record into a new one. Raises RecordError and MisuseError.
+
+    Of a folder with the parts of tables, write the tables.
+    """
+    if file.is_dir():
+        _recover_tables(file, output, as_json)
+        return
     done = recover(file, output or recovered_name(file))
     print_result(json.dumps(done.plain()) if as_json else "\n".join(done.lines()))
+
+
+def _recover_tables(folder: Path, output: Path | None, as_json: bool) -> None:
+    if output is not None:
+        raise MisuseError(f"--output is of records; the tables of {folder} have names of their own")
+    files = read_parts(folder).join()
+    plain = {"tables": {name: {"file": str(path)} for name, path in files.items()}}
+    lines = [f"{path}  {name}" for name, path in files.items()]
+    print_result(json.dumps(plain) if as_json else "\n".join(lines))
 
 
 def draw_plot(file: Path, output: Path | None) -> None:

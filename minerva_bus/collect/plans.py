@@ -60,6 +60,8 @@ def read_entries(given: object) -> dict[str, Expression]:
         raise MisuseError(f"collect: expected names with expressions, not {given!r:.60}")
     entries: dict[str, Expression] = {}
     for name, value in pairs:
+        if not name.isprintable():
+            raise MisuseError(f"collect: the name {name!r} has characters that cannot be printed")
         if not name or name in entries:
             raise MisuseError(f"collect: the name {name!r} is given twice, or is empty")
         entries[name] = _expression(value, f"collect: {name}")

@@ -43,26 +43,33 @@ class Writer(Protocol):
         ...
 
 
-class _FileWriter:
-    """Base of writers: gathers rows until there are BUFFERED_ROWS."""
+class FileWriter:
+    """Base of writers: gathers rows until there are BUFFERED_ROWS.
+
+    `spelled` has the last ids by column, with their Arrow array: ids are often the same object in
+    the next frame, and expensive to spell. Writers of one table may share it.
+    """
 
     def __init__(self, types: Mapping[str, str]) -> None:
         self.types = types
         self._single: list[Mapping[str, Any]] = []
         self._chunks: list[Mapping[str, Data]] = []
         self._waiting = 0
+        self.spelled: dict[str, tuple[Ids, Any]] = {}
 
     def row(self, values: Mapping[str, Any]) -> None:
         """Add one row."""
         self._single.append(values)
-        # Memory is bounded, however many frames a run has.
-        if len(self._single) >= BUFFERED_ROWS:
-            self._flush()
+        self._add(1)
 
     def rows(self, columns: Mapping[str, Data]) -> None:
         """Add rows as columns of equal length."""
         self._chunks.append(columns)
-        self._waiting += len(next(iter(columns.values())))
+        self._add(len(next(iter(columns.values()))))
+
+    def _add(self, rows: int) -> None:
+        # Memory is bounded, however many frames a run has.
+        self._waiting += rows
         if self._waiting >= BUFFERED_ROWS:
             self._flush()
 
@@ -72,17 +79,23 @@ class _FileWriter:
         self.finish()
 
     def _flush(self) -> None:
+        waiting = self.waiting()
+        if waiting is not None:
+            self.write(waiting)
+        self._chunks, self._waiting = [], 0
+
+    def waiting(self) -> Mapping[str, Data] | None:
+        """The gathered rows; None if there are none."""
         if self._single:
             self._chunks.append(columns_of(self._single, self.types))
+            self._single = []
         if len(self._chunks) > 1:
             # One large chunk instead of many small ones, which would be as many row groups.
             gathered = Gathered("", self.types)
             for chunk in self._chunks:
                 gathered.rows(chunk)
             self._chunks = [gathered.table.to_dict()]
-        for chunk in self._chunks:
-            self.write(chunk)
-        self._single, self._chunks, self._waiting = [], [], 0
+        return self._chunks[0] if self._chunks else None
 
     def write(self, columns: Mapping[str, Data]) -> None:
         """Write these rows."""
@@ -93,7 +106,7 @@ class _FileWriter:
         raise NotImplementedError
 
 
-class CsvWriter(_FileWriter):
+class CsvWriter(FileWriter):
     """Writes a .csv file, or texts of this format to a stream, which it does not close."""
 
     def __init__(self, into: Path | TextIO, types: Mapping[str, str]) -> None:
@@ -118,7 +131,7 @@ class CsvWriter(_FileWriter):
             self._file.flush()
 
 
-class ParquetWriter(_FileWriter):
+class ParquetWriter(FileWriter):
     """Writes a .parquet file; texts are dictionaries, as they repeat in each frame."""
 
     def __init__(self, path: Path, types: Mapping[str, str]) -> None:
@@ -133,7 +146,6 @@ class ParquetWriter(_FileWriter):
         )
         self._schema = schema
         self._writer = parquet.ParquetWriter(path, schema)
-        self._known: dict[str, tuple[Data, Any]] = {}
 
     def write(self, columns: Mapping[str, Data]) -> None:
         """Write these rows."""
@@ -141,14 +153,13 @@ class ParquetWriter(_FileWriter):
         self._writer.write_table(self._pa.table(arrays, schema=self._schema))
 
     def _array(self, name: str, data: Data) -> Any:
-        # Ids are often the same object in the next frame, and expensive to spell.
-        known = self._known.get(name)
+        known = self.spelled.get(name)
         if known is not None and known[0] is data:
             return known[1]
         if isinstance(data, Ids):
             # From bytes, without a Python text for each id.
             made = self._pa.array(data.spelled, self._pa.binary()).cast(self._pa.string())
-            self._known[name] = data, made
+            self.spelled[name] = data, made
             return made
         return self._pa.array(data, self._schema.field(name).type)
 
@@ -157,7 +168,7 @@ class ParquetWriter(_FileWriter):
         self._writer.close()
 
 
-class ColumnsWriter(_FileWriter):
+class ColumnsWriter(FileWriter):
     """Writes a .columns file: the arrays of each chunk, in the order of the columns."""
 
     def __init__(self, path: Path, types: Mapping[str, str]) -> None:
@@ -223,6 +234,11 @@ def open_writer(path: Path, name: str, types: Mapping[str, str]) -> Writer:
     """A writer of one table; the suffix selects the format. Raises MisuseError."""
     check_ending(path)
     check_output(path, f"the table {name}")
+    return create_writer(path, types)
+
+
+def create_writer(path: Path, types: Mapping[str, str]) -> FileWriter:
+    """As `open_writer`, without checks of the file."""
     try:
         return _WRITERS[path.suffix](path, types)
     except OSError as error:

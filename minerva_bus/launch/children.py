@@ -104,15 +104,16 @@ class CoordinatorRun:
         def note(text: str) -> None:
             reports.send("note", text=text)
 
+        # Record and tables come first: they get the frames that are only in the journal while the
+        # algorithm catches up.
         reporter.record = recording(file, algorithm, log, again=past is not None)
+        reporter.collected = collect_sink(file.collect, algorithm, note, again=past is not None)
         if past is not None:
-            # The record comes first, because frames that are only in the journal are recorded while
-            # the algorithm catches up.
-            resume_from(past, algorithm, reporter.record.frame)
+            resume_from(past, algorithm, reporter.caught_up)
+            # The new journal begins at this frame.
+            reporter.save()
             lost = f"; {past.lost:,} bytes at its end are unreadable" if past.lost else ""
             note(f"continuing from frame {algorithm.frame} of its journal{lost}")
-        again = past is not None
-        reporter.collected = collect_sink(file.collect, algorithm, note, again=again)
         self.coordinator = reporter.coordinator = start.make(
             file.world,
             reporter.watchers(),
@@ -143,8 +144,9 @@ class CoordinatorRun:
             # included, so all files are closed before it. An exception closes them, too.
             reporter.record.close()
             reporter.journal.close()
-            if reporter.collected is not None:
-                reporter.collected.close()
+        # Not after an exception: a successor continues the tables.
+        if reporter.collected is not None:
+            reporter.collected.close()
         reporter.ended(ended)
         return 0
 
@@ -195,17 +197,30 @@ class _Reporter:
         # own.
         return overhear(session, keys, record.topics, record.received) if record.topics else []
 
+    def caught_up(self, done: s.FrameDone) -> None:
+        """Take over a frame of the journal."""
+        self.record.frame(done)
+        if self.collected is not None:
+            self.collected.frame_done(done)
+
     def _frame_done(self, done: s.FrameDone) -> None:
         # The journal first: a successor can restore the record from it, not the reverse.
         self.journal.frame(done)
         self.record.frame(done)
         if self.collected is not None:
             self.collected.frame_done(done)
+        # Last, because it saves the rows of this frame, too.
+        self.journal.shorten(self.save)
         if not self._began:
             self._began = True
             self._members = len(self.coordinator.algorithm.members.active())
             at = self.coordinator.schedule.last_frame_at
             self._reports.send("first_frame", frame=done.frame, at=at)
+
+    def save(self) -> None:
+        """Save the rows that were collected up to the last frame."""
+        if self.collected is not None:
+            self.collected.save()
 
     def _log(self, member: str, text: str, details: str) -> None:
         self.record.said(member, f"{text}\n{details}" if details else text)

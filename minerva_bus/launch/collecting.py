@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import time
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
@@ -18,12 +19,15 @@ from minerva_bus.settings.tables import CollectSettings
 from minerva_bus.world.expressions import Expression, read_expression
 
 if TYPE_CHECKING:
+    from minerva_bus.collect.parts import TableParts
     from minerva_bus.collect.plans import TablePlan
     from minerva_bus.collect.table import DataTable
     from minerva_bus.collect.writers import Writer
 
 
 ENDINGS: Final = (".parquet", ".csv")
+SAVE_SECONDS: Final = 5.0
+"""Time after which rows are written that still wait for more."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,9 +60,9 @@ def read_collecting(top: Table, vocabulary: Vocabulary) -> Collecting:
 class CollectSink(Sink):
     """Collects the frames of an algorithm, beginning with the string that it has now.
 
-    `say` is called with a line for the user. `again`: this coordinator succeeds one that was killed
-    and left its files incomplete, so the data go into further files. Raises MisuseError and
-    VocabularyError.
+    `say` is called with a line for the user. `again`: this coordinator succeeds one that was
+    killed, and is going to repeat the frames of its journal: it continues the tables. Raises
+    MisuseError and VocabularyError.
     """
 
     def __init__(
@@ -72,38 +76,81 @@ class CollectSink(Sink):
         from minerva_bus.collect.collector import Collector
         from minerva_bus.collect.plans import plans_of
         from minerva_bus.collect.table import Gathered
-        from minerva_bus.collect.writers import open_writer, path_of
 
-        world, path = algorithm.world, Path(collecting.into)
-        if again and collecting.into:
-            path = path.with_name(f"{path.stem}-from-{algorithm.frame}{path.suffix}")
-            say(f"the data collected from frame {algorithm.frame} on are in {path}")
+        world = algorithm.world
         plans = plans_of(collecting.entries, world.vocabulary)
-        several = len(plans) > 1
         self._gathered: dict[str, Gathered] = {}
+        into, frame = collecting.into, algorithm.frame
+        self._parts = _parts(Path(into), plans, frame, say, again=again) if into else None
 
         def open_table(plan: TablePlan) -> Writer:
-            if collecting.into:
-                return open_writer(path_of(path, plan.name, several), plan.name, plan.columns)
+            if self._parts is not None:
+                return self._parts.open(plan)
             gathered = self._gathered[plan.name] = Gathered(plan.name, plan.columns)
             return gathered
 
         self._algorithm = algorithm
+        self._saved_at = time.monotonic()
         self.collector = Collector(plans, world.vocabulary, world.dt, open_table)
         self.collector.begin(algorithm.frame, algorithm.scene)
 
     def frame_done(self, notice: s.FrameDone) -> None:
         """Collect the data of a frame that has ended."""
         self.collector.done(notice.frame, notice.events, self._algorithm.scene)
+        if time.monotonic() >= self._saved_at + SAVE_SECONDS:
+            self.save()
+
+    def save(self) -> None:
+        """Write the rows so far, so that they survive this process."""
+        if self._parts is not None:
+            self._parts.save()
+        self._saved_at = time.monotonic()
 
     def close(self) -> None:
         """Finish all tables."""
         self.collector.close()
+        if self._parts is not None:
+            self._parts.join()
 
     @property
     def tables(self) -> dict[str, DataTable]:
         """The tables in memory, by name; empty if they go into a file."""
         return {name: gathered.table for name, gathered in self._gathered.items()}
+
+
+def _parts(
+    path: Path, plans: Sequence[TablePlan], frame: int, say: Callable[[str], None], *, again: bool
+) -> TableParts:
+    """The parts of a run's tables, or those of the killed coordinator `again`."""
+    from minerva_bus.collect.parts import TableParts, has_parts
+
+    tables = {plan.name: plan.columns for plan in plans}
+    if again and has_parts(path, tables):
+        return TableParts(path, tables, again=True)
+    # A world that was stopped and continues has finished its former tables.
+    if again and frame:
+        path = path.with_name(f"{path.stem}-from-{frame}{path.suffix}")
+        say(f"the data collected from frame {frame} on are in {path}")
+        return TableParts(path, tables, again=has_parts(path, tables))
+    return TableParts(path, tables)
+
+
+def check_tables(into: str) -> None:
+    """Raise MisuseError if there are tables of a killed run, which this one would not continue."""
+    from minerva_bus.collect.parts import check_no_parts
+
+    if into:
+        check_no_parts(Path(into))
+
+
+def complete_tables(into: str, say: Callable[[str], None]) -> None:
+    """Join the parts that a run has left because its last coordinator was killed or failed."""
+    from minerva_bus.collect.parts import has_parts, parts_of, read_parts
+
+    path = Path(into)
+    if into and has_parts(path):
+        files = read_parts(parts_of(path)).join()
+        say(f"the data collected up to the end are in {', '.join(map(str, files.values()))}")
 
 
 def collect_sink(

@@ -76,6 +76,19 @@ class RunJournal:
         except OSError as error:
             self._give_up(self._journal, error)
 
+    def shorten(self, save: Callable[[], None]) -> None:
+        """Rewrite a long journal after a frame. Raises Followed.
+
+        `save` is called first: it saves what a successor could not compute again afterwards.
+        """
+        if self._journal is None or not self._journal.is_long:
+            return
+        save()
+        try:
+            self._journal.rewrite()
+        except OSError as error:
+            self._give_up(self._journal, error)
+
     def operated(self) -> None:
         """Write the pace and waiting events, after a person's request. Raises Followed."""
         if self._journal is None:

@@ -9,9 +9,11 @@ from typing import Any, Final
 
 from minerva_bus.launch import forking
 from minerva_bus.launch.capacity import check_capacity
+from minerva_bus.launch.collecting import check_tables, complete_tables
 from minerva_bus.launch.console import Console, live_line, starting_line
 from minerva_bus.launch.forking import FAILED, how_ended
 from minerva_bus.launch.interrupts import caught
+from minerva_bus.launch.journaling import journal_path
 from minerva_bus.launch.machine import REAL, LaunchContext, Machine
 from minerva_bus.launch.memory import prepare, remove_orphans
 from minerva_bus.launch.process_table import (
@@ -101,6 +103,9 @@ class Supervisor:
     def run(self) -> RunSummary:
         """Run the world to its end. Raises BusError and MisuseError if it cannot begin."""
         check_record(self._file)
+        # With a journal, the world and its tables continue.
+        if not (self._file.bus.journal and journal_path(self._file).exists()):
+            check_tables(self._file.collect.into)
         check_capacity(len(self._processes))
         # Before the first fork, because the children inherit this setting.
         expect_links(len(self._file.processes))
@@ -120,6 +125,8 @@ class Supervisor:
         finally:
             self._console.end()
             self._context.close()
+            # Of a coordinator that was killed and has no successor.
+            complete_tables(self._file.collect.into, self._note)
             # Processes that are killed leave their files of shared memory behind.
             if self._context.shared:
                 remove_orphans()

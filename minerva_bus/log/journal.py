@@ -96,7 +96,7 @@ class Journal:
         self._noted: dict[str, list[Any]] = {"members": [[]], "pace": [0.0, None], "waiting": [{}]}
         try:
             path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-            self._rewrite()
+            self.rewrite()
         except OSError as error:
             raise BusError(f"{path}: the journal cannot be written: {error.strerror}") from None
 
@@ -107,9 +107,12 @@ class Journal:
         # A reader deducts the frame in the same way. The frame has consumed the waiting events, so
         # equal ones after it are new and must be noted again.
         self._noted |= {"pace": [rate, left and left - 1], "waiting": [{}]}
+
+    @property
+    def is_long(self) -> bool:
+        """Whether its inputs have become much longer than its keyframe."""
         # A small world would rewrite its journal every few frames without a minimum.
-        if self._since > max(MIN_REWRITE_BYTES, REWRITE_RATIO * self._key_bytes):
-            self._rewrite()
+        return self._since > max(MIN_REWRITE_BYTES, REWRITE_RATIO * self._key_bytes)
 
     def members(self, names: Iterable[str]) -> None:
         """Note the members that take part."""
@@ -139,8 +142,11 @@ class Journal:
         os.close(self._file)
         self._file = -1
 
-    def _rewrite(self) -> None:
-        """Replace the journal with one that starts with the current state."""
+    def rewrite(self) -> None:
+        """Replace the journal with one that starts with the current state, between two frames.
+
+        A successor cannot repeat the frames before it.
+        """
         if self._file >= 0 and self._is_followed():
             raise Followed(self._complaint())
         old = self._file

@@ -61,7 +61,8 @@ def recover(
 ) -> None:
     """Copy the intact frames of a damaged record to a new one.
 
-    It reports what is lost.
+    It reports what is lost. Of the folder FILE.parts, which a run leaves that was killed while it
+    collected data, it makes the tables.
     """
     from minerva_bus.cli.recording import recover_record
 

@@ -1,0 +1,224 @@
+"""Tables that survive a killed process: their rows are written as parts, joined at the end.
+
+    sir.parquet.parts/                     while the run lasts
+        tables.json                        the tables, with the types of their columns
+        APerson-000000-119.parquet         rows of frames up to 119, a complete file of its own
+        APerson-000001-131.parquet
+
+A part gets its name when it is complete. So a killed process leaves complete parts, with all rows
+up to the last `save`, and a process that repeats the frames since then continues the same tables.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final, cast
+
+from minerva_bus.collect.joining import join_parts
+from minerva_bus.collect.plans import TablePlan
+from minerva_bus.collect.rows import Data
+from minerva_bus.collect.writers import FileWriter, create_writer, path_of
+from minerva_bus.errors import MisuseError
+from minerva_bus.outputs import check_output, is_forced, replacing
+
+_ABOUT: Final = "tables.json"
+_DRAFT: Final = ".draft"
+
+
+def parts_of(path: Path) -> Path:
+    """The folder of the parts of a table file."""
+    return path.with_name(f"{path.name}.parts")
+
+
+class TableParts:
+    """The parts of the tables of one run, for a file `path`; see `path_of`.
+
+    Args:
+        path: of the joined file.
+        tables: the types of columns, by table.
+        again: continue the tables of a killed process.
+
+    Raises MisuseError if there are parts of another run, or if a file cannot be written.
+
+    """
+
+    def __init__(
+        self, path: Path, tables: Mapping[str, Mapping[str, str]], *, again: bool = False
+    ) -> None:
+        self.path = path
+        self.folder = parts_of(path)
+        self._tables = tables
+        self._writers: list[_PartWriter] = []
+        for name in tables:
+            check_output(self._final(name), f"the table {name}")
+        if not again:
+            self._begin()
+
+    def _begin(self) -> None:
+        # The parts of an internal file belong to a run whose result nobody waits for.
+        if is_forced() or self.path.suffix == ".columns":
+            shutil.rmtree(self.folder, ignore_errors=True)
+        check_no_parts(self.path)
+        try:
+            self.folder.mkdir()
+            # It marks a table that has begun, also if there is no part yet.
+            with replacing(self.folder / _ABOUT) as file:
+                file.write(json.dumps(self._tables).encode())
+        except OSError as error:
+            raise MisuseError(f"{self.folder}: cannot be written: {error.strerror}") from None
+
+    def open(self, plan: TablePlan) -> _PartWriter:
+        """The writer of a table; rows of frames that its parts have are ignored."""
+        writer = _PartWriter(self.folder, plan.name, plan.columns, self.path.suffix)
+        self._writers.append(writer)
+        return writer
+
+    def save(self) -> None:
+        """Write all rows so far, so that they survive the process."""
+        for writer in self._writers:
+            writer.save()
+
+    def join(self) -> dict[str, Path]:
+        """Join the parts of all tables, and remove them; returns the files. Raises MisuseError."""
+        files = {name: self._final(name) for name in self._tables}
+        try:
+            for name, final in files.items():
+                self._join(name, final)
+        except OSError as error:
+            raise MisuseError(
+                f"{error.filename or self.path}: {error.strerror}; the rows are in {self.folder}:"
+                f" `minerva recover {self.folder}` continues"
+            ) from None
+        shutil.rmtree(self.folder, ignore_errors=True)
+        return files
+
+    def _final(self, name: str) -> Path:
+        return path_of(self.path, name, len(self._tables) > 1)
+
+    def _join(self, name: str, final: Path) -> None:
+        parts = [part.path for part in _parts(self.folder, name, self.path.suffix)]
+        if not parts:
+            empty = self.folder / f"{_DRAFT}{self.path.suffix}"
+            create_writer(empty, self._tables[name]).close()
+            parts = [empty]
+        if len(parts) == 1:
+            parts[0].replace(final)
+            return
+        with replacing(final) as file:
+            join_parts(parts, file, self.path.suffix)
+
+
+@dataclass(frozen=True, slots=True)
+class _Part:
+    """A part of a table, with the last frame of which it has rows."""
+
+    number: int
+    last: int
+    path: Path
+
+
+def _parts(folder: Path, table: str, suffix: str) -> list[_Part]:
+    """The parts of a table, in order."""
+    latest: dict[int, _Part] = {}
+    for path in folder.glob(f"{table}-*{suffix}"):
+        words = path.stem.removeprefix(f"{table}-").split("-")
+        if len(words) == 2 and words[0].isdecimal() and words[1].isdecimal():
+            part = _Part(int(words[0]), int(words[1]), path)
+            # A process killed between writing a part anew and removing the old one leaves both.
+            if part.number not in latest or part.last > latest[part.number].last:
+                latest[part.number] = part
+    return [latest[number] for number in sorted(latest)]
+
+
+class _PartWriter(FileWriter):
+    """Writes the parts of one table."""
+
+    def __init__(self, folder: Path, name: str, types: Mapping[str, str], suffix: str) -> None:
+        super().__init__(types)
+        self._folder = folder
+        self._name = name
+        self._suffix = suffix
+        parts = _parts(folder, name, suffix)
+        self._number = parts[-1].number + 1 if parts else 0
+        self._last = parts[-1].last if parts else -1
+        self._saved: Path | None = None
+
+    def row(self, values: Mapping[str, Any]) -> None:
+        """Add one row, unless a part has it."""
+        if values["frame"] > self._last:
+            super().row(values)
+
+    def rows(self, columns: Mapping[str, Data]) -> None:
+        """Add rows of one frame, unless a part has them."""
+        frames = columns["frame"]
+        if len(frames) and cast("Any", frames)[0] > self._last:
+            super().rows(columns)
+
+    def save(self) -> None:
+        """Write the rows that wait; a later part with the same rows and more replaces it."""
+        waiting = self.waiting()
+        if waiting is not None:
+            self._put(waiting)
+
+    def write(self, columns: Mapping[str, Data]) -> None:
+        """Write a part that stays."""
+        self._put(columns)
+        self._number, self._saved = self._number + 1, None
+
+    def finish(self) -> None:
+        """Do nothing: `join` makes the file."""
+
+    def _put(self, columns: Mapping[str, Data]) -> None:
+        last = int(cast("Any", columns["frame"])[-1])
+        path = self._folder / f"{self._name}-{self._number:06}-{last}{self._suffix}"
+        if path == self._saved:
+            return  # It has these rows.
+        draft = self._folder / f"{_DRAFT}{self._suffix}"
+        writer = create_writer(draft, self.types)
+        writer.spelled = self.spelled
+        writer.write(columns)
+        writer.finish()
+        draft.replace(path)
+        if self._saved is not None:
+            self._saved.unlink()
+        self._saved = path
+
+
+def check_no_parts(path: Path) -> None:
+    """Raise MisuseError if there are parts of another run for this file."""
+    folder = parts_of(path)
+    if folder.exists() and not is_forced():
+        raise MisuseError(
+            f"{folder} has the tables of a run that was killed, or still runs; make files of them"
+            f" with `minerva recover {folder}`, or remove the folder"
+        )
+
+
+def read_parts(folder: Path) -> TableParts:
+    """The parts in a folder, to join them. Raises MisuseError for another folder."""
+    path = folder.with_name(folder.name.removesuffix(".parts"))
+    tables = _about(folder)
+    if tables is None or path == folder:
+        raise MisuseError(
+            f"{folder} is no folder with the parts of tables, such as sir.parquet.parts"
+        )
+    return TableParts(path, tables, again=True)
+
+
+def _about(folder: Path) -> dict[str, dict[str, str]] | None:
+    """The tables in a folder of parts; None if it is none."""
+    try:
+        tables = json.loads((folder / _ABOUT).read_bytes())
+    except (OSError, ValueError):
+        return None
+    return cast("dict[str, dict[str, str]]", tables) if isinstance(tables, dict) else None
+
+
+def has_parts(path: Path, tables: Mapping[str, Mapping[str, str]] | None = None) -> bool:
+    """Whether there are parts of a run for this file, and of these tables if they are given."""
+    known = _about(parts_of(path))
+    return known is not None and (tables is None or known == tables)
