@@ -3,7 +3,8 @@
 A primitive may declare a `Shape`, a transformation a `Motion`. Both are plain data that are sent
 with the vocabulary, so a picture, a window or a web page can draw worlds whose code it lacks. A
 measure is a number, or the name of the symbol's parameter that has it. Lengths are in metres,
-angles in degrees, counter-clockwise from the x axis.
+angles in degrees, counter-clockwise from the x axis. The `meaning` of a shape is its text in the
+legend of a view; without one, the legend has the words of the primitive's name.
 """
 
 from dataclasses import dataclass
@@ -43,6 +44,7 @@ class Disc:
         color: `#rrggbb`.
         heading: whether a mark shows the direction of its x axis.
         height: metres, in three dimensions.
+        meaning: text of the legend; "" for the words of the primitive's name.
 
     Example:
         `PSnail = Primitive("PSnail", Disc(0.2, "#8a5a44"))`
@@ -53,6 +55,7 @@ class Disc:
     color: str = "#444444"
     heading: bool = False
     height: float = 0.3
+    meaning: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,6 +67,7 @@ class Line:
         color: `#rrggbb`.
         width: metres.
         dashed: whether the line is dashed.
+        meaning: text of the legend; "" for the words of the primitive's name.
 
     Example:
         `PPath = Primitive("PPath", Line("xs", "ys"), xs=tuple[Metres, ...], ys=tuple[Metres, ...])`
@@ -75,6 +79,7 @@ class Line:
     color: str = "#444444"
     width: float = 0.04
     dashed: bool = False
+    meaning: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,6 +89,9 @@ class Label:
     Attributes:
         text: name of the parameter that has the text.
         color: `#rrggbb`.
+        meaning: text of the legend; "" for the words of the primitive's name.
+        marks: whether it draws no pin of its own but gives its colour to all other labels with the
+            same text, wherever they are: for example, to the marker that an agent looks for.
 
     Example:
         `PMarker = Primitive("PMarker", Label("name"), name=str)`
@@ -92,6 +100,8 @@ class Label:
 
     text: str
     color: str = "#444444"
+    meaning: str = ""
+    marks: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,7 +110,8 @@ class Raster:
 
     `colors` pairs the lower bound of each range with a colour ("" draws nothing), in ascending
     order; a value has the colour of the last range whose bound does not exceed it. `opacity` is
-    from 0 to 1.
+    from 0 to 1. `meanings` are the legend's texts of the ranges, in their order; "" leaves a range
+    out.
     """
 
     cells: str
@@ -111,6 +122,7 @@ class Raster:
     colors: tuple[tuple[int, str], ...] = ((1, "#444444"),)
     opacity: float = 1.0
     height: float = 0.0
+    meanings: tuple[str, ...] = ()
 
 
 def parameters_of(form: "Form") -> tuple[str, ...]:

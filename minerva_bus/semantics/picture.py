@@ -20,6 +20,7 @@ from minerva_bus.grammar.scene import FigureNode, Scene
 from minerva_bus.grammar.symbols import Primitive
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.semantics.by_parts import ByParts, ItemGeometry, batched
+from minerva_bus.semantics.legend import Legend, legend
 from minerva_bus.semantics.plane import raster_corner, resolve, resolve_all
 from minerva_bus.semantics.poses import Pose
 
@@ -95,18 +96,44 @@ class Tiles:
         return rows * self.cell, columns * self.cell
 
 
-Item: TypeAlias = Discs | Polyline | Texts | Tiles
+@dataclass(frozen=True, slots=True, eq=False)
+class Marks:
+    """Texts whose labels, wherever they are, have the form's colour instead of their own."""
+
+    texts: Sequence[str]
+    form: Label
+    owner: str = ""
+
+
+Item: TypeAlias = Discs | Polyline | Texts | Tiles | Marks
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Picture:
-    """The display list of a view, in the order of the string."""
+    """The display list of a view, in the order of the string.
+
+    `legend` explains all primitives of this view and of the previous ones of the same `Lists`.
+    """
 
     items: tuple[Item, ...] = ()
+    legend: Legend = ()
 
     def of(self, kind: type[Any]) -> list[Any]:
         """The items of a class."""
         return [item for item in self.items if isinstance(item, kind)]
+
+    def marked(self) -> dict[str, str]:
+        """The colours of marked labels, by text."""
+        return {text: marks.form.color for marks in self.of(Marks) for text in marks.texts}
+
+
+def combined(pictures: Sequence[Picture]) -> Picture:
+    """The pictures over each other; a single one keeps its identity, by which views cache it."""
+    if len(pictures) == 1:
+        return pictures[0]
+    items = [item for picture in pictures for item in picture.items]
+    entries = [entry for picture in pictures for entry in picture.legend]
+    return Picture(tuple(items), tuple(dict.fromkeys(entries)))
 
 
 @lru_cache(maxsize=1024)
@@ -124,8 +151,8 @@ def rgb(color: str) -> Color:
 Row: TypeAlias = tuple[float, float, float, float, float, Color, bool, str, str]
 
 
-def _name_of(primitive: Primitive) -> str:
-    """The name of a primitive's first text parameter; "" if it has none."""
+def text_parameter(primitive: Primitive) -> str:
+    """A primitive's first text parameter, by which things are named; "" if it has none."""
     return next((field.name for field in primitive.fields.all if field.type.kind == "text"), "")
 
 
@@ -135,11 +162,14 @@ class _PictureGeometry(ItemGeometry[Row | Item]):
     def __init__(self, vocabulary: Vocabulary) -> None:
         super().__init__(vocabulary)
         self._names = {
-            name: _name_of(primitive) for name, primitive in vocabulary.primitives.items()
+            name: text_parameter(primitive) for name, primitive in vocabulary.primitives.items()
         }
+        self.drawn: set[str] = set()
+        """Primitives drawn so far. Parts that have not changed are not drawn again."""
 
     def shape(self, shape: Shape, figure: FigureNode) -> None:
         parameters, at = figure.parameters, self.pose
+        self.drawn.add(figure.symbol)
         if isinstance(shape, Disc):
             name = self._names[figure.symbol]
             self.items.append(
@@ -159,6 +189,8 @@ class _PictureGeometry(ItemGeometry[Row | Item]):
             self.items.append(Polyline(_points(shape, figure, at), shape, self.owner))
         elif isinstance(shape, Raster):
             self.items.append(_tiles(shape, figure, at, self.owner))
+        elif shape.marks:
+            self.items.append(Marks((str(parameters[shape.text]),), shape, self.owner))
         else:
             here = np.array([at.x]), np.array([at.y])
             self.items.append(Texts(*here, (str(parameters[shape.text]),), shape, self.owner))
@@ -178,9 +210,13 @@ class _PictureGeometry(ItemGeometry[Row | Item]):
         # Lines and rasters have lists or matrices as parameters, which columns do not hold.
         if not isinstance(shape, Disc | Label):
             return False
+        self.drawn.add(inner.symbol)
         x, y, angle = self.poses(levels[:-1], columns.count)
         if isinstance(shape, Label):
             texts = tuple(map(str, inner.column(shape.text)))
+            if shape.marks:
+                self.items.append(Marks(texts, shape, self.owner))
+                return True
             self.items.append(Texts(x, y, texts, shape, self.owner))
             return True
         name, n = self._names[inner.symbol], columns.count
@@ -235,13 +271,20 @@ class Lists:
     """Converts one view after another to a picture; unchanged parts are converted once."""
 
     def __init__(self, vocabulary: Vocabulary) -> None:
-        self._views = ByParts(_PictureGeometry(vocabulary))
+        self._geometry = _PictureGeometry(vocabulary)
+        self._views = ByParts(self._geometry)
+        self._explained = 0
+        self._legend: Legend = ()
 
     def picture(self, skeleton: Scene, parts: Mapping[str, Scene]) -> Picture:
         """The picture of a view: its static skeleton, and its parts in their slots."""
         # Single discs are tuples until here; neighbours become one `Discs`.
         items: list[Item] = batched(self._views.items(skeleton, parts), tuple, _discs)
-        return Picture(tuple(items))
+        drawn = self._geometry.drawn
+        if len(drawn) > self._explained:
+            self._explained = len(drawn)
+            self._legend = legend(self._geometry.vocabulary, drawn)
+        return Picture(tuple(items), self._legend)
 
 
 def _discs(rows: Sequence[Row]) -> Item:

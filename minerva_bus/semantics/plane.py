@@ -55,7 +55,7 @@ def outline(shape: Shape, parameters: Mapping[str, Any], at: Pose) -> tuple[list
     """Points in metres and a margin around them that contain all that a shape draws.
 
     The centre of a disc and its radius, the points of a line and half its width, the corners of a
-    raster, the position of a label.
+    raster, the position of a label; nothing for a label that only marks others.
     """
     if isinstance(shape, Disc):
         return [(at.x, at.y)], resolve(shape.radius, parameters)
@@ -66,7 +66,7 @@ def outline(shape: Shape, parameters: Mapping[str, Any], at: Pose) -> tuple[list
         corner, cell = raster_corner(shape, parameters, at), resolve(shape.cell, parameters)
         rows, columns = parameters[shape.cells].shape
         return [corner.point(x, y) for x in (0.0, rows * cell) for y in (0.0, columns * cell)], 0.0
-    return [(at.x, at.y)], 0.0
+    return [] if shape.marks else [(at.x, at.y)], 0.0
 
 
 class PlaneGeometry(Geometry):

@@ -1,6 +1,7 @@
 """Vocabularies as plain data: section 4 of PROTOCOL.md.
 
-vocabulary     = {primitives: [...], transformations: [...], kinds: [...], events: [...]}
+vocabulary     = {primitives: [...], transformations: [...], kinds: [...], events: [...],
+                  meanings: {primitive: [text]}, marks: [primitive]}   the last two may be absent
 primitive      = [name, [field], shape or nil]
 transformation = [name, [field], motion or nil]
 kind           = [name, [field], [subscribed], [visual event types], [attribute at rest]]
@@ -10,16 +11,19 @@ event type     = [name, [field], visual]
 field          = [name, type, default]     the type as `real m`; the default as a text of the
                                        language (`0.5`, `"red"`, `{PFox}`) or nil
 shape, motion  = [form's name, its measures in order]
+meanings       = texts of the legend, one for each colour of a shape
+marks          = primitives whose labels give their colour to other labels
 """
 
 from __future__ import annotations
 
 from dataclasses import fields as form_fields
+from dataclasses import replace
 from typing import Any, cast
 
 from minerva_bus.errors import MisuseError, ProtocolError, SceneError
 from minerva_bus.grammar.fields import Field, Fields
-from minerva_bus.grammar.forms import Disc, Form, Label, Line, Motion, Raster
+from minerva_bus.grammar.forms import Disc, Form, Label, Line, Motion, Raster, Shape
 from minerva_bus.grammar.parser import parse_value
 from minerva_bus.grammar.printer import value_text
 from minerva_bus.grammar.symbols import AgentKind, EventType, Primitive, Transformation
@@ -32,10 +36,15 @@ _MAX_ERROR_CHARS = 300
 _FORMS: dict[str, type[Form]] = {
     form.__name__.lower(): form for form in (Disc, Line, Label, Raster, Motion)
 }
+_APART = frozenset(("meaning", "meanings", "marks"))
+"""Fields of forms with optional keys of their own, which older members do not know."""
 
 
 def plain_vocabulary(vocabulary: Vocabulary) -> dict[str, Any]:
     """A vocabulary as plain data."""
+    shapes = {p.name: p.shape for p in vocabulary.primitives.values() if p.shape is not None}
+    meanings = {name: list(_meanings(shape)) for name, shape in shapes.items() if _meanings(shape)}
+    marks = [name for name, shape in shapes.items() if isinstance(shape, Label) and shape.marks]
     return {
         "primitives": [
             [p.name, _plain_fields(p.fields), _plain_form(p.shape)]
@@ -47,6 +56,8 @@ def plain_vocabulary(vocabulary: Vocabulary) -> dict[str, Any]:
         ],
         "kinds": [plain_kind(kind) for kind in vocabulary.kinds.values()],
         "events": [[e.name, _plain_fields(e.fields), e.visual] for e in vocabulary.events.values()],
+        **({"meanings": meanings} if meanings else {}),
+        **({"marks": marks} if marks else {}),
     }
 
 
@@ -72,16 +83,31 @@ def _plain_fields(fields: Fields) -> list[Any]:
 def _plain_form(form: Form | None) -> list[Any] | None:
     if form is None:
         return None
-    name = type(form).__name__.lower()
-    return [name, *(getattr(form, of.name) for of in form_fields(form))]
+    return [type(form).__name__.lower(), *(getattr(form, name) for name in _measures(type(form)))]
+
+
+def _measures(form: type[Form]) -> list[str]:
+    return [of.name for of in form_fields(form) if of.name not in _APART]
+
+
+def _meanings(shape: Shape) -> tuple[str, ...]:
+    if isinstance(shape, Raster):
+        return shape.meanings
+    return (shape.meaning,) if shape.meaning else ()
 
 
 def read_vocabulary(plain: Any) -> Vocabulary:
     """A vocabulary from plain data. Raises ProtocolError."""
     parts = as_map(plain, "a vocabulary")
     try:
+        primitives = [_primitive(item) for item in as_list(parts.get("primitives"), "primitives")]
+        meanings = as_map(parts.get("meanings", {}), "meanings")
+        marks = as_texts(parts.get("marks", []), "marks")
+        for primitive in primitives:
+            texts = as_texts(meanings.get(primitive.name, []), "the meanings of a primitive")
+            primitive.shape = _explained(primitive.shape, texts, primitive.name in marks)
         return Vocabulary.of(
-            *(_primitive(item) for item in as_list(parts.get("primitives"), "primitives")),
+            *primitives,
             *(_transformation(item) for item in as_list(parts.get("transformations"), "motions")),
             *(_kind(item) for item in as_list(parts.get("kinds"), "kinds")),
             *(_event_type(item) for item in as_list(parts.get("events"), "event types")),
@@ -107,6 +133,16 @@ def _primitive(plain: Any) -> Primitive:
         raise ProtocolError(f"{declared.name} is a primitive and cannot be a motion")
     declared.shape = form
     return declared
+
+
+def _explained(shape: Shape | None, texts: tuple[str, ...], marks: bool) -> Shape | None:
+    """A shape with its meanings, and for a label whether it marks others."""
+    if isinstance(shape, Raster):
+        return replace(shape, meanings=texts)
+    meaning = "".join(texts[:1])
+    if isinstance(shape, Label):
+        return replace(shape, meaning=meaning, marks=marks)
+    return replace(shape, meaning=meaning) if shape is not None else None
 
 
 def _transformation(plain: Any) -> Transformation:
@@ -179,7 +215,7 @@ def _form(plain: Any) -> Form | None:
         return None
     items = as_list(plain, "a form")
     form = _FORMS.get(as_text(items[0] if items else None, "a form's name"))
-    if form is None or len(items) != 1 + len(form_fields(form)):
+    if form is None or len(items) != 1 + len(_measures(form)):
         raise ProtocolError(f"no form {str(items[:1])[:40]}; there are {', '.join(_FORMS)}")
     return form(*(_measure(item) for item in items[1:]))
 

@@ -72,12 +72,21 @@ def page_of(scene: Scene, width: int = 1200) -> Page:
 
 def picture(scene: Scene, width: int = 1200) -> str:
     page = page_of(scene, width)
-    return svg_document(scene, VOCABULARY, page, Tracer(), "orchard", "frame 3")
+    return svg_document(scene, VOCABULARY, page, Tracer(), "orchard", "frame 3", set())
 
 
 def elements(document: str, tag: str) -> list[ElementTree.Element]:
-    """The elements of a document with this tag, in document order."""
-    return list(ElementTree.fromstring(document).iter("{http://www.w3.org/2000/svg}" + tag))
+    """The elements of a document with this tag, in document order, without its legend."""
+    root = ElementTree.fromstring(document)
+    for swatches in root.findall("{*}g[@class='legend']"):
+        root.remove(swatches)
+    return list(root.iter("{http://www.w3.org/2000/svg}" + tag))
+
+
+def legend_of(document: str) -> list[str]:
+    """The texts of a document's legend."""
+    root = ElementTree.fromstring(document)
+    return [text.text or "" for text in root.findall("{*}g[@class='legend']/{*}text")]
 
 
 def pixels(png: bytes) -> NDArray[np.uint8]:

@@ -24,7 +24,7 @@ from minerva_services.views.svg import Svg
 from minerva_services.views.window.painter import Sight
 
 FRAMES = 60
-ORANGE = (224, 122, 47)
+ORANGE = (230, 159, 0)
 KINDS = [ARobot]
 
 
@@ -103,6 +103,6 @@ def test_the_picture(moment, tmp_path):
     service.show(View(FRAMES, "ePicture", scene))
     drawn = (tmp_path / "p.svg").read_text()
     (cx, cy) = re.search(
-        r'<circle cx="([-\d.]+)" cy="([-\d.]+)"[^>]*fill="#e07a2f"', drawn
+        r'<circle cx="([-\d.]+)" cy="([-\d.]+)"[^>]*fill="#e69f00"', drawn
     ).groups()
     assert (float(cx), float(cy)) == pytest.approx((x, y), abs=0.01)

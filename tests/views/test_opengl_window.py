@@ -8,7 +8,7 @@ import time
 
 import numpy as np
 import pytest
-from opengl_world import ROBOT, at, like, needs_driver
+from opengl_world import at, like, needs_driver
 
 from minerva_agents.robot.parcel import AParcel
 from minerva_agents.robot.robot import ARobot
@@ -19,12 +19,14 @@ from minerva_bus.launch import registry
 from minerva_bus.runtime.client import Client
 from minerva_bus.semantics.picture import Lists
 from minerva_bus.world.views import visualize
+from minerva_services.views.names import AgentName
 from minerva_services.views.opengl.painter import GLPainter
 from minerva_services.views.window.painter import Sight
 from tests.screen import Screen, needs_screen
 
 pytestmark = [needs_driver, needs_screen]
 SIZE = 900, 600
+ROBOT, PAPER = (230, 159, 0), (244, 240, 230)
 START = scene({})
 PATIENCE = 60.0
 
@@ -64,12 +66,12 @@ def said(screen, tmp_path, monkeypatch):
         run.wait()
 
 
-def drawn(string):
+def drawn(string, *names):
     """A painter that has drawn a string without a window, and its pixels."""
     painter = GLPainter(-90.0, 60.0, 1.0)
     painter.offscreen(SIZE)
     view = visualize(string, [ePicture()], [ARobot, AParcel])
-    painter.draw(Sight(Lists(vocabulary).picture(view, {})))
+    painter.draw(Sight(Lists(vocabulary).picture(view, {}), names=names))
     return painter, painter.pixels()
 
 
@@ -102,6 +104,10 @@ def test_a_persons_hands_reach_the_world(screen, said):
             return differs.mean() < 0.05
 
         eventually(lambda: len(like(seen(), ROBOT, 14)) > 10, "the robot is drawn")
+        # Without the legend, which grows with what has been drawn, the world stays in its place.
+        eventually(lambda: like(seen()[-20:], PAPER, 0).size, "a legend")
+        screen.hands("key", "l")
+        eventually(lambda: not like(seen()[-20:], PAPER, 0).size, "no legend")
         sign = next(box for box in reversed(painter.labels()) if box.text == "lab")
         middle = left + (sign.left + sign.right) / 2, top + (sign.top + sign.bottom) / 2
 
@@ -115,8 +121,9 @@ def test_a_persons_hands_reach_the_world(screen, said):
         screen.hands("key", "space")
         eventually(lambda: rests(ask.status()), "the world is paused")
         screen.hands("key", "b")
-        (painter, pixels), before = drawn(string_of(ask)), ask.status().frame
         robot = ARobot.thaw(vocabulary.read(ask.fragment("r1")).pieces[0])
+        name = AgentName("r1", *robot.metres(robot.position), robot.radius, 0.3)
+        (painter, pixels), before = drawn(string_of(ask), name), ask.status().frame
         x, y = at(painter, *robot.metres(robot.position), 0.3)
         screen.hands("key", "n")
         eventually(lambda: ask.status().frame == before + 1, "one frame is run")

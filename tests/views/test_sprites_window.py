@@ -12,7 +12,7 @@ import pytest
 
 pytest.importorskip("pygame")
 
-from sprites_world import ROBOT, middle_of
+from sprites_world import middle_of
 
 from minerva_agents.robot.parcel import AParcel
 from minerva_agents.robot.robot import ARobot
@@ -21,13 +21,17 @@ from minerva_bus import visualize
 from minerva_bus.frame.phases import Phase
 from minerva_bus.grammar.batch import single
 from minerva_bus.runtime.client import Client
-from minerva_bus.semantics.picture import Lists
+from minerva_bus.semantics.picture import Lists, Picture, rgb
+from minerva_services.views.names import AgentName
+from minerva_services.views.palette import BORDER
 from minerva_services.views.sprites.painter import SpritePainter
 from minerva_services.views.window.painter import Sight
 from tests.screen import Screen, needs_screen
 
 pytestmark = needs_screen
 SIZE = 900, 640
+ROBOT, WALL, PAPER = (230, 159, 0), (154, 161, 171), (244, 240, 230)
+LINE = rgb(BORDER)
 OPTIONS = f"sprites:width={SIZE[0]},height={SIZE[1]}"
 
 
@@ -72,6 +76,7 @@ class Office:
         self.members("sprites", "present")
         self.painter = self._like_it()
         eventually(self._drawn, "a window shows the map")
+        self.hide_legend()
 
     def _drawn(self):
         """Whether the window shows a map and accepts clicks."""
@@ -79,9 +84,8 @@ class Office:
         if found is None:
             return None
         self.window, self.left, self.top = found
-        wall, paper = (47, 54, 64), (244, 240, 230)
         shown = self.seen()
-        return middle_of(shown, wall) and middle_of(shown[:10], paper)
+        return middle_of(shown, WALL) and middle_of(shown[:10], PAPER)
 
     def _endpoint(self):
         assert self.process.poll() is None, self.said()
@@ -99,10 +103,23 @@ class Office:
     def _like_it(self):
         """A painter with the initial drawing of the world, to locate items."""
         first = visualize(scene({}), [vocabulary.events["ePicture"]()], [ARobot, AParcel])
+        self.first = Lists(vocabulary).picture(first, {})
         painter = SpritePainter()
         painter.offscreen(SIZE)
-        painter.draw(Sight(Lists(vocabulary).picture(first, {})))
+        painter.draw(Sight(self.first))
         return painter
+
+    def hide_legend(self):
+        """Without the legend, which grows with what has been drawn, the map stays in its place."""
+
+        def hidden():
+            # The legend begins with a line from edge to edge.
+            lines = (self.seen()[: SIZE[1] - 40] == LINE).all(axis=(1, 2))
+            return not lines.any()
+
+        eventually(lambda: not hidden(), "a legend")
+        self.screen.hands("key", "l")
+        eventually(hidden, "no legend")
 
     def said(self):
         self.log.seek(0)
@@ -223,6 +240,18 @@ def test_the_robot_is_at_the_pose_of_its_state(office):
     eventually(near, f"a robot at {right:.0f}, {down:.0f}", patience=20)
 
 
+def test_a_click_on_the_name_of_the_robot_selects_it(office):
+    where = robot(office)
+    name = AgentName("r1", *where.metres(where.position), where.radius, 0.3)
+    office.painter.draw(Sight(Picture(), names=(name,)))
+    office.click_on("r1")
+    office.painter.draw(Sight(office.first))
+    office.click_on("library")
+    office.step()
+    office.has('eObjective<marker="library"> to #r1')
+    office.screen.hands("key", "Escape")
+
+
 def test_a_click_on_the_robot_selects_it(office):
     where = robot(office)
     x, y = office.painter.camera.to_screen(*where.metres(where.position))
@@ -231,6 +260,14 @@ def test_a_click_on_the_robot_selects_it(office):
     office.screen.hands("key", "space")
     office.has('eObjective<marker="office"> to #r1')
     office.screen.hands("key", "Escape")
+
+
+def test_a_question_mark_shows_the_keys_and_hides_them(office):
+    before = office.seen()
+    office.screen.hands("key", "question")
+    eventually(lambda: (office.seen() != before).mean() > 0.1, "the keys")
+    office.screen.hands("key", "question")
+    eventually(lambda: (office.seen() != before).mean() < 0.1, "no keys")
 
 
 def test_a_window_may_be_zoomed_moved_and_resized(office):

@@ -70,7 +70,8 @@ def test_opacity_mixes_with_what_is_below():
 
 def dark(scene: Scene) -> int:
     """The number of pixels of the map's panel that are as dark as letters."""
-    image = pixels(png(picture(scene)))[60:-60]
+    top, height = page_of(scene).padding, page_of(scene).panel[1]
+    image = pixels(png(picture(scene)))[round(top) + 30 : round(top + height)]
     return int((image.sum(axis=2) < 300).sum())
 
 

@@ -22,7 +22,7 @@ def eventually(what):
 
 def test_it_asks_again_and_again():
     ledger = Ledger()
-    watch = WorldMonitor(ledger, every=0.01)
+    watch = WorldMonitor(ledger, WORDS, every=0.01)
     eventually(lambda: ledger.asked > 3)
     assert watch.status.orders == ("eGo", "eHaste")
     watch.close()
@@ -33,7 +33,7 @@ def test_it_asks_again_and_again():
 
 def test_handlers_run_in_order_and_are_reported():
     ledger = Ledger()
-    watch = WorldMonitor(ledger, every=60.0)
+    watch = WorldMonitor(ledger, WORDS, every=60.0)
     watch.do(PauseAction())
     watch.do(None)
     watch.do(OrderAction(WORDS.events["eGo"]("attic")))
@@ -53,7 +53,7 @@ def test_it_is_busy_until_the_status_is_from_after_the_deed():
             return status(paused=bool(self.told))
 
     ledger = Slow()
-    watch = WorldMonitor(ledger, every=0.01)
+    watch = WorldMonitor(ledger, WORDS, every=0.01)
     eventually(lambda: watch.status)
     assert not watch.busy
     watch.do(PauseAction())
@@ -68,7 +68,7 @@ def test_it_is_busy_until_the_status_is_from_after_the_deed():
 
 def test_an_unresponsive_world_is_reported_and_asked_again():
     ledger = Ledger(error="the world has not answered\nfor a second")
-    watch = WorldMonitor(ledger, every=0.01)
+    watch = WorldMonitor(ledger, WORDS, every=0.01)
     assert eventually(lambda: watch.notice) == "the world has not answered"
     ledger.error = ""
     eventually(lambda: watch.status)
@@ -81,14 +81,14 @@ def test_a_world_without_an_operator_is_asked_once():
             self.asked += 1
             raise MisuseError("nobody can operate this world from here")
 
-    watch = WorldMonitor(Nobody(), every=0.001)
+    watch = WorldMonitor(Nobody(), WORDS, every=0.001)
     eventually(lambda: not watch._thread.is_alive())
     assert watch._operator.asked == 1
     watch.close()
 
 
 def test_a_rejected_order_is_reported():
-    watch = WorldMonitor(Ledger(error="nobody takes eGo"), every=60.0)
+    watch = WorldMonitor(Ledger(error="nobody takes eGo"), WORDS, every=60.0)
     watch.do(OrderAction(Event("eGo", ("place",), ("x",))))
     assert eventually(lambda: watch.notice) == "nobody takes eGo"
     watch.close()

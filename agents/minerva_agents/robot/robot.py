@@ -22,7 +22,7 @@ from minerva_agents.robot.knowledge import (
     place_of,
 )
 from minerva_agents.robot.motion import STAY, GridPose, Move, action_of, move_of
-from minerva_agents.robot.vocabulary import PGoal, PGrid, PPath, PRobot, TPlace
+from minerva_agents.robot.vocabulary import PGoal, PGrid, PObjective, PPath, PRobot, TPlace
 from minerva_bus import (
     EMPTY,
     Agent,
@@ -296,7 +296,9 @@ class ARobot(Agent, symbol="ARobot", rest=("action",)):
         return PPath(tuple([x for x, _ in points]), tuple([y for _, y in points]))
 
     def _goal_shown(self) -> Scene:
-        place = self.objective_cell() if self.objective else None
-        if place is None:
+        if not self.objective:
             return EMPTY
-        return TPlace(*self.metres((place[0] + 0.5, place[1] + 0.5)))(PGoal())
+        marked, place = PObjective(self.objective), self.objective_cell()
+        if place is None:
+            return marked
+        return marked + TPlace(*self.metres((place[0] + 0.5, place[1] + 0.5)))(PGoal())

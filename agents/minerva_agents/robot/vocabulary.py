@@ -2,14 +2,15 @@
 
 Tables 3 and 4 define PMap, PRobot, TMove, TRotate, eLaser and the five events from eCamera to
 eSpeed. Added are eClear for beams without a hit; TPlace for the position of a robot or marker;
-PMarker, because a floor shows its rooms' markers; PGrid, PPath and PGoal, which show a robot's
-knowledge and plan; eCollision, by which physics notifies an agent (section 5); eReached and
+PMarker, because a floor shows its rooms' markers; PGrid, PPath, PObjective and PGoal, which show a
+robot's knowledge and plan; eCollision, by which physics notifies an agent (section 5); eReached and
 eUnreachable, by which the robot reports; eRefused, by which norms notify it; and ePicture, a second
 view. The transport of objects (4.1) uses PParcel, eErrand, which a user orders, and the six events
 from eTake to eGivenUp between robots and parcels; see `errand`.
 
 Rows of a grid grow along the world's x, columns along its y. Lengths are in metres, angles in
-degrees, counter-clockwise.
+degrees, counter-clockwise. The colours of things and cells are the palette of Okabe and Ito (Color
+Universal Design, 2008), which colour-blind readers can distinguish; walls and ground are grey.
 """
 
 from typing import Annotated
@@ -40,8 +41,9 @@ PMap = Primitive(
         "x",
         "y",
         "angle",
-        colors=((-1, "#d9d4c7"), (0, "#fbfaf6"), (1, "#2f3640")),
-        height=1.0,
+        colors=((-1, "#e6e0d0"), (0, "#fbfaf6"), (1, "#9aa1ab")),
+        height=0.5,
+        meanings=("unknown or inside furniture", "floor", "wall or furniture"),
     ),
     cells=Cells,
     resolution=Metres,
@@ -52,12 +54,20 @@ PMap = Primitive(
 """The floor as a map: -1 unknown, 0 free, 100 occupied."""
 
 PRobot = Primitive(
-    "PRobot", Disc("radius", "#e07a2f", heading=True), name=str, radius=Default(Metres, 0.18)
+    "PRobot",
+    Disc("radius", "#e69f00", heading=True),
+    name=str,
+    radius=Default(Metres, 0.18),
 )
 """The robot, at the origin and heading along x; `name` is the agent's id."""
 
-PMarker = Primitive("PMarker", Label("name", "#2f6f8f"), name=str)
+PMarker = Primitive("PMarker", Label("name", "#0072b2", "marker of a room"), name=str)
 """A marker that identifies a room, positioned by a TPlace."""
+
+PObjective = Primitive(
+    "PObjective", Label("marker", "#d55e00", "objective of a robot", marks=True), marker=str
+)
+"""The marker that a robot is looking for, wherever it is."""
 
 PGrid = Primitive(
     "PGrid",
@@ -68,13 +78,21 @@ PGrid = Primitive(
         "y",
         colors=(
             (0, ""),
-            (1, "#b9d9e8"),
-            (2, "#c0392b"),
-            (10, "#8fc7a0"),
-            (11, "#b07d2b"),
-            (16, "#8e44ad"),
+            (1, "#56b4e9"),
+            (2, "#000000"),
+            (10, "#009e73"),
+            (11, "#f0e442"),
+            (16, "#0072b2"),
         ),
-        opacity=0.45,
+        opacity=0.5,
+        meanings=(
+            "",
+            "free, seen by the laser",
+            "obstacle, seen by the laser",
+            "free, inspected by the camera",
+            "closed by a norm",
+            "remembered marker",
+        ),
     ),
     cells=Cells,
     cell=Metres,
@@ -85,16 +103,20 @@ PGrid = Primitive(
 
 PPath = Primitive(
     "PPath",
-    Line("xs", "ys", "#e07a2f", 0.05, dashed=True),
+    Line("xs", "ys", "#e69f00", 0.05, dashed=True, meaning="planned path"),
     xs=tuple[float, ...],
     ys=tuple[float, ...],
 )
 """The path that a robot plans to follow, in metres of the world."""
 
-PGoal = Primitive("PGoal", Disc("radius", "#c2185b"), radius=Default(Metres, 0.12))
+PGoal = Primitive(
+    "PGoal",
+    Disc("radius", "#d55e00", meaning="where a robot assumes its objective"),
+    radius=Default(Metres, 0.12),
+)
 """Where a robot assumes its objective to be."""
 
-PParcel = Primitive("PParcel", Disc("radius", "#7a4a21", height=0.5), radius=Default(Metres, 0.11))
+PParcel = Primitive("PParcel", Disc("radius", "#f0e442", height=0.5), radius=Default(Metres, 0.11))
 """An object that robots transport; taller than a robot, so that it is visible on top of one."""
 
 TMove = Transformation("TMove", Motion(forward="dist"), dist=Metres)

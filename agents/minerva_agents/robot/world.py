@@ -48,6 +48,7 @@ vocabulary: Final = Vocabulary.of(
     words.PRobot,
     words.PGrid,
     words.PPath,
+    words.PObjective,
     words.PGoal,
     words.PParcel,
     words.TMove,

@@ -1,13 +1,14 @@
-"""What views share to fit a picture: extents of items, and round lengths for grids."""
+"""What views share to fit a picture: extents of items, rows of texts, and lengths of grids."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from minerva_bus.semantics.picture import Discs, Item, Polyline, Texts, Tiles
+from minerva_bus.semantics.picture import Discs, Item, Marks, Polyline, Texts
 
 Floats = NDArray[np.float64]
 
@@ -21,10 +22,24 @@ def extremes(item: Item) -> tuple[Floats, Floats]:
         return np.concatenate([item.x - r, item.x + r]), np.concatenate([item.y - r, item.y + r])
     if isinstance(item, Texts):
         return item.x, item.y
-    assert isinstance(item, Tiles)
+    if isinstance(item, Marks):
+        return np.zeros(0), np.zeros(0)
     width, depth = item.size
     corners = np.array([item.pose.point(x, y) for x in (0.0, width) for y in (0.0, depth)])
     return corners[:, 0], corners[:, 1]
+
+
+def flow(widths: Sequence[float], room: float, gap: float) -> list[list[int]]:
+    """Numbers of things of these widths, in rows that fit into `room`, at least one per row."""
+    rows: list[list[int]] = []
+    left = 0.0
+    for number, width in enumerate(widths):
+        if not rows or left + width > room:
+            rows.append([])
+            left = 0.0
+        rows[-1].append(number)
+        left += width + gap
+    return rows
 
 
 def round_step(wanted: float) -> float:

@@ -16,6 +16,10 @@ _DEPTH_RANGE = 100.0
 """Depth range of the projection as a multiple of the distance to the target."""
 
 
+MARGIN = 0.06
+"""Share of the picture that stays free at each of its edges."""
+
+
 @dataclass(frozen=True, slots=True)
 class OrbitCamera:
     """A camera that orbits a target (metres) and looks at it.
@@ -119,8 +123,11 @@ class OrbitCamera:
         """Aimed at (x, y, z) from the same direction and distance."""
         return replace(self, target=(x, y, z))
 
-    def fitted(self, points: Floats, aspect: float, margin: float = 0.06) -> OrbitCamera:
+    def fitted(self, points: Floats, aspect: float, margin: float = MARGIN) -> OrbitCamera:
         """As close as possible with all points (n, 3) in the picture, in the same direction.
+
+        `margin` is the share of the picture that stays free at its upper and its lower edge; at
+        the left and the right, it is at most `MARGIN`.
 
         Each point limits the distance from both sides (left and right, below and above); the camera
         is shifted sideways to where both limits are equal. It stays at least half the points'
@@ -129,9 +136,9 @@ class OrbitCamera:
         spread = float(np.linalg.norm(np.ptp(points, axis=0)))
         right, up, depth = (np.asarray(points, np.float64) @ self.axes.T).T
         # Along the camera's axes each limit is one linear inequality.
-        slope = self._slope * (1 - 2 * margin)
-        across, x = _bounded(right, depth, slope * aspect)
-        along, y = _bounded(up, depth, slope)
+        wide = self._slope * aspect * (1 - 2 * min(margin, MARGIN))
+        across, x = _bounded(right, depth, wide)
+        along, y = _bounded(up, depth, self._slope * (1 - 2 * margin))
         back = max(across, along, spread / 2 - float(depth.min()))
         eye = np.array([x, y, -back]) @ self.axes
         forward = self.axes[2]

@@ -118,7 +118,7 @@ class GLScene:
         radius = 0.010 * extent.span
         # Pins rise above the walls.
         height = max(extent.height + 4 * radius, 0.09 * extent.span)
-        self._pins.take(picture.of(Texts), PinSizes(radius, height))
+        self._pins.take(picture.of(Texts), PinSizes(radius, height), picture.marked())
 
     def beam(self, beams: Sequence[Beams]) -> None:
         """Set the current laser beams."""

@@ -9,7 +9,7 @@ from typing import Any
 import moderngl
 import numpy as np
 
-from minerva_services.views.opengl.camera import Floats, OrbitCamera
+from minerva_services.views.opengl.camera import MARGIN, Floats, OrbitCamera
 from minerva_services.views.opengl.canvas import (
     RenderTarget,
     ask_for_opengl,
@@ -18,6 +18,7 @@ from minerva_services.views.opengl.canvas import (
 )
 from minerva_services.views.opengl.extent import SceneBox, extent_of
 from minerva_services.views.opengl.gl_scene import GLScene
+from minerva_services.views.opengl.pins import write_names
 from minerva_services.views.opengl.text_plates import PADDING, TextPlates
 from minerva_services.views.window.painter import Box, Pixels, Sight
 from minerva_services.views.window.picking import spot_of
@@ -40,6 +41,7 @@ class GLPainter:
         self._zoom = zoom
         self.camera = self._initial_camera
         self._moved = False
+        self._margin = MARGIN
         self._extent: SceneBox | None = None
         self._sight: Sight | None = None
         self._boxes: list[Box] = []
@@ -143,6 +145,7 @@ class GLPainter:
         if self._sight is None or sight.picture is not self._sight.picture:
             self._take(sight)
         self._sight = sight
+        self._leave_room(sight)
         spot = spot_of(sight.picture, sight.selected)
         if sight.follows and spot is not None:
             self.camera = self.camera.aimed(spot.x, spot.y)
@@ -164,19 +167,35 @@ class GLPainter:
         # Shadows do not depend on the camera, so they are drawn once per picture.
         self._scene.shadows(self.camera, self._canvas.size)
 
+    def _leave_room(self, sight: Sight) -> None:
+        """Keep the world clear of the legend."""
+        width, height = self._canvas.size
+        strip = self._signs.legend(sight.legend, width).height if sight.legend else 0
+        margin = max(MARGIN, strip / height + MARGIN / 4)
+        if margin != self._margin:
+            self._margin = margin
+            self._refit()
+
     def _refit(self) -> None:
         if not self._moved and self._extent is not None:
             width, height = self._canvas.size
-            fitted = self._initial_camera.fitted(self._extent.corners, width / height)
+            fitted = self._initial_camera.fitted(self._extent.corners, width / height, self._margin)
             self.camera = fitted.zoomed(self._zoom)
 
     def _write(self, sight: Sight) -> None:
-        signs, (_, height) = self._signs, self._canvas.size
+        signs, (width, height) = self._signs, self._canvas.size
         signs.begin()
         self._boxes = self._scene.pins.write(signs, self.camera, self._canvas.size)
+        # Names of agents are on top of the texts of places, and are picked first.
+        self._boxes += write_names(sight.names, signs, self.camera, self._canvas.size)
+        if sight.legend:
+            strip = signs.legend(sight.legend, width)
+            height -= strip.height
+            signs.put(strip, 0, height)
         top = float(PADDING)
         if sight.caption:
-            plate = signs.table([(sight.caption, sight.subtitle)])
+            rest = "  ·  ".join(text for text in (sight.subtitle, sight.hint) if text)
+            plate = signs.table([(sight.caption, rest)])
             signs.put(plate, PADDING, top)
             top += plate.height + PADDING / 2
         if sight.help:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import moderngl
 import numpy as np
 
 from minerva_bus.semantics.picture import Texts, rgb
+from minerva_services.views.names import AgentName
 from minerva_services.views.opengl import shaders
 from minerva_services.views.opengl.camera import Floats, OrbitCamera
 from minerva_services.views.opengl.gpu import GrowingBuffer, fitting, program
@@ -47,17 +49,23 @@ class PinMeshes:
             for by in (self._program, self._dark)
         ]
         self._shown: Sequence[Texts] = ()
+        self._marked: Mapping[str, str] = {}
         self._count = 0
         self.sizes = PinSizes(0.1, 1.0)
 
-    def take(self, texts: Sequence[Texts], sizes: PinSizes) -> None:
-        """Set the texts of a picture."""
-        self._shown, self.sizes = texts, sizes
+    def take(
+        self,
+        texts: Sequence[Texts],
+        sizes: PinSizes,
+        marked: Mapping[str, str] = MappingProxyType({}),
+    ) -> None:
+        """Set the texts of a picture; `marked` gives some of them other colours."""
+        self._shown, self._marked, self.sizes = texts, marked, sizes
         self._count = sum(len(batch.x) for batch in texts)
         for by in (self._program, self._dark):
             by["size"] = sizes.radius, sizes.height
         if self._count:
-            self._feet.write(np.concatenate([_feet(batch) for batch in texts]))
+            self._feet.write(np.concatenate([_feet(batch, marked) for batch in texts]))
 
     def cast(self) -> None:
         """Draw shadow casters."""
@@ -83,7 +91,7 @@ class PinMeshes:
         for row in np.argsort(-camera.depths(balls), kind="stable"):
             if np.isnan(at[row]).any() or not names[row]:
                 continue
-            sheet = signs.sheet(names[row])
+            sheet = signs.sheet(names[row], self._marked.get(names[row], ""))
             gap = float(ball[row]) + 4
             left = float(at[row, 0]) + gap
             if left + sheet.width > width - PADDING:
@@ -98,9 +106,30 @@ class PinMeshes:
         return boxes
 
 
-def _feet(texts: Texts) -> np.ndarray:
-    paint = np.tile(np.array(rgb(texts.form.color)) / 255, (len(texts.x), 1))
+def _feet(texts: Texts, marked: Mapping[str, str]) -> np.ndarray:
+    colors = [rgb(marked.get(text, texts.form.color)) for text in texts.texts]
+    paint = np.array(colors, np.float64).reshape(-1, 3) / 255
     return np.column_stack([texts.x, texts.y, paint]).astype(np.float32)
+
+
+def write_names(
+    names: Sequence[AgentName], signs: TextPlates, camera: OrbitCamera, size: tuple[int, int]
+) -> list[Box]:
+    """Draw agents' names above their discs; returns their boxes."""
+    boxes: list[Box] = []
+    for name in names:
+        top = np.array([[name.x, name.y, name.height], [name.x, name.y, 0.0]])
+        at = camera.project(top, *size)
+        if np.isnan(at).any():
+            continue
+        sheet = signs.sheet(name.text)
+        # Above the far edge of the disc, which the camera sees behind its middle.
+        away = float(_pixels(camera, top[:1], name.radius, size)[0]) + 6
+        left, high = float(at[0, 0]) - sheet.width / 2, float(at[0, 1]) - away - sheet.height
+        signs.put(sheet, left, high)
+        edges = left, high, left + sheet.width, high + sheet.height
+        boxes.append(Box(name.text, *edges, names_agent=True))
+    return boxes
 
 
 def _pixels(camera: OrbitCamera, points: Floats, metres: float, size: tuple[int, int]) -> Floats:

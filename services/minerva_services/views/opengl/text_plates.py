@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import moderngl
 
+from minerva_bus.semantics.legend import Legend
+from minerva_bus.semantics.picture import rgb
 from minerva_services.views.opengl import shaders
 from minerva_services.views.opengl.gpu import LETTERS, program
 
@@ -36,18 +39,29 @@ class TextPlates:
         self._gl = gl
         self._program = program(gl, shaders.SIGN_VERTEX, shaders.SIGN_FRAGMENT)
         self._array = gl.vertex_array(self._program, [])
-        self._sheets: dict[tuple[tuple[str, str], ...], Plate] = {}
+        self._sheets: dict[Hashable, Plate] = {}
         self.scale = 1.0
 
-    def sheet(self, text: str) -> Plate:
-        """A plate with one line."""
-        return self.table([(text, "")])
+    def sheet(self, text: str, color: str = "") -> Plate:
+        """A plate with one line, in white letters on a colour if there is one."""
+        return self._cached((text, color), lambda: self._made(((text, ""),), color))
 
     def table(self, rows: Sequence[tuple[str, str]]) -> Plate:
         """A plate with lines, each in one or two columns."""
         key = tuple(rows)
+        return self._cached(key, lambda: self._made(key))
+
+    def legend(self, legend: Legend, width: int) -> Plate:
+        """A legend, `width` pixels wide."""
+        from minerva_services.views.window.legend_strip import legend_strip
+
+        return self._cached(
+            (legend, width), lambda: self._uploaded(legend_strip(legend, width, self.scale))
+        )
+
+    def _cached(self, key: Hashable, make: Callable[[], Plate]) -> Plate:
         # Added at the end again: the first entry is the one that has not been used for longest.
-        plate = self._sheets.pop(key, None) or self._made(key)
+        plate = self._sheets.pop(key, None) or make()
         self._sheets[key] = plate
         while len(self._sheets) > _MAX_CACHED:
             self._sheets.pop(next(iter(self._sheets))).texture.release()
@@ -72,28 +86,32 @@ class TextPlates:
                 plate.texture.release()
             self._sheets.clear()
 
-    def _made(self, rows: tuple[tuple[str, str], ...]) -> Plate:
+    def _made(self, rows: tuple[tuple[str, str], ...], color: str = "") -> Plate:
         import pygame
 
         # pygame's own font looks the same on all machines.
         font = pygame.font.Font(None, round(22 * self.scale))
         columns = [
-            [font.render(_shown(row[at]), True, color) for row in rows]
-            for at, color in ((0, _INK), (1, _PALE))
+            [font.render(_shown(row[at]), True, ink) for row in rows]
+            for at, ink in ((0, (255, 255, 255) if color else _INK), (1, _PALE))
         ]
         first, second = (max(line.get_width() for line in column) for column in columns)
         gap = round(16 * self.scale) if second > 1 and any(row[1] for row in rows) else 0
         inset, line = round(7 * self.scale), round(1.2 * font.get_linesize())
         size = first + (gap + second if gap else 0) + 2 * inset, len(rows) * line + inset
         plate = pygame.Surface(size, pygame.SRCALPHA)
-        pygame.draw.rect(
-            plate, _TABLE if len(rows) > 1 else _PLATE, plate.get_rect(), border_radius=inset
-        )
+        paper = rgb(color) if color else _TABLE if len(rows) > 1 else _PLATE
+        pygame.draw.rect(plate, paper, plate.get_rect(), border_radius=inset)
         for at, column in enumerate(columns):
             for row, letters in enumerate(column):
                 left = inset + (first + gap) * at
                 plate.blit(letters, (left, inset // 2 + row * line + line // 8))
-        data = pygame.image.tobytes(plate, "RGBA")
+        return self._uploaded(plate)
+
+    def _uploaded(self, plate: Any) -> Plate:
+        import pygame
+
+        size, data = plate.get_size(), pygame.image.tobytes(plate, "RGBA")
         texture = self._gl.texture(size, 4, data)
         # Plates lie on whole pixels, so filtering would only blur them.
         texture.filter = (moderngl.NEAREST, moderngl.NEAREST)

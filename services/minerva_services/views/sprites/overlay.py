@@ -7,10 +7,12 @@ from collections.abc import Sequence
 
 import pygame
 
+from minerva_bus.semantics.legend import Legend
 from minerva_services.views.layout import round_step
 from minerva_services.views.palette import BORDER, FAINT, INK, PANEL, PAPER
 from minerva_services.views.sprites.camera import MapCamera
 from minerva_services.views.sprites.text import one_line, written
+from minerva_services.views.window.legend_strip import legend_strip
 from minerva_services.views.window.painter import Sight
 
 _LINE_HEIGHT = 34
@@ -20,6 +22,12 @@ _FONT_SIZE = 21
 def bar_height(ui: float) -> int:
     """Height of the status line in pixels."""
     return round(_LINE_HEIGHT * ui)
+
+
+def overlay_height(legend: Legend, width: int, ui: float) -> int:
+    """Height of the status line and of the legend above it, in pixels."""
+    strip = legend_strip(legend, width, ui).get_height() if legend else 0
+    return bar_height(ui) + strip
 
 
 def grid_step(camera: MapCamera) -> float:
@@ -47,11 +55,15 @@ def draw_grid(canvas: pygame.Surface, camera: MapCamera) -> None:
 
 def draw_overlay(canvas: pygame.Surface, sight: Sight, camera: MapCamera, ui: float) -> None:
     """Draw the whole overlay."""
+    width, height = canvas.get_size()
+    below = overlay_height(sight.legend, width, ui)
+    if sight.legend:
+        canvas.blit(legend_strip(sight.legend, width, ui), (0, height - below))
     _draw_bar(canvas, sight, camera, ui)
     if sight.notice:
-        _draw_notice(canvas, sight.notice, ui)
+        _draw_notice(canvas, sight.notice, below, ui)
     if sight.help:
-        _draw_help(canvas, sight.help, ui)
+        _draw_help(canvas, sight.help, below, ui)
 
 
 def _draw_bar(canvas: pygame.Surface, sight: Sight, camera: MapCamera, ui: float) -> None:
@@ -67,7 +79,11 @@ def _draw_bar(canvas: pygame.Surface, sight: Sight, camera: MapCamera, ui: float
     long = step * camera.scale
     name = written(f"{step:g} m", size, FAINT)
     begin = width - pad - long
+    hint = written(sight.hint, size, INK)
     room = begin - 2 * pad - name.get_width()
+    if sight.hint:
+        room -= hint.get_width() + pad
+        _put(canvas, hint, room + pad / 2, line)
     start = pad + title.get_width() + pad
     # A long subtitle must not run into the scale.
     canvas.set_clip((0, height - bar, max(0, round(room)), bar))
@@ -84,7 +100,7 @@ def _put(canvas: pygame.Surface, text: pygame.Surface, left: float, middle: floa
     canvas.blit(text, (round(left), round(middle - text.get_height() / 2)))
 
 
-def _draw_notice(canvas: pygame.Surface, notice: str, ui: float) -> None:
+def _draw_notice(canvas: pygame.Surface, notice: str, below: int, ui: float) -> None:
     size, pad = round(_FONT_SIZE * ui), round(12 * ui)
     text = written(one_line(notice, 120), size, "#ffffff")
     width, height = text.get_width() + 2 * pad, text.get_height() + pad
@@ -92,10 +108,12 @@ def _draw_notice(canvas: pygame.Surface, notice: str, ui: float) -> None:
     shade = pygame.Color(INK)
     pygame.draw.rect(box, (shade.r, shade.g, shade.b, 225), box.get_rect(), border_radius=pad // 2)
     box.blit(text, (pad, pad // 2))
-    canvas.blit(box, (pad, canvas.get_height() - bar_height(ui) - height - pad))
+    canvas.blit(box, (pad, canvas.get_height() - below - height - pad))
 
 
-def _draw_help(canvas: pygame.Surface, lines: Sequence[tuple[str, str]], ui: float) -> None:
+def _draw_help(
+    canvas: pygame.Surface, lines: Sequence[tuple[str, str]], below: int, ui: float
+) -> None:
     size, pad = round(_FONT_SIZE * ui), round(22 * ui)
     keys = [written(key, size, INK) for key, _ in lines]
     meanings = [written(one_line(meaning), size, FAINT) for _, meaning in lines]
@@ -111,5 +129,5 @@ def _draw_help(canvas: pygame.Surface, lines: Sequence[tuple[str, str]], ui: flo
         middle = pad + (at + 0.5) * row
         _put(box, key, pad, middle)
         _put(box, meaning, pad + column, middle)
-    room = canvas.get_height() - bar_height(ui)
+    room = canvas.get_height() - below
     canvas.blit(box, ((canvas.get_width() - width) // 2, max(0, (room - height) // 2)))

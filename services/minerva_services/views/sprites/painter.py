@@ -6,14 +6,15 @@ import numpy as np
 import pygame
 
 from minerva_bus.semantics.bounds import Bounds
+from minerva_bus.semantics.legend import Legend
 from minerva_bus.semantics.picture import Discs, Picture, Polyline, Texts, Tiles
 from minerva_services.views.palette import CHOSEN, PAPER
 from minerva_services.views.sprites.camera import MapCamera, extent
 from minerva_services.views.sprites.matrices import MatrixLayer
-from minerva_services.views.sprites.overlay import bar_height, draw_grid, draw_overlay
+from minerva_services.views.sprites.overlay import draw_grid, draw_overlay, overlay_height
 from minerva_services.views.sprites.stamps import Stamps
 from minerva_services.views.sprites.strokes import draw_beams, draw_line
-from minerva_services.views.sprites.text import draw_labels
+from minerva_services.views.sprites.text import draw_labels, draw_names
 from minerva_services.views.window.painter import Box, Floats, Pixels, Sight
 from minerva_services.views.window.picking import spot_of
 from minerva_services.views.window.screen import close_window, open_window
@@ -57,10 +58,17 @@ class SpritePainter:
         # Cached sprites have outlines of the old size.
         if ui != self._ui:
             self._ui, self._stamps = ui, Stamps()
-        room = max(size[1] - bar_height(ui), 1)
-        self.camera = self.camera.resized((size[0], room))
+        self._make_room(())
+
+    def _make_room(self, legend: Legend) -> None:
+        """Leave the lower edge to the overlay, which has a legend at times."""
+        width, height = self._canvas.get_size()
+        room = max(height - overlay_height(legend, width, self._ui), 1)
+        if self.camera.size != (width, room):
+            self.camera = self.camera.resized((width, room))
 
     def draw(self, sight: Sight) -> None:
+        self._make_room(sight.legend)
         self._aim(sight)
         canvas, picture = self._canvas, sight.picture
         # A surface of its own, so that no item can cover the status line.
@@ -73,9 +81,10 @@ class SpritePainter:
         draw_beams(self._world, sight.beams, self.camera, self._ui)
         self._draw_items(picture)
         self._draw_chosen(picture, sight.selected)
-        self._boxes = []
+        self._boxes = draw_names(self._world, sight.names, self.camera, self._ui)
+        marked = picture.marked()
         for texts in picture.of(Texts):
-            self._boxes += draw_labels(self._world, texts, self.camera, self._ui)
+            self._boxes += draw_labels(self._world, texts, self.camera, self._ui, marked)
         draw_overlay(canvas, sight, self.camera, self._ui)
         if self._windowed:
             pygame.display.flip()

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
+from types import MappingProxyType
 
 import numpy as np
 import pygame
 
 from minerva_bus.semantics.picture import Texts, rgb
+from minerva_services.views.names import AgentName
 from minerva_services.views.palette import INK
 from minerva_services.views.sprites.camera import MapCamera
 from minerva_services.views.window.painter import Box
@@ -15,6 +18,8 @@ from minerva_services.views.window.painter import Box
 _MAX_CHARACTERS = 60
 _LABEL_SIZE = 17
 """Font size of labels in pixels."""
+_MARKED = 1.3
+"""Relative size of a marked label."""
 _SCALE = 4
 
 
@@ -83,23 +88,53 @@ def pin(color: tuple[int, int, int], size: float) -> pygame.Surface:
     return pygame.transform.smoothscale(fine, (round(20 * size), round(28 * size)))
 
 
-def draw_labels(canvas: pygame.Surface, texts: Texts, camera: MapCamera, ui: float) -> list[Box]:
-    """Draw labels on pins at their positions; returns their boxes on the screen."""
+def draw_labels(
+    canvas: pygame.Surface,
+    texts: Texts,
+    camera: MapCamera,
+    ui: float,
+    marked: Mapping[str, str] = MappingProxyType({}),
+) -> list[Box]:
+    """Draw labels on pins at their positions; returns their boxes on the screen.
+
+    `marked` labels are larger and have another colour.
+    """
     boxes: list[Box] = []
     x, y = camera.to_screen(texts.x, texts.y)
     width, height = camera.size
     for at, text in enumerate(texts.texts):
         place = float(x[at]), float(y[at])
         if -width < place[0] < 2 * width and -50 * ui < place[1] < height + 50 * ui:
-            boxes.append(_draw_label(canvas, str(text), texts.form.color, place, ui))
+            name, color = str(text), marked.get(str(text), "")
+            if color:
+                boxes.append(_draw_label(canvas, name, color, color, place, _MARKED * ui))
+            else:
+                boxes.append(_draw_label(canvas, name, texts.form.color, INK, place, ui))
+    return boxes
+
+
+def draw_names(
+    canvas: pygame.Surface, names: Sequence[AgentName], camera: MapCamera, ui: float
+) -> list[Box]:
+    """Draw agents' names above their discs; returns their boxes on the screen."""
+    boxes: list[Box] = []
+    for name in names:
+        x, y = camera.to_screen(name.x, name.y)
+        letters = with_halo(one_line(name.text), round(1.15 * _LABEL_SIZE * ui), INK, round(2 * ui))
+        width, height = letters.get_size()
+        # A selected agent has a ring around its disc.
+        away = max(name.radius * camera.scale, 3 * ui) + 7 * ui
+        left, top = round(x - width / 2), round(y - away - height)
+        canvas.blit(letters, (left, top))
+        boxes.append(Box(name.text, left, top, left + width, top + height, names_agent=True))
     return boxes
 
 
 def _draw_label(
-    canvas: pygame.Surface, text: str, color: str, place: tuple[float, float], ui: float
+    canvas: pygame.Surface, text: str, color: str, ink: str, place: tuple[float, float], ui: float
 ) -> Box:
     sign, x, y = pin(rgb(color), ui), place[0], place[1]
-    letters = with_halo(one_line(text), round(1.3 * _LABEL_SIZE * ui), INK, max(1, round(2 * ui)))
+    letters = with_halo(one_line(text), round(1.3 * _LABEL_SIZE * ui), ink, max(1, round(2 * ui)))
     left, top = x - sign.get_width() / 2, y - sign.get_height()
     canvas.blit(sign, (round(left), round(top)), special_flags=pygame.BLEND_PREMULTIPLIED)
     begin = x + 10 * ui

@@ -7,8 +7,10 @@ import math
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.semantics.geometry import interpret
+from minerva_bus.semantics.legend import legend
 from minerva_services.views.palette import BORDER, FAINT, INK, PANEL, PAPER
 from minerva_services.views.svg.drawing import Drawing
+from minerva_services.views.svg.legend import legend_height, legend_markup
 from minerva_services.views.svg.markup import exact, line_of_text, short
 from minerva_services.views.svg.page import Page
 from minerva_services.views.svg.tracing import Tracer
@@ -21,14 +23,26 @@ FONTS = (
 
 
 def svg_document(
-    scene: Scene, vocabulary: Vocabulary, page: Page, tracer: Tracer, title: str, subtitle: str
+    scene: Scene,
+    vocabulary: Vocabulary,
+    page: Page,
+    tracer: Tracer,
+    title: str,
+    subtitle: str,
+    drawn: set[str],
 ) -> str:
-    """A string of L(E) as an SVG document, well-formed for any texts in the string."""
+    """A string of L(E) as an SVG document, well-formed for any texts in the string.
+
+    The legend explains this picture, and the primitives that `drawn` has from previous ones; those
+    of this picture are added to it.
+    """
     drawing = Drawing(vocabulary, page, tracer)
     interpret(scene, drawing)
     left, bottom = page.pixel(0.0, 0.0)
     scale = exact(page.scale)
-    width, height = page.width, page.height
+    drawn |= drawing.drawn
+    explained = legend(vocabulary, drawn)
+    width, height = page.width, math.ceil(page.height + legend_height(explained, page))
     title, subtitle = line_of_text(title), line_of_text(subtitle)
     return "\n".join(
         [
@@ -42,10 +56,11 @@ def svg_document(
             *drawing.elements,
             "</g>",
             _grid(page),
-            _margins(page),
+            _margins(page, height),
             # After the margins, which would hide labels at the border.
             *drawing.labels,
             _caption(page, title, subtitle),
+            *([legend_markup(explained, page, page.height)] if explained else []),
             "</svg>\n",
         ]
     )
@@ -67,11 +82,11 @@ def _grid(page: Page) -> str:
     return f'<path d="{"".join(lines)}" stroke="{INK}" stroke-opacity=".08"/>'
 
 
-def _margins(page: Page) -> str:
+def _margins(page: Page, bottom: int) -> str:
     """Paper around the frame, which hides everything outside; a clip path renders slowly."""
     start, (width, height) = short(page.padding), map(short, page.panel)
     return (
-        f'<path d="M0 0h{page.width}v{page.height}h-{page.width}z'
+        f'<path d="M0 0h{page.width}v{bottom}h-{page.width}z'
         f'M{start} {start}h{width}v{height}h-{width}z" fill="{PAPER}" fill-rule="evenodd"/>'
         f'<rect {_place(page)} fill="none" stroke="{BORDER}"/>'
     )

@@ -14,6 +14,10 @@ from minerva_bus.semantics.plane import resolve
 from minerva_bus.semantics.poses import Pose
 from minerva_services.views.layout import round_step
 
+PIN = "M0 0L-6.6-12.4a8 8 0 1 1 13.2 0z"
+"""Its tip is at the position itself, so that it does not hide what is there."""
+LETTER_WIDTH = 0.7
+"""Width of a character in font sizes, of a wide bold font: the viewer chooses the actual font."""
 _MIN_ASPECT, _MAX_ASPECT = 0.25, 1.5
 _MAX_COORDINATE = 1e8
 _MARGIN = 0.05

@@ -59,6 +59,7 @@ class Svg(Device, draws=("ePicture",)):
         self._views: dict[str, Scene] = {}
         self._frame: Bounds | None = None
         self._tracer = Tracer()
+        self._drawn: set[str] = set()
         self._written: Path | None = None
         self._check_outputs()
 
@@ -93,7 +94,9 @@ class Svg(Device, draws=("ePicture",)):
         scene = Scene(tuple(n for d in self.draws if d in self._views for n in self._views[d]))
         self._frame = frame_of(scene, vocabulary, self._frame)
         page = Page(self._frame, self._width)
-        return svg_document(scene, vocabulary, page, self._tracer, world, f"frame {frame}")
+        return svg_document(
+            scene, vocabulary, page, self._tracer, world, f"frame {frame}", self._drawn
+        )
 
     def _write_png(self, path: Path, document: str) -> None:
         try:

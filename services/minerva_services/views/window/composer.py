@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections import deque
-from itertools import chain
 
 import numpy as np
 
-from minerva_bus.semantics.picture import Lists, Picture
+from minerva_bus.semantics.picture import Lists, Picture, combined
 from minerva_bus.semantics.poses import Pose
 from minerva_bus.world.beams import origins
 from minerva_bus.world.operator import WorldStatus
 from minerva_bus.world.readings import Reading, Scan
 from minerva_bus.world.services import View, WorldInfo
+from minerva_services.views.names import agent_names
 from minerva_services.views.window.controls import WindowControls
 from minerva_services.views.window.painter import Beams, Sight
 from minerva_services.views.window.picking import spots_of
@@ -63,14 +63,19 @@ _LONG_WAIT = 1.0
 """Waiting time in seconds from which it is shown; short waits are normal."""
 
 
-def caption(frame: int, dt: float, status: WorldStatus | None, doing: str = "") -> str:
-    """Frame, time and rate; `doing` is appended."""
+HINT = "? shows the keys"
+
+
+def caption(
+    frame: int, dt: float, status: WorldStatus | None, doing: str = "", report: str = ""
+) -> str:
+    """Frame, time and rate; `report` and `doing` are appended."""
     parts = [f"frame {frame}", f"{frame * dt:.1f} s"] if frame >= 0 else ["no view yet"]
     if status is not None:
         parts.append("paused" if status.paused else pace(status))
         if status.waiting and status.waited > _LONG_WAIT:
             parts.append(f"waiting for {', '.join(status.waiting)}")
-    return "  ·  ".join([*parts, *([doing] if doing else [])])
+    return "  ·  ".join([*parts, *(text for text in (report, doing) if text)])
 
 
 def pace(status: WorldStatus) -> str:
@@ -98,16 +103,17 @@ class Composer:
         """Keep a scan, to draw its beams."""
         self._scans.add(reading)
 
-    def compose(self, controls: WindowControls, text: tuple[str, str, str]) -> Sight:
-        """Everything to display; `text` is title, subtitle and notice."""
+    def compose(
+        self, controls: WindowControls, text: tuple[str, str, str], *, keys: bool = False
+    ) -> Sight:
+        """Everything to display; `text`: title, subtitle, notice; `keys`: whether keys act."""
         views = [self._views[kind] for kind in self._lists if kind in self._views]
         pictures = [
             self._lists[view.event_type].picture(view.skeleton, view.parts) for view in views
         ]
-        items = chain.from_iterable(picture.items for picture in pictures)
         # A single view keeps its picture, by whose identity painters notice that nothing has
         # changed.
-        self.picture = pictures[0] if len(pictures) == 1 else Picture(tuple(items))
+        self.picture = combined(pictures)
         time = max((view.frame for view in views), default=0) * self._world.dt
         return Sight(
             self.picture,
@@ -116,12 +122,15 @@ class Composer:
             controls.help if controls.helps else (),
             controls.selected,
             controls.follows,
+            HINT if keys and not controls.helps else "",
+            self.picture.legend if controls.legend else (),
+            agent_names(self.picture),
         )
 
     def text(
-        self, controls: WindowControls, status: WorldStatus | None, notice: str
+        self, controls: WindowControls, status: WorldStatus | None, notice: str, report: str = ""
     ) -> tuple[str, str, str]:
         """Title, subtitle and notice of the current state."""
         frame = max((view.frame for view in self._views.values()), default=-1)
-        subtitle = caption(frame, self._world.dt, status, controls.doing)
+        subtitle = caption(frame, self._world.dt, status, controls.doing, report)
         return self._world.world, subtitle, notice

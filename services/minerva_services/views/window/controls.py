@@ -34,6 +34,7 @@ class Action(Enum):
     DESELECT = "select nobody"
     FIT = "show the whole world"
     BEAMS = "laser beams"
+    LEGEND = "legend"
     HELP = "this help"
 
 
@@ -46,7 +47,8 @@ KEYS: dict[Action, tuple[str, ...]] = {
     Action.DESELECT: ("escape",),
     Action.FIT: ("0", "home", "[0]"),
     Action.BEAMS: ("b",),
-    Action.HELP: ("h", "f1"),
+    Action.LEGEND: ("l",),
+    Action.HELP: ("?", "h", "f1"),
 }
 _ACTIONS = {key: action for action, keys in KEYS.items() for key in keys}
 
@@ -71,6 +73,7 @@ class WindowControls:
         """The first of two labels."""
         self.helps = False
         self.beams = True
+        self.legend = True
         self.paused = False
         self._vocabulary = vocabulary
         self._names = click, slide
@@ -133,6 +136,8 @@ class WindowControls:
             self.helps = not self.helps
         elif action is Action.BEAMS:
             self.beams = not self.beams
+        elif action is Action.LEGEND:
+            self.legend = not self.legend
         return None
 
     def stop_following(self) -> None:

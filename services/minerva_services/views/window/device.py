@@ -67,8 +67,8 @@ class WindowDevice(Device):
         if options.medium is Medium.WINDOW:
             from minerva_services.views.window.events import WindowInput
 
-            painter.open(f"{world.world}, {options.service}", options.size)
-            self._monitor = WorldMonitor(world.operator)
+            painter.open(world.world, options.size)
+            self._monitor = WorldMonitor(world.operator, world.vocabulary)
             self._input = WindowInput(self.controls, painter, self._monitor.do)
             return
         painter.offscreen(options.size)
@@ -128,9 +128,11 @@ class WindowDevice(Device):
     def _draw(self) -> None:
         self._changed = False
         if self._painter is not None:
-            self._painter.draw(self._composer.compose(self.controls, self._text()))
+            keys = self._monitor is not None
+            self._painter.draw(self._composer.compose(self.controls, self._text(), keys=keys))
 
     def _text(self) -> tuple[str, str, str]:
         status = self._monitor.status if self._monitor is not None else None
         notice = self._monitor.notice if self._monitor is not None else ""
-        return self._composer.text(self.controls, status, notice)
+        report = self._monitor.report if self._monitor is not None else ""
+        return self._composer.text(self.controls, status, notice, report)

@@ -46,7 +46,8 @@ class WindowInput:
         if event.type == pygame.QUIT:
             self.closed = True
         elif event.type == pygame.KEYDOWN:
-            return self._key(pygame.key.name(event.key))
+            # On many keyboards `?` is another key with shift, so its character counts as well.
+            return self._key(pygame.key.name(event.key)) or self._key(event.unicode)
         elif event.type == pygame.MOUSEBUTTONDOWN and event.button <= 3:
             self._pressed[event.button] = event.pos
             self._dragged = False

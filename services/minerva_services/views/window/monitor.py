@@ -7,7 +7,9 @@ import time
 from queue import Empty, SimpleQueue
 
 from minerva_bus.errors import MinervaError, MisuseError
+from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.world.operator import Operator, WorldStatus
+from minerva_services.views.reports import LatestReport
 from minerva_services.views.window.actions import WorldAction
 
 POLL_SECONDS = 0.25
@@ -22,8 +24,11 @@ class WorldMonitor:
     for a few seconds.
     """
 
-    def __init__(self, operator: Operator, every: float = POLL_SECONDS) -> None:
+    def __init__(
+        self, operator: Operator, vocabulary: Vocabulary, every: float = POLL_SECONDS
+    ) -> None:
         self.status: WorldStatus | None = None
+        self._reports = LatestReport(vocabulary)
         self._operator = operator
         self._every = every
         self._queue: SimpleQueue[WorldAction | None] = SimpleQueue()
@@ -38,6 +43,11 @@ class WorldMonitor:
     def notice(self) -> str:
         """Report of the last action, while it is recent."""
         return self._notice if time.monotonic() < self._noticed + NOTICE_SECONDS else ""
+
+    @property
+    def report(self) -> str:
+        """The latest report of an agent, such as that it has reached its objective."""
+        return self._reports.text
 
     @property
     def busy(self) -> bool:
@@ -75,7 +85,8 @@ class WorldMonitor:
         try:
             if action is not None:
                 self.notify(action.do(self._operator))
-            self.status = self._operator.status()
+            self.status = status = self._operator.status(self._reports.last)
+            self._reports.update(status)
         except MisuseError as error:  # the world has no operator: report it once
             self.notify(str(error))
             if action is None:

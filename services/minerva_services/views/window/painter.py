@@ -9,7 +9,9 @@ from typing import Protocol, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from minerva_bus.semantics.legend import Legend
 from minerva_bus.semantics.picture import Picture
+from minerva_services.views.names import AgentName
 
 Floats: TypeAlias = NDArray[np.float64]
 Pixels: TypeAlias = NDArray[np.uint8]
@@ -30,13 +32,17 @@ class Beams:
 
 @dataclass(frozen=True, slots=True)
 class Box:
-    """A label's box on the screen: pixels from left and top."""
+    """A label's box on the screen: pixels from left and top.
+
+    `names_agent`: the text is the name of the agent that it stands at.
+    """
 
     text: str
     left: float
     top: float
     right: float
     bottom: float
+    names_agent: bool = False
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -44,8 +50,9 @@ class Sight:
     """Everything that is displayed at one time.
 
     `caption` is the line about the world, `subtitle` further status; `notice` reports the last
-    action or its failure; `help` lists keys and meanings, empty unless requested. `follows`: keep
-    the selected agent in the middle.
+    action or its failure; `help` lists keys and meanings, empty unless requested; `hint` names the
+    key that requests it. `names` are labels of agents. `follows`: keep the selected agent in the
+    middle.
     """
 
     picture: Picture
@@ -56,6 +63,9 @@ class Sight:
     help: Sequence[tuple[str, str]] = ()
     selected: str = ""
     follows: bool = False
+    hint: str = ""
+    legend: Legend = ()
+    names: Sequence[AgentName] = ()
 
 
 class Painter(Protocol):

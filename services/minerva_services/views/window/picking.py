@@ -34,7 +34,7 @@ def pick(
     x, y = at
     for box in reversed(labels):
         if box.left <= x <= box.right and box.top <= y <= box.bottom:
-            return Hit(label=box.text)
+            return Hit(agent=box.text) if box.names_agent else Hit(label=box.text)
     return None
 
 

@@ -1,0 +1,113 @@
+"""Legends explain the primitives of a picture by their declared meanings or their names."""
+
+import msgpack
+import numpy as np
+import pytest
+
+from minerva_bus import (
+    Cells,
+    Disc,
+    EventType,
+    Label,
+    Line,
+    Metres,
+    Motion,
+    Primitive,
+    Raster,
+    Transformation,
+    Vocabulary,
+)
+from minerva_bus.semantics.legend import LegendEntry, legend, words
+from minerva_bus.semantics.picture import Lists, Marks, Picture, Texts, combined
+from minerva_bus.wire.plain import unpack
+from minerva_bus.wire.vocabulary import plain_vocabulary, read_vocabulary
+
+PFir = Primitive("PFirTree", Disc(0.3, "#009e73"))
+PSign = Primitive("PSign", Label("text", "#0072b2", "name of a place"), text=str)
+PWanted = Primitive("PWanted", Label("text", "#d55e00", marks=True), text=str)
+PWay = Primitive("PWay", Line("xs", "ys", dashed=True), xs=tuple[float, ...], ys=tuple[float, ...])
+PSoil = Primitive(
+    "PSoil",
+    Raster(
+        "cells",
+        1.0,
+        colors=((0, "#ffffff"), (1, ""), (2, "#000000")),
+        opacity=0.5,
+        meanings=("", "nothing", "stones"),
+    ),
+    cells=Cells,
+)
+PGrass = Primitive(
+    "PGrass", Raster("cells", 1.0, colors=((0, "#aaffaa"), (1, "#00aa00"))), cells=Cells
+)
+PForce = Primitive("PForce", strength=float)
+TPut = Transformation("TPut", Motion("x", "y"), x=Metres, y=Metres)
+ePicture = EventType("ePicture", visual=True)
+WOOD = Vocabulary.of(PFir, PSign, PWanted, PWay, PSoil, PGrass, PForce, TPut, ePicture)
+SOIL = PSoil(np.zeros((2, 2), np.int16))
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [("PFirTree", "fir tree"), ("PGPSMast", "gps mast"), ("eGivenUp", "given up"), ("PA1", "a 1")],
+)
+def test_words_of_names(name, text):
+    assert words(name) == text
+
+
+def test_a_primitive_without_a_meaning_has_the_words_of_its_name():
+    assert legend(WOOD, {"PFirTree"}) == (LegendEntry("fir tree", Disc, ("#009e73",)),)
+
+
+def test_meanings_replace_names_empty_ranges_are_left_out_and_matrices_come_last():
+    assert [entry.text for entry in legend(WOOD, WOOD.primitives)] == [
+        *("fir tree", "name of a place", "wanted", "way", "grass", "stones")
+    ]
+    stones = legend(WOOD, {"PSoil"})[0]
+    assert (stones.colors, stones.opacity) == (("#000000",), 0.5)
+
+
+def test_a_raster_without_meanings_has_the_shades_of_one_entry():
+    (entry,) = legend(WOOD, {"PGrass"})
+    assert entry.colors == ("#aaffaa", "#00aa00")
+
+
+def test_a_picture_explains_only_what_has_been_drawn_so_far():
+    lists = Lists(WOOD)
+    first = lists.picture(PFir() + SOIL, {})
+    second = lists.picture(PSign("gate") + SOIL, {})
+    assert [entry.text for entry in first.legend] == ["fir tree", "stones"]
+    assert [entry.text for entry in second.legend] == ["fir tree", "name of a place", "stones"]
+
+
+def test_populations_are_explained():
+    many = TPut(np.arange(3.0), np.zeros(3))(PFir())
+    assert [entry.text for entry in Lists(WOOD).picture(many, {}).legend] == ["fir tree"]
+
+
+def test_a_mark_colours_labels_and_is_no_label_itself():
+    shown = Lists(WOOD).picture(PSign("gate") + TPut(9.0, 9.0)(PWanted("gate")), {})
+    assert [texts.texts for texts in shown.of(Texts)] == [("gate",)]
+    assert [marks.texts for marks in shown.of(Marks)] == [("gate",)]
+    assert shown.marked() == {"gate": "#d55e00"}
+
+
+def test_pictures_over_each_other_share_a_legend_without_repetitions():
+    fir = Lists(WOOD).picture(PFir(), {})
+    both = combined([fir, Lists(WOOD).picture(PFir() + SOIL, {})])
+    assert [entry.text for entry in both.legend] == ["fir tree", "stones"]
+    assert combined([fir]) is fir
+    assert combined([]).items == Picture().items
+
+
+def test_meanings_survive_the_wire_and_are_absent_without_any():
+    plain = plain_vocabulary(WOOD)
+    shapes = {name: shape for name, _, shape in plain["primitives"]}
+    assert shapes["PFirTree"] == ["disc", 0.3, "#009e73", False, 0.3]
+    assert shapes["PWanted"] == ["label", "text", "#d55e00"]
+    assert plain["meanings"] == {"PSign": ["name of a place"], "PSoil": ["", "nothing", "stones"]}
+    assert plain["marks"] == ["PWanted"]
+    assert not {"meanings", "marks"} & plain_vocabulary(Vocabulary.of(PFir, ePicture)).keys()
+    back = read_vocabulary(unpack(msgpack.packb(plain)))
+    shapes = {name: primitive.shape for name, primitive in back.primitives.items()}
+    assert shapes == {name: primitive.shape for name, primitive in WOOD.primitives.items()}
