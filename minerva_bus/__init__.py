@@ -12,6 +12,7 @@ if TYPE_CHECKING:
 
     from minerva_bus.api.evolving import evolve_strings
     from minerva_bus.api.exporting import Export, export
+    from minerva_bus.api.graphs import Graph, graph
     from minerva_bus.api.live import Live, connect
     from minerva_bus.api.records import check, diff, record, replay, resume
     from minerva_bus.api.running import Run, run
@@ -51,6 +52,7 @@ __version__ = "0.5.0"
 _HOMES = {
     "api.evolving": "evolve_strings",
     "api.exporting": "Export export",
+    "api.graphs": "Graph graph",
     "api.live": "Live connect",
     "api.records": "check diff record replay resume",
     "api.running": "Run run",
@@ -122,6 +124,7 @@ __all__ = [
     "Frame",
     "Generator",
     "Geometry",
+    "Graph",
     "Ids",
     "Label",
     "Line",
@@ -154,6 +157,7 @@ __all__ = [
     "evolve",
     "evolve_strings",
     "export",
+    "graph",
     "interpret",
     "on",
     "parse",

@@ -49,10 +49,10 @@ def draw(exchange: Exchange) -> str:
     lines = [
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width:.0f} {height:.0f}"'
         f' width="{width:.0f}" height="{height:.0f}">',
-        f"<title>{_text(exchange.title)}</title>",
+        f"<title>{xml_text(exchange.title)}</title>",
         f"<style>{_STYLE}</style>",
         f'<rect width="100%" height="100%" fill="{PAPER}"/>',
-        f'<text class="title" x="{MARGIN}" y="32">{_text(exchange.title)}</text>',
+        f'<text class="title" x="{MARGIN}" y="32">{xml_text(exchange.title)}</text>',
     ]
     for name, x in columns.items():
         lines += _lifeline(name, x, height - MARGIN)
@@ -85,7 +85,7 @@ def _lifeline(name: str, x: float, bottom: float) -> Iterator[str]:
         f'<rect x="{x - BOX_WIDTH / 2:.0f}" y="{top}" width="{BOX_WIDTH}" height="{BOX_HEIGHT}"'
         f' rx="6" fill="#f2f4f7" stroke="{INK}"/>'
     )
-    yield f'<text class="name" x="{x:.0f}" y="{top + 19}">{_text(shown)}</text>'
+    yield f'<text class="name" x="{x:.0f}" y="{top + 19}">{xml_text(shown)}</text>'
 
 
 def _arrow(message: SentMessage, y: float, columns: dict[str, float]) -> Iterator[str]:
@@ -107,10 +107,10 @@ def _arrow(message: SentMessage, y: float, columns: dict[str, float]) -> Iterato
         yield (f'<path d="M {end:.0f} {y:.0f} l {back} -4 l 0 8 z" fill="{color}"/>')
     yield f'<circle cx="{x:.0f}" cy="{y:.0f}" r="2.5" fill="{color}"/>'
     yield f'<text class="label" x="{_label_at(message, columns):.0f}" y="{y - 6:.0f}">'
-    yield f"<title>{_text(message.content)}</title>{_text(message.label)}</text>"
+    yield f"<title>{xml_text(message.content)}</title>{xml_text(message.label)}</text>"
 
 
-def _text(text: str) -> str:
+def xml_text(text: str) -> str:
     """Any text as XML character data."""
     return escape(_UNWRITABLE.sub("\ufffd", text))
 

@@ -132,11 +132,11 @@ class SymbolFinder:
             return
         self._walked.add(id(function))
         # As Python resolves names: variables of an enclosing function hide those of the module.
-        names = {**function.__globals__, **_closure(function)}
+        names = {**function.__globals__, **variables_of(function)}
         # Event types are also named in strings, which are looked up in every module met.
         if all(function.__globals__ is not known for known in self._namespaces):
             self._namespaces.append(function.__globals__)
-        used = list(_names_in(function.__code__))
+        used = list(names_in(function.__code__))
         for name in used:
             value = names.get(name)
             if isinstance(value, ModuleType):
@@ -154,16 +154,18 @@ class SymbolFinder:
             self._walk_function(value)
 
 
-def _names_in(code: CodeType) -> Iterator[str]:
+def names_in(code: CodeType) -> Iterator[str]:
+    """The global, attribute and enclosing names that code uses."""
     yield from code.co_names
     yield from code.co_freevars
     # Nested functions, lambdas and comprehensions are constants of the code around them.
     for constant in code.co_consts:
         if isinstance(constant, CodeType):
-            yield from _names_in(constant)
+            yield from names_in(constant)
 
 
-def _closure(function: FunctionType) -> dict[str, Any]:
+def variables_of(function: FunctionType) -> dict[str, Any]:
+    """The variables of enclosing functions that a function uses."""
     cells = zip(function.__code__.co_freevars, function.__closure__ or (), strict=True)
     return {name: cell.cell_contents for name, cell in cells if _is_filled(cell)}
 

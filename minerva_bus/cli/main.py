@@ -27,7 +27,7 @@ from minerva_bus.errors import MinervaError
 from minerva_bus.outputs import forget_inputs
 
 GROUPS: Final = {
-    "Run": ("run", "worlds", "check", "attach", "bridge"),
+    "Run": ("run", "worlds", "check", "graph", "attach", "bridge"),
     "Observe": ("list", "top", "logs", "echo", "metrics"),
     "Control": ("pub", "pause", "resume", "step", "rate", "restart", "drain", "stop"),
     "Records": (

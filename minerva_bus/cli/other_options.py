@@ -27,6 +27,7 @@ def _service_options(spec: str) -> list[tuple[str, str]]:
 
 _DESCRIBED: Final[dict[str, Callable[[str], list[tuple[str, str]]]]] = {
     "run": _world_options,
+    "graph": _world_options,
     "sweep": _world_options,
     "evolve": _world_options,
     "attach": _service_options,

@@ -123,6 +123,33 @@ def check(
 
 
 @examples(
+    "minerva graph robot --output robot.svg",
+    "minerva graph garden.toml --view web --json",
+)
+@grouped
+def graph(
+    context: typer.Context,
+    overrides: Annotated[Overrides, Takes("view", "set_")],
+    world: Annotated[str, typer.Argument(help="A world file, or an installed world's name.")],
+    output: Annotated[
+        list[Path] | None,
+        typer.Option("--output", "-o", help="A .svg, or a .mmd for Mermaid; may be repeated."),
+    ] = None,
+    json: Json = False,
+    force: Force = False,
+) -> None:
+    """Draw how events flow between processes and agents.
+
+    Event types are in the order of a frame. Without --output it prints the graph as Mermaid text.
+    The world is read, not run. Its own options are options here too.
+    """
+    from minerva_bus.cli.graphing import show_graph
+
+    given = Overrides(options_of(context.args), overrides.settings, overrides.views)
+    show_graph(world, given, output or [], json)
+
+
+@examples(
     "minerva attach svg --path now.svg",
     "minerva attach garden:Snail --connect tls/host:7447 --keys keys --name hostA",
 )

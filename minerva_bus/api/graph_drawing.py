@@ -1,0 +1,398 @@
+"""The graph of a world as SVG: generators, events in their order, agents in hosts, devices.
+
+The columns are fixed and events keep their order, so boxes only need heights: each is placed beside
+the events that it is connected to. Each event type has one colour.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import Final
+
+from minerva_bus.acl.sequence import xml_text
+from minerva_bus.api.graph_text import kinds_label, process_label, process_notes
+from minerva_bus.api.graphs import EventEntry, Graph, KindEntry, ProcessEntry
+
+MARGIN, TOP, GAP, SPACE = 28, 96, 16, 150
+ROW, LINE, PORT, LANE = 26, 16, 9, 14
+LETTER, SMALL = 7.2, 6.4
+"""Approximate widths of a letter in pixels: in names, and in notes."""
+
+INK, FAINT, PAPER = "#2b2b33", "#8a8e99", "#ffffff"
+FILLS: Final = {"generator": "#e9f1fa", "host": "#eaf5ea", "device": "#f3ecf8"}
+COLORS: Final = (
+    *("#1f6fb2", "#c2410c", "#2e7d32", "#8e24aa", "#b8860b", "#00838f", "#c2185b", "#5d4037"),
+    *("#3f51b5", "#6d8b00", "#d84315", "#607d8b"),
+)
+_STYLE: Final = (
+    f"text {{ font-family: 'DejaVu Sans', Helvetica, sans-serif; font-size: 12px; fill: {INK} }}"
+    " .title { font-size: 17px; font-weight: bold } .name { font-weight: bold }"
+    f" .note {{ font-size: 11px; fill: {FAINT} }} .edge {{ fill: none; stroke-width: 1.5 }}"
+)
+
+
+@dataclass(slots=True)
+class ProcessBox:
+    """A process in a column; `wanted` is the height that it would like to be centred at.
+
+    `rows` are groups of kinds of agents with their heights, relative to the top of the box.
+    """
+
+    process: ProcessEntry
+    lines: list[str]
+    width: float
+    height: float
+    wanted: float
+    rows: list[KindsRow] = field(default_factory=list["KindsRow"])
+    x: float = 0.0
+    y: float = 0.0
+
+
+@dataclass(slots=True)
+class KindsRow:
+    """A group of kinds in its host, with a port for each event type; `emits` are the last."""
+
+    label: str
+    kind: KindEntry
+    top: float
+    height: float
+
+    @property
+    def inputs(self) -> list[str]:
+        """The event types that arrive."""
+        return [*dict.fromkeys([*self.kind.receives, *self.kind.views])]
+
+
+def draw(graph: Graph) -> str:
+    """The drawing as the text of an SVG file."""
+    return _Drawing(graph).text()
+
+
+class _Drawing:
+    def __init__(self, graph: Graph) -> None:
+        self._graph = graph
+        self._ys = {each.name: TOP + 34 + ROW * (each.rank - 0.5) for each in graph.events}
+        self._colors = {
+            each.name: COLORS[number % len(COLORS)] for number, each in enumerate(graph.events)
+        }
+        sources = [each for each in graph.processes if each.role in ("generator", "command")]
+        devices = [each for each in graph.processes if each.role == "device"]
+        hosts = [each for each in graph.processes if each.role == "host"]
+        self._sources = self._column(sources)
+        self._hosts = self._column(hosts)
+        self._devices = self._column(devices)
+        labels = [self._event_width(each) for each in graph.events]
+        self._wide = max([150.0, *labels])
+        left = MARGIN + LANE * (2 + len(self._returns) + len(self._topics))
+        self._x = left + _widest(self._sources) + (SPACE if self._sources else 0)
+        hosts_at = self._x + self._wide + SPACE * 1.2
+        devices_at = hosts_at + _widest(self._hosts) + SPACE * 0.8
+        for boxes, x in (
+            (self._sources, left),
+            (self._hosts, hosts_at),
+            (self._devices, devices_at),
+        ):
+            width = _widest(boxes)
+            for box in boxes:
+                box.x, box.width = x, width
+        self._right = max([hosts_at + _widest(self._hosts), devices_at + _widest(self._devices)])
+        boxes = [*self._sources, *self._hosts, *self._devices]
+        list_end = TOP + 34 + ROW * len(graph.events) + 12
+        self._bottom = max([list_end, *(box.y + box.height for box in boxes)])
+        self._list_end = list_end
+
+    # --- layout ---
+
+    @property
+    def _returns(self) -> list[tuple[ProcessEntry, str]]:
+        """Views that go back to a device that is drawn on the left, because it is a generator."""
+        return [
+            (process, event)
+            for process in self._graph.processes
+            if process.role == "generator"
+            for event in process.draws
+        ]
+
+    @property
+    def _topics(self) -> list[tuple[str, ProcessEntry, ProcessEntry]]:
+        """Sensor topics with their writer and reader."""
+        processes = self._graph.processes
+        return [
+            (topic, writer, reader)
+            for writer in processes
+            for topic in writer.writes
+            for reader in processes
+            if topic in reader.reads
+        ]
+
+    def _event_width(self, event: EventEntry) -> float:
+        return LETTER * (len(event.name) + len(" ".join(self._tags(event))) + 7) + 24
+
+    def _tags(self, event: EventEntry) -> list[str]:
+        graph = self._graph
+        tags = ["pub"] if event.people else []
+        tags += ["view"] if event.visual else []
+        tags += ["until"] if event.name == graph.until else []
+        return [*tags, *(["give up"] if event.name == graph.give_up else [])]
+
+    def _column(self, processes: Sequence[ProcessEntry]) -> list[ProcessBox]:
+        """Boxes from top to bottom, each near the events that it is connected to."""
+        boxes = sorted(map(self._box, processes), key=lambda box: box.wanted)
+        y = float(TOP)
+        for box in boxes:
+            box.y = max(y, box.wanted - box.height / 2)
+            y = box.y + box.height + GAP
+        # What is pushed down beyond the list of events moves up again, as far as there is room.
+        limit = TOP + 34 + ROW * len(self._graph.events) + 12
+        for box in reversed(boxes):
+            box.y = min(box.y, limit - box.height)
+            limit = box.y - GAP
+        y = float(TOP)
+        for box in boxes:
+            box.y = max(y, box.y)
+            y = box.y + box.height + GAP
+        return boxes
+
+    def _box(self, process: ProcessEntry) -> ProcessBox:
+        notes = process_notes(process)
+        lines = [", ".join(notes)] if process.role != "host" else []
+        lines += [f"publishes topic {topic}" for topic in process.writes]
+        lines += [f"subscribes to topic {topic}" for topic in process.reads]
+        top = LINE * (1 + len(lines)) + 14.0
+        rows: list[KindsRow] = []
+        for kinds in self._graph.alike(process):
+            row = KindsRow(kinds_label(kinds), kinds[0], top, 0.0)
+            row.height = max(26.0, PORT * (len(row.inputs) + len(row.kind.emits) + 1))
+            rows.append(row)
+            top += row.height + 6
+        names = [process_label(process), *lines, *(f"  {row.label}" for row in rows)]
+        used = [
+            *process.publishes,
+            *process.draws,
+            *(n for r in rows for n in (*r.inputs, *r.kind.emits)),
+        ]
+        heights = [self._ys[name] for name in used if name in self._ys]
+        if process.role == "device":
+            heights = [box.y + box.height / 2 for box in self._hosts]
+        wanted = sum(heights) / len(heights) if heights else 0.0
+        return ProcessBox(process, lines, LETTER * max(map(len, names)) + 30, top, wanted, rows)
+
+    # --- output ---
+
+    def text(self) -> str:
+        """The drawing."""
+        boxes = (*self._sources, *self._hosts, *self._devices)
+        # Edges end at the entries inside of boxes, so they are drawn between these and those.
+        body = [*self._titles(), *(line for box in boxes for line in _frame(box))]
+        body += [*self._edges(), *self._list()]
+        for box in boxes:
+            body += _inside(box)
+        lanes = LANE * (len(self._returns) + 1)
+        height = self._bottom + lanes + 64
+        body += self._legend(self._bottom + lanes + 30)
+        width = max(self._right + MARGIN * 2, MARGIN * 2 + LETTER * 112)
+        return "\n".join(
+            [
+                f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width:.0f} {height:.0f}"'
+                f' width="{width:.0f}" height="{height:.0f}">',
+                f"<title>{xml_text(self._graph.world)}</title>",
+                f"<style>{_STYLE}</style>",
+                f'<rect width="100%" height="100%" fill="{PAPER}"/>',
+                *body,
+                "</svg>",
+                "",
+            ]
+        )
+
+    def _titles(self) -> Iterator[str]:
+        yield _label(MARGIN, 36, f"World {self._graph.world}", "title")
+        yield _rect(self._x, TOP, self._wide, self._list_end - TOP, "#f4f4f2")
+        columns = [
+            (self._sources, "generators"),
+            (self._hosts, "agents in their host processes"),
+            (self._devices, "devices"),
+        ]
+        for boxes, name in columns:
+            if boxes:
+                yield _label(boxes[0].x, TOP - 16, name, "note")
+
+    def _list(self) -> Iterator[str]:
+        """The event types in their order, in the coordinator."""
+        x, wide = self._x, self._wide
+        yield _label(x + 12, TOP + 21, "coordinator", "name")
+        yield _label(x, TOP - 16, "event types, in the order of a frame", "note")
+        for event in self._graph.events:
+            y, color = self._ys[event.name], self._colors[event.name]
+            yield _rect(x + 8, y - ROW / 2 + 2, wide - 16, ROW - 4, PAPER, color)
+            data = ", ".join(f"{name}: {kind}" for name, kind in event.data.items())
+            yield f"<g><title>{xml_text(f'{event.name}({data})')}</title>"
+            yield (
+                f'<text x="{x + 36:.0f}" y="{y + 4:.0f}" text-anchor="end" class="note">'
+                f"{event.rank}</text>"
+            )
+            yield _label(x + 44, y + 4, event.name, "")
+            yield (
+                f'<text x="{x + wide - 16:.0f}" y="{y + 4:.0f}" text-anchor="end" class="note">'
+                f"{xml_text(' '.join(self._tags(event)))}</text></g>"
+            )
+
+    def _edges(self) -> Iterator[str]:
+        left, right = self._x + 8, self._x + self._wide - 8
+        for box in self._sources:
+            names = sorted(box.process.publishes, key=self._height)
+            for name, y in zip(names, _ports(box.y, box.height, len(names)), strict=True):
+                yield _curve(box.x + box.width, y, left, self._height(name), self._color(name))
+        for box in self._hosts:
+            for row in box.rows:
+                yield from self._of_agents(box, row, right)
+        for lane, (process, event) in enumerate(self._returns):
+            yield from self._back(process, event, lane)
+        for lane, (topic, writer, reader) in enumerate(self._topics):
+            yield from self._between(topic, writer, reader, lane)
+
+    def _of_agents(self, box: ProcessBox, row: KindsRow, right: float) -> Iterator[str]:
+        """The events of a group of kinds, sorted by their order, and its views."""
+        ends = [(name, False) for name in row.inputs] + [(name, True) for name in row.kind.emits]
+        ends.sort(key=lambda end: (self._height(end[0]), end[1]))
+        ports = _ports(box.y + row.top, row.height, len(ends))
+        for (name, out), y in zip(ends, ports, strict=True):
+            to, color = self._height(name), self._color(name)
+            if out:
+                yield _curve(box.x + 8, y, right, to + 5, color, dashed=True)
+            else:
+                yield _curve(right, to - 4, box.x + 8, y, color)
+        middle = box.y + row.top + row.height / 2
+        for device in self._devices:
+            for name in sorted(set(device.process.draws) & set(row.kind.views)):
+                yield _curve(
+                    box.x + box.width - 8, middle, device.x, device.y + device.height / 2,
+                    self._color(name), wide=True,
+                )  # fmt: skip
+
+    def _back(self, process: ProcessEntry, event: str, lane: int) -> Iterator[str]:
+        """A view that goes to a device on the left, below all boxes."""
+        (target,) = (box for box in self._sources if box.process is process)
+        rows = [(box, row) for box in self._hosts for row in box.rows if event in row.kind.views]
+        if not rows:
+            return
+        edge = max(box.x + box.width for box in self._hosts) + LANE * (lane + 1)
+        bottom, left = self._bottom + LANE * (lane + 1), target.x - LANE * (lane + 1)
+        style = _style(self._color(event), wide=True)
+        starts = [box.y + row.top + row.height / 2 for box, row in rows]
+        for (box, _), y in zip(rows, starts, strict=True):
+            yield f'<path d="M {box.x + box.width - 8:.0f} {y:.0f} H {edge:.0f}" {style}/>'
+        y = target.y + target.height / 2
+        yield (
+            f'<path d="M {edge:.0f} {min(starts):.0f} V {bottom:.0f} H {left:.0f} V {y:.0f}'
+            f' H {target.x - 7:.0f}" {style}/>{_head(target.x, y, self._color(event))}'
+        )
+
+    def _between(
+        self, topic: str, writer: ProcessEntry, reader: ProcessEntry, lane: int
+    ) -> Iterator[str]:
+        """A sensor topic, in a lane on the left."""
+        boxes = {box.process.name: box for box in (*self._sources, *self._devices)}
+        if writer.name not in boxes or reader.name not in boxes:
+            return
+        start, end = boxes[writer.name], boxes[reader.name]
+        x = self._sources[0].x - LANE * (len(self._returns) + lane + 1.5)
+        y, to = start.y + start.height - 12 - 5 * lane, end.y + end.height - 14
+        yield (
+            f'<path d="M {start.x:.0f} {y:.0f} H {x:.0f} V {to:.0f} H {end.x - 7:.0f}"'
+            f" {_DOTTED}><title>{xml_text(topic)}"
+            f"</title></path>{_head(end.x, to, FAINT)}"
+        )
+
+    def _height(self, event: str) -> float:
+        return self._ys[event]
+
+    def _color(self, event: str) -> str:
+        return self._colors[event]
+
+    def _legend(self, y: float) -> Iterator[str]:
+        entries = [
+            ("event", _style(INK)),
+            ("event that agents may emit, for the next frame", _style(INK, dashed=True)),
+        ]
+        if any(process.draws for process in self._graph.processes):
+            entries.append(("view", _style(INK, wide=True)))
+        if self._topics:
+            entries.append(("sensor topic", _DOTTED))
+        x = float(MARGIN)
+        for text, style in entries:
+            yield f'<path d="M {x:.0f} {y:.0f} h 28" {style}/>'
+            yield _label(x + 36, y + 4, text, "note")
+            x += 36 + SMALL * len(text) + 24
+        notes = ["×N: processes, or agents at the start"]
+        events = self._graph.events
+        notes += ["pub: people may publish it"] if any(each.people for each in events) else []
+        notes += ["view: agents answer with a view"] if any(e.visual for e in events) else []
+        yield _label(MARGIN, y + 24, "  ·  ".join(notes), "note")
+
+
+def _frame(box: ProcessBox) -> Iterator[str]:
+    fill = FILLS.get(box.process.role, "#f2f2f2")
+    # Copies of a process look like a stack.
+    if box.process.count > 1:
+        yield _rect(box.x + 4, box.y + 4, box.width, box.height, fill)
+    yield _rect(box.x, box.y, box.width, box.height, fill)
+
+
+def _inside(box: ProcessBox) -> Iterator[str]:
+    x, y = box.x, box.y
+    yield _label(x + 12, y + 20, process_label(box.process), "name")
+    for number, line in enumerate(box.lines, 1):
+        yield _label(x + 12, y + 20 + LINE * number, line, "note")
+    for row in box.rows:
+        yield _rect(x + 8, y + row.top, box.width - 16, row.height, PAPER)
+        yield _label(x + 18, y + row.top + row.height / 2 + 4, row.label, "")
+
+
+def _ports(top: float, height: float, count: int) -> list[float]:
+    """Heights of connections on one side of a box."""
+    return [top + height * (number + 1) / (count + 1) for number in range(count)]
+
+
+def _widest(boxes: Sequence[ProcessBox]) -> float:
+    return max((box.width for box in boxes), default=0.0)
+
+
+def _curve(
+    x: float, y: float, to_x: float, to_y: float, color: str, *, dashed: bool = False,
+    wide: bool = False,
+) -> str:  # fmt: skip
+    """An edge with a head at its end; it begins and ends horizontally."""
+    ahead = 1 if to_x > x else -1
+    end, bend = to_x - 7 * ahead, max(30.0, abs(to_x - x) / 2) * ahead
+    return (
+        f'<path d="M {x:.1f} {y:.1f} C {x + bend:.1f} {y:.1f} {end - bend:.1f} {to_y:.1f}'
+        f' {end:.1f} {to_y:.1f}" {_style(color, dashed=dashed, wide=wide)}/>'
+        f"{_head(to_x, to_y, color, ahead)}"
+    )
+
+
+def _style(color: str, *, dashed: bool = False, wide: bool = False) -> str:
+    dashes = ' stroke-dasharray="5 3"' if dashed else ""
+    return f'class="edge" stroke="{color}"{dashes}{_WIDE if wide else ""}'
+
+
+_DOTTED: Final = f'class="edge" stroke="{FAINT}" stroke-dasharray="1.5 3.5"'
+_WIDE: Final = ' style="stroke-width: 3.5" stroke-opacity="0.55"'
+
+
+def _head(x: float, y: float, color: str, ahead: int = 1) -> str:
+    back = -8 * ahead
+    return f'<path d="M {x:.1f} {y:.1f} l {back} -3.5 l 0 7 z" fill="{color}"/>'
+
+
+def _rect(x: float, y: float, width: float, height: float, fill: str, stroke: str = FAINT) -> str:
+    return (
+        f'<rect x="{x:.0f}" y="{y:.0f}" width="{width:.0f}" height="{height:.0f}" rx="6"'
+        f' fill="{fill}" stroke="{stroke}"/>'
+    )
+
+
+def _label(x: float, y: float, text: str, style: str) -> str:
+    named = f' class="{style}"' if style else ""
+    return f'<text x="{x:.0f}" y="{y:.0f}"{named}>{xml_text(text)}</text>'

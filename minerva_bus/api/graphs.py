@@ -1,0 +1,255 @@
+"""The graph of a world: who publishes and who receives which event types, and in which order."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any, Final
+
+from minerva_bus.api.emitted import emitted_by
+from minerva_bus.api.world import World
+from minerva_bus.errors import MisuseError
+from minerva_bus.frame.messages import Hello
+from minerva_bus.grammar.scene import kind_counts
+from minerva_bus.grammar.symbols import AgentKind
+from minerva_bus.launch.worldfile import Process, WorldFile
+from minerva_bus.outputs import check_output, write_output
+from minerva_bus.world.agent import Agent
+
+FORMATS: Final = (".svg", ".mmd")
+
+
+@dataclass(frozen=True, slots=True)
+class EventEntry:
+    """An event type; `rank` is its place in the order of a frame's events, from 1.
+
+    `data`: the type of each datum. `people`: whether people may publish it (`minerva pub`).
+    """
+
+    name: str
+    rank: int
+    visual: bool
+    data: dict[str, str]
+    people: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class KindEntry:
+    """A kind of agents: the event types that it receives, shows a view for and may emit.
+
+    `initial`: the number of its agents in the initial string. `chances`: the probability, a number
+    or an attribute, of the types that it responds to by chance. `emits` is what its code names.
+    """
+
+    symbol: str
+    initial: int
+    receives: tuple[str, ...]
+    views: tuple[str, ...]
+    emits: tuple[str, ...] = ()
+    chances: dict[str, float | str] = field(default_factory=dict[str, "float | str"])
+
+
+@dataclass(frozen=True, slots=True)
+class ProcessEntry:
+    """Processes of one table of the world file, `count` of them.
+
+    `what`: the service's class, `agents` or the command. `role`: `generator`, `device`, `host` or
+    `command`; a generator may draw, too. `hosts`: kinds of agents. `every`, `rate`: how often a
+    device requests a view, in frames and per second. `reads`, `writes`: sensor topics.
+    """
+
+    name: str
+    count: int
+    role: str
+    what: str
+    hosts: tuple[str, ...] = ()
+    publishes: tuple[str, ...] = ()
+    draws: tuple[str, ...] = ()
+    orders: tuple[str, ...] = ()
+    reads: tuple[str, ...] = ()
+    writes: tuple[str, ...] = ()
+    lockstep: bool = False
+    every: int = 0
+    rate: float = 0.0
+    elsewhere: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Graph:
+    """Processes, agents and events of a world; `events` are in the order of a frame's events.
+
+    `until`, `give_up`: the event types with which agents end the world. A notebook shows the
+    drawing.
+
+    Example:
+        >>> print(graph("robot").mermaid())
+
+    """
+
+    world: str
+    events: tuple[EventEntry, ...]
+    processes: tuple[ProcessEntry, ...]
+    kinds: tuple[KindEntry, ...]
+    until: str = ""
+    give_up: str = ""
+
+    def publishers(self, event_type: str) -> list[str]:
+        """Processes and kinds of agents that publish an event type; `people` with `pub`."""
+        own = [each.name for each in self.processes if event_type in each.publishes]
+        own += [kind.symbol for kind in self.kinds if event_type in kind.emits]
+        people = any(each.people for each in self.events if each.name == event_type)
+        return [*own, *(["people"] if people else [])]
+
+    def receivers(self, event_type: str) -> list[str]:
+        """Kinds of agents that respond to an event type or show a view, and devices that draw."""
+        kinds = [k.symbol for k in self.kinds if event_type in (*k.receives, *k.views)]
+        return [*kinds, *(each.name for each in self.processes if event_type in each.draws)]
+
+    def alike(self, process: ProcessEntry) -> list[list[KindEntry]]:
+        """The kinds that a process hosts, in groups with the same event types."""
+        groups: dict[object, list[KindEntry]] = {}
+        for kind in self.kinds:
+            if kind.symbol in process.hosts:
+                groups.setdefault((kind.receives, kind.views, kind.emits), []).append(kind)
+        ordered = [sorted(kinds, key=lambda kind: -kind.initial) for kinds in groups.values()]
+        return sorted(ordered, key=lambda kinds: -kinds[0].initial)
+
+    def plain(self) -> dict[str, Any]:
+        """The graph as plain data, for JSON."""
+        events = [
+            {
+                **asdict(each),
+                "publishers": self.publishers(each.name),
+                "receivers": self.receivers(each.name),
+            }
+            for each in self.events
+        ]
+        return {**asdict(self), "events": events, "order": [each.name for each in self.events]}
+
+    def mermaid(self) -> str:
+        """The graph as the text of a Mermaid flowchart."""
+        from minerva_bus.api.graph_text import mermaid
+
+        return mermaid(self)
+
+    def svg(self) -> str:
+        """The graph as the text of an SVG file."""
+        from minerva_bus.api.graph_drawing import draw
+
+        return draw(self)
+
+    def save(self, path: str | Path) -> None:
+        """Write an .svg or a .mmd file. Raises MisuseError for another name, or if it cannot."""
+        target = Path(path)
+        check_drawable(target)
+        text = self.svg() if target.suffix.lower() == ".svg" else self.mermaid()
+        write_output(target, text.encode(), "graph")
+
+    def _repr_svg_(self) -> str:
+        return self.svg()
+
+
+def check_drawable(path: Path) -> None:
+    """Raise MisuseError if a graph cannot be written to a file of this name."""
+    if path.suffix.lower() not in FORMATS:
+        raise MisuseError(f"{path}: a graph is drawn into a {' or a '.join(FORMATS)}")
+    check_output(path, "graph")
+
+
+def graph(world: World | str | Path, **options: Any) -> Graph:
+    """The graph of a world, which is read and not run.
+
+    Args:
+        world: a `World`, an installed name, or the path of a world file.
+        options: the world's own options, of a world that is given by its name or path.
+
+    Raises WorldFileError and SceneError if the world cannot be read.
+
+    Example:
+        >>> graph("meadow").publishers("eRain")
+        ['weather']
+
+    """
+    given = World.load(world, **options) if isinstance(world, str | Path) else world
+    return graph_of(given.read())
+
+
+def graph_of(file: WorldFile) -> Graph:
+    """The graph of a world file."""
+    world = file.world
+    hellos = [(process, _hello(process)) for process in file.processes]
+    orders = {name for _, hello in hellos if hello is not None for name in hello.orders}
+    events = sorted(
+        world.vocabulary.events.values(), key=lambda event: world.order.key(event.name, "", 0)
+    )
+    return Graph(
+        world.name,
+        tuple(
+            EventEntry(
+                event.name,
+                rank,
+                event.visual,
+                {each.name: str(each.type) for each in event.fields.all},
+                event.name in orders,
+            )
+            for rank, event in enumerate(events, 1)
+        ),
+        tuple(_processes(hellos)),
+        tuple(_kinds(file, world.vocabulary.kinds.values())),
+        world.until,
+        world.give_up,
+    )
+
+
+def _hello(process: Process) -> Hello | None:
+    """What a process announces when it joins; None for a program, which is not asked."""
+    return None if process.command else process.participant().hello()
+
+
+def _processes(hellos: Iterable[tuple[Process, Hello | None]]) -> Iterable[ProcessEntry]:
+    """One entry for each table of the world file."""
+    tables: dict[str, list[tuple[Process, Hello | None]]] = {}
+    for process, hello in hellos:
+        tables.setdefault(process.table or process.name, []).append((process, hello))
+    for name, members in tables.items():
+        process, hello = members[0]
+        elsewhere = process.elsewhere
+        if hello is None:
+            yield ProcessEntry(
+                name, len(members), "command", process.command[0], elsewhere=elsewhere
+            )
+            continue
+        role = "generator" if hello.generates or hello.orders else "device"
+        yield ProcessEntry(
+            name,
+            len(members),
+            "host" if hello.kinds and not hello.service else role,
+            hello.service or "agents",
+            tuple(kind.name for kind in hello.kinds),
+            hello.generates,
+            hello.draws,
+            hello.orders,
+            hello.topics,
+            hello.publishes,
+            hello.lockstep,
+            hello.every,
+            hello.rate,
+            elsewhere,
+        )
+
+
+def _kinds(file: WorldFile, kinds: Iterable[AgentKind]) -> Iterable[KindEntry]:
+    classes = {cls.kind.name: cls for process in file.processes for cls in process.agents}
+    known, initial = file.world.vocabulary.events, kind_counts(*file.world.scene.pieces)
+    for kind in sorted(kinds, key=lambda kind: kind.name):
+        cls: type[Agent] | None = classes.get(kind.name)
+        used = emitted_by(cls) if cls is not None else set[str]()
+        yield KindEntry(
+            kind.name,
+            initial[kind.name],
+            tuple(sorted(kind.subscribes)),
+            tuple(sorted(kind.views)),
+            tuple(sorted(used.intersection(known))),
+            dict(kind.chances),
+        )

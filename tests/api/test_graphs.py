@@ -1,0 +1,209 @@
+"""The graph of a world: its content in each form, for installed worlds and for others."""
+
+import itertools
+import json
+import re
+import sys
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import pytest
+
+from minerva_bus import Agent, EventType, Generator, MinervaError, World, each, graph, on, view
+from minerva_bus.api.graph_drawing import draw
+from minerva_bus.api.graph_text import mermaid
+from minerva_bus.launch.specs import installed_worlds
+
+sys.path.append(str(Path(__file__).parents[1] / "runtime"))
+from running import minerva
+
+eTick = EventType("eTick")
+eSing = EventType("eSing", pitch=float)
+eRest = EventType("eRest")
+eShow = EventType("eShow", visual=True)
+
+
+def sing(moment):
+    moment.emit(eSing(1.0))
+
+
+class Chick(Agent, symbol="AChick"):
+    @on("eRest")
+    def rest(self, rest, moment):
+        moment.emit(eRest())
+
+
+class Bird(Agent, symbol="ABird"):
+    mood: float = 0.5
+
+    @on("eTick", "eSing", probability="mood")
+    def live(self, event, moment):
+        sing(moment)
+        return self.string + self.child(Chick)
+
+    @view("eShow")
+    def picture(self, event):
+        return None
+
+
+class Wind(Generator, events=("eRest",), lockstep=False):
+    publishes = ("gusts",)
+
+    def takes_orders(self):
+        return ("eRest",)
+
+
+class Vane(Generator, events=("eTick",)):
+    topics = ("gusts",)
+
+
+def birds():
+    return World(
+        "ABird#a · ABird#b · AChick#c", agents={"birds": Bird, "chicks": [Chick]},
+        services={"wind": Wind, "vane": Vane, "clock": each(eTick)},
+        order=["eTick", "eSing"], name="birds", symbols=[eShow],
+    )  # fmt: skip
+
+
+def test_events_are_in_the_order_of_a_frame_with_their_publishers_and_receivers():
+    made = graph(birds())
+    assert [(each.name, each.rank) for each in made.events] == [
+        ("eTick", 1), ("eSing", 2), ("eRest", 3), ("eShow", 4),
+    ]  # fmt: skip
+    assert made.publishers("eTick") == ["vane", "clock"]
+    assert made.publishers("eSing") == ["ABird"]
+    assert made.publishers("eRest") == ["wind", "AChick", "people"]
+    assert made.receivers("eSing") == made.receivers("eShow") == ["ABird"]
+    assert made.receivers("eRest") == ["AChick"]
+    bird, chick = made.kinds
+    assert (bird.symbol, bird.initial, bird.chances) == (
+        "ABird",
+        2,
+        {"eTick": "mood", "eSing": "mood"},
+    )
+    # The code of an agent that it creates is not its own.
+    assert (bird.emits, chick.emits) == (("eSing",), ("eRest",))
+
+
+def test_processes_have_their_roles_topics_and_copies():
+    processes = {each.name: each for each in graph("meadow").processes}
+    assert (processes["rabbits"].count, processes["rabbits"].role) == (2, "host")
+    assert processes["rabbits"].hosts == ("ARabbit",)
+    processes = {each.name: each for each in graph(birds()).processes}
+    assert (processes["wind"].role, processes["wind"].lockstep) == ("generator", False)
+    assert processes["wind"].writes == processes["vane"].reads == ("gusts",)
+
+
+@pytest.mark.parametrize("name", sorted(installed_worlds()))
+def test_every_installed_world_has_a_graph_in_every_form(name):
+    made = graph(name)
+    json.dumps(made.plain())
+    check_mermaid(made)
+    check_drawing(made)
+    kinds = {kind for process in made.processes for kind in process.hosts}
+    # A world that runs has a host for each agent and a receiver for each generator.
+    assert {kind.symbol for kind in made.kinds if kind.initial} <= kinds
+    sent = {event for process in made.processes for event in process.publishes}
+    assert sent <= {event.name for event in made.events}
+
+
+def check_mermaid(made):
+    """Each line of the flowchart is a node, an edge, a subgraph or a style; edges join nodes."""
+    lines = [line.strip() for line in mermaid(made).splitlines()]
+    assert lines[0] == "flowchart LR"
+    assert lines.count("end") == sum(line.startswith("subgraph") for line in lines)
+    nodes = {m[1] for line in lines if (m := re.match(r'(?:subgraph )?(\w+)(?:\[|\(\[)"', line))}
+    edges = [
+        re.split(r'\s(?:-->|-\.->|-\. ".*" \.->|==\s".*"\s==>)(?:\|".*"\|)?\s', line)
+        for line in lines
+    ]
+    pairs = [edge for edge in edges if len(edge) == 2]
+    assert pairs
+    assert {name for pair in pairs for name in pair} <= nodes
+    heads = ("flowchart", "subgraph", "end", "classDef", "class ")
+    rest = [line for line, edge in zip(lines, edges, strict=True) if len(edge) < 2]
+    assert all(line.startswith(heads) or re.match(r"\w+(\[|\(\[)", line) for line in rest)
+
+
+def check_drawing(made):
+    """Boxes do not overlap others of their column, and lie within the picture."""
+    root = ET.fromstring(draw(made))
+    _, _, wide, high = map(float, root.get("viewBox").split())
+    boxes = [[float(rect.get(key)) for key in ("x", "y", "width", "height")]
+             for rect in root.iter("{http://www.w3.org/2000/svg}rect") if rect.get("x")]  # fmt: skip
+    assert all(x >= 0 and y >= 0 and x + w <= wide and y + h <= high for x, y, w, h in boxes)
+    processes = [box for box in boxes if box[2] > 60 and box[3] > 40]
+    for one, other in itertools.combinations(processes, 2):
+        assert apart(one, other) or inside(one, other) or inside(other, one) or stacked(one, other)
+    text = "".join(root.itertext())
+    assert all(each.name in text for each in (*made.events, *made.processes))
+
+
+def apart(one, other):
+    (x, y, w, h), (x2, y2, w2, h2) = one, other
+    return x + w <= x2 or x2 + w2 <= x or y + h <= y2 or y2 + h2 <= y
+
+
+def inside(one, other):
+    (x, y, w, h), (x2, y2, w2, h2) = one, other
+    return x2 <= x and y2 <= y and x + w <= x2 + w2 and y + h <= y2 + h2
+
+
+def stacked(one, other):
+    """The second outline of several copies of a process."""
+    return one[2:] == other[2:] or abs(one[0] - other[0]) < 20
+
+
+def test_a_new_world_has_a_graph(tmp_path):
+    assert minerva(tmp_path, "new", "world", "my_yard").returncode == 0
+    (file,) = (tmp_path / "my_yard").rglob("*.toml")
+    done = minerva(tmp_path, "graph", file, "--json")
+    assert done.returncode == 0, done.stderr
+    made = json.loads(done.stdout)
+    assert made["order"] == [event["name"] for event in made["events"]]
+    assert any(event["publishers"] and event["receivers"] for event in made["events"])
+
+
+def test_the_command_prints_mermaid_and_draws_files(tmp_path):
+    done = minerva(tmp_path, "graph", "warehouse")
+    assert done.stdout == graph("warehouse").mermaid()
+    words = ("-o", "w.svg", "-o", "w.mmd", "--view", "svg", "--carriers", "7")
+    done = minerva(tmp_path, "graph", "warehouse", *words)
+    assert done.stdout == "w.svg\nw.mmd\n"
+    ET.parse(tmp_path / "w.svg")
+    assert "ACarrier ×7" in (tmp_path / "w.svg").read_text()
+    assert "a_carriers_20_ACarrier == " in (tmp_path / "w.mmd").read_text()
+    # Written again, because it is ours; a file of somebody else's is not overwritten.
+    assert minerva(tmp_path, "graph", "warehouse", *words).returncode == 0
+    (tmp_path / "own.svg").write_text("<svg/>")
+    done = minerva(tmp_path, "graph", "warehouse", "-o", "own.svg")
+    assert (done.returncode, (tmp_path / "own.svg").read_text()) == (2, "<svg/>")
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("warehouse", "-o", "w.png"), "w.png: a graph is drawn into a .svg or a .mmd"),
+        (("werehouse",), "there is no world 'werehouse'; did you mean 'warehouse'?"),
+        (("warehouse", "--cariers", "7"), "did you mean '--carriers'?"),
+        (("warehouse", "--outputt", "a.svg"), "did you mean '--output'?"),
+    ],
+)
+def test_wrong_words_are_explained(tmp_path, words, said):
+    done = minerva(tmp_path, "graph", *words)
+    assert done.returncode == 2
+    assert said in done.stderr
+    assert len(done.stderr.splitlines()) <= 10
+
+
+def test_a_file_of_another_kind_is_no_drawing(tmp_path):
+    with pytest.raises(MinervaError, match=r"a graph is drawn into a \.svg or a \.mmd"):
+        graph("warehouse").save(tmp_path / "a.png")
+
+
+def test_odd_names_are_escaped_in_both_forms():
+    world = World("ABird#a", agents={"p.1~x": Bird, "p-1~x": Chick}, symbols=[eShow], name="a.b~c")
+    made = graph(world)
+    check_mermaid(made)
+    check_drawing(made)
+    assert 'subgraph p_p_2e_1_7e_x["p.1~x"]' in mermaid(made)
