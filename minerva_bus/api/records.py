@@ -14,10 +14,11 @@ from minerva_bus.errors import WorldFileError
 from minerva_bus.grammar.parser import parse
 from minerva_bus.grammar.scene import Scene, walk
 from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.launch.installed import find_world
 from minerva_bus.launch.replaying import recomputed
 from minerva_bus.launch.restless import restless
 from minerva_bus.launch.resuming import WorldSource, read_resumed
-from minerva_bus.launch.specs import find_world, load
+from minerva_bus.launch.specs import load
 from minerva_bus.launch.structure import structure_of
 from minerva_bus.log.comparison import Difference, compare
 from minerva_bus.log.reader import Record

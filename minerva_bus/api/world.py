@@ -19,9 +19,10 @@ from minerva_bus.grammar.parser import parse
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.symbols import EventType
 from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.launch.installed import find_world
 from minerva_bus.launch.reading import read_tables, read_world_file
 from minerva_bus.launch.resuming import option_text
-from minerva_bus.launch.specs import bind, find_service, find_world
+from minerva_bus.launch.specs import bind, find_service
 from minerva_bus.launch.toml import toml_text
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.outputs import write_output

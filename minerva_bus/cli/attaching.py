@@ -14,15 +14,10 @@ from minerva_bus.cli.output import FAILED, print_message
 from minerva_bus.cli.places import identity, place
 from minerva_bus.errors import KeysError, WorldFileError, nearest
 from minerva_bus.frame.member import Member, WorldRestarted
+from minerva_bus.launch.installed import find_world
 from minerva_bus.launch.interrupts import end_signals
 from minerva_bus.launch.reading import read_world_file
-from minerva_bus.launch.specs import (
-    bind,
-    find_agent,
-    find_service,
-    find_world,
-    names_agents,
-)
+from minerva_bus.launch.specs import bind, find_agent, find_service, names_agents
 from minerva_bus.launch.typed import typed_options
 from minerva_bus.runtime.diagnosis import check_reachable
 from minerva_bus.runtime.endpoints import check_endpoint

@@ -19,9 +19,9 @@ from minerva_bus.cli.options import RunOptions
 from minerva_bus.cli.output import FAILED, INTERRUPTED, WRONG, print_message, print_result
 from minerva_bus.cli.running import run_world
 from minerva_bus.errors import MinervaError, MisuseError
+from minerva_bus.launch.installed import find_world
 from minerva_bus.launch.layouts import LAYOUTS, Layout, laid_out, left_out
 from minerva_bus.launch.reading import read_world_file
-from minerva_bus.launch.specs import find_world
 from minerva_bus.log.comparison import Difference, compare
 from minerva_bus.log.reader import Record
 from minerva_bus.wording import counted

@@ -15,7 +15,8 @@ import typer
 
 from minerva_bus.cli.output import print_message
 from minerva_bus.errors import WorldFileError, nearest
-from minerva_bus.launch.specs import entries, load
+from minerva_bus.launch.installed import entries
+from minerva_bus.launch.specs import load
 from minerva_bus.outputs import forget_inputs
 from minerva_bus.world.recordings import MapChoice, Mapper, PassOver, Progress, Recording
 

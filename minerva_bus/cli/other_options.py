@@ -14,7 +14,7 @@ TAKES_OTHERS: Final = {"allow_extra_args": True, "ignore_unknown_options": True}
 
 
 def _world_options(spec: str) -> list[tuple[str, str]]:
-    from minerva_bus.launch.options import described
+    from minerva_bus.launch.installed import described
 
     return described(spec)
 

@@ -13,10 +13,10 @@ from minerva_bus.cli.promised import say_summary
 from minerva_bus.errors import MinervaError, MisuseError, WorldStopped
 from minerva_bus.launch.console import Console
 from minerva_bus.launch.in_process import InProcessRun
+from minerva_bus.launch.installed import find_world
 from minerva_bus.launch.interrupts import end_signals
 from minerva_bus.launch.profiling import NOTHING, Profiling
 from minerva_bus.launch.reading import read_world_file
-from minerva_bus.launch.specs import find_world
 from minerva_bus.launch.summary import RunSummary
 from minerva_bus.launch.supervisor import Supervisor
 from minerva_bus.launch.worldfile import WorldFile

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import re
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Final, cast
+from typing import Any, cast
 
 from minerva_bus.errors import UnknownOption, WorldFileError, nearest
-from minerva_bus.launch.specs import called, find_world, help_line, is_file
+from minerva_bus.launch.installed import is_file
+from minerva_bus.launch.specs import called
 from minerva_bus.launch.table import Table
 from minerva_bus.launch.typed import toml_value
 from minerva_bus.settings.kinds import fits, phrase_of
@@ -34,28 +34,6 @@ def read_options(
             raise WorldFileError(f"{path}: {completed_by} must return a mapping")
         options = dict(cast("Mapping[str, Any]", completed))
     return options
-
-
-def described(spec: str) -> list[tuple[str, str]]:
-    """The options of a world, each with its comment and default, for the command line's help.
-
-    It runs no code. Raises WorldFileError if there is no such world.
-    """
-    text = find_world(spec).read_text(encoding="utf-8")
-    try:
-        options = tomllib.loads(text).get("options", {})
-    except tomllib.TOMLDecodeError:
-        return []  # The run reports the error with its place.
-    comments = {match["key"]: match["comment"] for match in _COMMENTED.finditer(text)}
-    return [
-        help_line(key, type(value), comments.get(key, ""), value) for key, value in options.items()
-    ]
-
-
-_COMMENTED: Final = re.compile(
-    r"""^(?P<key>[\w-]+)\s*=\s*(?:"[^"\n]*"|[^"#\n])*#\s*(?P<comment>.*)$""", re.MULTILINE
-)
-"""A key, its value and a comment on one line; a text between quotes may contain `#`."""
 
 
 def beside(value: Any, folder: Path) -> Any:

@@ -19,8 +19,8 @@ from minerva_bus.frame.checkpoint import HALTED, Checkpoint
 from minerva_bus.frame.description import World
 from minerva_bus.frame.goal import GIVEN_UP
 from minerva_bus.frame.messages import ViewShown
+from minerva_bus.launch.installed import find_world
 from minerva_bus.launch.reading import read_world_file
-from minerva_bus.launch.specs import find_world
 from minerva_bus.launch.table import Table
 from minerva_bus.launch.toml import TomlError, read_toml, toml_value_text
 from minerva_bus.launch.worldfile import WorldFile

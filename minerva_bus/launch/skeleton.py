@@ -19,7 +19,7 @@ from string import Template
 from typing import Final
 
 from minerva_bus.errors import MisuseError, nearest
-from minerva_bus.launch.specs import AGENTS, SERVICES, WORLDS, entries, find_world
+from minerva_bus.launch.installed import AGENTS, SERVICES, WORLDS, entries, find_world
 
 TEMPLATES: Final = Path(__file__).with_name("templates")
 MAX_NAME_LENGTH: Final = 40

@@ -3,27 +3,21 @@
 from __future__ import annotations
 
 import importlib
-import importlib.util
 import inspect
-import json
-import os
 import re
 import sys
 from collections.abc import Callable, Mapping
-from functools import cache
-from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import Any, cast, get_type_hints
 
 from minerva_bus.blame import report
 from minerva_bus.errors import MinervaError, WorldFileError, nearest
 from minerva_bus.grammar.printer import value_text
+from minerva_bus.launch.installed import AGENTS, SERVICES, entries, help_line
 from minerva_bus.settings.kinds import fits, phrase_of
 from minerva_bus.source import place_of
 from minerva_bus.world.agent import Agent
 from minerva_bus.world.services import Service
-
-SERVICES, AGENTS, WORLDS = "minerva.services", "minerva.agents", "minerva.worlds"
 
 
 def load(spec: str, folder: Path | None = None) -> Any:
@@ -83,12 +77,6 @@ def called(spec: str, options: Mapping[str, Any], path: Path) -> Any:
         raise WorldFileError(f"{path}: {spec}: {report(error)}") from error
 
 
-@cache
-def entries(group: str) -> Mapping[str, EntryPoint]:
-    """The installed entry points of a group, by name."""
-    return {entry.name: entry for entry in entry_points(group=group)}
-
-
 def find_service(spec: str, folder: Path | None = None) -> type[Service]:
     """The service class of an installed name or a `module:Class`. Raises WorldFileError."""
     cls = load(spec, folder) if ":" in spec else _installed(SERVICES, spec)
@@ -124,46 +112,6 @@ def _installed(group: str, name: str) -> Any:
     return load(known[name].value)
 
 
-def is_file(path: Path) -> bool:
-    """Whether a user's text is the path of a file."""
-    # pathlib raises an error for a part that is too long, such as a text that is not a path.
-    return os.path.isfile(path)  # noqa: PTH113
-
-
-def find_world(spec: str) -> Path:
-    """The world file of a path or an installed name. Raises WorldFileError."""
-    path = Path(spec)
-    if is_file(path):
-        return path.resolve()
-    known = entries(WORLDS)
-    if spec in known:
-        module, _, name = known[spec].value.partition(":")
-        package = importlib.util.find_spec(module)
-        folders = package.submodule_search_locations if package is not None else None
-        for folder in folders or ():
-            if (Path(folder) / name).is_file():
-                return Path(folder) / name
-        raise WorldFileError(f"the world {spec!r} is installed without its file {name}")
-    if path.suffix == ".toml" or "/" in spec:
-        raise WorldFileError(f"there is no world file {spec}")
-    raise WorldFileError(
-        f"there is no world {spec!r}{nearest(spec, list(known))}; installed are"
-        f" {', '.join(sorted(known)) or 'none'}; or give a world file, NAME.toml"
-    )
-
-
-def installed_worlds() -> dict[str, str]:
-    """The installed worlds with their descriptions: the first line of each file, a comment."""
-    lines = {
-        name: find_world(name).read_text(encoding="utf-8").partition("\n")[0]
-        for name in sorted(entries(WORLDS))
-    }
-    return {
-        name: line.removeprefix("#").strip() if line.startswith("#") else ""
-        for name, line in lines.items()
-    }
-
-
 def described(spec: str) -> list[tuple[str, str]]:
     """The options of a service, each with its documentation and default, for help texts.
 
@@ -182,14 +130,6 @@ def described(spec: str) -> list[tuple[str, str]]:
         for name, parameter in inspect.signature(cls.__init__).parameters.items()
         if name not in ("self", "args", "kwargs")
     ]
-
-
-def help_line(name: str, python: Any, text: str, default: Any) -> tuple[str, str]:
-    """An option and its description, as the help of a command shows them."""
-    kind = python.__name__ if phrase_of(python) else "toml"
-    if default is inspect.Parameter.empty:
-        return f"--{name} <{kind}>", f"{text}  [required]".lstrip()
-    return f"--{name} <{kind}>", f"{text}  [default: {json.dumps(default, default=str)}]".lstrip()
 
 
 def bind(cls: type[Service], options: Mapping[str, Any], owner: str) -> Callable[[], Service]:

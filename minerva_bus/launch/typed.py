@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any, get_type_hints
 
 from minerva_bus.errors import WorldFileError
-from minerva_bus.launch.specs import SERVICES, entries
+from minerva_bus.launch.installed import SERVICES, entries
 from minerva_bus.launch.toml import TomlError, read_toml
 from minerva_bus.world.services import Service
 

@@ -12,7 +12,7 @@ import pytest
 from minerva_bus import Agent, EventType, Generator, MinervaError, World, each, graph, on, view
 from minerva_bus.api.graph_drawing import draw
 from minerva_bus.api.graph_text import mermaid
-from minerva_bus.launch.specs import installed_worlds
+from minerva_bus.launch.installed import installed_worlds
 
 sys.path.append(str(Path(__file__).parents[1] / "runtime"))
 from running import minerva

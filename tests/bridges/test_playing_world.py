@@ -13,8 +13,8 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.grammar.batch import single
 from minerva_bus.grammar.scene import agents
+from minerva_bus.launch.installed import find_world
 from minerva_bus.launch.reading import read_world_file
-from minerva_bus.launch.specs import find_world
 from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.settings.overrides import Overrides
 

@@ -11,7 +11,8 @@ from hypothesis import HealthCheck, given, settings
 from typer.main import get_command
 
 from minerva_bus.cli.main import app, main
-from minerva_bus.launch.specs import SERVICES, entries, find_service
+from minerva_bus.launch.installed import SERVICES, entries
+from minerva_bus.launch.specs import find_service
 
 ALPHABET = """
 import math

@@ -7,8 +7,9 @@ from pathlib import Path
 import typer.main
 
 from minerva_bus.cli.main import app
+from minerva_bus.launch.installed import WORLDS, entries, find_world
 from minerva_bus.launch.reading import read_world_file
-from minerva_bus.launch.specs import WORLDS, entries, find_service, find_world
+from minerva_bus.launch.specs import find_service
 
 DEPLOY = Path(__file__).parents[2] / "deploy"
 

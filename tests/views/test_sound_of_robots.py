@@ -6,8 +6,8 @@ from pathlib import Path
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.member import Member
+from minerva_bus.launch.installed import find_world
 from minerva_bus.launch.reading import read_world_file
-from minerva_bus.launch.specs import find_world
 from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.settings.overrides import Overrides
 from minerva_services.views.sound import Sound

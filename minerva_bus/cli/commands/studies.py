@@ -129,7 +129,7 @@ def sweep(
     """
     from minerva_bus.cli.sweeping import sweep_world
     from minerva_bus.launch.console import Console
-    from minerva_bus.launch.specs import find_world
+    from minerva_bus.launch.installed import find_world
     from minerva_bus.settings.overrides import Overrides
     from minerva_bus.study.grid import parse_grid
     from minerva_bus.study.sweep import Sweep

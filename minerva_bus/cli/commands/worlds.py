@@ -251,7 +251,7 @@ def worlds(json: Json = False) -> None:
     `minerva run NAME` runs one; `minerva new world MINE --from NAME` copies it.
     """
     from minerva_bus.cli.output import print_result
-    from minerva_bus.launch.specs import installed_worlds
+    from minerva_bus.launch.installed import installed_worlds
 
     descriptions = installed_worlds()
     if json:
