@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from minerva_bus.api.running import request_of
+from minerva_bus.api.studies import sent_world
 from minerva_bus.api.world import World, world_of
 from minerva_bus.collect.table import ARRAY_TYPES, DataTable
 from minerva_bus.errors import MisuseError
@@ -19,10 +21,11 @@ from minerva_bus.grammar.mutation.targets import Targets, parse_targets
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.launch.console import Console
 from minerva_bus.launch.worldfile import WorldFile
+from minerva_bus.settings.overrides import Overrides
 from minerva_bus.study.evaluation import EvaluationCache, Evaluator, Fitness
 from minerva_bus.study.evolution import Evolution, Generation, Plan
+from minerva_bus.study.executor_pool import Workers, open_pool
 from minerva_bus.study.trial import prepared
-from minerva_bus.study.worker_pool import WorkerPool
 
 MAX_NODES = 1000
 
@@ -51,17 +54,24 @@ class EvolutionStudy:
     trials: int = 1
     in_process: bool = True
 
-    def run(self, file: WorldFile, workers: int, limit: float, console: Console) -> EvolutionRun:
+    def run(
+        self,
+        file: WorldFile,
+        workers: Workers,
+        console: Console,
+        read: Callable[[Overrides], WorldFile] | None = None,
+    ) -> EvolutionRun:
         """Evolve the string of a prepared world; Ctrl-C ends it early.
 
-        Raises MisuseError for targets that match nothing, and MinervaError if no world can run.
+        The workers of an executor `read` the world. Raises MisuseError for targets that match
+        nothing, and MinervaError if no world can run.
         """
         targets = parse_targets(tuple(self.mutable), file.world.vocabulary)
         _check_targets(targets, tuple(self.mutable), file, console)
         mutator = Mutator(targets, Extent(self.nodes, LONGEST.depth))
         interrupted = False
-        with WorkerPool(workers, limit) as pool:
-            evaluator = Evaluator(file, self.fitness, pool, self.trials, self.in_process)
+        with open_pool(workers) as pool:
+            evaluator = Evaluator(file, self.fitness, pool, self.trials, self.in_process, read)
             cache = EvaluationCache(evaluator, self.plan.minimise)
             evolution = Evolution(file.world.scene, mutator, self.plan, cache)
             cache.on_done = EvolutionProgress(
@@ -107,6 +117,7 @@ def evolve_strings(
     nodes: int = MAX_NODES,
     workers: int = 0,
     limit: float = 60.0,
+    executor: Executor | None = None,
     quiet: bool = False,
     **options: Any,
 ) -> EvolvedStrings:
@@ -126,6 +137,7 @@ def evolve_strings(
         nodes: maximum number of nodes of a string.
         workers: parallel runs; 0: one per core.
         limit: seconds that a run may take; 0: no limit.
+        executor: runs the strings, as in `sweep`; `fitness` has to be in a module.
         quiet: show no progress.
         options: the world's own options.
 
@@ -139,11 +151,14 @@ def evolve_strings(
 
     """
     # Without pacing: a study runs as fast as possible.
-    request = request_of(world_of(world, {}), options, frames=frames, seed=seed, rate=0.0)
+    own = world_of(world, {})
+    request = request_of(own, options, frames=frames, seed=seed, rate=0.0)
     file = prepared(request.file)
     plan = Plan(population, generations, file.world.seed, minimise)
     study = EvolutionStudy(fitness, plan, mutable, nodes, trials)
-    ran = study.run(file, workers, limit, Console(quiet=quiet, world=file.world.name))
+    read = None if executor is None else sent_world(own, request.overrides, fitness)
+    console = Console(quiet=quiet, world=file.world.name)
+    ran = study.run(file, Workers(workers, limit, executor), console, read)
     # `minerva evolve` reports the partial result; a function either returns or raises.
     if ran.interrupted:
         raise KeyboardInterrupt

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import tempfile
+import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import Executor
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any, cast
@@ -20,55 +22,61 @@ from minerva_bus.errors import MisuseError
 from minerva_bus.launch.collecting import Collecting
 from minerva_bus.launch.console import Console
 from minerva_bus.launch.resuming import option_text
-from minerva_bus.settings.overrides import Overrides
+from minerva_bus.settings.overrides import AS_WRITTEN, Overrides
+from minerva_bus.study.code_digests import identity
+from minerva_bus.study.executor_pool import Workers, open_pool
 from minerva_bus.study.grid import SEED, Combination, Grid
 from minerva_bus.study.journal import StudyJournal
 from minerva_bus.study.results import Row
+from minerva_bus.study.sent_world import SentWorld
 from minerva_bus.study.sweep import Sweep
-from minerva_bus.study.worker_pool import WorkerPool
 
 
 class SweepProgress:
     """The status line of a sweep: the number of finished runs; failures are reported at once."""
 
-    def __init__(self, console: Console, name: str, done: int, total: int) -> None:
+    def __init__(self, console: Console, sweep: Sweep) -> None:
         self._console = console
-        self._name = name
-        self._done = done
-        self._total = total
+        self._name = sweep.path.stem
+        self._named = sweep.named
+        self._total = len(sweep.grid)
+        self._done = self._total - len(sweep.left)
 
     def __call__(self, row: Row) -> None:
         self._done += 1
         if row.error:
-            self._console.log(self._name, f"{' '.join(row.combination)}: {row.error}")
+            self._console.log(self._name, f"{self._named(row)}: {row.error}")
         rest = "runs  Ctrl-C stops; the same command continues"
         self._console.progress(self._name, self._done, self._total, rest)
+        if not self._console.terminal:
+            line = f"{self._name}: {self._done} of {self._total} runs"
+            self._console.periodic(line, time.monotonic())
 
 
-def run_sweep(sweep: Sweep, journal: Path, workers: int, limit: float, console: Console) -> bool:
+def run_sweep(sweep: Sweep, journal: Path, workers: Workers, console: Console) -> bool:
     """Run the remaining runs of a sweep, according to its journal; returns whether interrupted.
 
     Args:
         sweep: the runs.
         journal: the file with the finished runs, to which each further run is added.
-        workers: the number of parallel runs.
-        limit: seconds that a run may take; 0: no limit.
+        workers: where they run.
         console: shows the progress.
 
-    Raises MisuseError if the journal is of another sweep.
+    Raises MisuseError if the journal is of another sweep, and MinervaError if an executor fails.
 
     """
     interrupted = False
-    with StudyJournal(journal, sweep.description) as lines, WorkerPool(workers, limit) as pool:
+    with StudyJournal(journal, sweep.description) as lines, open_pool(workers) as pool:
         sweep.recall(lines)
         done, total = len(sweep.grid) - len(sweep.left), len(sweep.grid)
         if done:
             console.note(f"{sweep.path.stem}: {done} of {total} runs are in {journal.name} already")
         try:
-            sweep.run(pool, lines, SweepProgress(console, sweep.path.stem, done, total))
+            sweep.run(pool, lines, SweepProgress(console, sweep))
         except KeyboardInterrupt:
             interrupted = True
-        console.end()
+        finally:
+            console.end()
     return interrupted
 
 
@@ -83,6 +91,7 @@ def sweep(
     folder: str | Path = "",
     workers: int = 0,
     limit: float = 0.0,
+    executor: Executor | None = None,
     quiet: bool = False,
 ) -> DataTable:
     """Run a world with all combinations of options, in parallel, and return one table.
@@ -97,6 +106,9 @@ def sweep(
         folder: stores finished runs, so that the same call continues after a kill. "": none.
         workers: parallel runs; 0: one per core.
         limit: seconds that a run may take; 0: no limit. A run that takes longer fails.
+        executor: runs the worlds instead of processes of this machine: a pool of
+            concurrent.futures, `Client(...).get_executor()` of Dask, an `MPIPoolExecutor`, ... The
+            code of the world has to be in modules that its workers can import.
         quiet: show no progress, only failures.
 
     Returns:
@@ -105,10 +117,12 @@ def sweep(
         rows of collected data.
 
     Raises:
-        MisuseError: an argument is wrong, or all runs failed.
+        MisuseError: an argument is wrong, the folder is of another study, or all runs failed.
+        MinervaError: the workers of the executor cannot run the world.
         KeyboardInterrupt: after Ctrl-C; finished runs are in the folder.
 
-    Each run is in a process forked from this one, so the world need not be in a module.
+    Each run is in a process forked from this one, so the world need not be in a module. The table
+    is the same with any number of workers and any executor.
 
     Example:
         >>> curves = sweep(world, {"people": [100, 200]}, seeds=20, frames=300,
@@ -132,12 +146,16 @@ def sweep(
         given = Overrides(frames=frames, rate=0.0)
         runs = Sweep(path, combinations, given, in_process=True, read=own.read)
         runs.collect = Collecting(entries, str(kept))
+        runs.code = identity(own.tables(), own.read(given))
+        if executor is not None:
+            runs.sent = sent_world(own)
         runs.check()
         console = Console(quiet=quiet)
-        if run_sweep(runs, kept / "runs.journal", workers, limit, console):
+        if run_sweep(runs, kept / "runs.journal", Workers(workers, limit, executor), console):
             raise KeyboardInterrupt
         if runs.failures and len(runs.failures) == len(runs.rows):
-            raise MisuseError(f"all runs failed; the first: {runs.failures[0].error}")
+            first = runs.failures[0]
+            raise MisuseError(f"all runs failed; the first: {runs.named(first)}: {first.error}")
         if not entries:
             return _outcomes(runs)
         tables = {plan.name: Gathered(plan.name, plan.columns) for plan in plans}
@@ -152,6 +170,12 @@ def sweep(
                 keys[plan.name] += [combination] * len(rows)
     wanted = pick_table({name: gathered.table for name, gathered in tables.items()}, table)
     return _with_keys(combinations.keys, keys[wanted.name], wanted)
+
+
+def sent_world(world: World, given: Overrides = AS_WRITTEN, *more: object) -> SentWorld:
+    """A world for the workers of an executor. Raises MisuseError if its code is not in modules."""
+    path = world.path or Path.cwd() / f"{world.name}.toml"
+    return SentWorld.of(world.toml(), path, given.over(world.given), *more)
 
 
 def _grid(grid: Mapping[str, Iterable[Any]], seeds: int | Iterable[int]) -> Grid:

@@ -233,8 +233,10 @@ def _variable_of(symbol: Any) -> str:
     homes = [
         f"{name}:{variable}"
         for name, module in list(sys.modules.items())
-        # Modules of worlds made in Python exist in this process only.
-        if name.partition(".")[0] != _OWN and not name.startswith("minerva_world_")
+        # Modules of worlds made in Python exist in this process only, and libraries register the
+        # main program under a second name.
+        if name.partition(".")[0] not in (_OWN, "__mp_main__")
+        and not name.startswith("minerva_world_")
         for variable, value in list(vars(module).items())
         if value is symbol
     ]

@@ -23,7 +23,7 @@ from minerva_bus.launch.installed import find_world
 from minerva_bus.launch.reading import read_tables, read_world_file
 from minerva_bus.launch.resuming import option_text
 from minerva_bus.launch.specs import bind, find_service
-from minerva_bus.launch.toml import toml_text
+from minerva_bus.launch.toml import read_toml, toml_text
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.outputs import write_output
 from minerva_bus.settings.declaring import check_known, settings_of
@@ -199,6 +199,10 @@ class World:
         if self._made is None:
             return self.read().text
         return self._made.toml()
+
+    def tables(self) -> dict[str, Any]:
+        """The tables of its world file."""
+        return read_toml(self.read().text) if self._made is None else self._made.tables
 
     @property
     def path(self) -> Path | None:

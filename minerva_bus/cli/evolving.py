@@ -14,10 +14,13 @@ from minerva_bus.errors import MisuseError
 from minerva_bus.launch.console import Console
 from minerva_bus.launch.specs import load
 from minerva_bus.launch.worldfile import WorldFile
+from minerva_bus.settings.overrides import Overrides
 from minerva_bus.study.evaluation import EvaluationCache, Fitness
 from minerva_bus.study.evolution import Evolution, Plan
 from minerva_bus.study.evolution_plots import draw_fitness, draw_tree
+from minerva_bus.study.executor_pool import Workers
 from minerva_bus.study.saving import WorldOptions, check_place, save
+from minerva_bus.study.sent_world import SentWorld
 from minerva_bus.study.style import check_picture
 
 MAX_ERRORS: Final = 5
@@ -31,14 +34,14 @@ class EvolveOptions:
     plan: Plan
     mutable: tuple[str, ...]
     nodes: int
-    workers: int
-    limit: float
+    workers: Workers
     trials: int
     in_process: bool
     outputs: tuple[Path, ...]
     plot: Path | None
     tree: Path | None
     given: WorldOptions
+    overrides: Overrides
 
 
 def read_fitness(spec: str, file: WorldFile) -> Fitness:
@@ -62,7 +65,10 @@ def evolve_world(file: WorldFile, wanted: EvolveOptions, console: Console, as_js
     study = EvolutionStudy(
         wanted.fitness, wanted.plan, wanted.mutable, wanted.nodes, wanted.trials, wanted.in_process
     )
-    ran = study.run(file, wanted.workers, wanted.limit, console)
+    read = None
+    if wanted.workers.executor is not None:
+        read = SentWorld.of(file.text, file.path, wanted.overrides, wanted.fitness)
+    ran = study.run(file, wanted.workers, console, read)
     evolution, cache, interrupted = ran.evolution, ran.cache, ran.interrupted
     _save(file, wanted, console, cache)
     if as_json:

@@ -11,7 +11,8 @@ from minerva_bus.cli.output import FAILED, INTERRUPTED, print_result
 from minerva_bus.errors import MisuseError
 from minerva_bus.launch.console import Console
 from minerva_bus.study.comparison import draw_comparison, shown
-from minerva_bus.study.results import Row, check_table, write
+from minerva_bus.study.executor_pool import Workers
+from minerva_bus.study.results import check_table, write
 from minerva_bus.study.style import check_picture
 from minerva_bus.study.sweep import Sweep
 
@@ -22,8 +23,7 @@ def sweep_world(
     sweep: Sweep,
     table: Path,
     plot: Path | None,
-    workers: int,
-    limit: float,
+    workers: Workers,
     console: Console,
     as_json: bool,
 ) -> int:
@@ -35,7 +35,7 @@ def sweep_world(
     if plot is not None:
         check_picture(plot)
     sweep.check()
-    code = _sweep(sweep, table, workers, limit, console)
+    code = _sweep(sweep, table, workers, console)
     if plot is not None:
         _draw(sweep, plot, console)
     if as_json:
@@ -45,7 +45,7 @@ def sweep_world(
     return code
 
 
-def _sweep(sweep: Sweep, table: Path, workers: int, limit: float, console: Console) -> int:
+def _sweep(sweep: Sweep, table: Path, workers: Workers, console: Console) -> int:
     """Run the remaining combinations and write the table; returns the exit code."""
     beside = table.with_name(f"{table.name}.journal")
     # The table is written from the journal, so its rows would be lost without one.
@@ -54,7 +54,7 @@ def _sweep(sweep: Sweep, table: Path, workers: int, limit: float, console: Conso
             f"{table} exists without its journal {beside.name}; remove it, or name another file"
             " with -o"
         )
-    interrupted = run_sweep(sweep, beside, workers, limit, console)
+    interrupted = run_sweep(sweep, beside, workers, console)
     write(sweep.table, table)
     return INTERRUPTED if interrupted else FAILED if sweep.failures else 0
 
@@ -70,18 +70,13 @@ def _lines(sweep: Sweep, table: Path, code: int) -> list[str]:
     failures, done = sweep.failures, len(sweep.table.rows)
     if failures:
         lines += [f"{len(failures)} of {done} runs failed:"]
-        lines += [f"  {_named(sweep, row)}: {row.error}" for row in failures[:MAX_FAILURES]]
+        lines += [f"  {sweep.named(row)}: {row.error}" for row in failures[:MAX_FAILURES]]
     if len(failures) > MAX_FAILURES:
         lines.append(f"  and {len(failures) - MAX_FAILURES} more")
     if code == INTERRUPTED:
         left = len(sweep.grid) - done
         lines.append(f"interrupted with {left} runs left; the same command continues with them")
     return [*lines, f"{done} runs are in {table}"]
-
-
-def _named(sweep: Sweep, row: Row) -> str:
-    pairs = zip(sweep.grid.keys, row.combination, strict=True)
-    return ", ".join(f"{key}={value}" for key, value in pairs)
 
 
 def _plain(sweep: Sweep, table: Path, code: int) -> dict[str, object]:

@@ -43,6 +43,10 @@ STATUS_EVERY: Final = 0.1
 ANSWER_SECONDS: Final = 1.0
 
 
+def _never() -> bool:
+    return False
+
+
 class InProcessRun:
     """One world without a bus: the same frames, the same digests.
 
@@ -102,16 +106,17 @@ class InProcessRun:
                 runner.start()
                 self._parts.services.start()
 
-    def advance(self, frames: int | None = None) -> None:
+    def advance(self, frames: int | None = None, interrupted: Callable[[], bool] = _never) -> None:
         """Run this number of frames, or to the end of the world, at the rate of the world file.
 
-        Raises WorldStopped if user code fails.
+        Returns early if `interrupted` is true between two frames. Raises WorldStopped if user code
+        fails.
         """
         end = None if frames is None else self.algorithm.frame + frames
         with printed(self._print), self._reporting():
             world, listen = self._file.world.name, self._file.watch.metrics
             with exported(world, listen, self.ask, self._note):
-                self._loop(end)
+                self._loop(end, interrupted)
 
     def ask(self, question: str, **details: Any) -> Mapping[str, Any]:
         """Answer a question of an operator, from any thread. Raises BusError."""
@@ -181,10 +186,12 @@ class InProcessRun:
             member.operator = AskingOperator(self._questions.ask)
         return runner, record
 
-    def _loop(self, end: int | None) -> None:
+    def _loop(self, end: int | None, interrupted: Callable[[], bool]) -> None:
         assert self._parts is not None
         runner, services = self._parts.runner, self._parts.services
         while runner.ended is None and (end is None or self.algorithm.frame < end):
+            if interrupted():
+                return
             # Other threads only fill queues. They are emptied here, between two frames.
             self._questions.answer()
             services.deliver()

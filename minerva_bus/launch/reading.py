@@ -36,6 +36,11 @@ def read_world_file(path: Path, overrides: Overrides = AS_WRITTEN) -> WorldFile:
     return _read(top, text, path)
 
 
+def read_world_text(text: str, path: Path, overrides: Overrides = AS_WRITTEN) -> WorldFile:
+    """As `read_world_file`, from the text of a file that may be on another machine."""
+    return _read(_parsed(text, path, overrides), text, path)
+
+
 def read_tables(
     tables: Mapping[str, Any], path: Path, overrides: Overrides = AS_WRITTEN
 ) -> WorldFile:
@@ -53,11 +58,14 @@ def open_tables(path: Path) -> Table:
 
 def _tables(path: Path, overrides: Overrides = AS_WRITTEN) -> tuple[Table, str]:
     text = _read_text(path)
+    return _parsed(text, path, overrides), text
+
+
+def _parsed(text: str, path: Path, overrides: Overrides) -> Table:
     try:
-        top = Table(read_toml(text), "", text, str(path), overrides)
+        return _opened(Table(read_toml(text), "", text, str(path), overrides))
     except TomlError as error:
         raise WorldFileError(f"{path}: {error}") from None
-    return _opened(top), text
 
 
 def _opened(top: Table) -> Table:

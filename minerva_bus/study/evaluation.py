@@ -10,10 +10,13 @@ from typing import Any
 from minerva_bus.errors import MinervaError
 from minerva_bus.grammar.mutation.places import extent
 from minerva_bus.grammar.scene import Scene
+from minerva_bus.launch.specs import load
 from minerva_bus.launch.worldfile import WorldFile
+from minerva_bus.settings.overrides import AS_WRITTEN, Overrides
 from minerva_bus.study.outcome import Outcome
-from minerva_bus.study.trial import run_trial
-from minerva_bus.study.worker_pool import Result, Task, WorkerPool
+from minerva_bus.study.sent_world import spec_of
+from minerva_bus.study.trial import prepared, run_trial
+from minerva_bus.study.worker_pool import Result, TaskPool, never
 
 Fitness = Callable[[Outcome], float]
 
@@ -37,13 +40,17 @@ class Score:
 
 @dataclass(frozen=True, slots=True)
 class Evaluator:
-    """Runs worlds: `trials` per string, with the world's seed, the next one, and so on."""
+    """Runs worlds: `trials` per string, with the world's seed, the next one, and so on.
+
+    In the workers of an executor, trials `read` the world.
+    """
 
     file: WorldFile
     fitness: Fitness
-    pool: WorkerPool
+    pool: TaskPool
     trials: int = 1
     in_process: bool = False
+    read: Callable[[Overrides], WorldFile] | None = None
 
     def evaluate(self, strings: Sequence[Scene], on_score: Callable[[int, Score], None]) -> None:
         """Evaluate strings; each score is reported with the number of its string as it arrives.
@@ -61,18 +68,49 @@ class Evaluator:
                 on_score(n, _score([results[k] for k in range(self.trials)]))
 
         # `on_result` relies on this order: the trials of a string are neighbours.
-        tasks = [self._task(scene, k) for scene in strings for k in range(self.trials)]
+        tasks = [self._trial(scene, k) for scene in strings for k in range(self.trials)]
         self.pool.run(tasks, on_result)
 
-    def _task(self, string: Scene, trial: int) -> Task:
-        world = self.file.world
-        file = replace(self.file, world=replace(world, scene=string, seed=world.seed + trial))
-        return lambda: run_fitness(file, self.fitness, self.in_process)
+    def _prepared(self, _: Overrides) -> WorldFile:
+        return self.file
+
+    def _trial(self, string: Scene, trial: int) -> StringTrial:
+        read = self.read or self._prepared
+        seed = self.file.world.seed + trial
+        # By its name, because the scheduler of Dask unpickles tasks, too, and has no user code.
+        fitness = self.fitness if self.read is None else spec_of(self.fitness) or self.fitness
+        return StringTrial(read, string, seed, fitness, self.in_process)
 
 
-def run_fitness(file: WorldFile, fitness: Fitness, in_process: bool) -> Mapping[str, Any]:
+@dataclass(frozen=True, slots=True)
+class StringTrial:
+    """The run of a world with another string and seed.
+
+    `fitness` may be `module:function`, which a worker loads after it has found the world's modules.
+    """
+
+    read: Callable[[Overrides], WorldFile]
+    string: Scene
+    seed: int
+    fitness: Fitness | str
+    in_process: bool
+
+    def __call__(self, interrupted: Callable[[], bool] = never) -> Mapping[str, Any]:
+        """Run and compute the fitness; returns plain data. Raises MinervaError."""
+        file = prepared(self.read(AS_WRITTEN))
+        world = replace(file.world, scene=self.string, seed=self.seed)
+        fitness = load(self.fitness) if isinstance(self.fitness, str) else self.fitness
+        return run_fitness(replace(file, world=world), fitness, self.in_process, interrupted)
+
+
+def run_fitness(
+    file: WorldFile,
+    fitness: Fitness,
+    in_process: bool,
+    interrupted: Callable[[], bool] = never,
+) -> Mapping[str, Any]:
     """Run a world and compute its fitness; returns plain data. Raises MinervaError."""
-    outcome = run_trial(file, in_process)
+    outcome = run_trial(file, in_process, interrupted)
     name = getattr(fitness, "__name__", "fitness")
     try:
         value = float(fitness(outcome))

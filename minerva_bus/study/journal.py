@@ -15,6 +15,7 @@ from types import TracebackType
 from typing import Any, Self, cast
 
 from minerva_bus.errors import MisuseError
+from minerva_bus.study.code_digests import differences
 
 
 class StudyJournal:
@@ -66,12 +67,12 @@ class StudyJournal:
             self.lines: list[dict[str, Any]] = []
             self.add(study)
             return []
-        for key, value in study.items():
-            if lines[0].get(key) != value:
-                raise MisuseError(
-                    f"{self.path}: it belongs to another study: {key} {lines[0].get(key)}, not"
-                    f" {value}; name another file with -o"
-                )
+        differing = differences(lines[0], study)
+        if differing:
+            raise MisuseError(
+                f"{self.path}: its runs are of another study; different: {'; '.join(differing)};"
+                " remove it to run all again, or choose another output"
+            )
         return lines[1:]
 
     def _parsed(self, number: int, line: bytes) -> dict[str, Any]:
@@ -87,5 +88,5 @@ class StudyJournal:
 def invalid_line(path: Path, number: int) -> MisuseError:
     """An error about a line that no study has written."""
     return MisuseError(
-        f"{path}:{number}: not a line of a journal; remove it, or name another file with -o"
+        f"{path}:{number}: not a line of a journal; remove it, or choose another output"
     )

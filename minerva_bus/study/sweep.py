@@ -6,22 +6,53 @@ stopped. Runs that failed are repeated.
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from hashlib import blake2b
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from minerva_bus.launch.collecting import Collecting
 from minerva_bus.launch.reading import read_world_file
 from minerva_bus.launch.worldfile import WorldFile
+from minerva_bus.outputs import replacing
 from minerva_bus.settings.overrides import Overrides
 from minerva_bus.study.grid import Combination, Grid
 from minerva_bus.study.journal import StudyJournal, invalid_line
 from minerva_bus.study.results import OWN, ResultTable, Row
+from minerva_bus.study.sent_world import SentWorld
 from minerva_bus.study.trial import prepared, run_trial
-from minerva_bus.study.worker_pool import Result, Task, WorkerPool
+from minerva_bus.study.worker_pool import Result, TaskPool, never
+
+COLLECTED: Final = "collected"
+"""The key under which a trial returns the files of what it has collected."""
+
+
+@dataclass(frozen=True, slots=True)
+class SweepTrial:
+    """The run of a combination; it collects into a file, or returns what it has collected."""
+
+    read: Callable[[Overrides], WorldFile]
+    overrides: Overrides
+    collect: Collecting
+    in_process: bool
+
+    def __call__(self, interrupted: Callable[[], bool] = never) -> Mapping[str, Any]:
+        """Run; returns plain data. Raises MinervaError."""
+        if self.collect.into or not self.collect.entries:
+            return self._run(self.collect, interrupted)
+        with tempfile.TemporaryDirectory(prefix="minerva-trial-") as folder:
+            values = self._run(replace(self.collect, into=f"{folder}/part.columns"), interrupted)
+            parts = {path.name: path.read_bytes() for path in Path(folder).iterdir()}
+        return {**values, COLLECTED: parts}
+
+    def _run(self, collect: Collecting, interrupted: Callable[[], bool]) -> Mapping[str, Any]:
+        file = replace(prepared(self.read(self.overrides)), collect=collect)
+        outcome = run_trial(file, self.in_process, interrupted)
+        own = {name: getattr(outcome, name) for name in OWN}
+        return {"outcome": own, "figures": dict(outcome.figures)}
 
 
 @dataclass(slots=True)
@@ -29,7 +60,8 @@ class Sweep:
     """Runs of the world in a file, or of one that `read` makes under the name of `path`.
 
     `rows` are those that are done. `collect` is collected of each run, into a file `part` in the
-    folder `collect.into`.
+    folder `collect.into`. `code` names what identifies the code of the world. With `sent`, runs
+    read that world instead, in the workers of an executor.
     """
 
     path: Path
@@ -38,6 +70,8 @@ class Sweep:
     in_process: bool = False
     read: Callable[[Overrides], WorldFile] | None = None
     collect: Collecting = field(default_factory=Collecting)
+    code: Mapping[str, Any] = field(default_factory=dict[str, Any])
+    sent: SentWorld | None = None
     rows: dict[Combination, Row] = field(default_factory=dict[Combination, Row])
 
     @property
@@ -45,8 +79,8 @@ class Sweep:
         """What makes two sweeps one study: the same world, options and end."""
         collected = {name: str(entry) for name, entry in self.collect.entries.items()}
         return {
-            "world": str(self.path),
-            "digest of the world file": blake2b(self._content(), digest_size=8).hexdigest(),
+            "world": self.path.stem,
+            **self.code,
             "keys": list(self.grid.keys),
             "options": dict(self.given.options),
             "settings": list(self.given.settings),
@@ -54,12 +88,6 @@ class Sweep:
             "frames": self.given.values.get("frames"),
             **({"collect": collected} if collected else {}),
         }
-
-    def _content(self) -> bytes:
-        """What identifies the world: its file, or the digest of its initial string."""
-        if self.read is None:
-            return self.path.read_bytes()
-        return self.read(self.given).world.scene.digest
 
     def world(self, overrides: Overrides) -> WorldFile:
         """The world of one run. Raises MinervaError."""
@@ -93,30 +121,43 @@ class Sweep:
         for combination in list(self.grid)[:1]:
             self.world(self.grid.overrides(combination, self.given))
 
-    def run(self, pool: WorkerPool, journal: StudyJournal, on_row: Callable[[Row], None]) -> None:
+    def run(self, pool: TaskPool, journal: StudyJournal, on_row: Callable[[Row], None]) -> None:
         """Run the combinations that are left; `on_row` receives each result."""
         left = self.left
 
         def on_result(number: int, result: Result) -> None:
-            seconds = round(result.seconds, 3)
+            seconds, values = round(result.seconds, 3), dict(result.values)
+            for name, content in values.pop(COLLECTED, {}).items():
+                self._keep(left[number], name, content)
             own = {"error": result.error, "seconds": seconds}
-            line = {"set": list(left[number]), **result.values, **own}
+            line = {"set": list(left[number]), **values, **own}
             # The journal first: a run that it has is not repeated after a crash.
             journal.add(line)
             row = self.rows[left[number]] = _row(line)
             on_row(row)
 
-        pool.run([self._task(combination) for combination in left], on_result)
+        pool.run([self._trial(combination) for combination in left], on_result)
 
-    def _task(self, combination: Combination) -> Task:
+    def _trial(self, combination: Combination) -> SweepTrial:
         overrides = self.grid.overrides(combination, self.given)
-        into = str(self.part(combination)) if self.collect.entries else ""
+        into = str(self.part(combination)) if self.collect.entries and self.sent is None else ""
+        collect = replace(self.collect, into=into)
+        if self.sent is not None:
+            return SweepTrial(self.sent, overrides, collect, in_process=True)
+        read = self.read or partial(read_world_file, self.path)
+        return SweepTrial(read, overrides, collect, self.in_process)
 
-        def run() -> Mapping[str, Any]:
-            file = replace(self.world(overrides), collect=replace(self.collect, into=into))
-            return _run(file, self.in_process)
+    def _keep(self, combination: Combination, name: str, content: bytes) -> None:
+        """Write what a worker has collected, under the name that a local run gives it."""
+        part = self.part(combination)
+        path = part.with_name(part.stem + Path(name).name.removeprefix("part"))
+        with replacing(path, durable=True) as file:
+            file.write(content)
 
-        return run
+    def named(self, row: Row) -> str:
+        """The parameters of a run: `birds=100, seed=3`."""
+        pairs = zip(self.grid.keys, row.combination, strict=True)
+        return ", ".join(f"{key}={value}" for key, value in pairs)
 
     @property
     def table(self) -> ResultTable:
@@ -131,13 +172,6 @@ class Sweep:
     @property
     def _done(self) -> list[Row]:
         return [self.rows[combination] for combination in self.grid if combination in self.rows]
-
-
-def _run(file: WorldFile, in_process: bool) -> Mapping[str, Any]:
-    """One run, as plain data. Raises MinervaError."""
-    outcome = run_trial(file, in_process)
-    own = {name: getattr(outcome, name) for name in OWN}
-    return {"outcome": own, "figures": dict(outcome.figures)}
 
 
 def _row(line: Mapping[str, Any]) -> Row:

@@ -7,16 +7,18 @@ import os
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
+from minerva_bus.blame import report
 from minerva_bus.errors import WorldFileError, WorldStopped
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.description import World
 from minerva_bus.grammar.batch import AnyEvent
+from minerva_bus.grammar.scene import Scene
 from minerva_bus.launch.console import Console
 from minerva_bus.launch.in_process import InProcessRun
 from minerva_bus.launch.summary import RunSummary
@@ -27,6 +29,7 @@ from minerva_bus.runtime.runner import Notice
 from minerva_bus.runtime.watchers import Watchers
 from minerva_bus.settings.tables import WatchSettings
 from minerva_bus.study.outcome import Outcome
+from minerva_bus.study.worker_pool import never
 
 LOCAL = "tcp/127.0.0.1:0"
 
@@ -55,9 +58,14 @@ def prepared(file: WorldFile) -> WorldFile:
     )
 
 
-def run_trial(file: WorldFile, in_process: bool) -> Outcome:
-    """Run a prepared world to its end. Raises MinervaError if it fails."""
-    return _in_process(file) if in_process else _over_the_bus(file)
+def run_trial(
+    file: WorldFile, in_process: bool, interrupted: Callable[[], bool] = never
+) -> Outcome:
+    """Run a prepared world to its end. Raises MinervaError if it fails.
+
+    A world in this process ends early if `interrupted` is true between two frames.
+    """
+    return _in_process(file, interrupted) if in_process else _over_the_bus(file)
 
 
 def _over_the_bus(file: WorldFile) -> Outcome:
@@ -71,7 +79,8 @@ def _over_the_bus(file: WorldFile) -> Outcome:
         if supervisor.failure:
             raise WorldStopped(supervisor.failure)
         report = json.loads(end.read_text(encoding="utf-8"))
-    return _outcome(file, summary, report["string"], report["events"])
+    scene = file.world.vocabulary.read(report["string"], f"{file.path}: the final string")
+    return _outcome(scene, summary, report["events"])
 
 
 def _reporting_coordinator(
@@ -95,23 +104,37 @@ def _reporting_coordinator(
     return coordinator
 
 
-def _in_process(file: WorldFile) -> Outcome:
+def _in_process(file: WorldFile, interrupted: Callable[[], bool]) -> Outcome:
     counts: Counter[str] = Counter()
 
     def observe(notice: Notice) -> None:
         if isinstance(notice, s.FrameDone):
             _count(counts, notice.events)
 
-    run = InProcessRun(file, Console(quiet=True), time.monotonic(), observe)
-    summary = run.run()
+    run = InProcessRun(file, Console(quiet=True, traceback=True), time.monotonic(), observe)
+    try:
+        run.open()
+        run.advance(interrupted=interrupted)
+    except WorldStopped as error:
+        raise WorldStopped(_explained(error)) from error
+    finally:
+        run.close()
+    summary = run.summary()
     if run.algorithm.failed:
         raise WorldStopped(summary.ended)
-    return _outcome(file, summary, str(run.algorithm.scene), counts)
+    return _outcome(run.algorithm.scene, summary, counts)
 
 
-def _outcome(file: WorldFile, summary: RunSummary, text: str, events: dict[str, int]) -> Outcome:
+def _explained(stopped: WorldStopped) -> str:
+    """Why a world stopped, with the line of code."""
+    head = str(stopped).removesuffix("; the world stops")
+    cause = stopped.__cause__
+    return head if cause is None else "\n".join([head, *report(cause).split("\n")[1:]])
+
+
+def _outcome(scene: Scene, summary: RunSummary, events: dict[str, int]) -> Outcome:
     return Outcome(
-        scene=file.world.vocabulary.read(text, f"{file.path}: the final string"),
+        scene=scene,
         frames=summary.frames,
         digest=summary.digest,
         ended=summary.ended,

@@ -14,17 +14,48 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from types import TracebackType
-from typing import Any, Final, Self
+from typing import Any, Final, Protocol, Self
 
 from minerva_bus.errors import MinervaError
 from minerva_bus.launch.capacity import cores
 from minerva_bus.launch.forking import ChildProcess, fork, how_ended, kill
 from minerva_bus.launch.interrupts import caught
 from minerva_bus.launch.pipes import LineReader, Pipes, ReportPipe, parse_report
+from minerva_bus.launch.worldfile import WorldFile
+from minerva_bus.settings.overrides import Overrides
 
-Task = Callable[[], Mapping[str, Any]]
+MAX_LINES: Final = 9
+"""Lines of an error; a further one names the run."""
+
 MAX_OUTPUT: Final = 2000
 """Length of the last line of a task's output that an error quotes."""
+
+
+def never() -> bool:
+    """Run a task to its end."""
+    return False
+
+
+class Task(Protocol):
+    """One run of a world, read by `read`; returns plain data.
+
+    It ends early if `interrupted` is true between two frames.
+    """
+
+    @property
+    def read(self) -> Callable[[Overrides], WorldFile]:
+        """Reads the world."""
+        ...
+
+    def __call__(self, interrupted: Callable[[], bool] = never) -> Mapping[str, Any]: ...
+
+
+class TaskPool(Protocol):
+    """Runs tasks in parallel."""
+
+    def run(self, tasks: Sequence[Task], on_result: OnResult) -> None:
+        """Run all tasks; report each result as it arrives. Raises KeyboardInterrupt."""
+        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,8 +193,13 @@ def _run(task: Task, reports: ReportPipe, folder: str) -> int:
     tempfile.tempdir = os.environ["TMPDIR"] = folder
     try:
         reports.send("done", values=dict(task()))
-    except MinervaError as error:
-        reports.send("done", error=str(error))
     except Exception as error:
-        reports.send("done", error=f"raised {error!r}")
+        reports.send("done", error=failure(error))
     return 0
+
+
+def failure(error: Exception) -> str:
+    """Why a task has failed, in at most ten lines."""
+    text = str(error) if isinstance(error, MinervaError) else f"raised {error!r}"
+    lines = text.split("\n")
+    return "\n".join(lines if len(lines) <= MAX_LINES else [*lines[: MAX_LINES - 1], "…"])

@@ -121,7 +121,7 @@ def test_a_journal_of_another_study_or_process_is_refused(tmp_path):
     path = tmp_path / "j"
     with StudyJournal(path, {"world": "w"}), pytest.raises(MisuseError, match="another process"):
         StudyJournal(path, {"world": "w"})
-    with pytest.raises(MisuseError, match="another study: world w, not v"):
+    with pytest.raises(MisuseError, match="another study; different: world w, now v; remove it"):
         StudyJournal(path, {"world": "v"})
     path.write_text("garbage\n")
     with pytest.raises(MisuseError, match="j:1: not a line"):

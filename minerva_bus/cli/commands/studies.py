@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Generator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from minerva_bus.cli.options import Force, Json, Quiet, Settings, examples, grouped, options_of
+
+if TYPE_CHECKING:
+    from minerva_bus.study.executor_pool import Workers
 
 World = Annotated[str, typer.Argument(help="A world file, or an installed world's name.")]
 Limit = Annotated[float, typer.Option(help="Time limit of a run, seconds.", min=0.1)]
@@ -24,6 +29,13 @@ class StudyOptions:
         bool,
         typer.Option(help="Run each world in one process, without a bus: faster, same result."),
     ] = False
+    dask: Annotated[
+        str,
+        typer.Option(
+            help="Run in the workers of a Dask cluster, each world in one process: HOST:PORT of"
+            " its scheduler."
+        ),
+    ] = ""
 
 
 @examples(
@@ -79,6 +91,7 @@ def evolve(
     from minerva_bus.launch.console import Console
     from minerva_bus.settings.overrides import Overrides
     from minerva_bus.study.evolution import Plan
+    from minerva_bus.study.executor_pool import Workers
     from minerva_bus.study.saving import WorldOptions
     from minerva_bus.study.trial import prepared
 
@@ -88,16 +101,20 @@ def evolve(
     wanted = EvolveOptions(
         read_fitness(fitness, file),
         Plan(population, generations, file.world.seed, minimise, compare_random),
-        tuple(mutable or ()), nodes, study.workers, limit, trials, study.in_process,
+        tuple(mutable or ()), nodes, Workers(study.workers, limit), trials, study.in_process,
         tuple(output or ()), plot, tree,
-        WorldOptions(settings, frozenset(options), study.frames),
+        WorldOptions(settings, frozenset(options), study.frames), overrides,
     )  # fmt: skip
-    raise typer.Exit(evolve_world(file, wanted, Console(quiet=quiet), json))
+    with _workers(study, limit) as workers:
+        wanted = replace(wanted, workers=workers)
+        code = evolve_world(file, wanted, Console(quiet=quiet), json)
+    raise typer.Exit(code)
 
 
 @examples(
     "minerva sweep flock.toml --set birds=100,300,1000 --output birds.csv",
     "minerva sweep robot --set seed=1:20 --frames 2000 --plot seeds.png",
+    "minerva sweep flock.toml --set seed=0:1000 --frames 500 --dask cluster:8786",
 )
 @grouped
 def sweep(
@@ -130,13 +147,35 @@ def sweep(
     from minerva_bus.cli.sweeping import sweep_world
     from minerva_bus.launch.console import Console
     from minerva_bus.launch.installed import find_world
-    from minerva_bus.settings.overrides import Overrides
+    from minerva_bus.launch.reading import read_world_file
+    from minerva_bus.launch.toml import read_toml
+    from minerva_bus.settings.overrides import AS_WRITTEN, Overrides
+    from minerva_bus.study.code_digests import identity
     from minerva_bus.study.grid import parse_grid
+    from minerva_bus.study.sent_world import SentWorld
     from minerva_bus.study.sweep import Sweep
 
     path, grid = find_world(world), parse_grid(set_)
     given = Overrides(options_of(context.args), frames=study.frames, rate=0.0)
     runs = Sweep(path, grid, given, study.in_process)
+    file = read_world_file(path, given)
+    runs.code = identity(read_toml(file.text), file)
+    if study.dask:
+        runs.sent = SentWorld.of(file.text, path, AS_WRITTEN)
     table = output or Path(f"{path.stem}.csv")
     console = Console(quiet=quiet)
-    raise typer.Exit(sweep_world(runs, table, plot, study.workers, limit, console, json))
+    with _workers(study, limit) as workers:
+        code = sweep_world(runs, table, plot, workers, console, json)
+    raise typer.Exit(code)
+
+
+@contextmanager
+def _workers(study: StudyOptions, limit: float) -> Generator[Workers]:
+    """The workers of the options: a Dask cluster, or processes of this machine."""
+    from minerva_bus.study.executor_pool import Workers, dask_executor
+
+    if not study.dask:
+        yield Workers(study.workers, limit)
+        return
+    with dask_executor(study.dask) as executor:
+        yield Workers(0, limit, executor)
