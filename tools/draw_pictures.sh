@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Makes the pictures of the README and the guides: run in the project's folder, with its environment.
 set -euo pipefail
+export MINERVA_FORCE=1
 minerva run robot --view svg:path=docs/robot.svg --record docs/robot.mcap
 minerva plot docs/robot.mcap -o docs/record.png
 minerva graph meadow --view svg -o docs/graph.svg

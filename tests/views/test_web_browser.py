@@ -18,6 +18,7 @@ import pytest
 pytest.importorskip("viser")
 playwright = pytest.importorskip("playwright.sync_api")
 
+from minerva_agents.robot.robot import ARobot  # noqa: E402
 from minerva_agents.robot.world import scene, vocabulary  # noqa: E402
 from minerva_bus.errors import BusError  # noqa: E402
 from minerva_bus.runtime.client import Client  # noqa: E402
@@ -40,6 +41,7 @@ FLAGS = [
     "--disable-sync",
 ]
 WIDTH, HEIGHT = 800, 400
+WALL_HEIGHT = vocabulary.primitives["PMap"].shape.height
 COARSE = "&fixedDpr=0.2"  # Fewer pixels, because the processor draws them here.
 PATIENCE = 40.0
 
@@ -61,7 +63,7 @@ class Building:
         self.process = subprocess.Popen(
             [
                 *(sys.executable, "-m", "minerva_bus.cli.main", "run", "robot"),
-                *("--robots", "2", "--parcels", "", "--rate", "5", "--view", "web:shadows=false"),
+                *("--robots", "2", "--parcels", "", "--rate", "5", "--view", "web"),
             ],
             env={**kept, "MINERVA_RUNTIME_DIR": str(runtime)}, cwd=folder, text=True,
             stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, start_new_session=True,
@@ -134,6 +136,8 @@ def visit(page, building):
     page.goto(building.url + COARSE)
     page.get_by_text("frame ", exact=False).first.wait_for()
     page.get_by_text("Send eErrand").wait_for()
+    # The browser's warning that it has no graphics card lies over the scene.
+    page.locator(".mantine-Notification-closeButton").first.click()
 
 
 def frame_on(page):
@@ -146,13 +150,22 @@ def pixels(page):
     return page.evaluate("[...document.querySelectorAll('canvas')].map(one => one.toDataURL())")
 
 
-def pixel_of(page, name):
-    """The position on the page of the head of a marker's pin."""
-    shown = Lists(vocabulary).picture(scene({}), {})
-    bounds, box = bounds_of(shown), page.locator("canvas").first.bounding_box()
-    seen = camera_pose(bounds, 1.0, box["width"] / box["height"])
-    high = 0.7 * 0.06 * math.hypot(bounds.right - bounds.left, bounds.top - bounds.bottom)
-    x, y = next((one.x[0], one.y[0]) for one in shown.of(Texts) if one.texts[0] == name)
+START = Lists(vocabulary).picture(scene({}), {})
+BOUNDS = bounds_of(START)
+PIN_HEIGHT = 0.06 * math.hypot(BOUNDS.right - BOUNDS.left, BOUNDS.top - BOUNDS.bottom)
+LABEL_MIDDLE = 5
+"""Pixels from the lower edge of a label to a place within it."""
+
+
+def marker(name):
+    """The position of a marker."""
+    return next((one.x[0], one.y[0]) for one in START.of(Texts) if one.texts[0] == name)
+
+
+def pixel_of(page, x, y, high):
+    """The position on the page of a place."""
+    box = page.locator("canvas").first.bounding_box()
+    seen = camera_pose(BOUNDS, WALL_HEIGHT, box["width"] / box["height"])
     eye, aim = np.array(seen.position), np.array(seen.look_at)
     ahead = (aim - eye) / np.linalg.norm(aim - eye)
     to, right = np.array([x, y, high]) - eye, np.array([1.0, 0.0, 0.0])
@@ -177,9 +190,40 @@ def test_the_page_requests_nothing_from_other_hosts(page, building):
 
 
 def test_a_click_on_a_marker_in_the_world_sets_the_objective(page, building):
-    page.mouse.click(*pixel_of(page, "kitchen"))
+    page.mouse.click(*pixel_of(page, *marker("kitchen"), 0.7 * PIN_HEIGHT))
     building.has('eObjective<marker="kitchen">')
     page.get_by_text("eObjective(marker=kitchen) sent to all").wait_for()
+
+
+def test_a_click_on_the_label_of_a_marker_sets_the_objective(page, building):
+    x, y = pixel_of(page, *marker("workshop"), 1.12 * PIN_HEIGHT)
+    page.mouse.click(x + 10, y - LABEL_MIDDLE)
+    building.has('eObjective<marker="workshop">')
+
+
+def test_the_title_is_the_name_of_the_world(page):
+    assert page.title() == "robot"
+
+
+def test_the_legend_explains_the_colours(page):
+    for text in ("free, seen by the laser", "free, inspected by the camera", "marker of a room"):
+        page.get_by_text(text).first.wait_for()
+
+
+def test_the_scene_has_room_beside_the_controls_of_a_narrow_page(page, building):
+    page.set_viewport_size({"width": 700, "height": HEIGHT})
+    canvas, panel = page.locator("canvas").first, page.get_by_text("frames/s").first
+
+    def apart():
+        scene, controls = canvas.bounding_box(), panel.bounding_box()
+        if scene is None or controls is None:  # The page is being laid out.
+            return False
+        return scene["width"] >= 300 and scene["x"] + scene["width"] <= controls["x"]
+
+    eventually(apart, "the controls cover the scene")
+    page.set_viewport_size({"width": WIDTH, "height": HEIGHT})
+    eventually(lambda: canvas.bounding_box()["width"] > 400, "the scene stays narrow")
+    page.get_by_text("Send eErrand").wait_for()
 
 
 def test_orders_go_to_the_robot_that_is_chosen(page, building):
@@ -224,6 +268,17 @@ def test_pause_step_and_resume(page, building):
     eventually(lambda: building.status().frame == frame + 1, "no step")
     page.get_by_role("button", name="Resume").click()
     eventually(lambda: building.status().frame > frame + 2, "does not go on")
+
+
+def test_a_click_on_the_name_of_a_robot_selects_it(page, building):
+    page.get_by_role("button", name="Pause").click()
+    eventually(lambda: building.status().paused, "no pause")
+    robot = ARobot.thaw(vocabulary.read(building.client.operator.fragment("r1")).pieces[0])
+    place = *robot.metres(robot.position), 0.3 + 0.3 * PIN_HEIGHT
+    x, y = pixel_of(page, *place)
+    page.mouse.click(x, y - LABEL_MIDDLE)
+    page.get_by_text("ARobot#r1").wait_for()
+    page.get_by_role("button", name="Resume").click()
 
 
 def test_the_end_is_on_the_page_soon(page, building):

@@ -4,7 +4,7 @@ import time
 
 import numpy as np
 import pytest
-from web_world import Nobody, listened, yard
+from web_world import FLOOR, Nobody, PCart, PFloor, PWanted, listened, picture, yard
 
 pytest.importorskip("viser")
 
@@ -199,3 +199,19 @@ def test_events_of_every_frame_do_not_drown_the_rest():
     assert [one.number for one in feed.chosen(ALL, 3)] == [197, 198, 199]
     assert feed.choices == (NOTABLE, ALL, "eGo", "eLaser")
     assert feed.last == 199
+
+
+def test_the_legend_shows_what_has_been_drawn_as_text():
+    shown = picture(PFloor(FLOOR) + PWanted("inn") + PCart()).legend
+    content = html.legend(shown)
+    assert [entry.text for entry in shown] == ["cart", "wanted <b>", "floor"]
+    assert "wanted &lt;b&gt;" in content
+    assert "<b>" not in content
+    assert "rgb(255 0 255 / 1)" in content
+    assert "rgb(255 255 255 / 1) 0% 50%,rgb(34 34 34 / 1) 50% 100%" in content
+
+
+def test_the_header_has_the_latest_report(room):
+    room.operator.happenings = (LogEntry(1, 3, "eDone", 'eDone<what="tea"> from #c'),)
+    room.open()
+    eventually(lambda: "c done: tea (0.3 s)" in room.panel._head.content)

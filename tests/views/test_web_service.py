@@ -1,5 +1,6 @@
 """The page as a device: its options, its port, its views, its end."""
 
+import gzip
 import importlib.util
 import urllib.request
 from unittest.mock import patch
@@ -30,6 +31,16 @@ def test_it_prints_its_address_and_serves_the_page(page, capsys):
     with urllib.request.urlopen(where, timeout=10) as answer:
         assert answer.status == 200
         assert b"<html" in answer.read(500).lower()
+
+
+@pytest.mark.parametrize("encoding", ["gzip", "identity"])
+def test_the_title_of_the_page_is_the_name_of_the_world(page, encoding):
+    request = urllib.request.Request(url(page._server), headers={"Accept-Encoding": encoding})
+    with urllib.request.urlopen(request, timeout=10) as answer:
+        content = answer.read()
+        assert answer.headers["Content-Length"] == str(len(content))
+    plain = gzip.decompress(content) if encoding == "gzip" else content
+    assert b"<title>yard</title>" in plain
 
 
 def test_the_line_that_is_printed_is_all_that_is_printed(capsys):

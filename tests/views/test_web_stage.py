@@ -10,6 +10,7 @@ from web_world import (
     PFloor,
     PMemory,
     PStone,
+    PWanted,
     PWay,
     cart,
     listened,
@@ -23,6 +24,7 @@ pytest.importorskip("viser")
 from minerva_bus.grammar.columns import packed
 from minerva_bus.grammar.scene import EMPTY, Scene
 from minerva_bus.semantics.picture import Lists
+from minerva_services.views.web.labels import Eye
 from minerva_services.views.web.page_scene import PageScene
 
 WALK = slot("ACart", "c")
@@ -58,7 +60,7 @@ def test_a_world_is_sent_once_and_then_only_what_has_changed(stage):
     lists, home = Lists(WORDS), PFloor(FLOOR) + named("inn", 1.0, 1.0) + WALK
     made.show(picture(home, lists, c=cart(1.0)))
     assert names(sent)["MeshMessage"] == 2  # ground and walls
-    assert names(sent)["LabelMessage"] == 1
+    assert names(sent)["LabelMessage"] == 2  # the inn, and the cart's name
     assert names(sent)["BatchedMeshesMessage"] == 3  # bodies, headings, pins
     sent.clear()
     made.show(picture(home, lists, c=cart(1.0)))
@@ -68,7 +70,7 @@ def test_a_world_is_sent_once_and_then_only_what_has_changed(stage):
         "/movers/bodies": {"batched_positions"},
         "/movers/headings": {"batched_positions"},
     }
-    assert set(names(sent)) == {"SceneNodeUpdateMessage"}
+    assert names(sent) == {"SceneNodeUpdateMessage": 2, "SetPositionMessage": 1}  # and its name
     sent.clear()
     made.show(picture(home, lists, c=cart(1.5, turn=90.0)))
     assert updates(sent) == {
@@ -149,12 +151,12 @@ def test_the_selected_agent_has_a_ring_that_goes_with_it(stage):
     made.select("d")
     ring = scene.get_handle_by_name("/selected/ring")
     assert ring.batched_positions[0][0] == 4.0
-    assert scene.get_handle_by_name("/selected/name").text == "d"
+    assert [scene.get_handle_by_name(f"/names/{at}").text for at in (0, 1)] == ["c", "d"]
     made.show(picture(both, c=cart(1.0), d=cart(5.0)))
     assert ring.batched_positions[0][0] == 5.0
     made.select("")
     assert scene.get_handle_by_name("/selected/ring") is None
-    assert not scene.get_handle_by_name("/selected/name").visible
+    assert scene.get_handle_by_name("/names/1").text == "d"  # also without the ring
 
 
 def test_the_ring_is_around_the_disc_that_has_a_heading(stage):
@@ -194,3 +196,57 @@ def test_the_camera_is_where_all_is_seen_as_soon_as_there_is_something(stage):
     assert camera.look_at.tolist() == [2.0, 1.5, 0.0] != before
     made.show(picture(PStone(50.0)))
     assert camera.look_at.tolist() == [2.0, 1.5, 0.0]  # it does not jump
+
+
+def test_a_thing_without_a_heading_has_its_name_while_it_is_selected(stage):
+    made, _, scene = stage
+    made.show(picture(WALK, c=PStone(0.1)))
+    assert scene.get_handle_by_name("/names/0") is None
+    made.select("c")
+    assert scene.get_handle_by_name("/names/0").text == "c"
+    made.select("")
+    assert scene.get_handle_by_name("/names/0") is None
+
+
+def test_a_marked_label_is_larger_and_its_pin_has_the_colour_of_the_mark(stage):
+    made, sent, scene = stage
+    inns = named("inn", 1.0, 1.0) + named("bar", 2.0, 1.0)
+    lists = Lists(WORDS)
+    made.show(picture(inns + WALK, lists, c=cart(1.0)))
+    plain = scene.get_handle_by_name("/pins").batched_colors.copy()
+    made.show(picture(inns + WALK, lists, c=cart(1.0) + PWanted("bar")))
+    colors = scene.get_handle_by_name("/pins").batched_colors
+    assert (colors[0] == plain[0]).all()
+    assert colors[1].tolist() == [255, 0, 255]
+    scales = [scene.get_handle_by_name(f"/labels/{at}").font_screen_scale for at in (0, 1)]
+    assert scales[0] == 1.0 < scales[1]
+    sent.clear()
+    made.show(picture(inns + WALK, lists, c=cart(1.0) + PWanted("bar")))
+    assert "/pins" not in updates(sent)
+
+
+class Camera:
+    """A camera of a browser, 10 m above the origin; a page is 8 m high there."""
+
+    position, look_at, up_direction = (0.0, 0.0, 10.0), (0.0, 0.0, 0.0), (0.0, 1.0, 0.0)
+    fov = 2 * np.arctan(0.4)  # A pixel is 1 cm.
+
+
+def test_a_click_on_a_label_means_what_it_names(stage):
+    made, _, _ = stage
+    made.show(picture(named("inn", 3.0, 3.0) + WALK, c=cart(-2.0)))
+    eye = Eye.of(Camera)
+
+    def clicked(x, y, height):
+        """A click `x` and `y` pixels beside the anchor of a label, at a place in metres."""
+        depth = 10.0 - height
+        place = np.array([*anchor, height]) + depth * 1e-3 * np.array([x, y, 0.0])
+        return made.clicked(Camera.position, place - Camera.position, eye)
+
+    anchor, height = made._pins.labels[0].position[:2], made._pins.labels[0].position[2]
+    assert clicked(0, 9, height).text == "inn"
+    assert clicked(11, 1, height).text == "inn"
+    assert clicked(30, 9, height) is None
+    assert clicked(0, 30, height) is None
+    anchor, height = made._names.shown[0].position[:2], made._names.shown[0].position[2]
+    assert clicked(0, 15, height).agent == clicked(0, 15, height).owner == "c"

@@ -38,11 +38,13 @@ PCart = Primitive("PCart", Disc(0.2, "#ff8000", heading=True))
 PStone = Primitive("PStone", Disc("radius", height=0.5), radius=Metres)
 PWay = Primitive("PWay", Line("xs", "ys", dashed=True), xs=tuple[float, ...], ys=tuple[float, ...])
 PName = Primitive("PName", Label("name"), name=str)
+PWanted = Primitive("PWanted", Label("name", "#ff00ff", "wanted <b>", marks=True), name=str)
 TAt = Transformation("TAt", Motion("x", "y", "turn"), x=Metres, y=Metres, turn=float)
 eGo = EventType("eGo", place=str)
 ePace = EventType("ePace", speed=MetresPerSecond)
 eBring = EventType("eBring", source=str, target=str, times=int, gently=bool)
 ePicture = EventType("ePicture", visual=True)
+eDone = EventType("eDone", what=str)
 eShade = EventType("eShade", visual=True)
 
 
@@ -74,8 +76,8 @@ class Parcel(Agent, symbol="AParcel"):
 
 
 WORDS = Vocabulary.of(
-    *(PFloor, PMemory, PCart, PStone, PWay, PName, TAt),
-    *(eGo, ePace, eBring, ePicture, eShade, Cart, Parcel),
+    *(PFloor, PMemory, PCart, PStone, PWay, PName, PWanted, TAt),
+    *(eGo, ePace, eBring, eDone, ePicture, eShade, Cart, Parcel),
 )
 FLOOR = np.zeros((8, 6), np.int16)
 FLOOR[2, 1:4] = 1

@@ -117,8 +117,10 @@ _patching = threading.Lock()
 
 
 @contextmanager
-def guarding(access: PageAccess) -> Generator[None]:
+def guarding(access: PageAccess, change: Callable[[Any], None]) -> Generator[None]:
     """While active, servers that start answer only requests that `access` permits.
+
+    `change` is called with each answer and may change it.
 
     viser has no hook for access checks, so the function that it serves with is wrapped.
     """
@@ -127,7 +129,7 @@ def guarding(access: PageAccess) -> Generator[None]:
     original: Any = sockets.serve
 
     def serve(*given: Any, process_request: Any, **options: Any) -> Any:
-        checked = _checked(access, process_request)
+        checked = _checked(access, process_request, change)
         return original(*given, process_request=checked, **options)
 
     with _patching:
@@ -138,7 +140,9 @@ def guarding(access: PageAccess) -> Generator[None]:
             sockets.serve = original
 
 
-def _checked(access: PageAccess, answer: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
+def _checked(
+    access: PageAccess, answer: Callable[[Any, Any], Any], change: Callable[[Any], None]
+) -> Callable[[Any, Any], Any]:
     from websockets import Headers
     from websockets.http11 import Response
 
@@ -149,6 +153,7 @@ def _checked(access: PageAccess, answer: Callable[[Any, Any], Any]) -> Callable[
             return Response(403, "Forbidden", headers, f"{refusal}\n".encode())
         response = answer(connection, request)
         if response is not None:
+            change(response)
             response.headers["Set-Cookie"] = access.cookie
             # The address contains the token, which must not reach other sites.
             response.headers["Referrer-Policy"] = "no-referrer"

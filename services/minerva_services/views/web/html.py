@@ -8,9 +8,12 @@ from html import escape
 
 import numpy as np
 
+from minerva_bus.grammar.forms import Disc, Label, Line
 from minerva_bus.grammar.printer import value_text
 from minerva_bus.grammar.scene import AgentNode, Scene, Value
 from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.semantics.legend import Legend, LegendEntry
+from minerva_bus.semantics.picture import rgb
 from minerva_bus.world.operator import LogEntry, WorldStatus
 
 _MAX_CHARACTERS = 44
@@ -29,15 +32,63 @@ def _dim(text: str) -> str:
     return f'<span style="color:{_DIM}">{escape(text)}</span>'
 
 
-def head(status: WorldStatus) -> str:
-    """Frame, simulated time, rate and state."""
+def head(status: WorldStatus, report: str = "") -> str:
+    """Frame, simulated time, rate and state; below, the latest report of an agent."""
     wanted = f" of {status.rate:g}" if status.rate else ""
     numbers = [
         f"frame {status.frame}",
         f"{status.time:.1f} s",
         f"{status.hz:.1f}{wanted} frames/s",
     ]
-    return _block(f"<b>{escape(_state(status))}</b> · {' · '.join(numbers)}")
+    line = f"<div>{escape(_cut(report, 100))}</div>" if report else ""
+    return _block(f"<b>{escape(_state(status))}</b> · {' · '.join(numbers)}{line}")
+
+
+_HINTS = (
+    "drag: turn · right drag: move · wheel: zoom · click an agent: select it · click a label: send"
+    " it as an order"
+)
+
+
+def legend(entries: Legend) -> str:
+    """The legend in two columns, and below what the mouse does."""
+    rows = "".join(
+        '<div style="break-inside:avoid;padding-left:1.9em;text-indent:-1.9em">'
+        f"{_swatch(entry)}{escape(_cut(entry.text))}</div>"
+        for entry in entries
+    )
+    listed = f'<div style="columns:2;column-gap:0.8em;line-height:1.35">{rows}</div>'
+    return _block(f'{listed}<div style="margin:0.5em 0">{_dim(_HINTS)}</div>')
+
+
+def _swatch(entry: LegendEntry) -> str:
+    """A swatch 1.4 em wide, with a space of 0.5 em."""
+    box = "display:inline-block;height:0.85em;margin-right:0.5em;vertical-align:-0.05em"
+    stops = [_css_color(color, entry.opacity) for color in entry.colors]
+    if entry.shape is Line:
+        style = "dashed" if entry.dashed else "solid"
+        drawn = f"width:1.4em;height:0;vertical-align:0.25em;border-top:0.2em {style} {stops[0]}"
+    elif entry.shape is Disc:
+        drawn = f"width:0.85em;margin-left:0.55em;border-radius:50%;background:{stops[0]}"
+    elif entry.shape is Label:
+        # A drop with its tip below.
+        drawn = (
+            "width:0.75em;height:0.75em;margin:0 0.6em 0 0.65em;vertical-align:0.1em;"
+            f"border-radius:50% 50% 50% 0;transform:rotate(-45deg);background:{stops[0]}"
+        )
+    else:
+        share = 100 / len(stops)
+        parts = [
+            f"{color} {at * share:.0f}% {(at + 1) * share:.0f}%" for at, color in enumerate(stops)
+        ]
+        drawn = f"width:1.4em;background:linear-gradient(90deg,{','.join(parts)})"
+    line = "" if entry.shape is Line else ";box-shadow:0 0 0 1px #0003"
+    return f'<span style="{box};{drawn}{line}"></span>'
+
+
+def _css_color(color: str, opacity: float) -> str:
+    red, green, blue = rgb(color)
+    return f"rgb({red} {green} {blue} / {opacity:g})"
 
 
 def _state(status: WorldStatus) -> str:

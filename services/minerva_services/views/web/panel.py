@@ -11,6 +11,7 @@ from viser import ClientHandle, GuiDropdownHandle, GuiEvent, ViserServer
 
 from minerva_bus.grammar.scene import AgentNode
 from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.semantics.legend import Legend
 from minerva_bus.world.operator import LogEntry, WorldStatus
 from minerva_services.views.web import html
 from minerva_services.views.web.forms import Form, by_person
@@ -92,6 +93,9 @@ class Panel:
         self._head = gui.add_html("")
         self._notice = gui.add_html("")
         self._add_pace()
+        with gui.add_folder("Legend"):
+            self._legend_shown: Legend = ()
+            self._legend = gui.add_html(html.legend(()))
         self._add_agent()
         self._orders = gui.add_folder("Orders", visible=False)
         with gui.add_folder("Events"):
@@ -103,9 +107,15 @@ class Panel:
         """The selected event filter."""
         return self._filter.value
 
-    def show_status(self, status: WorldStatus, *, rate: bool) -> None:
-        """Show the status, and with `rate` the target rate on its slider."""
-        self._head.content = html.head(status)
+    def show_legend(self, legend: Legend) -> None:
+        """Show what the colours of the scene mean."""
+        if legend != self._legend_shown:
+            self._legend_shown = legend
+            self._legend.content = html.legend(legend)
+
+    def show_status(self, status: WorldStatus, report: str = "", *, rate: bool) -> None:
+        """Show the status and the latest report, and with `rate` the target rate on its slider."""
+        self._head.content = html.head(status, report)
         self._rate.max = max(self._rate.max, status.rate)
         if rate:
             self._rate.value = status.rate

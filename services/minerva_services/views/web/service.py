@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.scene import Scene, agents
-from minerva_bus.semantics.picture import Lists, Picture
+from minerva_bus.semantics.picture import Lists, Picture, combined
 from minerva_bus.world.services import Device, View, WorldInfo
 from minerva_services.options import event_types, names_in, require
 
@@ -46,7 +46,7 @@ class Web(Device, draws=("ePicture",)):
         click: the event type sent by a click on a text; "": the first that users may send and
             whose only datum is a text.
         names: additional host names of the page, comma-separated: a proxy's, for example.
-        shadows: whether objects cast shadows; slow machines draw much faster without.
+        shadows: whether objects cast shadows; without a graphics card, they take most of the time.
 
     Raises MisuseError if viser is not installed and for invalid options.
 
@@ -61,7 +61,7 @@ class Web(Device, draws=("ePicture",)):
         rate: float = 25.0,
         draws: str = "ePicture",
         click: str = "",
-        shadows: bool = True,
+        shadows: bool = False,
         names: str = "",
     ) -> None:
         require("web", "viser", "viser", "web")
@@ -84,6 +84,7 @@ class Web(Device, draws=("ePicture",)):
     def joined(self, world: WorldInfo) -> None:
         # Imported here because viser takes long to load.
         from minerva_services.views.web.controller import PageController
+        from minerva_services.views.web.labels import Eye
         from minerva_services.views.web.page_scene import PageScene
         from minerva_services.views.web.panel import Panel
         from minerva_services.views.web.serving import serve, url
@@ -92,7 +93,7 @@ class Web(Device, draws=("ePicture",)):
         self._ended = world.ended
         self._lists = {event_type: Lists(world.vocabulary) for event_type in self.draws}
         address = self._address
-        self._server = server = serve(address.host, address.port, address.names)
+        self._server = server = serve(address.host, address.port, address.names, world.world)
         self._scene: PageScene = PageScene(server, shadows=self._shadows)
         self._controller: PageController = PageController(world, self._scene, self._click)
         self._panel: Panel = Panel(server, world.world, world.vocabulary, self._controller)
@@ -100,7 +101,8 @@ class Web(Device, draws=("ePicture",)):
 
         @server.scene.on_click()
         def _(event: Any) -> None:
-            hit = self._scene.clicked(event.ray_origin, event.ray_direction)
+            eye = Eye.of(event.client.camera)
+            hit = self._scene.clicked(event.ray_origin, event.ray_direction, eye)
             if hit is not None:
                 self._controller.click(hit)
 
@@ -112,8 +114,10 @@ class Web(Device, draws=("ePicture",)):
         self._pictures[view.event_type] = self._lists[view.event_type].picture(
             view.skeleton, view.parts
         )
-        items = [item for event_type in self.draws for item in self._items(event_type)]
-        self._scene.show(Picture(tuple(items)))
+        known = [self._pictures[name] for name in self.draws if name in self._pictures]
+        picture = combined(known)
+        self._scene.show(picture)
+        self._panel.show_legend(picture.legend)
         self._update_agents(view)
         self._views += 1
         self._seconds += time.perf_counter() - began
@@ -134,10 +138,6 @@ class Web(Device, draws=("ePicture",)):
         time.sleep(_FLUSH_SECONDS)
         stop(self._server)
         self._server = None
-
-    def _items(self, event_type: str) -> tuple[Any, ...]:
-        picture = self._pictures.get(event_type)
-        return picture.items if picture is not None else ()
 
     def _update_agents(self, view: View) -> None:
         """Pass the agents to the controller after changes; populations have no names here."""

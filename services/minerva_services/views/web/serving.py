@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import errno
+import gzip
 import io
+import re
 import socket
 from collections.abc import Collection
 from contextlib import closing, redirect_stdout
+from functools import partial
+from html import escape
+from typing import Any, Final
 
 from viser import ViserServer
 
@@ -15,6 +20,7 @@ from minerva_services.views.web.access import PageAccess, guarding, token_for
 
 FIRST_PORT = 8080
 _PORTS = 1000
+_TITLE: Final = re.compile(b"<title>.*?</title>")
 
 
 class PageServer(ViserServer):
@@ -27,10 +33,10 @@ class PageServer(ViserServer):
         return None
 
 
-def serve(host: str, port: int, names: Collection[str] = ()) -> PageServer:
+def serve(host: str, port: int, names: Collection[str] = (), title: str = "") -> PageServer:
     """Serve at a host and port; with port 0 at the first free one from 8080.
 
-    `names` are additional host names of the page.
+    `names` are additional host names of the page; `title` is what the browser's tab shows.
 
     Raises MisuseError if that is impossible.
     """
@@ -45,10 +51,22 @@ def serve(host: str, port: int, names: Collection[str] = ()) -> PageServer:
         raise MisuseError(f"web: no port of {host} from {FIRST_PORT} is free; set port")
     access = PageAccess(host, chosen, token_for(chosen), frozenset(names))
     # viser prints its address, which lacks the token.
-    with redirect_stdout(io.StringIO()), guarding(access):
+    with redirect_stdout(io.StringIO()), guarding(access, partial(_entitle, title)):
         server = PageServer(host=host, port=chosen, verbose=False)
     server.access = access
     return server
+
+
+def _entitle(title: str, response: Any) -> None:
+    """Replace the title of a page, which is viser's."""
+    if not title or not response.headers.get("Content-Type", "").startswith("text/html"):
+        return
+    packed = response.headers.get("Content-Encoding") == "gzip"
+    page = gzip.decompress(response.body) if packed else response.body
+    page = _TITLE.sub(f"<title>{escape(title)}</title>".encode(), page, count=1)
+    response.body = gzip.compress(page, compresslevel=1) if packed else page
+    del response.headers["Content-Length"]
+    response.headers["Content-Length"] = str(len(response.body))
 
 
 def stop(server: ViserServer) -> None:
