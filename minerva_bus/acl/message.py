@@ -49,7 +49,7 @@ def reply(message: Event, act: Act | str, content: str = "", **parameters: Any) 
     """
     to = answered_to(message)
     if not to:
-        raise MisuseError("nobody can be answered: the message has neither sender nor reply_to")
+        raise MisuseError("cannot reply: the message has neither sender nor reply_to")
     kept = ("language", "encoding", "ontology", "protocol", "conversation_id")
     given = {name: getattr(message, name) for name in kept}
     # SC00061: the answer repeats the expression that the message requested.

@@ -95,4 +95,4 @@ def _why(error: BaseException | None) -> str:
         if not isinstance(error, SystemExit) and isinstance(error, OSError | MemoryError):
             return f"{type(error).__name__}: {error}"
         error = error.__cause__ or error.__context__
-    return "it failed; standard error says why"
+    return "it failed; see standard error"

@@ -30,8 +30,8 @@ def incompatibility(hello: Hello, vocabulary: Vocabulary) -> str:
         required = [field.name for field in fields if field.default is None]
         if required:
             return (
-                f"it cannot be the source of {event_type} itself, which needs {required[0]}; let a"
-                " generator make the event (every = 0, rate = 0)"
+                f"it cannot be the source of {event_type} itself, which needs {required[0]}; set"
+                " every = 0 and rate = 0, and use a generator for the event"
             )
     # Members in step count as publishers in step. A device that only draws answers its ticks
     # without readings, so the subscribers of its topics would wait for them forever.
@@ -51,9 +51,9 @@ def _kind_mismatch(kind: AgentKind, vocabulary: Vocabulary) -> str:
     # Both affect the string. With other probabilities it would
     # depend on which host evolves an agent.
     if expected.chances != kind.chances:
-        return f"its {kind.name} answers events with other probabilities than the world's"
+        return f"its {kind.name} responds to events with other probabilities than in the world"
     if expected.rest != kind.rest:
-        return f"its {kind.name} rests by other attributes than the world's"
+        return f"its {kind.name} has other `rest` attributes than in the world"
     return ""
 
 

@@ -156,7 +156,7 @@ class EvolutionStep:
             for event_type, patches in reply.view_patches.items():
                 algorithm.views.check(event_type, patches)
         except Unfit as unfit:
-            wrong = f"it sent {unfit}, not of what is there"
+            wrong = f"it sent {unfit}, which do not match the string"
         if wrong:
             algorithm.joining.violation(s.Violation(reply.member, wrong))
             return

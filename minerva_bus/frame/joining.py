@@ -150,7 +150,7 @@ class MemberLifecycle:
         if algorithm.phase is Phase.WAITING or hello is None or hello.ticks:
             return waits
         if not hello.kinds:
-            return "; the world goes on" if member.needed else ""
+            return "; the world continues" if member.needed else ""
         if not placement.fragments_of(member.name):
             return "; no agents lived on it"
         if placement.may_take_over(member.name, algorithm.offers()):
@@ -175,7 +175,7 @@ class MemberLifecycle:
         algorithm.members.stop_expecting(member)
         over = algorithm.phase in (Phase.STOPPING, Phase.ENDED)
         if algorithm.members.change(member, MemberChange.GAVE_UP) and not over:
-            algorithm.out.log(member.name, "will not come back; the world goes on without it")
+            algorithm.out.log(member.name, "is not restarted; the world continues without it")
             self._continue_without(member)
         algorithm.start_if_complete()
 

@@ -26,7 +26,7 @@ class UnassignedLog:
             out.log("placement", "every agent has a host again")
             return
         limit = f"a host takes {self._limit} (agents_per_host)"
-        reason = limit if self._limit else "[placement] says where"
+        reason = limit if self._limit else "see [placement]"
         out.log(
             "placement",
             f"{agents} agents have no host and do not evolve: {reason}; attach another host",

@@ -103,7 +103,7 @@ def _check_families(rights: Mapping[str, Rights], started: Iterable[str]) -> Non
         granted = rights_of(member, rights)
         if granted is not None and family_start(granted.name) and not granted.revoked:
             raise KeysError(
-                f"{granted.name} lets others speak as {member}, a process that the world starts:"
+                f"{granted.name} allows others to act as {member}, a process that the world starts:"
                 " rename either of them"
             )
 

@@ -20,8 +20,8 @@ def restless(file: WorldFile) -> list[str]:
         return []
     shown = list(_shown(file))
     return [
-        f"norm.{norm.name} refuses steps of {kind.name}, which {device} carries out: without `rest`"
-        " the agent tries the refused action again in each frame; declare its action, such as"
+        f"norm.{norm.name} rejects steps of {kind.name}, which {device} executes: without `rest`"
+        " the agent retries the rejected action in each frame; declare its action, such as"
         f' class X(Agent, symbol="{kind.name}", rest=("action",))'
         for norm in refusing
         for kind in restless

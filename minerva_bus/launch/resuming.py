@@ -194,10 +194,10 @@ def check_unfinished(world: World, path: Path) -> None:
     if algorithm.composition.empty:
         raise MinervaError(f"{path}: this run is over: its string is empty")
     if algorithm.finished:
-        raise MinervaError(f"{path}: this run is over: {algorithm.finished}; --until '' goes on")
+        raise MinervaError(f"{path}: this run is over: {algorithm.finished}; --until '' continues")
     if world.frames and world.past.frame >= world.frames:
         raise MinervaError(
-            f"{path}: this run is over after {world.past.frame} frames; --frames N goes on to"
+            f"{path}: this run is over after {world.past.frame} frames; --frames N continues to"
             " frame N, or 0 without end"
         )
 

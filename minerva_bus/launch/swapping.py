@@ -177,8 +177,8 @@ def _check_alone(types: frozenset[str], others: list[Process], member: str) -> N
     for process in others:
         for event in sorted(types.intersection(_generated(process))):
             raise MisuseError(
-                f"--swap {member}: {process.name} makes {event}, too, and this record does not say"
-                " who has made which"
+                f"--swap {member}: {process.name} emits {event}, too, and the record"
+                " does not contain which process emitted which event"
             )
 
 

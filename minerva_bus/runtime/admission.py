@@ -158,8 +158,8 @@ class Admission:
             for _, holder in sorted(self._rights.items())
             if not (holder.revoked or holder.may(HUB))
         ]
-        shown = ", ".join(names) or "nobody (minerva keys issue NAME --role ROLE)"
-        self._say(COORDINATOR, f"listens at {self.listens_at}; lets in {shown}")
+        shown = ", ".join(names) or "no one (minerva keys issue NAME --role ROLE)"
+        self._say(COORDINATOR, f"listens at {self.listens_at}; admits {shown}")
 
     # --- links and rejections ---
 
@@ -210,7 +210,7 @@ class Admission:
     def too_many(self, limit: int) -> None:
         """Count a member beyond the limit; log the first one."""
         self.rules.count(STRANGERS)
-        text = f"{limit} members are there already; more are not greeted"
+        text = f"{limit} members are present; further ones are not admitted"
         self._say_once(STRANGERS, text)
 
     def objection_to_question(self, who: str, orders: bool, question: object) -> str:

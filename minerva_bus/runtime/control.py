@@ -256,7 +256,7 @@ def _drain(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
     alone = sorted(offers[member].difference(*others.values()))
     if alone:
         raise ProtocolError(
-            f"nobody else offers {', '.join(alone)}: attach a host of it first"
+            f"no other host offers {', '.join(alone)}: attach a host of it first"
             " (minerva attach module:Class)"
         )
     running.runner.handle(s.Drain(member))

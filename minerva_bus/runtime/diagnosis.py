@@ -19,7 +19,7 @@ _PROBED = ("tcp", "tls", "ws")
 _TLS_HELLO = bytes.fromhex("16030100050100000100")
 _FOREIGN = "your certificate is not of its authority; use keys of the world's own folder"
 _ALERTS = {
-    "CERTIFICATE_REQUIRED": "it wants a certificate (--keys FOLDER)",
+    "CERTIFICATE_REQUIRED": "it requires a certificate (--keys FOLDER)",
     "CERTIFICATE_EXPIRED": "your certificate has expired (minerva keys issue NAME --renew)",
     "UNKNOWN_CA": _FOREIGN,
     "DECRYPT_ERROR": _FOREIGN,
@@ -40,20 +40,20 @@ def _connected(endpoint: Endpoint, patience: float) -> socket.socket:
     try:
         return socket.create_connection((host, port), timeout=patience)
     except (socket.gaierror, UnicodeError):  # Labels that are empty or too long are not looked up.
-        raise BusError(f"nobody answers at {text}: there is no host {host!r}; check the name"
+        raise BusError(f"no answer at {text}: there is no host {host!r}; check the name"
                        " (or give its address)") from None  # fmt: skip
     except ConnectionRefusedError:
         raise BusError(
-            f"nobody answers at {text}: nothing listens at port {port} of {host}; is the world"
+            f"no answer at {text}: nothing listens at port {port} of {host}; is the world"
             " running (minerva list), and is it this port?"
         ) from None
     except TimeoutError:
         raise BusError(
-            f"nobody answers at {text} within {patience:g} s: {host} is off, or a firewall keeps"
-            f" port {port} shut"
+            f"no answer at {text} within {patience:g} s: {host} is off, or a firewall blocks"
+            f" port {port}"
         ) from None
     except OSError as error:
-        raise BusError(f"nobody answers at {text}: {error.strerror or error}; check the address"
+        raise BusError(f"no answer at {text}: {error.strerror or error}; check the address"
                        " and the network") from None  # fmt: skip
 
 
@@ -69,7 +69,7 @@ def why_unreachable(endpoint: Endpoint, own: Credentials | None, patience: float
     if endpoint.kind == "tcp" and _speaks_tls(endpoint, patience):
         return f"{text} speaks TLS: connect to tls/{text.partition('/')[2]} with --keys FOLDER"
     return (
-        f"nobody answers at {text} within {patience:g} s; is the world running (minerva list), and"
+        f"no answer at {text} within {patience:g} s; is the world running (minerva list), and"
         " are address, port and protocol right?"
     )
 

@@ -66,7 +66,7 @@ def check_listening(endpoint: str, *, keys: bool, insecure: bool) -> None:
         )
     if not (asked.secured or asked.local or insecure):
         raise BusError(
-            f"{endpoint} would let in anybody who can reach it, to do what they like; make keys"
+            f"{endpoint} would admit anyone who can reach it, with all permissions; create keys"
             f" (minerva keys init) and listen at tls/{asked.host}:{asked.port} with --keys FOLDER,"
             " or insist with --insecure"
         )

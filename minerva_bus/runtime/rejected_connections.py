@@ -10,7 +10,7 @@ from typing import Final
 LEVELS: Final = "off,zenoh_link_tls=warn,zenoh_link_quic=warn"
 _OF_LINKS: Final = (b" zenoh_link_tls::", b" zenoh_link_quic::")
 _COLOURS: Final = re.compile(rb"\x1b\[[0-9;]*m")
-NOTHING: Final = "only looked whether somebody listens"
+NOTHING: Final = "only checked whether the port is open"
 _REASONS: Final = (
     ("handshake eof", NOTHING),
     ("no certificate", "had no certificate"),

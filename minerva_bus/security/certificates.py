@@ -205,7 +205,7 @@ def read_issued(path: Path, authority: x509.Certificate, revoked: frozenset[int]
     try:
         made.verify_directly_issued_by(authority)
     except (InvalidSignature, ValueError, TypeError):
-        raise KeysError(f"{path} is not of the authority beside it: take it away") from None
+        raise KeysError(f"{path} was not issued by the authority beside it: delete it") from None
     name = _texts(made.subject, NameOID.COMMON_NAME)
     # The folder is read by file names, so a copy under another name must not count.
     if name not in ([path.stem], [path.stem + FAMILY]):

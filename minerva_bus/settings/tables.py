@@ -217,7 +217,7 @@ class BusSettings:
     )
     journal: str = _bus(
         "",
-        "Keep the journal in this folder, and resume from one that is there.",
+        "Keep the journal in this folder, and resume from an existing one.",
         option="journal",
         more="See [When the coordinator dies](#when-the-coordinator-dies).",
         form="folder",

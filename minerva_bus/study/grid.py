@@ -62,7 +62,7 @@ def parse_grid(settings: Sequence[str]) -> Grid:
         if not equals or not key:
             raise MisuseError(f"--set {setting}: expected KEY=VALUE,VALUE,... or KEY=FROM:TO")
         if key in values:
-            raise MisuseError(f"--set {setting}: {key} is set already; name all values at once")
+            raise MisuseError(f"--set {setting}: {key} is already set; give all values together")
         values[key] = _values(setting, text)
     if SEED in values:
         for seed in values[SEED]:

@@ -215,7 +215,7 @@ class Reader:
         levels: list[list[Piece]] = [[]]
         for node in flat[1:]:
             if not wanted[-1]:
-                raise ProtocolError("a string goes on after its end")
+                raise ProtocolError("a string has data after its end")
             wanted[-1] -= 1
             count = self._piece(as_list(node, "a symbol"), levels[-1], opened)
             if count:

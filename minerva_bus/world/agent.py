@@ -216,7 +216,7 @@ class Agent:
             rest = inherited.rest if inherited is not None else ()
         if isinstance(rest, str):
             raise MisuseError(
-                f'{cls.__name__}: rest are several attributes, write rest=("{rest}",)'
+                f'{cls.__name__}: rest is a tuple of attributes: write rest=("{rest}",)'
             )
         if name:
             state = state_of(cls, Agent)

@@ -157,7 +157,7 @@ def test_symbols_are_checked_with_a_vocabulary(folder):
         (("attach", "words:Walker", "--connect", "nonsense", "--world", "w"), "is no endpoint"),
         (
             ("attach", "words:Walker", "--connect", "tcp/127.0.0.1:9", "--world", "w"),
-            "nobody answers",
+            "no answer",
         ),
     ],
 )

@@ -71,7 +71,7 @@ def test_a_norm_on_agents_that_cannot_rest_is_warned_of(rest, coupled, then, war
     done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, timeout=60)
     assert done.returncode == 0, done.stderr
     assert (
-        done.stderr.startswith("warning: norm.nogo refuses steps of ACart, which motor") == warned
+        done.stderr.startswith("warning: norm.nogo rejects steps of ACart, which motor") == warned
     )
     assert done.stderr.count("\n") == warned
     if warned:

@@ -112,7 +112,7 @@ def test_an_endpoint_without_listener_is_named_fast(tmp_path):
     done = here(tmp_path, "attach", "yard:Screen", "--connect", f"tcp/127.0.0.1:{port}",
                    "--world", "yard")  # fmt: skip
     assert done.returncode == 2
-    assert f"nobody answers at tcp/127.0.0.1:{port}: nothing listens" in done.stderr
+    assert f"no answer at tcp/127.0.0.1:{port}: nothing listens" in done.stderr
     assert time.monotonic() - began < 15
     assert "Traceback" not in done.stderr
 
@@ -220,7 +220,7 @@ def test_a_host_is_emptied_and_the_string_is_the_same(tmp_path):
         asked.operator.pause()
         done = here(tmp_path, "drain", "walkers")
         assert done.returncode == 2
-        assert "nobody else offers AWalker" in done.stderr
+        assert "no other host offers AWalker" in done.stderr
         assert "'steps' hosts no agents" in here(tmp_path, "drain", "steps").stderr
         with attach(world, "yard:Walker", "help"):
             takes_part(world, "help")

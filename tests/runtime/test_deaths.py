@@ -34,7 +34,7 @@ def test_a_killed_member_is_named_and_restarted_with_the_same_string(tmp_path):
                 return one and one["pid"] != pid and one["state"] == "present"
 
             eventually(successor, f"a successor of {name}")
-            then = {"screen": "", "noise": "; the world goes on"}.get(
+            then = {"screen": "", "noise": "; the world continues"}.get(
                 name, "; the world waits for it"
             )
             assert re.search(rf"^{name} │ is gone{then}$", world.text, re.M)

@@ -281,7 +281,7 @@ def test_the_last_view_waits_for_a_host_that_is_away_unless_it_is_given_up():
         bus,
         """
         > host is given up
-            says host: will not come back; the world goes on without it
+            says host: is not restarted; the world continues without it
             screen ← view 1 of eShow, number 2: all of #a #b
             stopping
             ~all ← stop: the frames are over

@@ -339,7 +339,7 @@ def test_agents_of_a_host_that_is_given_up_stand_still():
             ~hosts ← evolve 1 on host: eAdd<n=1>
         > host: evolved 1: #a #m:1
         > mothers is given up
-            says mothers: will not come back; the world goes on without it
+            says mothers: is not restarted; the world continues without it
             frame 1 done: eAdd<n=1>; #a: ACounter#a<n=2>(), #m:1: ACounter#m:1<n=2>()
             ready for frame 2
         > begin
@@ -369,7 +369,7 @@ def test_a_generator_given_up_in_a_tick_is_no_longer_awaited():
         bus,
         """
         > more is given up
-            says more: will not come back; the world goes on without it
+            says more: is not restarted; the world continues without it
             ~hosts ← evolve 1 on host: eAdd<n=1>
         > host: evolved 1: #a #b
             frame 1 done: eAdd<n=1>; #a: ACounter#a<n=12>(), #b: ACounter#b<n=12>()
@@ -575,7 +575,7 @@ def test_a_generator_does_not_wait_for_a_source_that_has_left():
         bus,
         """
         > water is given up
-            says water: will not come back; the world goes on without it
+            says water: is not restarted; the world continues without it
         > eye: ticked 1: no events
             ~hosts ← evolve 1 on host: eAdd<n=1>
         > host: evolved 1: #a

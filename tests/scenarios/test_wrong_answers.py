@@ -189,7 +189,7 @@ def test_a_patch_of_a_view_that_there_is_not_is_refused(name):
     bus.step(("up", mine))
     bus.release()
     bus.settle()
-    said = f"it sent a patch of {name}, which is not in columns, not of what is there"
+    said = f"it sent a patch of {name}, which is not in columns, which do not match the string"
     assert f"{mine}: broke the protocol: {said}" in bus.said
     assert str(bus.algorithm.scene) == "ACounter#a<n=2>() · ACounter#b<n=2>()"
 

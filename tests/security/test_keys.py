@@ -144,7 +144,7 @@ def test_certificates_of_another_authority_are_rejected(keys, tmp_path):
     foreign.init()
     foreign.issue("spy", Wanted(("operator",)))
     (keys.folder / "spy.pem").write_bytes((foreign.folder / "spy.pem").read_bytes())
-    with pytest.raises(KeysError, match=r"spy\.pem is not of the authority beside it"):
+    with pytest.raises(KeysError, match=r"spy\.pem was not issued by the authority beside it"):
         keys.rights()
     (keys.folder / "spy.pem").unlink()
     (keys.folder / "boss.pem").write_bytes((keys.folder / "sensor.pem").read_bytes())
@@ -155,7 +155,7 @@ def test_certificates_of_another_authority_are_rejected(keys, tmp_path):
         keys.rights()
     (keys.folder / "boss.pem").unlink()
     (keys.folder / "crl.pem").write_bytes((foreign.folder / "crl.pem").read_bytes())
-    with pytest.raises(KeysError, match=r"crl\.pem is not of the authority beside it"):
+    with pytest.raises(KeysError, match=r"crl\.pem was not issued by the authority beside it"):
         keys.rights()
     (keys.folder / "crl.pem").unlink()
     with pytest.raises(KeysError, match=r"lacks crl\.pem"):

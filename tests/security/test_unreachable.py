@@ -79,7 +79,7 @@ def test_an_unknown_host_and_a_closed_port(keys, kind):
 
 
 def test_an_endpoint_that_never_answers(keys, silent):
-    assert "nobody answers at tcp/127.0.0.1" in told(f"tcp/127.0.0.1:{silent}")
+    assert "no answer at tcp/127.0.0.1" in told(f"tcp/127.0.0.1:{silent}")
     own = keys.credentials("sensor")
     assert "does not speak TLS; is it a tcp/ endpoint?" in told(f"tls/127.0.0.1:{silent}", own)
 

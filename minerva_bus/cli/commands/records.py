@@ -183,7 +183,7 @@ def export(
     begin: Annotated[int, typer.Option("--from", help="First frame.", min=0)] = 0,
     to: Annotated[int | None, typer.Option(help="Last frame; default: the end.", min=0)] = None,
     every: Annotated[
-        int, typer.Option(help="Frames per row, if an expression does not say it.", min=1)
+        int, typer.Option(help="Frames per row, if an expression does not set it.", min=1)
     ] = 1,
     json: Json = False,
     quiet: Quiet = False,

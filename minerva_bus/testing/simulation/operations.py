@@ -45,7 +45,7 @@ def _wrong_orders(observed: Observed) -> Iterator[str]:
         if effects > at_most or (due and not effects):
             yield f"{asked.act.ask} {asked.act.number} took effect {effects} times: {_said(asked)}"
     for (event_type, number), effects in sorted(times.items()):
-        yield f"{event_type} {number} took effect {effects} times; nobody has sent it"
+        yield f"{event_type} {number} took effect {effects} times but was not sent"
 
 
 def _said(asked: Asked) -> str:

@@ -159,7 +159,7 @@ class Play:
         resume_from(past, again, lambda _: None)
         if (again.frame, again.scene.digest) != (algorithm.frame, algorithm.scene.digest):
             self.observed.problems.append(
-                f"the journal goes on from frame {again.frame}, {again.scene.digest.hex()[:8]},"
+                f"the journal continues from frame {again.frame}, {again.scene.digest.hex()[:8]},"
                 f" not {algorithm.frame}, {algorithm.scene.digest.hex()[:8]}"
             )
 

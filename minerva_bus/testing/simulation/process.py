@@ -208,7 +208,7 @@ class SimulatedSystem:
 
     def obstacle(self, endpoint: str, own: object) -> str:
         """Diagnose nothing."""
-        return f"nobody answers at {endpoint}"
+        return f"no answer at {endpoint}"
 
 
 class Repeated:
