@@ -195,7 +195,7 @@ def read_revoked(path: Path, authority: x509.Certificate) -> frozenset[int]:
     except (OSError, ValueError, TypeError) as error:
         raise KeysError(f"{path} is no list of what was revoked: {error}") from None
     if not signed:
-        raise KeysError(f"{path} is not of the authority beside it")
+        raise KeysError(f"{path} was not issued by the authority beside it: delete it")
     return frozenset(revoked.serial_number for revoked in revocations)
 
 

@@ -320,7 +320,7 @@ def test_a_kind_that_cannot_rest_is_named():
         class Mouse(Agent, symbol="AMouse", rest=("pusch",)):
             push: float = 0.0
 
-    with pytest.raises(MisuseError, match="rest are several attributes"):
+    with pytest.raises(MisuseError, match="rest is a tuple of attributes"):
 
         class Rat(Agent, symbol="ARat", rest="push"):
             push: float = 0.0

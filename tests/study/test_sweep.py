@@ -73,7 +73,7 @@ def test_values_of_a_key(text, values):
     [
         (["n"], "expected KEY=VALUE"),
         (["=1"], "expected KEY=VALUE"),
-        (["n=1", "n=2"], "n is set already"),
+        (["n=1", "n=2"], "n is already set"),
         (["n=1,1.0,1"], "is given twice"),
         (["n=3:1"], "empty"),
         (["n=0:1:0"], "empty"),
