@@ -23,7 +23,7 @@ from minerva_bus.launch.collecting import Collecting
 from minerva_bus.launch.console import Console
 from minerva_bus.launch.resuming import option_text
 from minerva_bus.settings.overrides import AS_WRITTEN, Overrides
-from minerva_bus.study.code_digests import identity
+from minerva_bus.study.code_digests import identity, named_objects
 from minerva_bus.study.executor_pool import Workers, open_pool
 from minerva_bus.study.grid import SEED, Combination, Grid
 from minerva_bus.study.journal import StudyJournal
@@ -146,7 +146,9 @@ def sweep(
         given = Overrides(frames=frames, rate=0.0)
         runs = Sweep(path, combinations, given, in_process=True, read=own.read)
         runs.collect = Collecting(entries, str(kept))
-        runs.code = identity(own.tables(), own.read(given))
+        tables = own.tables()
+        runs.code = named_objects(tables, path.parent)
+        runs.identity = identity(tables, own.read(given), runs.code)
         if executor is not None:
             runs.sent = sent_world(own)
         runs.check()

@@ -7,6 +7,7 @@ their version, other installed packages not at all.
 
 from __future__ import annotations
 
+import random
 import re
 import sys
 import sysconfig
@@ -16,7 +17,7 @@ from functools import cache, partial
 from hashlib import blake2b
 from importlib import import_module
 from pathlib import Path
-from types import CodeType, FunctionType, ModuleType
+from types import BuiltinFunctionType, BuiltinMethodType, CodeType, FunctionType, ModuleType
 from typing import Any, Final, cast
 
 import numpy as np
@@ -41,16 +42,18 @@ SPEC: Final = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_][\w.]*")
 
 MAX_DEPTH: Final = 12
 OWN: Final = ("minerva_bus", "minerva_services", "minerva_agents", "minerva_worlds")
-_PLAIN: Final = (type(None), bool, int, float, complex, str, bytes)
+_PLAIN: Final = (type(None), type(...), bool, int, float, complex, str, bytes, np.generic)
+_FIXED: Final = (BuiltinFunctionType, BuiltinMethodType, ModuleType, np.ufunc, re.Pattern)
 _SKIPPED: Final = re.compile(
-    r"__(module|dict|weakref|doc|qualname|firstlineno|static_attributes)__"
+    r"__(module|dict|weakref|doc|qualname|firstlineno|static_attributes)__|_abc_impl"
 )
 
 
-def identity(tables: Mapping[str, Any], file: WorldFile) -> dict[str, Any]:
+def identity(tables: Mapping[str, Any], file: WorldFile, roots: Iterable[object]) -> dict[str, Any]:
     """What must be the same for two runs of a world to have the same result, as digests.
 
-    `tables` are those of the world file, `file` is the world with the settings of all runs.
+    `tables` are those of the world file, `file` is the world with the settings of all runs, `roots`
+    are its `named_objects`.
     """
     return {
         VERSION: minerva_bus.__version__,
@@ -59,7 +62,7 @@ def identity(tables: Mapping[str, Any], file: WorldFile) -> dict[str, Any]:
         SETTINGS: digest_of(tables),
         STRING: file.world.scene.digest.hex(),
         VOCABULARY: digest_of(file.world.vocabulary),
-        CODE: code_digests(named_objects(tables, file.path.parent)),
+        CODE: code_digests(roots),
     }
 
 
@@ -86,12 +89,26 @@ def code_digests(roots: Iterable[object]) -> dict[str, str]:
     `roots` are classes, functions and modules; what their code refers to by name is included, as
     far as it belongs to their packages or to no installed one.
     """
-    walk = _Walk()
-    for root in roots:
-        walk.packages.add(_package(root))
-    for root in roots:
+    return dict(sorted(_walked(roots).digests.items()))
+
+
+def state_digest(roots: Iterable[object]) -> str:
+    """A digest of what runs of this code could leave behind in the process; "" if unknown.
+
+    It has the variables of modules, classes and closures that the code uses, and the global random
+    generators. It is unknown if the code uses objects that are no plain data.
+    """
+    walk = _walked(roots)
+    generators = random.getstate(), cast("Any", np.random).get_state()
+    return "" if walk.opaque else _digest((sorted(walk.digests.items()), walk.value(generators)))
+
+
+def _walked(roots: Iterable[object]) -> _Walk:
+    walk, known = _Walk(), list(roots)
+    walk.packages.update(map(_package, known))
+    for root in known:
         walk.add(root)
-    return dict(sorted(walk.digests.items()))
+    return walk
 
 
 def digest_of(value: object) -> str:
@@ -110,6 +127,13 @@ def named_objects(tables: object, folder: Path) -> list[object]:
                 continue  # It is a text of another kind, or reading the world reports it.
             objects.append(value.func if isinstance(value, partial) else value)
     return objects
+
+
+def classes_of(file: WorldFile) -> list[type]:
+    """The classes of a world's agents and services."""
+    classes = [cls for process in file.processes for cls in process.agents]
+    makers = [process.make_service for process in file.processes]
+    return [*classes, *(type(make()) for make in makers if make is not None)]
 
 
 def changed(before: Mapping[str, str], now: Mapping[str, str]) -> list[str]:
@@ -136,6 +160,7 @@ class _Walk:
     def __init__(self) -> None:
         self.digests: dict[str, str] = {}
         self.packages: set[str] = set()
+        self.opaque = False
 
     def add(self, value: object) -> None:
         """Add a class or function, with what its code refers to."""
@@ -155,8 +180,9 @@ class _Walk:
         return self._function(value) if isinstance(value, FunctionType) else self._class(value)
 
     def _class(self, cls: type) -> object:
-        # Private attributes are caches, such as those of the framework.
-        own = sorted((name, value) for name, value in vars(cls).items() if _counts(name))
+        own = sorted(
+            (name, value) for name, value in vars(cls).items() if not _SKIPPED.fullmatch(name)
+        )
         parts: list[object] = [[self.value(base) for base in cls.__bases__]]
         parts += [(name, self._member(value)) for name, value in own]
         return parts
@@ -198,13 +224,14 @@ class _Walk:
     def value(self, value: object, depth: int = 0) -> object:
         """A value as nested lists of plain data; classes and functions by name."""
         if isinstance(value, _PLAIN):
-            return value
+            return cast("object", value)
         if isinstance(value, FunctionType | type):
             self.add(value)
             return value.__module__, value.__qualname__
         if isinstance(value, Primitive | Transformation | EventType):
             return type(value).__qualname__, value.name, self.value(value.fields, depth + 1)
         if depth > MAX_DEPTH:
+            self.opaque = True
             return type(value).__qualname__
         if isinstance(value, np.ndarray):
             array = cast("np.ndarray[Any, Any]", value)
@@ -222,6 +249,7 @@ class _Walk:
             values = [getattr(value, field.name, None) for field in fields(value)]
             return type(value).__qualname__, [self.value(each, depth + 1) for each in values]
         # Other objects, such as random generators, change while they are used.
+        self.opaque |= type(value) not in _FIXED and _package(type(value)) not in OWN
         return type(value).__module__, type(value).__qualname__
 
 
@@ -229,10 +257,6 @@ def _digest(described: object) -> str:
     # The module of a world made in Python is numbered by its order of creation.
     text = re.sub(r"minerva_world_\d+", "minerva_world", repr(described))
     return blake2b(text.encode(), digest_size=8).hexdigest()
-
-
-def _counts(name: str) -> bool:
-    return not _SKIPPED.fullmatch(name) and (not name.startswith("_") or name.startswith("__"))
 
 
 def _filled(cell: Any) -> bool:

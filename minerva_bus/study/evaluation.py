@@ -13,6 +13,7 @@ from minerva_bus.grammar.scene import Scene
 from minerva_bus.launch.specs import load
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.settings.overrides import AS_WRITTEN, Overrides
+from minerva_bus.study.code_digests import classes_of
 from minerva_bus.study.outcome import Outcome
 from minerva_bus.study.sent_world import spec_of
 from minerva_bus.study.trial import prepared, run_trial
@@ -68,18 +69,20 @@ class Evaluator:
                 on_score(n, _score([results[k] for k in range(self.trials)]))
 
         # `on_result` relies on this order: the trials of a string are neighbours.
-        tasks = [self._trial(scene, k) for scene in strings for k in range(self.trials)]
+        local = self.read is None and self.in_process
+        code = [self.fitness, *classes_of(self.file)] if local else None
+        tasks = [self._trial(scene, k, code) for scene in strings for k in range(self.trials)]
         self.pool.run(tasks, on_result)
 
     def _prepared(self, _: Overrides) -> WorldFile:
         return self.file
 
-    def _trial(self, string: Scene, trial: int) -> StringTrial:
+    def _trial(self, string: Scene, trial: int, code: Sequence[object] | None) -> StringTrial:
         read = self.read or self._prepared
         seed = self.file.world.seed + trial
         # By its name, because the scheduler of Dask unpickles tasks, too, and has no user code.
         fitness = self.fitness if self.read is None else spec_of(self.fitness) or self.fitness
-        return StringTrial(read, string, seed, fitness, self.in_process)
+        return StringTrial(read, string, seed, fitness, self.in_process, code)
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,6 +97,7 @@ class StringTrial:
     seed: int
     fitness: Fitness | str
     in_process: bool
+    code: Sequence[object] | None = None
 
     def __call__(self, interrupted: Callable[[], bool] = never) -> Mapping[str, Any]:
         """Run and compute the fitness; returns plain data. Raises MinervaError."""

@@ -1,4 +1,4 @@
-"""A journal of finished runs: a JSON object per line, each flushed to disk.
+"""A journal of finished runs: a JSON object per line, flushed to disk every half second.
 
 The first line describes the study. An incomplete last line, as after a crash, is removed; a journal
 that another process writes is refused.
@@ -9,13 +9,16 @@ from __future__ import annotations
 import fcntl
 import json
 import os
+import time
 from collections.abc import Mapping
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self, cast
+from typing import Any, Final, Self, cast
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.study.code_digests import differences
+
+FLUSH_SECONDS: Final = 0.5
 
 
 class StudyJournal:
@@ -23,6 +26,7 @@ class StudyJournal:
 
     def __init__(self, path: Path, study: Mapping[str, Any]) -> None:
         self.path = path
+        self._flushed = 0.0
         try:
             self._file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
         except OSError as error:
@@ -46,14 +50,18 @@ class StudyJournal:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None
     ) -> None:
+        os.fsync(self._file)
         os.close(self._file)
 
     def add(self, line: Mapping[str, Any]) -> None:
-        """Append a line and flush it to disk."""
+        """Append a line; it survives this process at once, and a power cut soon."""
         data = json.dumps(line, ensure_ascii=False).encode() + b"\n"
         while data:
             data = data[os.write(self._file, data) :]
-        os.fsync(self._file)
+        # Not for each line: a disk takes longer than a short run.
+        if time.monotonic() - self._flushed >= FLUSH_SECONDS:
+            os.fsync(self._file)
+            self._flushed = time.monotonic()
         self.lines.append(dict(line))
 
     def _read(self, study: Mapping[str, Any]) -> list[dict[str, Any]]:

@@ -7,7 +7,7 @@ stopped. Runs that failed are repeated.
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from hashlib import blake2b
@@ -38,6 +38,7 @@ class SweepTrial:
     overrides: Overrides
     collect: Collecting
     in_process: bool
+    code: Sequence[object] | None = None
 
     def __call__(self, interrupted: Callable[[], bool] = never) -> Mapping[str, Any]:
         """Run; returns plain data. Raises MinervaError."""
@@ -60,8 +61,8 @@ class Sweep:
     """Runs of the world in a file, or of one that `read` makes under the name of `path`.
 
     `rows` are those that are done. `collect` is collected of each run, into a file `part` in the
-    folder `collect.into`. `code` names what identifies the code of the world. With `sent`, runs
-    read that world instead, in the workers of an executor.
+    folder `collect.into`. `identity` and `code` are those of the world (code_digests.py). With
+    `sent`, runs read that world instead, in the workers of an executor.
     """
 
     path: Path
@@ -70,7 +71,8 @@ class Sweep:
     in_process: bool = False
     read: Callable[[Overrides], WorldFile] | None = None
     collect: Collecting = field(default_factory=Collecting)
-    code: Mapping[str, Any] = field(default_factory=dict[str, Any])
+    identity: Mapping[str, Any] = field(default_factory=dict[str, Any])
+    code: Sequence[object] = ()
     sent: SentWorld | None = None
     rows: dict[Combination, Row] = field(default_factory=dict[Combination, Row])
 
@@ -80,7 +82,7 @@ class Sweep:
         collected = {name: str(entry) for name, entry in self.collect.entries.items()}
         return {
             "world": self.path.stem,
-            **self.code,
+            **self.identity,
             "keys": list(self.grid.keys),
             "options": dict(self.given.options),
             "settings": list(self.given.settings),
@@ -136,7 +138,17 @@ class Sweep:
             row = self.rows[left[number]] = _row(line)
             on_row(row)
 
+        self._remove_parts(left)
         pool.run([self._trial(combination) for combination in left], on_result)
+
+    def _remove_parts(self, combinations: Sequence[Combination]) -> None:
+        """Remove what runs of these combinations have collected before they were killed."""
+        if self.collect.entries:
+            stems = {self.part(combination).stem for combination in combinations}
+            for path in Path(self.collect.into).iterdir():
+                # Each table has a file of its own.
+                if path.stem.partition("-")[0] in stems:
+                    path.unlink()
 
     def _trial(self, combination: Combination) -> SweepTrial:
         overrides = self.grid.overrides(combination, self.given)
@@ -145,7 +157,8 @@ class Sweep:
         if self.sent is not None:
             return SweepTrial(self.sent, overrides, collect, in_process=True)
         read = self.read or partial(read_world_file, self.path)
-        return SweepTrial(read, overrides, collect, self.in_process)
+        code = self.code if self.in_process else None
+        return SweepTrial(read, overrides, collect, self.in_process, code)
 
     def _keep(self, combination: Combination, name: str, content: bytes) -> None:
         """Write what a worker has collected, under the name that a local run gives it."""

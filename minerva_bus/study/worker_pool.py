@@ -1,7 +1,8 @@
-"""A pool of worker processes: each task runs in a process forked from this one.
+"""A pool of worker processes, forked from this one.
 
-So a task cannot affect other tasks or this process by its memory, a crash or a time-out. Processes
-that it started end with it.
+A task cannot affect other tasks or this process by its memory, a crash or a time-out: a process
+runs a further task only if the last one has left the variables of the world's code unchanged, which
+saves the cost of a fork. Processes that a task started end with its worker.
 """
 
 from __future__ import annotations
@@ -10,8 +11,9 @@ import os
 import signal
 import tempfile
 import time
+from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field
 from types import TracebackType
 from typing import Any, Final, Protocol, Self
@@ -23,6 +25,7 @@ from minerva_bus.launch.interrupts import caught
 from minerva_bus.launch.pipes import LineReader, Pipes, ReportPipe, parse_report
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.settings.overrides import Overrides
+from minerva_bus.study.code_digests import state_digest
 
 MAX_LINES: Final = 9
 """Lines of an error; a further one names the run."""
@@ -45,6 +48,11 @@ class Task(Protocol):
     @property
     def read(self) -> Callable[[Overrides], WorldFile]:
         """Reads the world."""
+        ...
+
+    @property
+    def code(self) -> Sequence[object] | None:
+        """The code of the world, whose variables a run could change; None: do not reuse it."""
         ...
 
     def __call__(self, interrupted: Callable[[], bool] = never) -> Mapping[str, Any]: ...
@@ -72,11 +80,12 @@ OnResult = Callable[[int, Result], None]
 
 
 @dataclass(slots=True)
-class _Job:
-    """A running task."""
+class _Worker:
+    """A process and its current task; `commands` is the pipe in which it receives numbers."""
 
-    number: int
     child: ChildProcess
+    commands: int
+    number: int
     began: float
     readers: list[LineReader] = field(default_factory=list[LineReader])
     report: dict[str, Any] | None = None
@@ -90,6 +99,24 @@ class _Job:
         if line.strip():
             self.last_line = line.strip()[-MAX_OUTPUT:]
 
+    @property
+    def idle(self) -> bool:
+        """Whether it has finished its task, and can run another one."""
+        return self.report is not None and self.report["again"] and self.open
+
+    @property
+    def open(self) -> bool:
+        """Whether the process may still report."""
+        # Not its exit but the end of its pipes: a report may still be unread.
+        return any(reader.open for reader in self.readers)
+
+    def start(self, number: int) -> None:
+        """Give an idle worker its next task."""
+        self.number, self.report, self.last_line = number, None, ""
+        self.began = time.monotonic()
+        with suppress(BrokenPipeError):  # It has died; the end of its pipes reports that.
+            os.write(self.commands, f"{number}\n".encode())
+
 
 class WorkerPool:
     """Workers for tasks, in the main thread; leaving its context ends running tasks.
@@ -99,11 +126,11 @@ class WorkerPool:
     """
 
     def __init__(self, workers: int, limit: float = 0.0) -> None:
-        self._workers = workers or cores()
+        self._count = workers or cores()
         self._limit = limit
         self._lifeline = os.pipe()
         self._pipes = Pipes()
-        self._jobs: list[_Job] = []
+        self._workers: list[_Worker] = []
         self._folder = ""
         self._interrupted = False
         self._context = ExitStack()
@@ -122,11 +149,10 @@ class WorkerPool:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None
     ) -> None:
-        for job in self._jobs:
-            kill(job.child.pid)
-        for job in self._jobs:
-            os.waitpid(job.child.pid, 0)
-        self._jobs.clear()
+        for worker in self._workers:
+            kill(worker.child.pid)
+        while self._workers:
+            self._reap(self._workers[0])
         # Before the pipes, one of which belongs to the signals that this releases.
         self._context.close()
         self._pipes.close()
@@ -135,67 +161,104 @@ class WorkerPool:
 
     def run(self, tasks: Sequence[Task], on_result: OnResult) -> None:
         """Run all tasks; report each result as it arrives. Raises KeyboardInterrupt."""
-        # Reversed, because `pop` takes the last one.
-        waiting = list(enumerate(tasks))[::-1]
-        while waiting or self._jobs:
+        waiting = deque(range(len(tasks)))
+        while waiting or self._workers:
             if self._interrupted:
                 raise KeyboardInterrupt
-            while waiting and len(self._jobs) < self._workers and not self._interrupted:
-                self._start(*waiting.pop())
-            self._turn(on_result)
+            while waiting and len(self._workers) < self._count and not self._interrupted:
+                self._start(tasks, waiting.popleft())
+            self._pipes.wait(self._patience())
+            for worker in list(self._workers):
+                self._look(worker, waiting, on_result)
 
-    def _start(self, number: int, task: Task) -> None:
-        folder, (read, write) = self._folder, os.pipe()
-        child = fork(lambda: _run(task, ReportPipe(write), folder), (write,), self._lifeline[0])
+    def _start(self, tasks: Sequence[Task], number: int) -> None:
+        folder, (read, write), (commands, give) = self._folder, os.pipe(), os.pipe()
+        child = fork(
+            lambda: _serve(tasks, number, commands, ReportPipe(write), folder),
+            (write, commands),
+            self._lifeline[0],
+        )
         os.close(write)
+        os.close(commands)
         os.set_blocking(read, False)
-        job = _Job(number, child, time.monotonic())
-        job.readers = [
-            LineReader(self._pipes, read, job.on_report),
-            LineReader(self._pipes, child.output, job.on_output),
+        worker = _Worker(child, give, number, time.monotonic())
+        worker.readers = [
+            LineReader(self._pipes, read, worker.on_report),
+            LineReader(self._pipes, child.output, worker.on_output),
         ]
-        self._jobs.append(job)
+        self._workers.append(worker)
 
-    def _turn(self, on_result: OnResult) -> None:
-        self._pipes.wait(self._patience())
+    def _look(self, worker: _Worker, waiting: deque[int], on_result: OnResult) -> None:
+        """Take the result of a worker's task, and give it another one."""
         now = time.monotonic()
-        for job in list(self._jobs):
-            # The pipes of a killed process end soon, and the job with them.
-            if self._limit and now - job.began >= self._limit and not job.late:
-                job.late = True
-                kill(job.child.pid)
-            # Not the exit of the process but the end of its pipes: its report may still be unread.
-            if not any(reader.open for reader in job.readers):
-                self._jobs.remove(job)
-                on_result(job.number, self._ended(job, now))
+        if worker.idle and not worker.late:
+            number, result = worker.number, self._result(worker, now, 0)
+            if waiting and not self._interrupted:
+                worker.start(waiting.popleft())
+            else:
+                self._reap(worker)
+            on_result(number, result)
+        elif not worker.open:
+            status = self._reap(worker)
+            on_result(worker.number, self._result(worker, now, status))
+        # The pipes of a killed process end soon, and the worker with them.
+        elif self._limit and now - worker.began >= self._limit and not worker.late:
+            worker.late = True
+            kill(worker.child.pid)
+
+    def _reap(self, worker: _Worker) -> int:
+        """End a worker; returns its wait status."""
+        self._workers.remove(worker)
+        # The end of its commands is its end.
+        os.close(worker.commands)
+        status = os.waitpid(worker.child.pid, 0)[1]
+        for reader in worker.readers:
+            reader.finish()
+        return status
 
     def _patience(self) -> float | None:
         if not self._limit:
             return None
-        ends = [job.began + self._limit for job in self._jobs if not job.late]
+        ends = [worker.began + self._limit for worker in self._workers if not worker.late]
         return max(0.0, min(ends) - time.monotonic()) if ends else 1.0
 
-    def _ended(self, job: _Job, now: float) -> Result:
-        _, status = os.waitpid(job.child.pid, 0)
-        seconds, report = now - job.began, job.report
-        if job.late:
+    def _result(self, worker: _Worker, now: float, status: int) -> Result:
+        seconds, report = now - worker.began, worker.report
+        if worker.late:
             return Result({}, f"took more than {self._limit:g} s", seconds)
         if report is None:
             how = how_ended(os.waitstatus_to_exitcode(status))
-            output = f": {job.last_line}" if job.last_line else ""
+            output = f": {worker.last_line}" if worker.last_line else ""
             return Result({}, f"its process {how}{output}", seconds)
         return Result(report.get("values", {}), str(report.get("error", "")), seconds)
 
 
-def _run(task: Task, reports: ReportPipe, folder: str) -> int:
-    """Run a task in its process, with temporary files in a folder, and report the result."""
+def _serve(
+    tasks: Sequence[Task], number: int, commands: int, reports: ReportPipe, folder: str
+) -> int:
+    """Run tasks in a worker, with temporary files in a folder, and report the results."""
     # A task that is killed cannot remove its files; they go with the folder.
     tempfile.tempdir = os.environ["TMPDIR"] = folder
-    try:
-        reports.send("done", values=dict(task()))
-    except Exception as error:
-        reports.send("done", error=failure(error))
+    with os.fdopen(commands, encoding="ascii") as lines:
+        # One pool runs tasks of one world.
+        code, again = tasks[number].code, True
+        before = "" if code is None else state_digest(code)
+        while again:
+            done = _run(tasks[number])
+            again = bool(before) and code is not None and state_digest(code) == before
+            reports.send("done", **done, again=again)
+            line = lines.readline() if again else ""
+            if not line:
+                break
+            number = int(line)
     return 0
+
+
+def _run(task: Task) -> dict[str, Any]:
+    try:
+        return {"values": dict(task())}
+    except Exception as error:
+        return {"error": failure(error)}
 
 
 def failure(error: Exception) -> str:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from functools import cache
 from typing import Annotated, Any, Final, get_args, get_type_hints
 
 from minerva_bus.errors import ProtocolError
@@ -112,6 +113,7 @@ def configurable_limits() -> Mapping[str, int]:
     return {name: mark.least for name, mark in _marks(Configurable).items()}
 
 
+@cache
 def _marks(kind: type[Any]) -> Mapping[str, Any]:
     hints = get_type_hints(Limits, include_extras=True)
     marks = {of.name: get_args(hints[of.name])[1:] for of in fields(Limits)}

@@ -128,3 +128,38 @@ def test_digests_reach_base_classes_functions_and_constants(monkeypatch):
 def test_any_object_may_be_a_constant(value, monkeypatch):
     monkeypatch.setitem(TABLE, "b", value)
     assert code_digests([Snail]) == code_digests([Snail])
+
+
+REUSED = """
+import os
+from minerva_bus import Agent, EventType, World, each, on, sweep
+eTick = EventType("eTick")
+COUNT = [0]
+
+class Snail(Agent, symbol="ASnail"):
+    pid: int = 0
+    count: int = 0
+
+    @on("eTick")
+    def live(self, tick, moment):
+        self.pid = os.getpid()
+        self.count = {count}
+
+world = World("ASnail#s", agents=[Snail], services=[each(eTick)], name="snails")
+table = sweep(world, seeds=12, frames=1, collect=[Snail.pid, Snail.count], workers=2, quiet=True)
+print(len(set(table["pid"][1::2].tolist())), sorted(set(table["count"][1::2].tolist())))
+"""
+
+
+@pytest.mark.parametrize(("count", "shown"), [
+    ("COUNT[0] + 1", "2 [1]"),
+    ("COUNT.append(1) or len(COUNT)", "12 [2]"),
+    ("setattr(Snail, '_seen', getattr(Snail, '_seen', 0) + 1) or Snail._seen", "12 [1]"),
+    ("int(__import__('random').random() > 2)", "12 [0]"),
+])  # fmt: skip
+def test_a_process_runs_one_trial_if_that_changes_variables_of_the_code(tmp_path, count, shown):
+    (tmp_path / "snails.py").write_text(REUSED.replace("{count}", count))
+    done = subprocess.run(
+        [sys.executable, "snails.py"], cwd=tmp_path, capture_output=True, text=True, timeout=60
+    )
+    assert done.stdout.strip() == shown, done.stderr

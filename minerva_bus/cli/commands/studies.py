@@ -150,7 +150,7 @@ def sweep(
     from minerva_bus.launch.reading import read_world_file
     from minerva_bus.launch.toml import read_toml
     from minerva_bus.settings.overrides import AS_WRITTEN, Overrides
-    from minerva_bus.study.code_digests import identity
+    from minerva_bus.study.code_digests import identity, named_objects
     from minerva_bus.study.grid import parse_grid
     from minerva_bus.study.sent_world import SentWorld
     from minerva_bus.study.sweep import Sweep
@@ -159,7 +159,9 @@ def sweep(
     given = Overrides(options_of(context.args), frames=study.frames, rate=0.0)
     runs = Sweep(path, grid, given, study.in_process)
     file = read_world_file(path, given)
-    runs.code = identity(read_toml(file.text), file)
+    tables = read_toml(file.text)
+    runs.code = named_objects(tables, path.parent)
+    runs.identity = identity(tables, file, runs.code)
     if study.dask:
         runs.sent = SentWorld.of(file.text, path, AS_WRITTEN)
     table = output or Path(f"{path.stem}.csv")
