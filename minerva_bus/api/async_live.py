@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
@@ -56,8 +57,14 @@ class AsyncLive:
         return self._live
 
     async def step(self, frames: int = 1) -> int:
-        """Run this number of frames; see `Live.step`."""
-        return await self._call(partial(self._world.step, frames))
+        """Run this number of frames; see `Live.step`. If cancelled, it ends after its frame."""
+        cancelled = threading.Event()
+        try:
+            return await self._call(partial(self._world.step, frames, cancelled.is_set))
+        except asyncio.CancelledError:
+            # The thread continues; the next call waits for it.
+            cancelled.set()
+            raise
 
     async def publish(self, event: AnyEvent) -> None:
         """Send an event; see `Live.publish`."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from types import TracebackType
 from typing import Any, Protocol, Self
 
@@ -18,7 +18,7 @@ from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.symbols import EventType
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.launch.console import Console
-from minerva_bus.launch.in_process import InProcessRun
+from minerva_bus.launch.in_process import InProcessRun, never
 from minerva_bus.runtime.asking import AskingOperator
 from minerva_bus.world.agent import Agent
 from minerva_bus.world.operator import WorldStatus
@@ -39,7 +39,7 @@ class _Backend(Protocol):
     def ended(self) -> bool: ...
     @property
     def tables(self) -> dict[str, DataTable]: ...
-    def step(self, frames: int) -> None: ...
+    def step(self, frames: int, stop: Callable[[], bool]) -> None: ...
     def close(self) -> None: ...
 
 
@@ -62,8 +62,12 @@ class Live:
     ) -> None:
         self.close()
 
-    def step(self, frames: int = 1) -> int:
+    def step(self, frames: int = 1, stop: Callable[[], bool] = never) -> int:
         """Run this number of frames and pause; fewer if the world ends before.
+
+        Args:
+            frames: the number of frames.
+            stop: called between frames, from the thread that steps; if true, the step ends early.
 
         Returns:
             The number of the next frame.
@@ -75,7 +79,7 @@ class Live:
         """
         if frames < 1:
             raise MisuseError(f"step({frames}): expected at least 1 frame")
-        self._backend.step(frames)
+        self._backend.step(frames, stop)
         return self.frame
 
     @property
@@ -175,11 +179,11 @@ class _Here:
     def tables(self) -> dict[str, DataTable]:
         return {} if self._run.collected is None else self._run.collected.tables
 
-    def step(self, frames: int) -> None:
+    def step(self, frames: int, stop: Callable[[], bool]) -> None:
         if self.ended:
             return
         try:
-            self._run.advance(frames)
+            self._run.advance(frames, stop)
         except BaseException as error:
             # The interrupt may have come in the middle of a frame, so the world cannot continue.
             if isinstance(error, KeyboardInterrupt):

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import tempfile
 import threading
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
-from pathlib import Path
 from typing import Final, TypeVar
 from weakref import ref
 
@@ -17,6 +15,7 @@ from minerva_bus.collect.table import DataTable
 from minerva_bus.errors import BusError, MisuseError, WorldStopped
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.launch.registry import find, running
+from minerva_bus.launch.temporary_folder import temporary_folder
 from minerva_bus.runtime.client import Client
 from minerva_bus.world.operator import WorldStatus
 
@@ -79,19 +78,18 @@ class OnBus:
             return True
         return False
 
-    def step(self, frames: int) -> None:
+    def step(self, frames: int, stop: Callable[[], bool]) -> None:
         if self.ended:
             return
         # Paused first, so that the frame counted from is the one with which the step begins.
-        self._asked(self.operator.pause)
-        status = self._status()
-        while status is not None and status.phase != BETWEEN_FRAMES:
-            time.sleep(POLL_SECONDS)
-            status = self._status()
-        if status is not None:
+        status = self._pause()
+        if status is not None and not stop():
             target = status.frame + frames
             self.operator.step(frames)
             while (status := self._status()) is not None and status.frame < target:
+                if stop():
+                    self._pause()
+                    break
                 # Another coordinator followed.
                 if status.paused and status.phase == BETWEEN_FRAMES:
                     self.operator.step(target - status.frame)
@@ -100,6 +98,15 @@ class OnBus:
             failure = self._launched.result()["failure"]
             if failure:
                 raise WorldStopped(failure)
+
+    def _pause(self) -> WorldStatus | None:
+        """Pause after the frame in progress; returns the state then, None if it has ended."""
+        self._asked(self.operator.pause)
+        status = self._status()
+        while status is not None and status.phase != BETWEEN_FRAMES:
+            time.sleep(POLL_SECONDS)
+            status = self._status()
+        return status
 
     def _status(self) -> WorldStatus | None:
         """The state of the world; None if it has ended."""
@@ -158,12 +165,7 @@ def start_on_bus(request: Request) -> OnBus:
     if request.file.collect.entries and not into:
         raise MisuseError("a world on the bus collects into a file: start(into='run.parquet')")
     with ExitStack() as stack:
-        # Processes that were killed may still write into it while it is removed.
-        folder = Path(
-            stack.enter_context(
-                tempfile.TemporaryDirectory(prefix="minerva-live-", ignore_cleanup_errors=True)
-            )
-        )
+        folder = stack.enter_context(temporary_folder("live"))
         launched = stack.enter_context(Launched(request, folder, into=into, paused=True))
         client = stack.enter_context(_awaited(launched, request.file.world.name))
         # Until all members have joined.

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import tempfile
 import time
 from collections import Counter
 from collections.abc import Iterable, Mapping
@@ -24,6 +23,7 @@ from minerva_bus.grammar.scene import Scene
 from minerva_bus.launch.collecting import Collecting
 from minerva_bus.launch.console import Console
 from minerva_bus.launch.in_process import InProcessRun
+from minerva_bus.launch.temporary_folder import temporary_folder
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.runtime.runner import Notice
 from minerva_bus.settings.overrides import Overrides
@@ -258,12 +258,7 @@ def run_file(file: WorldFile, began: float, console: Console | None = None) -> R
 
 def _run_on_bus(request: Request, console: Console) -> Run:
     with ExitStack() as stack:
-        # Processes that were killed may still write into it while it is removed.
-        folder = Path(
-            stack.enter_context(
-                tempfile.TemporaryDirectory(prefix="minerva-run-", ignore_cleanup_errors=True)
-            )
-        )
+        folder = stack.enter_context(temporary_folder("run"))
         collecting, entries = request.file.collect, request.file.collect.entries
         # The coordinator collects, in another process, and passes its tables on in this file.
         spool = str(folder / "collected.columns") if entries and not collecting.into else ""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
@@ -22,6 +21,7 @@ from minerva_bus.errors import MisuseError
 from minerva_bus.launch.collecting import Collecting
 from minerva_bus.launch.console import Console
 from minerva_bus.launch.resuming import option_text
+from minerva_bus.launch.temporary_folder import temporary_folder
 from minerva_bus.settings.overrides import AS_WRITTEN, Overrides
 from minerva_bus.study.code_digests import identity, named_objects
 from minerva_bus.study.executor_pool import Workers, open_pool
@@ -141,7 +141,7 @@ def sweep(
             kept = Path(folder)
             kept.mkdir(parents=True, exist_ok=True)
         else:
-            kept = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="minerva-sweep-")))
+            kept = stack.enter_context(temporary_folder("sweep"))
         path = own.path or Path(f"{own.name}.toml")
         given = Overrides(frames=frames, rate=0.0)
         runs = Sweep(path, combinations, given, in_process=True, read=own.read)

@@ -43,7 +43,8 @@ STATUS_EVERY: Final = 0.1
 ANSWER_SECONDS: Final = 1.0
 
 
-def _never() -> bool:
+def never() -> bool:
+    """Let a run or a step continue to its end."""
     return False
 
 
@@ -106,7 +107,7 @@ class InProcessRun:
                 runner.start()
                 self._parts.services.start()
 
-    def advance(self, frames: int | None = None, interrupted: Callable[[], bool] = _never) -> None:
+    def advance(self, frames: int | None = None, interrupted: Callable[[], bool] = never) -> None:
         """Run this number of frames, or to the end of the world, at the rate of the world file.
 
         Returns early if `interrupted` is true between two frames. Raises WorldStopped if user code

@@ -10,6 +10,7 @@ from typing import Any
 from minerva_bus.errors import MinervaError
 from minerva_bus.grammar.mutation.places import extent
 from minerva_bus.grammar.scene import Scene
+from minerva_bus.launch.in_process import never
 from minerva_bus.launch.specs import load
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.settings.overrides import AS_WRITTEN, Overrides
@@ -17,7 +18,7 @@ from minerva_bus.study.code_digests import classes_of
 from minerva_bus.study.outcome import Outcome
 from minerva_bus.study.sent_world import spec_of
 from minerva_bus.study.trial import prepared, run_trial
-from minerva_bus.study.worker_pool import Result, TaskPool, never
+from minerva_bus.study.worker_pool import Result, TaskPool
 
 Fitness = Callable[[Outcome], float]
 

@@ -11,12 +11,11 @@ import logging
 import os
 import platform
 import signal
-import tempfile
 import threading
 import time
 from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future
-from contextlib import contextmanager, redirect_stderr, suppress
+from contextlib import ExitStack, contextmanager, redirect_stderr, suppress
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -27,6 +26,7 @@ from typing import Any, Final, Self
 from minerva_bus.collect.table import needed
 from minerva_bus.errors import MinervaError, MisuseError
 from minerva_bus.launch.interrupts import end_signals
+from minerva_bus.launch.temporary_folder import temporary_folder
 from minerva_bus.study.sent_world import SentWorld, dask_worker
 from minerva_bus.study.worker_pool import OnResult, Result, Task, WorkerPool, failure
 
@@ -43,13 +43,13 @@ LEAVE_SECONDS: Final = 1.0
 class Ticket:
     """Tells a worker whether a task is still wanted.
 
-    The file exists while the study runs in the process `pid`. A worker looks only if it has the
+    The folder exists while the study runs in the process `pid`. A worker looks only if it has the
     same file system and processes; a Dask worker elsewhere learns it from its scheduler.
     """
 
     machine: str
     pid: int
-    file: str
+    folder: str
 
     def valid(self) -> bool:
         """Whether the task is still wanted."""
@@ -62,7 +62,7 @@ class Ticket:
             return False
         except PermissionError:
             pass  # It runs for another user.
-        return Path(self.file).exists()
+        return Path(self.folder).exists()
 
 
 class ExecutorPool:
@@ -82,17 +82,17 @@ class ExecutorPool:
         self._open: dict[Future[Any], int] = {}
         self._interrupted = False
         self._ticket = Ticket("", 0, "")
+        self._context = ExitStack()
 
     def __enter__(self) -> Self:
-        descriptor, file = tempfile.mkstemp(prefix="minerva-study-")
-        os.close(descriptor)
-        self._ticket = Ticket(_machine(), os.getpid(), file)
+        folder = self._context.enter_context(temporary_folder("study"))
+        self._ticket = Ticket(_machine(), os.getpid(), str(folder))
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None
     ) -> None:
-        Path(self._ticket.file).unlink(missing_ok=True)
+        self._context.close()
         for future in self._open:
             future.cancel()
         end = time.monotonic() + LEAVE_SECONDS

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from minerva_bus.launch.collecting import Collecting
+from minerva_bus.launch.in_process import never
 from minerva_bus.launch.reading import read_world_file
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.outputs import replacing
@@ -24,7 +25,7 @@ from minerva_bus.study.journal import StudyJournal, invalid_line
 from minerva_bus.study.results import OWN, ResultTable, Row
 from minerva_bus.study.sent_world import SentWorld
 from minerva_bus.study.trial import prepared, run_trial
-from minerva_bus.study.worker_pool import Result, TaskPool, never
+from minerva_bus.study.worker_pool import Result, TaskPool
 
 COLLECTED: Final = "collected"
 """The key under which a trial returns the files of what it has collected."""

@@ -20,7 +20,7 @@ from minerva_bus.frame.description import World
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.launch.console import Console
-from minerva_bus.launch.in_process import InProcessRun
+from minerva_bus.launch.in_process import InProcessRun, never
 from minerva_bus.launch.summary import RunSummary
 from minerva_bus.launch.supervisor import Supervisor
 from minerva_bus.launch.worldfile import WorldFile
@@ -29,7 +29,6 @@ from minerva_bus.runtime.runner import Notice
 from minerva_bus.runtime.watchers import Watchers
 from minerva_bus.settings.tables import WatchSettings
 from minerva_bus.study.outcome import Outcome
-from minerva_bus.study.worker_pool import never
 
 LOCAL = "tcp/127.0.0.1:0"
 

@@ -21,8 +21,10 @@ from typing import Any, Final, Protocol, Self
 from minerva_bus.errors import MinervaError
 from minerva_bus.launch.capacity import cores
 from minerva_bus.launch.forking import ChildProcess, fork, how_ended, kill
+from minerva_bus.launch.in_process import never
 from minerva_bus.launch.interrupts import caught
 from minerva_bus.launch.pipes import LineReader, Pipes, ReportPipe, parse_report
+from minerva_bus.launch.temporary_folder import temporary_folder
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.settings.overrides import Overrides
 from minerva_bus.study.code_digests import state_digest
@@ -32,11 +34,6 @@ MAX_LINES: Final = 9
 
 MAX_OUTPUT: Final = 2000
 """Length of the last line of a task's output that an error quotes."""
-
-
-def never() -> bool:
-    """Run a task to its end."""
-    return False
 
 
 class Task(Protocol):
@@ -136,9 +133,7 @@ class WorkerPool:
         self._context = ExitStack()
 
     def __enter__(self) -> Self:
-        self._folder = self._context.enter_context(
-            tempfile.TemporaryDirectory(prefix="minerva-study-", ignore_cleanup_errors=True)
-        )
+        self._folder = str(self._context.enter_context(temporary_folder("study")))
         self._context.enter_context(caught(self._pipes, self._on_interrupt))
         return self
 
