@@ -102,10 +102,10 @@ def summary(spots: Spots, pairs: Pairs, wanted: AbstractSet[str], apart: float) 
     count = len(spots)
     number = np.bincount(pairs.first, minlength=count) + np.bincount(pairs.second, minlength=count)
     numbers = spots.numbers()
-    sums: dict[str, NDArray[Any]] = {
-        "dx": _summed(pairs, pairs.dx, -pairs.dx, count),
-        "dy": _summed(pairs, pairs.dy, -pairs.dy, count),
-    }
+    sums: dict[str, NDArray[Any]] = {}
+    for name, offset in (("dx", pairs.dx), ("dy", pairs.dy)):
+        if name in wanted:
+            sums[name] = _summed(pairs, offset, -offset, count)
     if "distance" in wanted:
         distance = np.sqrt(pairs.squared)
         sums["distance"] = _summed(pairs, distance, distance, count)
