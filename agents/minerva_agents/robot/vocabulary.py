@@ -10,7 +10,8 @@ from eTake to eGivenUp between robots and parcels; see `errand`.
 
 Rows of a grid grow along the world's x, columns along its y. Lengths are in metres, angles in
 degrees, counter-clockwise. The colours of things and cells are the palette of Okabe and Ito (Color
-Universal Design, 2008), which colour-blind readers can distinguish; walls and ground are grey.
+Universal Design, 2008), which colour-blind readers can distinguish; walls and ground are grey. The
+colours of cells are light and nearly opaque, so that the grids of several robots do not add up.
 """
 
 from typing import Annotated
@@ -78,13 +79,13 @@ PGrid = Primitive(
         "y",
         colors=(
             (0, ""),
-            (1, "#56b4e9"),
-            (2, "#000000"),
-            (10, "#009e73"),
-            (11, "#f0e442"),
-            (16, "#0072b2"),
+            (1, "#94ceee"),
+            (2, "#5e5e5c"),
+            (10, "#5ec0a4"),
+            (11, "#f4ec86"),
+            (16, "#5ea5cc"),
         ),
-        opacity=0.5,
+        opacity=0.8,
         meanings=(
             "",
             "free, seen by the laser",

@@ -41,12 +41,14 @@ GREENS = ("#ddd6a3", "#cdd295", "#bccc88", "#abc57c", "#9bbd71", "#8cb468", "#7f
 # --- the vocabulary: primitives, a transformation, event types ------------------------------------
 
 PGrass = Primitive("PGrass", Raster("cells", CELL, colors=tuple(enumerate(GREENS))), cells=Cells)
-PGrey = Primitive("PGrey", Disc("radius", "#7d6b5d"), radius=Metres)
-PRed = Primitive("PRed", Disc("radius", "#d4622a"), radius=Metres)
-PWhite = Primitive("PWhite", Disc("radius", "#fdf8ee"), radius=Metres)
-PGreen = Primitive("PGreen", Disc("radius", "#4f8049"), radius=Metres)
-PLight = Primitive("PLight", Disc("radius", "#6c9c5b"), radius=Metres)
-PYellow = Primitive("PYellow", Disc("radius", "#efc94c"), radius=Metres)
+PGrey = Primitive("PGrey", Disc("radius", "#7d6b5d", meaning="rabbit"), radius=Metres)
+PRed = Primitive("PRed", Disc("radius", "#d4622a", meaning="fox"), radius=Metres)
+PWhite = Primitive(
+    "PWhite", Disc("radius", "#fdf8ee", meaning="tail, or fear around a rabbit"), radius=Metres
+)
+PGreen = Primitive("PGreen", Disc("radius", "#4f8049", meaning="bush"), radius=Metres)
+PLight = Primitive("PLight", Disc("radius", "#6c9c5b", meaning="top of a bush"), radius=Metres)
+PYellow = Primitive("PYellow", Disc("radius", "#efc94c", meaning="flower"), radius=Metres)
 PEars = Primitive(
     "PEars", Line("xs", "ys", "#a39080", 0.1), xs=tuple[float, ...], ys=tuple[float, ...]
 )

@@ -35,7 +35,8 @@ class _Placed:
 class Drawing(PlaneGeometry):
     """Turns a string of L(E) into SVG elements.
 
-    `elements` are in metres from the frame's lower left corner, y up, in the order of the string;
+    `elements` are in metres from the frame's lower left corner, y up, in the order of the string
+    but matrices first, because what an agent knows of the ground must not cover another agent;
     `labels`, which lie on top of everything, are in pixels of the page, y down. `drawn` are the
     symbols of the primitives, for a legend.
     """
@@ -43,7 +44,8 @@ class Drawing(PlaneGeometry):
     def __init__(self, vocabulary: Vocabulary, page: Page, tracer: Tracer) -> None:
         super().__init__(vocabulary)
         self.pose = page.origin
-        self.elements: list[str] = []
+        self._ground: list[str] = []
+        self._things: list[str] = []
         self.drawn: set[str] = set()
         self._pins: list[_Placed] = []
         self._names: dict[str, _Placed] = {}
@@ -52,6 +54,11 @@ class Drawing(PlaneGeometry):
         self._tracer = tracer
         self._pixel = 1 / page.scale
         self._decimals = page.decimals
+
+    @property
+    def elements(self) -> list[str]:
+        """Matrices, then everything else except labels."""
+        return self._ground + self._things
 
     @property
     def labels(self) -> list[str]:
@@ -81,7 +88,7 @@ class Drawing(PlaneGeometry):
         # On the map of a city a robot would be smaller than a pixel and vanish.
         radius = max(resolve(disc.radius, figure.parameters), _MIN_RADIUS * self._pixel)
         outline = min(1.6 * self._pixel, radius / 3)
-        self.elements.append(
+        self._things.append(
             f'<circle cx="{self._m(at.x)}" cy="{self._m(at.y)}" r="{self._m(radius)}"'
             f' fill="{paint(disc.color)}" stroke="#1d232b" stroke-opacity=".55"'
             f' stroke-width="{self._m(outline)}"/>'
@@ -92,7 +99,7 @@ class Drawing(PlaneGeometry):
                 for distance, direction in HEADING_MARK
             )
             points = " ".join(f"{self._m(corner.x)},{self._m(corner.y)}" for corner in corners)
-            self.elements.append(f'<polygon points="{points}" fill="#fff" fill-opacity=".95"/>')
+            self._things.append(f'<polygon points="{points}" fill="#fff" fill-opacity=".95"/>')
             if name := text_parameter(self.vocabulary.primitives[figure.symbol]):
                 text, (x, y) = str(figure.parameters[name]), self._page.pixel(at.x, at.y)
                 away = y - radius * self._page.scale - 0.25 * self._page.font_size
@@ -108,7 +115,7 @@ class Drawing(PlaneGeometry):
         )
         width = max(line.width, 1.5 * self._pixel)
         dashes = f' stroke-dasharray="{self._m(2.5 * width)} {self._m(2.5 * width)}"'
-        self.elements.append(
+        self._things.append(
             f'<polyline points="{points}" fill="none" stroke="{paint(line.color)}"'
             f' stroke-width="{self._m(width)}" stroke-linejoin="round" stroke-linecap="round"'
             f"{dashes if line.dashed else ''}/>"
@@ -119,7 +126,7 @@ class Drawing(PlaneGeometry):
         corner = raster_corner(raster, parameters, self.pose)
         cell = resolve(raster.cell, parameters)
         paths = self._tracer.paths(parameters[raster.cells], raster.colors)
-        self.elements += [
+        self._ground += [
             # Without anti-aliasing, so that no seams appear between neighbouring rectangles.
             f'<g transform="translate({exact(corner.x)} {exact(corner.y)})'
             f' rotate({exact(corner.angle)}) scale({exact(cell)})"'

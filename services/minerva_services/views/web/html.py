@@ -35,11 +35,8 @@ def _dim(text: str) -> str:
 def head(status: WorldStatus, report: str = "") -> str:
     """Frame, simulated time, rate and state; below, the latest report of an agent."""
     wanted = f" of {status.rate:g}" if status.rate else ""
-    numbers = [
-        f"frame {status.frame}",
-        f"{status.time:.1f} s",
-        f"{status.hz:.1f}{wanted} frames/s",
-    ]
+    pace = f"{status.rate:g}" if status.paused else f"{status.hz:.1f}{wanted}"
+    numbers = [f"frame {status.frame}", f"{status.time:.1f} s", f"{pace} frames/s"]
     line = f"<div>{escape(_cut(report, 100))}</div>" if report else ""
     return _block(f"<b>{escape(_state(status))}</b> · {' · '.join(numbers)}{line}")
 
