@@ -92,7 +92,7 @@ class Collector:
         """Finish the rows of a frame whose events are missing in a record."""
         for plan, writer in self._tables:
             row = self._pending.pop(plan.name, None)
-            # A number of events would be wrong: nobody knows how many there were.
+            # A number of events would be wrong: how many there were is unknown.
             if row is not None and not any(entry.of_events for entry in plan.entries.values()):
                 writer.row(row)
 

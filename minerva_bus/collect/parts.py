@@ -59,7 +59,7 @@ class TableParts:
             self._begin()
 
     def _begin(self) -> None:
-        # The parts of an internal file belong to a run whose result nobody waits for.
+        # The parts of an internal file belong to a run without a user, such as one of a sweep.
         if is_forced() or self.path.suffix == ".columns":
             shutil.rmtree(self.folder, ignore_errors=True)
         check_no_parts(self.path)
@@ -128,7 +128,7 @@ def _parts(folder: Path, table: str, suffix: str) -> list[_Part]:
         words = path.stem.removeprefix(f"{table}-").split("-")
         if len(words) == 2 and words[0].isdecimal() and words[1].isdecimal():
             part = _Part(int(words[0]), int(words[1]), path)
-            # A process killed between writing a part anew and removing the old one leaves both.
+            # A process killed between writing a part again and removing the old one leaves both.
             if part.number not in latest or part.last > latest[part.number].last:
                 latest[part.number] = part
     return [latest[number] for number in sorted(latest)]

@@ -176,6 +176,19 @@ def _own_columns(symbol: str) -> dict[str, str]:
     return dict.fromkeys(_OWN[symbol[0]], "text") | {"frame": "int64"}
 
 
+def series_of(plan: TablePlan, vocabulary: Vocabulary) -> dict[str, str]:
+    """The columns of a table of frames that are series over time, with their units; no bins."""
+    series: dict[str, str] = {}
+    for name, entry in plan.entries.items():
+        if entry.function == "histogram":
+            continue
+        fields = fields_of(vocabulary, entry.symbol)
+        units = {field.name: field.type.unit for field in fields.all}
+        unit = "" if entry.function == "count" else units[entry.name]
+        series |= dict.fromkeys([column for column, _ in _columns(name, entry, fields)], unit)
+    return series
+
+
 _TYPES: Final = {"real": "float64", "int": "int64", "bool": "bool", "text": "text"}
 
 

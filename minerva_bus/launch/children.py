@@ -183,6 +183,7 @@ class _Reporter:
             stopping=lambda reason: send("stopping", reason=reason),
             restart=self._restart,
             opened=self._opened,
+            collected=None if self.collected is None else self.collected.history,
         )
 
     def _restart(self, member: str) -> str:

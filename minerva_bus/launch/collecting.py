@@ -74,6 +74,7 @@ class CollectSink(Sink):
         again: bool = False,
     ) -> None:
         from minerva_bus.collect.collector import Collector
+        from minerva_bus.collect.history import SeriesHistory
         from minerva_bus.collect.plans import plans_of
         from minerva_bus.collect.table import Gathered
 
@@ -83,11 +84,13 @@ class CollectSink(Sink):
         into, frame = collecting.into, algorithm.frame
         self._parts = _parts(Path(into), plans, frame, say, again=again) if into else None
 
+        self.history = SeriesHistory(plans, world.vocabulary)
+
         def open_table(plan: TablePlan) -> Writer:
             if self._parts is not None:
-                return self._parts.open(plan)
+                return self.history.watched(plan, self._parts.open(plan))
             gathered = self._gathered[plan.name] = Gathered(plan.name, plan.columns)
-            return gathered
+            return self.history.watched(plan, gathered)
 
         self._algorithm = algorithm
         self._saved_at = time.monotonic()

@@ -181,6 +181,7 @@ class InProcessRun:
             status,
             _no_rejections,
             _no_restart,
+            None if self.collected is None else self.collected.history,
         )
         for member in members:
             # A window in this process sends the same questions as one that is connected by the bus.

@@ -16,7 +16,9 @@ from minerva_bus.security.credentials import AGENT, GENERATOR, OPERATOR, VIEW, R
 from minerva_bus.wire.limits import DEFAULT, Limits
 from minerva_bus.wire.weighing import values_in
 
-READING: Final = frozenset({"status", "totals", "scene", "fragment", "vocabulary", "logs"})
+READING: Final = frozenset(
+    {"status", "totals", "series", "scene", "fragment", "vocabulary", "logs"}
+)
 """Questions that do not change the world."""
 
 FOR_ALL: Final = frozenset({"status"})

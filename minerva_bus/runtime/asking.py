@@ -14,9 +14,9 @@ from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.security.credentials import Credentials
 from minerva_bus.wire.keys import ANY_WORLD, asking_key, control_key
 from minerva_bus.wire.plain import as_list, as_map, as_text, pack, unpack
-from minerva_bus.wire.status import read_lines, read_status
+from minerva_bus.wire.status import read_lines, read_series, read_status
 from minerva_bus.wire.values import plain_event
-from minerva_bus.world.operator import LogLine, WorldStatus
+from minerva_bus.world.operator import CollectedSeries, LogLine, WorldStatus
 
 
 def question_key(world: str, own: Credentials | None) -> str:
@@ -97,3 +97,7 @@ class AskingOperator:
     def logs(self, since: int = 0, member: str = "") -> tuple[LogLine, ...]:
         """Lines that members printed, and warnings about them."""
         return read_lines(self._ask("logs", since=since, member=member).get("lines"))
+
+    def series(self) -> tuple[CollectedSeries, ...]:
+        """Collected series."""
+        return read_series(self._ask("series").get("series"))

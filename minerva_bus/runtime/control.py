@@ -2,6 +2,7 @@
 
     {"ask": "status", "since": 0}         → {"status": {...}}
     {"ask": "totals"}                     → {"totals": {...}}
+    {"ask": "series"}                     → {"series": [...]}
     {"ask": "vocabulary"}                 → {"vocabulary": ...}
     {"ask": "scene"}                      → {"scene": text of w, "frame": ...}
     {"ask": "fragment", "agent": id}      → {"fragment": text, "frame": ...}
@@ -21,7 +22,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, Final, TypeAlias
+from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
 from minerva_bus.errors import MinervaError, ProtocolError, SceneError
 from minerva_bus.frame import stimuli as s
@@ -40,10 +41,13 @@ from minerva_bus.runtime.runner import Runner
 from minerva_bus.runtime.schedule import FrameSchedule
 from minerva_bus.runtime.status import StatusMeter
 from minerva_bus.wire.plain import as_int, as_list, as_map, as_number, as_text
-from minerva_bus.wire.status import plain_lines, plain_status
+from minerva_bus.wire.status import plain_lines, plain_series, plain_status
 from minerva_bus.wire.values import Reader
 from minerva_bus.wire.vocabulary import plain_vocabulary
 from minerva_bus.world.operator import MemberStatus, WorldStatus
+
+if TYPE_CHECKING:
+    from minerva_bus.collect.history import SeriesHistory
 
 MAX_STEPS = 1_000_000_000
 MAX_RATE = 1_000_000.0
@@ -55,7 +59,8 @@ class Operated:
     """The parts of a running world that operators' commands use.
 
     `rejected` gives the number of rejections by sender; `restart` requests a restart of a
-    member and returns the reason if that is impossible, otherwise an empty string.
+    member and returns the reason if that is impossible, otherwise an empty string. `collected`
+    has the collected series, if any.
     """
 
     runner: Runner
@@ -65,6 +70,7 @@ class Operated:
     status: StatusMeter
     rejected: Callable[[], Mapping[str, int]]
     restart: Callable[[str], str]
+    collected: SeriesHistory | None = None
 
     @property
     def algorithm(self) -> FrameAlgorithm:
@@ -128,6 +134,7 @@ def status_of(running: Operated, since: int = 0) -> WorldStatus:
         refused=running.rejected(),
         late_frames=running.schedule.overruns.count,
         behind=running.schedule.overruns.behind,
+        series=0 if running.collected is None else len(running.collected),
     )
 
 
@@ -157,6 +164,11 @@ def _member(member: MemberEntry, wait: float) -> MemberStatus:
 
 def _totals(running: Operated, _: Mapping[str, Any]) -> dict[str, Any]:
     return {"totals": running.meter.counted().plain()}
+
+
+def _series(running: Operated, _: Mapping[str, Any]) -> dict[str, Any]:
+    collected = running.collected
+    return {"series": [] if collected is None else plain_series(collected.series())}
 
 
 def _scene(running: Operated, _: Mapping[str, Any]) -> dict[str, Any]:
@@ -323,6 +335,7 @@ def _stop(running: Operated, _: Mapping[str, Any]) -> dict[str, Any]:
 COMMANDS: Final[Mapping[str, Command]] = {
     "status": _status,
     "totals": _totals,
+    "series": _series,
     "scene": _scene,
     "fragment": _fragment,
     "vocabulary": _vocabulary,

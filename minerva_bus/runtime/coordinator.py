@@ -115,6 +115,7 @@ class Coordinator(Sink):
             self.status,
             self.admission.rules.counts,
             watchers.restart,
+            watchers.collected,
         )
         self._answers = Answers(
             operated, self.admission, limits, watchers.operated, system, commands

@@ -5,12 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import zenoh
 
 from minerva_bus.frame import stimuli as s
 from minerva_bus.runtime.status import Status
+
+if TYPE_CHECKING:
+    from minerva_bus.collect.history import SeriesHistory
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,3 +60,5 @@ class Watchers:
     restart: Callable[[str], str] = field(default=lambda _: "no launcher restarts its processes")
     opened: Callable[[zenoh.Session], list[Any]] = field(default=lambda _: list[Any]())
     """Returns further declarations on the hub's session."""
+    collected: SeriesHistory | None = None
+    """Collected series, for dashboards."""

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, fields
+from math import isfinite, nan
 from typing import Any, get_type_hints
 
 from minerva_bus.errors import ProtocolError
@@ -17,7 +18,13 @@ from minerva_bus.wire.plain import (
     as_text,
     as_texts,
 )
-from minerva_bus.world.operator import LogEntry, LogLine, MemberStatus, WorldStatus
+from minerva_bus.world.operator import (
+    CollectedSeries,
+    LogEntry,
+    LogLine,
+    MemberStatus,
+    WorldStatus,
+)
 
 
 def _from_minus_one(plain: Any, what: str) -> int:
@@ -52,6 +59,36 @@ def read_status(plain: Any) -> WorldStatus:
 def read_lines(plain: Any) -> tuple[LogLine, ...]:
     """Log lines from plain data. Raises ProtocolError."""
     return tuple([_read(LogLine, item) for item in as_list(plain, "lines")])
+
+
+def plain_series(series: Sequence[CollectedSeries]) -> list[dict[str, Any]]:
+    """Collected series as plain data; nil stands for NaN."""
+    return [
+        {
+            "name": each.name,
+            "unit": each.unit,
+            "frames": list(each.frames),
+            "values": [value if isfinite(value) else None for value in each.values],
+        }
+        for each in series
+    ]
+
+
+def read_series(plain: Any) -> tuple[CollectedSeries, ...]:
+    """Collected series from plain data. Raises ProtocolError."""
+    return tuple([_series(as_map(item, "a series")) for item in as_list(plain, "series")])
+
+
+def _series(given: Mapping[str, Any]) -> CollectedSeries:
+    frames = [as_int(frame, "a frame") for frame in as_list(given.get("frames", []), "frames")]
+    values = [
+        nan if value is None else as_number(value, "a value")
+        for value in as_list(given.get("values", []), "values")
+    ]
+    if len(frames) != len(values):
+        raise ProtocolError(f"a series has {len(frames)} frames and {len(values)} values")
+    name, unit = as_text(given.get("name"), "the name"), as_text(given.get("unit", ""), "the unit")
+    return CollectedSeries(name, unit, tuple(frames), tuple(values))
 
 
 def _read(kind: type[Any], plain: Any, **read: Any) -> Any:

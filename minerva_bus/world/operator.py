@@ -75,6 +75,19 @@ class LogLine:
 
 
 @dataclass(frozen=True, slots=True)
+class CollectedSeries:
+    """Values that a running world collects: `values` in some of its `frames`, the last included.
+
+    A value is NaN where nothing counted.
+    """
+
+    name: str
+    unit: str = ""
+    frames: tuple[int, ...] = ()
+    values: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
 class WorldStatus:
     """The state of a running world.
 
@@ -84,7 +97,7 @@ class WorldStatus:
     `bytes_out` its bytes; each is a mean over the last frames. `waiting` are the members for which
     the frame has waited `waited` seconds. `refused` counts rejected messages by class of sender:
     members, people, strangers. `late_frames` have taken longer than real time, by `behind` seconds
-    in all.
+    in all. `series` is the number of collected series that can be shown.
     """
 
     world: str
@@ -107,6 +120,7 @@ class WorldStatus:
     refused: Mapping[str, int] = field(default_factory=dict[str, int])
     late_frames: int = 0
     behind: float = 0.0
+    series: int = 0
 
     @property
     def orders(self) -> tuple[str, ...]:
@@ -163,6 +177,10 @@ class Operator(Protocol):
 
     def logs(self, since: int = 0, member: str = "") -> Sequence[LogLine]:
         """Log lines after the number `since`, of one member or of all."""
+        ...
+
+    def series(self) -> Sequence[CollectedSeries]:
+        """The collected series; worlds with none may not know the question."""
         ...
 
 

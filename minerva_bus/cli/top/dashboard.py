@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, ClassVar, Final, cast
 
 from rich.text import Text
@@ -14,8 +14,9 @@ from textual.containers import Horizontal, Vertical
 from textual.widgets import DataTable, Footer, RichLog, Sparkline, Static
 
 from minerva_bus.cli.top import texts
+from minerva_bus.cli.top.charts import SeriesCharts
 from minerva_bus.errors import MinervaError
-from minerva_bus.world.operator import LogEntry, LogLine, Operator, WorldStatus
+from minerva_bus.world.operator import CollectedSeries, LogEntry, LogLine, Operator, WorldStatus
 
 REFRESH_SECONDS: Final = 0.25
 HISTORY: Final = 120
@@ -82,6 +83,7 @@ class Dashboard(App[None]):
             with Vertical(id="speed", classes="panel"):
                 yield Static(id="rate")
                 yield Sparkline([], summary_function=max)
+        yield SeriesCharts(id="series")
         yield RichLog(id="log", classes="panel", max_lines=2000)
         yield Footer()
 
@@ -110,17 +112,23 @@ class Dashboard(App[None]):
         try:
             status = self._operator.status(self._event_number)
             lines = self._operator.logs(self._line_number)
+            series = self._operator.series() if status.series else ()
         except MinervaError as error:
             # Widgets may be used in the thread of the application only.
             self.call_from_thread(self._show_trouble, str(error))
             return
-        self.call_from_thread(self._show, status, lines)
+        self.call_from_thread(self._show, status, lines, series)
 
     def _is_gone(self) -> bool:
         """Whether the widgets are gone: an answer may arrive while the dashboard ends."""
         return not self.query("#trouble")
 
-    def _show(self, status: WorldStatus, lines: tuple[LogLine, ...]) -> None:
+    def _show(
+        self,
+        status: WorldStatus,
+        lines: Sequence[LogLine],
+        series: Sequence[CollectedSeries] = (),
+    ) -> None:
         if self._is_gone():
             return
         self._status, self._answered = status, time.monotonic()
@@ -130,6 +138,7 @@ class Dashboard(App[None]):
         self._static("events").update(texts.events(status.events))
         self._show_members(status)
         self._show_speed(status)
+        self.query_one(SeriesCharts).show(series)
         self._show_log(status.happenings, lines)
 
     def _show_trouble(self, problem: str) -> None:
@@ -155,12 +164,12 @@ class Dashboard(App[None]):
 
     def _show_speed(self, status: WorldStatus) -> None:
         self._speeds = [*self._speeds, status.hz][-HISTORY:]
-        self.query_one(Sparkline).data = self._speeds
+        self.query_one("#speed Sparkline", Sparkline).data = self._speeds
         wanted = f"{status.rate:g} requested" if status.rate else "no limit"
         shown = Text.assemble((f"{status.hz:,.1f}", "bold"), f"   {wanted}")
         self._static("rate").update(shown)
 
-    def _show_log(self, entries: tuple[LogEntry, ...], lines: tuple[LogLine, ...]) -> None:
+    def _show_log(self, entries: tuple[LogEntry, ...], lines: Sequence[LogLine]) -> None:
         log = self.query_one(RichLog)
         for line in lines:
             clock = time.strftime("%H:%M:%S", time.localtime(line.time))

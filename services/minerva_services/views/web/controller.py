@@ -180,6 +180,8 @@ class PageController:
         if self._panel is not None:
             self._panel.show_status(status, self._reports.text, rate=not self._queue.recent)
             self._panel.show_events(self._feed)
+            if status.series:
+                self._panel.show_series(self._operator.series())
         self._select_the_only_one()
         self._offer()
 

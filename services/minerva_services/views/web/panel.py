@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import chain
 from typing import Any, Protocol
 
@@ -12,10 +12,11 @@ from viser import ClientHandle, GuiDropdownHandle, GuiEvent, ViserServer
 from minerva_bus.grammar.scene import AgentNode
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.semantics.legend import Legend
-from minerva_bus.world.operator import LogEntry, WorldStatus
+from minerva_bus.world.operator import CollectedSeries, LogEntry, WorldStatus
 from minerva_services.views.web import html
 from minerva_services.views.web.forms import Form, by_person
 from minerva_services.views.web.orders import can_be_asked
+from minerva_services.views.web.series import ChartFolder
 
 NOTABLE: str = "rare events"
 ALL: str = "all"
@@ -98,6 +99,8 @@ class Panel:
             self._legend = gui.add_html(html.legend(()))
         self._add_agent()
         self._orders = gui.add_folder("Orders", visible=False)
+        # Above the events, of which there may be many.
+        self._series = ChartFolder(gui)
         with gui.add_folder("Events"):
             self._filter: GuiDropdownHandle[str] = gui.add_dropdown("show", (NOTABLE,))
             self._events = gui.add_html("")
@@ -133,6 +136,10 @@ class Panel:
         if feed.choices != self._filter.options:
             self._filter.options = feed.choices
         self._events.content = html.events(feed.chosen(self.filter, _MAX_SHOWN))
+
+    def show_series(self, series: Sequence[CollectedSeries]) -> None:
+        """Show the collected series."""
+        self._series.show(series)
 
     def show_agent(self, agent: AgentNode | None) -> None:
         """Show an agent's state."""
