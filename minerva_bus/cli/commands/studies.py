@@ -41,6 +41,7 @@ class StudyOptions:
 @examples(
     "minerva evolve forager.toml --fitness forager:berries --generations 20",
     "minerva evolve forager.toml --fitness forager:berries --mutable AEgg.speed=0:0.4",
+    "minerva evolve forager.toml --fitness forager:berries --dask cluster:8786",
 )
 @grouped
 def evolve(
