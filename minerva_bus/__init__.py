@@ -15,7 +15,8 @@ if TYPE_CHECKING:
     from minerva_bus.api.graphs import Graph, graph
     from minerva_bus.api.live import Live, connect
     from minerva_bus.api.records import check, diff, record, replay, resume
-    from minerva_bus.api.running import Run, run
+    from minerva_bus.api.run_result import Interrupted, Run
+    from minerva_bus.api.running import run
     from minerva_bus.api.studies import sweep
     from minerva_bus.api.world import World, each, service
     from minerva_bus.errors import MinervaError
@@ -55,7 +56,8 @@ _HOMES = {
     "api.graphs": "Graph graph",
     "api.live": "Live connect",
     "api.records": "check diff record replay resume",
-    "api.running": "Run run",
+    "api.run_result": "Interrupted Run",
+    "api.running": "run",
     "api.studies": "sweep",
     "api.world": "World each service",
     "errors": "MinervaError",
@@ -126,6 +128,7 @@ __all__ = [
     "Geometry",
     "Graph",
     "Ids",
+    "Interrupted",
     "Label",
     "Line",
     "Live",

@@ -13,7 +13,8 @@ from sphinx.application import Sphinx
 import minerva_bus
 
 INTERNAL = {
-    "Agent": "activities, batches, counted, freeze, kind, population, population_views, thaw, views",
+    "Agent": "activities, batches, counted, freeze, kind, population, population_views, thaw,"
+    " views",
     "Context": "batch, shared_streams, answers, emitted, streams, row",
     "Events": "columns, concatenated, distinct, repeated",
     "Ids": "consecutive, differs, in_common, known, put, row_of, rows_of, since, sound_like,"

@@ -11,12 +11,12 @@ from types import TracebackType
 from typing import Self, TypeVar
 
 from minerva_bus.api.live import Live
+from minerva_bus.api.pictures import Still
+from minerva_bus.api.world_views import PICTURE, WIDTH, Visual
 from minerva_bus.collect.table import DataTable
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.batch import AnyEvent
-from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.scene import Scene
-from minerva_bus.grammar.symbols import EventType
 
 _T = TypeVar("_T")
 
@@ -70,9 +70,13 @@ class AsyncLive:
         """Send an event; see `Live.publish`."""
         await self._call(partial(self._world.publish, event))
 
-    async def view(self, event: Event | EventType | str) -> Scene:
+    async def view(self, event: Visual) -> Scene:
         """The view π of the string; see `Live.view`."""
         return await self._call(partial(self._world.view, event))
+
+    async def picture(self, event: Visual = PICTURE, width: int = WIDTH) -> Still:
+        """A picture of the string; see `Live.picture`."""
+        return await self._call(partial(self._world.picture, event, width))
 
     async def table(self, name: str = "") -> DataTable:
         """The data collected so far; see `Live.table`."""

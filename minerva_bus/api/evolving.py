@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from minerva_bus.api.running import request_of
+from minerva_bus.api.requests import request_of
 from minerva_bus.api.studies import sent_world
 from minerva_bus.api.world import World, world_of
 from minerva_bus.collect.table import ARRAY_TYPES, DataTable

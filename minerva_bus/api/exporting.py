@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
 
-from minerva_bus.api.running import pick_table
+from minerva_bus.api.run_result import pick_table
 from minerva_bus.collect.collector import Collector
 from minerva_bus.collect.drafts import TableFiles
 from minerva_bus.collect.plans import TablePlan, plans_of, read_entries, whole_plans

@@ -4,30 +4,41 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable
+from threading import RLock
 from types import TracebackType
 from typing import Any, Protocol, Self
 
 from minerva_bus.api.on_bus import connect_on_bus, start_on_bus
-from minerva_bus.api.running import pick_table, request_of
+from minerva_bus.api.pictures import Still
+from minerva_bus.api.requests import request_of
+from minerva_bus.api.run_result import SHOWN_DIGITS, pick_table
+from minerva_bus.api.widget import LiveDisplay, in_notebook
 from minerva_bus.api.world import World
+from minerva_bus.api.world_views import (
+    PICTURE,
+    WIDTH,
+    Visual,
+    WorldViews,
+    figure,
+    unpictured,
+)
 from minerva_bus.collect.table import DataTable
-from minerva_bus.errors import MisuseError, nearest
+from minerva_bus.errors import MinervaError, MisuseError
+from minerva_bus.frame.description import World as Description
 from minerva_bus.grammar.batch import AnyEvent
-from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.scene import Scene
-from minerva_bus.grammar.symbols import EventType
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.launch.console import Console
 from minerva_bus.launch.in_process import InProcessRun, never
 from minerva_bus.runtime.asking import AskingOperator
 from minerva_bus.world.agent import Agent
 from minerva_bus.world.operator import WorldStatus
-from minerva_bus.world.views import visualize
 
 
 class _Backend(Protocol):
     """Where a live world runs."""
 
+    name: str
     vocabulary: Vocabulary
     operator: AskingOperator
 
@@ -52,7 +63,10 @@ class Live:
 
     def __init__(self, backend: _Backend, agents: Iterable[type[Agent]]) -> None:
         self._backend = backend
-        self._agents = tuple(agents)
+        self.views = WorldViews(backend.name, backend.vocabulary, agents)
+        self._display: LiveDisplay | None = None
+        # A notebook may handle a click in another thread than that of its cells.
+        self._stepping = RLock()
 
     def __enter__(self) -> Self:
         return self
@@ -79,8 +93,27 @@ class Live:
         """
         if frames < 1:
             raise MisuseError(f"step({frames}): expected at least 1 frame")
-        self._backend.step(frames, stop)
-        return self.frame
+        with self._stepping:
+            if self._display is None:
+                self._backend.step(frames, stop)
+            else:
+                self._step_shown(frames, stop, self._display)
+            return self.frame
+
+    def _step_shown(self, frames: int, stop: Callable[[], bool], display: LiveDisplay) -> None:
+        """Run frames in portions that last about as long as a picture is shown."""
+        portion = 1
+        try:
+            while frames > 0 and not stop() and not self.ended:
+                self._backend.step(min(portion, frames), stop)
+                frames -= portion
+                if display.due():
+                    display.refresh()
+                    portion = max(1, portion // 2)
+                else:
+                    portion *= 2
+        finally:
+            display.refresh()
 
     @property
     def frame(self) -> int:
@@ -119,7 +152,7 @@ class Live:
         """
         self._backend.operator.order(event)
 
-    def view(self, event: Event | EventType | str) -> Scene:
+    def view(self, event: Visual) -> Scene:
         """The view π of the string for a visual event.
 
         Args:
@@ -128,23 +161,14 @@ class Live:
         Raises MisuseError if the type is not visual, or if the agents' classes are unknown here.
 
         """
-        if not isinstance(event, Event):
-            name = event if isinstance(event, str) else event.name
-            events = self._backend.vocabulary.events
-            if name not in events:
-                raise MisuseError(f"the world has no event type {name}{nearest(name, [*events])}")
-            event = events[name]()
-        assert isinstance(event, Event)
-        if not self._backend.vocabulary.events[event.type].visual:
-            raise MisuseError(f"{event.type} is not visual: no agent has a view for it")
-        # Views are code, and a remote world sends its vocabulary only.
-        known = {cls.kind.name for cls in self._agents}
-        for kind in self._backend.vocabulary.kinds.values():
-            if event.type in kind.views and kind.name not in known:
-                raise MisuseError(
-                    f"the class of {kind.name} is not known here: connect(..., agents=[...])"
-                )
-        return visualize(self.scene, [event], self._agents, self.frame)
+        return self.views.view(self.scene, event, self.frame)
+
+    def picture(self, event: Visual = PICTURE, width: int = WIDTH) -> Still:
+        """A picture of the string, `width` pixels wide, drawn by the view `svg`.
+
+        Raises MisuseError as `view` does, and if no primitive has a form.
+        """
+        return self.views.picture(self.scene, self.frame, event, width)
 
     def table(self, name: str = "") -> DataTable:
         """The data collected so far, as for `Run.table`; of a world in this process only."""
@@ -153,13 +177,43 @@ class Live:
     def close(self) -> None:
         """End the world, or disconnect from one that runs elsewhere."""
         self._backend.close()
+        if self._display is not None:
+            self._display.refresh()
+
+    def __repr__(self) -> str:
+        return f"<Live {'; '.join(self._facts())}>"
+
+    def _facts(self) -> list[str]:
+        try:
+            state = [f"frame {self.frame:,}", f"digest {self.digest[:SHOWN_DIGITS]}…"]
+        except MinervaError:
+            state = []
+        return [self.views.name, *state, *(["the world has ended"] if self.ended else [])]
+
+    def _repr_mimebundle_(self, **_: Any) -> dict[str, Any]:
+        """What a notebook displays: buttons and a picture that follows the frames."""
+        if not in_notebook():
+            return {"text/plain": repr(self)}
+        facts, controls = self._facts(), dict[str, Any]()
+        try:
+            shown = self.picture().image
+        except MinervaError as error:
+            shown = unpictured(error)
+        else:
+            try:
+                display = self._display = self._display or LiveDisplay(self)
+                controls = display.mimebundle()
+            except MisuseError as error:
+                facts.append(f"buttons: {error}")
+        # The picture is for exported notebooks, which have no kernel.
+        return {**controls, "text/plain": repr(self), "text/html": figure(shown, facts)}
 
 
 class _Here:
     """A world in this process."""
 
-    def __init__(self, run: InProcessRun, vocabulary: Vocabulary) -> None:
-        self.vocabulary = vocabulary
+    def __init__(self, run: InProcessRun, world: Description) -> None:
+        self.name, self.vocabulary = world.name, world.vocabulary
         self.operator = AskingOperator(run.ask)
         self._run = run
 
@@ -211,7 +265,7 @@ def start(world: World, *, bus: bool = False, **settings: Any) -> Live:
         except BaseException:
             here.close()
             raise
-        return Live(_Here(here, request.file.world.vocabulary), world.agents)
+        return Live(_Here(here, request.file.world), world.agents)
     return Live(start_on_bus(request), world.agents)
 
 

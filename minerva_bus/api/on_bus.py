@@ -10,7 +10,7 @@ from typing import Final, TypeVar
 from weakref import ref
 
 from minerva_bus.api.processes import END_SECONDS, Launched
-from minerva_bus.api.running import Request
+from minerva_bus.api.requests import Request
 from minerva_bus.collect.table import DataTable
 from minerva_bus.errors import BusError, MisuseError, WorldStopped
 from minerva_bus.grammar.scene import Scene
@@ -35,7 +35,7 @@ class OnBus:
     """
 
     def __init__(self, client: Client, stack: ExitStack, launched: Launched | None = None) -> None:
-        self.vocabulary = client.vocabulary()
+        self.name, self.vocabulary = client.world, client.vocabulary()
         self.operator = client.operator
         self._client = client
         self._launched = launched
@@ -56,7 +56,7 @@ class OnBus:
             scene = self.vocabulary.read(result["scene"], "the last string")
             self._last, self._complete = (int(result["summary"]["frames"]), scene), True
         if self._last is None:
-            raise BusError(f"the world {self._client.world!r} has ended")
+            raise BusError(f"the world {self.name!r} has ended")
         return self._last
 
     @property

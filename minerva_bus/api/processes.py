@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any, Final, Self
 from minerva_bus.errors import MinervaError, WorldStopped
 
 if TYPE_CHECKING:
-    from minerva_bus.api.running import Request
+    from minerva_bus.api.requests import Request
 
 POLL_SECONDS: Final = 0.02
 END_SECONDS: Final = 15.0

@@ -8,7 +8,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from minerva_bus.api.running import Run, run_file
+from minerva_bus.api.run_result import Run
+from minerva_bus.api.running import run_file
 from minerva_bus.api.world import World
 from minerva_bus.errors import WorldFileError
 from minerva_bus.grammar.parser import parse

@@ -7,20 +7,21 @@ import time
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from contextlib import ExitStack
-from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from minerva_bus.api.processes import Launched
-from minerva_bus.api.world import World, own_options, world_of
-from minerva_bus.collect.plans import plans_of, read_entries
+from minerva_bus.api.requests import Request, request_of
+from minerva_bus.api.run_result import Interrupted, Run
+from minerva_bus.api.world import World, world_of
+from minerva_bus.api.world_views import views_of
+from minerva_bus.collect.plans import plans_of
 from minerva_bus.collect.table import DataTable
-from minerva_bus.collect.writers import check_ending, path_of, read_columns
-from minerva_bus.errors import MisuseError, WorldStopped, nearest
+from minerva_bus.collect.writers import path_of, read_columns
+from minerva_bus.errors import MinervaError, MisuseError, WorldStopped
 from minerva_bus.frame import stimuli as s
 from minerva_bus.grammar.batch import AnyEvent, Events
 from minerva_bus.grammar.scene import Scene
-from minerva_bus.launch.collecting import Collecting
 from minerva_bus.launch.console import Console
 from minerva_bus.launch.in_process import InProcessRun
 from minerva_bus.launch.temporary_folder import temporary_folder
@@ -28,74 +29,6 @@ from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.runtime.runner import Notice
 from minerva_bus.settings.overrides import Overrides
 from minerva_bus.world.expressions import Expression
-
-FRAMES = "frames"
-
-
-@dataclass(frozen=True)
-class Run:
-    """A run that has ended.
-
-    Attributes:
-        scene: the last string.
-        frames: the number of frames; `digest` is that of the string after them, in hexadecimal.
-        events: the number of events, by type.
-        ended: why it ended; `reached`: whether every agent has sent the event `until`.
-        figures: metrics that its members reported, by name.
-        seconds: from the end of the first frame to the end of the last one, wall time.
-        tables: collected data, by the names of tables; see `table`.
-
-    """
-
-    scene: Scene
-    frames: int
-    digest: str
-    events: Mapping[str, int]
-    ended: str = ""
-    reached: bool = False
-    figures: Mapping[str, Any] = field(default_factory=dict[str, Any])
-    seconds: float = 0.0
-    tables: Mapping[str, DataTable] = field(default_factory=dict[str, DataTable], repr=False)
-    into: str = ""
-
-    def table(self, name: str = "") -> DataTable:
-        """A table of collected data.
-
-        Args:
-            name: of the table (`frames`, an agent kind, an event type) or of an entry of `collect`;
-                "": that with a row for each frame, or the only one.
-
-        Raises MisuseError if nothing was collected, or if no table has this name.
-
-        Example:
-            `run.table().to_pandas()`, `run.table("APerson")["x"]`
-
-        """
-        return pick_table(self.tables, name, self.into)
-
-
-def pick_table(tables: Mapping[str, DataTable], name: str, into: str = "") -> DataTable:
-    """One of some tables; see `Run.table`."""
-    if not tables:
-        raise MisuseError(
-            f"the collected data are in the file {into}"
-            if into
-            else 'nothing was collected: run(world, collect={"people": count(Person)})'
-        )
-    if not name and (FRAMES in tables or len(tables) == 1):
-        return tables[FRAMES if FRAMES in tables else next(iter(tables))]
-    if name in tables:
-        return tables[name]
-    # An entry of `collect` is a column of some table.
-    for table in tables.values():
-        if name in table.columns and name not in ("frame", "time", "id"):
-            return table
-    names = ", ".join(tables)
-    raise MisuseError(
-        f"there is no table {name!r}{nearest(name, [*tables])}; there are {names}"
-        if name
-        else f"which table: {names}"
-    )
 
 
 def run(
@@ -111,6 +44,7 @@ def run(
     until: str | None = None,
     rate: float = 0.0,
     quiet: bool = True,
+    film: int = 0,
     **options: Any,
 ) -> Run:
     """Run a world to its end.
@@ -130,6 +64,7 @@ def run(
         until: the event type that ends the world, see docs/worlds.md.
         rate: frames per second; 0: as fast as possible.
         quiet: show errors only; otherwise log lines go to standard error.
+        film: keep the strings of every `film`-th frame for `Run.film`; 0: none.
         options: the world's own options.
 
     Returns:
@@ -138,13 +73,15 @@ def run(
     Raises:
         WorldStopped: code of the world failed.
         MisuseError, WorldFileError, SceneError: the world or the arguments are wrong.
-        KeyboardInterrupt: after Ctrl-C, when the world has ended.
+        Interrupted: a KeyboardInterrupt with the run so far, after Ctrl-C.
 
     Example:
         >>> done = run(world, frames=300, collect={"sick": count(Person, "days > 0")})
         >>> done.table().to_pandas().plot(x="time", y="sick")
 
     """
+    if film < 0:
+        raise MisuseError(f"film is {film}; expected a number of frames from 0")
     request = request_of(
         world_of(world, {}),
         options,
@@ -162,51 +99,8 @@ def run(
         raise MisuseError(f"{request.world.name} has no end: run(world, frames=300); 0: no limit")
     console = Console(quiet=quiet, world=request.file.world.name)
     if bus or processes is not None:
-        return _run_on_bus(request, console)
-    return run_file(request.file, time.monotonic(), console)
-
-
-@dataclass(frozen=True, slots=True)
-class Request:
-    """A world with the settings of one run."""
-
-    world: World
-    overrides: Overrides
-    file: WorldFile
-
-
-def request_of(
-    world: World,
-    options: Mapping[str, Any],
-    *,
-    collect: Any = None,
-    into: str | Path = "",
-    processes: int | None = None,
-    record: str | Path = "",
-    **values: Any,
-) -> Request:
-    """The settings of one run, checked. Raises MinervaError."""
-    # Settings name a table of the world file, which may stand for several processes.
-    hosts = [process.table for process in world.read().processes if process.agents]
-    if processes is not None and processes < 1:
-        raise MisuseError(f"processes is {processes}; expected at least 1")
-    settings = () if processes is None else tuple(f"{name}.processes={processes}" for name in hosts)
-    overrides = Overrides(
-        own_options(world, options),
-        tuple(dict.fromkeys(settings)),
-        record=str(record) if record else None,
-        collect=str(into) if into and collect is None else None,
-        **values,
-    )
-    file = world.read(overrides)
-    if collect is not None:
-        entries = read_entries(collect)
-        if into:
-            check_ending(Path(into))
-        file = replace(file, collect=Collecting(entries, str(into)))
-        # The plans are made for their checks: errors appear here, before any process starts.
-        plans_of(entries, file.world.vocabulary)
-    return Request(world, overrides, file)
+        return _run_on_bus(request, console, film)
+    return run_file(request.file, time.monotonic(), console, film)
 
 
 class EventCounts:
@@ -229,23 +123,52 @@ class EventCounts:
         return dict(sorted(self.counts.items()))
 
 
-def run_file(file: WorldFile, began: float, console: Console | None = None) -> Run:
-    """Run a world in this process. Raises WorldStopped and KeyboardInterrupt.
+class FilmStrings:
+    """The strings of every `every`-th frame and of the last one; 0: none."""
 
-    `began` is the start time of the program on the monotonic clock, seconds.
+    def __init__(self, every: int) -> None:
+        self._every = every
+        self._kept: list[tuple[int, Scene]] = []
+        self._last: tuple[tuple[int, Scene], ...] = ()
+
+    def add(self, frame: int, scene: Scene) -> None:
+        """Add the string with which a frame begins; in order."""
+        if not self._every:
+            return
+        if frame % self._every:
+            self._last = ((frame, scene),)
+        else:
+            self._kept.append((frame, scene))
+            self._last = ()
+
+    @property
+    def kept(self) -> tuple[tuple[int, Scene], ...]:
+        """Numbers of frames, and their strings."""
+        return (*self._kept, *self._last)
+
+
+def run_file(file: WorldFile, began: float, console: Console | None = None, film: int = 0) -> Run:
+    """Run a world in this process. Raises WorldStopped and Interrupted.
+
+    `began` is the start time of the program on the monotonic clock, seconds; `film` is as for
+    `run`.
     """
-    counts = EventCounts()
-    here = InProcessRun(file, console or Console(quiet=True), began, counts)
+    counts, strings = EventCounts(), FilmStrings(film)
+
+    def keep(notice: Notice) -> None:
+        if isinstance(notice, s.FrameDone):
+            strings.add(here.algorithm.frame, here.algorithm.scene)
+
+    here = InProcessRun(file, console or Console(quiet=True), began, counts, keep)
+    strings.add(here.algorithm.frame, here.algorithm.scene)
     summary = here.run()
-    # As an exception, so that a loop around `run` stops as well.
-    if summary.ended == "interrupted":
-        raise KeyboardInterrupt
     if here.algorithm.failed:
         raise WorldStopped(summary.ended)
-    return Run(
+    done = Run(
         here.algorithm.scene,
         summary.frames,
         summary.digest,
+        views_of(file),
         counts.sorted(),
         summary.ended,
         summary.reached,
@@ -253,39 +176,75 @@ def run_file(file: WorldFile, began: float, console: Console | None = None) -> R
         summary.wall_seconds,
         {} if here.collected is None else here.collected.tables,
         file.collect.into,
+        strings.kept,
     )
+    # As an exception, so that a loop around `run` stops as well.
+    if summary.ended == "interrupted":
+        raise Interrupted(done)
+    return done
 
 
-def _run_on_bus(request: Request, console: Console) -> Run:
+def _run_on_bus(request: Request, console: Console, film: int) -> Run:
+    file = request.file
     with ExitStack() as stack:
         folder = stack.enter_context(temporary_folder("run"))
-        collecting, entries = request.file.collect, request.file.collect.entries
+        record = Path(file.record.path or folder / "film.mcap")
+        if film and not file.record.path:
+            overrides = Overrides(record=str(record)).over(request.overrides)
+            request = Request(request.world, overrides, file)
+        collecting, entries = file.collect, file.collect.entries
         # The coordinator collects, in another process, and passes its tables on in this file.
         spool = str(folder / "collected.columns") if entries and not collecting.into else ""
-        launched = stack.enter_context(
-            Launched(request, folder, into=collecting.into or spool, quiet=console.quiet)
-        )
-        result = launched.result()
-        tables = read_spool(Path(spool), entries, request.file) if spool else {}
-    if result["summary"]["ended"] in ("interrupted", "terminated"):
-        raise KeyboardInterrupt
-    if result["failure"]:
-        raise WorldStopped(result["failure"])
+        launched = Launched(request, folder, into=collecting.into or spool, quiet=console.quiet)
+        result = _result(launched)
+        tables = read_spool(Path(spool), entries, file) if spool else {}
+        strings = _recorded_strings(record, film) if film else ()
     summary = result["summary"]
-    return Run(
-        request.file.world.vocabulary.read(
-            result["scene"], f"{request.world.name}: the last string"
-        ),
+    interrupted = summary["ended"] in ("interrupted", "terminated")
+    if result["failure"] and not interrupted:
+        raise WorldStopped(result["failure"])
+    done = Run(
+        file.world.vocabulary.read(result["scene"], f"{request.world.name}: the last string"),
         summary["frames"],
         summary["digest"],
+        views_of(file),
         result["events"],
-        summary["ended"],
+        # This process ends the others by a signal.
+        "interrupted" if interrupted else summary["ended"],
         summary["reached"],
         result["figures"],
         summary["wall_seconds"],
         tables,
         collecting.into,
+        strings,
     )
+    if interrupted:
+        raise Interrupted(done)
+    return done
+
+
+def _result(launched: Launched) -> Mapping[str, Any]:
+    """The result of a launcher, also after Ctrl-C, which ends its world."""
+    try:
+        with launched:
+            return launched.result()
+    except KeyboardInterrupt as interrupt:
+        try:
+            return launched.result()
+        except MinervaError:
+            # After a second Ctrl-C there is none.
+            raise interrupt from None
+
+
+def _recorded_strings(path: Path, film: int) -> tuple[tuple[int, Scene], ...]:
+    from minerva_bus.log.reader import Record
+
+    strings = FilmStrings(film)
+    with Record(path) as record:
+        strings.add(record.initial.number, record.initial.scene)
+        for frame, scene in record.strings():
+            strings.add(frame.number + 1, scene)
+    return strings.kept
 
 
 def read_spool(

@@ -12,7 +12,8 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from minerva_bus.api.running import pick_table, request_of
+from minerva_bus.api.requests import request_of
+from minerva_bus.api.run_result import pick_table
 from minerva_bus.api.world import World, world_of
 from minerva_bus.collect.plans import plans_of, read_entries
 from minerva_bus.collect.table import ARRAY_TYPES, DataTable, Gathered

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 from collections.abc import Iterator, Mapping
 from importlib import import_module
 from itertools import islice
@@ -15,7 +16,7 @@ from minerva_bus.collect import arrow
 from minerva_bus.collect.rows import DTYPES, Data
 from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.grammar.ids import Ids
-from minerva_bus.wording import install
+from minerva_bus.wording import counted, install
 
 ARRAY_TYPES: Final = {
     "float64": DTYPES["real"], "int64": DTYPES["int"], "bool": DTYPES["bool"],
@@ -71,12 +72,28 @@ class DataTable:
         return zip(*[column.tolist() for column in self._columns.values()], strict=True)
 
     def __repr__(self) -> str:
-        lines = [self.columns, *islice(self.rows(), SHOWN_ROWS)]
-        cells = [[_shown(value) for value in line] for line in lines]
-        widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
-        shown = ["  ".join(map(str.rjust, line, widths)) for line in cells]
+        lines = self._lines()
+        widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+        shown = ["  ".join(map(str.rjust, line, widths)) for line in lines]
+        return "\n".join([*shown, *self._more()])
+
+    def _repr_html_(self) -> str:
+        head, *rows = [[html.escape(cell) for cell in line] for line in self._lines()]
+        top = "".join(f"<th>{cell}</th>" for cell in head)
+        body = "".join(f"<tr>{''.join(f'<td>{cell}</td>' for cell in row)}</tr>" for row in rows)
+        more = "".join(f"<p>{line}</p>" for line in self._more())
+        return f"<div><table><thead><tr>{top}</tr></thead><tbody>{body}</tbody></table>{more}</div>"
+
+    def _lines(self) -> list[list[str]]:
+        """The names of the columns, and the first rows."""
+        return [
+            [_shown(value) for value in line]
+            for line in (self.columns, *islice(self.rows(), SHOWN_ROWS))
+        ]
+
+    def _more(self) -> list[str]:
         more = len(self) - SHOWN_ROWS
-        return "\n".join([*shown, *([f"and {more:,} more rows"] if more > 0 else [])])
+        return [f"and {counted(more, 'more row')}"] if more > 0 else []
 
     # --- other libraries ---
 

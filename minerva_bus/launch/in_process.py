@@ -97,7 +97,7 @@ class InProcessRun:
 
     def open(self) -> None:
         """Let all members join. Raises MinervaError if one cannot, or if user code fails."""
-        with printed(self._print):
+        with self._questions.deferred(), printed(self._print):
             members = _members(self._file)
             runner, record = self._prepare(members)
             self._parts = _Parts(runner, members, record, FreeRunning(runner, members))
@@ -114,10 +114,12 @@ class InProcessRun:
         fails.
         """
         end = None if frames is None else self.algorithm.frame + frames
-        with printed(self._print), self._reporting():
+        with self._questions.deferred(), printed(self._print), self._reporting():
             world, listen = self._file.world.name, self._file.watch.metrics
             with exported(world, listen, self.ask, self._note):
                 self._loop(end, interrupted)
+                # Those that arrived during the last frame.
+                self._questions.answer()
 
     def ask(self, question: str, **details: Any) -> Mapping[str, Any]:
         """Answer a question of an operator, from any thread. Raises BusError."""
@@ -342,21 +344,33 @@ class _Progress(Sink):
 
 
 class _Questions:
-    """Questions of operators, from any thread; the main thread answers them between two frames."""
+    """Questions of operators, from any thread.
+
+    While the world runs, the thread that runs it answers them between two frames.
+    """
 
     world: Operated
 
     def __init__(self, name: str) -> None:
         self._name = name
-        self._thread = threading.get_ident()
+        self._running = threading.RLock()
         self._queue: SimpleQueue[tuple[dict[str, Any], Future[dict[str, Any]]]] = SimpleQueue()
+
+    @contextmanager
+    def deferred(self) -> Generator[None]:
+        """Defer questions of other threads to `answer`."""
+        with self._running:
+            yield
 
     def ask(self, question: str, **details: Any) -> Mapping[str, Any]:
         """The answer to a question. Raises BusError if there is none within ANSWER_SECONDS."""
         asked = {"ask": question, **details}
-        if threading.get_ident() == self._thread:
-            # The thread that answers must not wait for itself, as after a key in a window.
-            reply = answer(asked, self.world)
+        # The thread that runs the world must not wait for itself, as after a key in a window.
+        if self._running.acquire(blocking=False):
+            try:
+                reply = answer(asked, self.world)
+            finally:
+                self._running.release()
         else:
             later: Future[dict[str, Any]] = Future()
             self._queue.put((asked, later))

@@ -8,7 +8,7 @@ import pytest
 from frogs import Frog, eCroak, pond
 
 from minerva_bus import MinervaError, World, count, data, each, on, run
-from minerva_bus.api.running import pick_table
+from minerva_bus.api.run_result import pick_table
 from minerva_bus.collect.plans import read_entries
 from minerva_bus.collect.table import DataTable
 from minerva_bus.collect.writers import open_writer, read_columns

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from frogs import Frog, eCroak, eFeed, marsh, pond
 
-from minerva_bus import connect, count, data, run
+from minerva_bus import Interrupted, connect, count, data, run
 from minerva_bus.errors import BusError, MinervaError, MisuseError, WorldStopped
 from minerva_bus.launch.registry import running
 
@@ -255,10 +255,21 @@ def test_a_program_that_closes_no_world_ends_without_a_message():
     assert not running()
 
 
-def test_an_interrupt_of_a_run_on_the_bus_is_raised(tmp_path):
-    timer = threading.Timer(4.0, lambda: os.kill(os.getpid(), signal.SIGINT))
-    timer.start()
-    with pytest.raises(KeyboardInterrupt):
-        run(pond(), frames=0, bus=True)
-    timer.cancel()
+def test_an_interrupted_run_on_the_bus_has_its_string_and_its_tables():
+    def interrupt():
+        waited(lambda: any(world.endpoint for world in running()))
+        with connect("pond") as other:
+            waited(lambda: other.frame > 3)
+        os.kill(os.getpid(), signal.SIGINT)
+
+    thread = threading.Thread(target=interrupt)
+    thread.start()
+    with pytest.raises(Interrupted) as error:
+        run(pond(), frames=0, seed=5, bus=True, collect=COLLECT)
+    thread.join()
+    done = error.value.run
+    assert done.frames > 3
+    assert done.ended == "interrupted"
+    assert done.table()["frame"].tolist() == [*range(done.frames + 1)]
+    assert done.scene == run(pond(), frames=done.frames, seed=5).scene
     assert not running()

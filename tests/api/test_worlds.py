@@ -3,6 +3,7 @@
 import asyncio
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 
 import frogs as module
 import pytest
@@ -323,3 +324,21 @@ def test_forgotten_worlds_leave_no_module():
     gc.collect()
     assert name == "pond"
     assert sum(each.startswith("minerva_world_") for each in sys.modules) < count
+
+
+def test_a_live_world_answers_and_steps_in_any_thread():
+    with pond(seed=5).start() as live, ThreadPoolExecutor(1) as other:
+        live.step()
+        other.submit(live.publish, eFeed(amount=1.0)).result()
+        assert other.submit(live.step, 7).result() == 8
+        assert other.submit(lambda: live.status.frame).result() == 8
+        live.publish(eFeed(amount=1.0))
+        live.step()
+        digest = live.digest
+    with pond(seed=5).start() as live:
+        live.step()
+        live.publish(eFeed(amount=1.0))
+        live.step(7)
+        live.publish(eFeed(amount=1.0))
+        live.step()
+        assert live.digest == digest

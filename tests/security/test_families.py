@@ -165,7 +165,9 @@ def test_no_family_has_names_of_a_world_s_own_processes(folder, tmp_path, monkey
     tmp_path.chmod(0o700)
     border = Access(folder.folder)
     assert security(border, "w", ["hosts", "lone-a", "hostsy"]) is not None
-    with pytest.raises(KeysError, match=r"hosts-\* allows others to act as hosts-2, a process that"):
+    with pytest.raises(
+        KeysError, match=r"hosts-\* allows others to act as hosts-2, a process that"
+    ):
         security(border, "w", ["steps", "hosts-2"])
 
 

@@ -8,15 +8,13 @@ from pathlib import Path
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.scene import Scene
+from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.outputs import check_output, write_output
-from minerva_bus.semantics.bounds import Bounds
 from minerva_bus.wording import install
 from minerva_bus.world.services import Device, View, WorldInfo
 from minerva_services.options import event_types
-from minerva_services.views.svg.document import svg_document
 from minerva_services.views.svg.files import numbered, prepare_folder, svg_path
-from minerva_services.views.svg.page import Page, frame_of
-from minerva_services.views.svg.tracing import Tracer
+from minerva_services.views.svg.pictures import Pictures
 
 _WIDTHS = range(100, 10_001)
 
@@ -55,13 +53,15 @@ class Svg(Device, draws=("ePicture",)):
         self._keeps_all = frames
         self._makes_png = png
         self._width = width
-        self._world: WorldInfo | None = None
+        self._pictures: Pictures | None = None
         self._views: dict[str, Scene] = {}
-        self._frame: Bounds | None = None
-        self._tracer = Tracer()
-        self._drawn: set[str] = set()
         self._written: Path | None = None
         self._check_outputs()
+
+    @staticmethod
+    def pictures(world: str, vocabulary: Vocabulary, width: int) -> Pictures:
+        """Pictures without files, as a notebook shows them."""
+        return Pictures(world, vocabulary, width)
 
     def _check_outputs(self) -> None:
         """Reject output files that must not be overwritten before the world runs."""
@@ -72,7 +72,7 @@ class Svg(Device, draws=("ePicture",)):
             check_output(self._path.with_suffix(".png"), "picture")
 
     def joined(self, world: WorldInfo) -> None:
-        self._world = world
+        self._pictures = self.pictures(world.world, world.vocabulary, self._width)
         prepare_folder(self._path)
 
     def show(self, view: View) -> None:
@@ -88,15 +88,10 @@ class Svg(Device, draws=("ePicture",)):
         return {"picture": str(self._written)} if self._written else {}
 
     def _draw(self, frame: int) -> str:
-        if self._world is None:
+        if self._pictures is None:
             raise MisuseError("picture: a view arrived before the world was joined")
-        world, vocabulary = self._world.world, self._world.vocabulary
         scene = Scene(tuple(n for d in self.draws if d in self._views for n in self._views[d]))
-        self._frame = frame_of(scene, vocabulary, self._frame)
-        page = Page(self._frame, self._width)
-        return svg_document(
-            scene, vocabulary, page, self._tracer, world, f"frame {frame}", self._drawn
-        )
+        return self._pictures.draw(scene, frame)
 
     def _write_png(self, path: Path, document: str) -> None:
         try:

@@ -1,0 +1,182 @@
+"""Pictures, films and tables: what notebooks and terminals show."""
+
+import json
+import re
+import xml.etree.ElementTree as ET
+from base64 import b64decode
+from itertools import pairwise
+
+import pytest
+from balls import Ball, Bell, balls, bells, eBroken, ePicture
+from frogs import pond
+
+from minerva_bus import Interrupted, connect, count, run
+from minerva_bus.api.pictures import MAX_PICTURES
+from minerva_bus.errors import MisuseError
+from minerva_bus.world.kinds import ActivityError
+
+SVG = "{http://www.w3.org/2000/svg}"
+
+
+@pytest.fixture(autouse=True)
+def own_runtime_folder(tmp_path, monkeypatch):
+    monkeypatch.setenv("MINERVA_RUNTIME_DIR", str(tmp_path / "runtime"))
+
+
+def circles(svg):
+    """The centres of the discs of a picture, metres from its lower left corner."""
+    return [
+        (float(disc.get("cx")), float(disc.get("cy")))
+        for disc in ET.fromstring(svg).find(f"{SVG}g").iter(f"{SVG}circle")
+    ]
+
+
+def images(html):
+    """The SVG documents of the images of an element of HTML."""
+    return [
+        b64decode(data).decode()
+        for data in re.findall(r"data:image/svg\+xml;base64,([^\"]+)", html)
+    ]
+
+
+def film_of(html):
+    """The SVG documents of a film, as its script makes them, by frame."""
+    film = json.loads(re.search(r"const film = (.*);", html)[1])
+    return {
+        frame: "\n".join(film["lines"][line] for line in lines)
+        for frame, lines in zip(film["frames"], film["pictures"], strict=True)
+    }
+
+
+def test_a_picture_shows_the_last_string():
+    done = run(balls(), frames=4)
+    svg = done.picture().svg
+    (ax, ay), (bx, by) = circles(svg)
+    assert (bx - ax, by - ay) == (0.0, 3.0)
+    assert "frame 4" in svg
+    assert done.picture(ePicture).svg == svg
+    assert images(done._repr_html_()) == [svg]
+    assert 'width="300"' in done.picture(width=300).svg
+
+
+def test_a_picture_is_saved_and_an_edited_file_is_kept(tmp_path):
+    path = tmp_path / "balls.svg"
+    picture = run(balls(), frames=4).picture()
+    picture.save(path)
+    assert circles(path.read_text(encoding="utf-8")) == circles(picture.svg)
+    path.write_text("my own drawing", encoding="utf-8")
+    with pytest.raises(MisuseError, match="was not written by Minerva Bus"):
+        picture.save(path)
+
+
+def test_a_world_without_forms_is_explained_and_displayed_without_a_picture():
+    done = run(pond(), frames=2)
+    with pytest.raises(MisuseError, match="pond has no pictures: no primitive has a form"):
+        done.picture()
+    assert "no primitive has a form" in done._repr_html_()
+    assert "2 frames" in done._repr_html_()
+
+
+def test_a_view_that_fails_or_is_unknown_is_explained():
+    done = run(balls(), frames=2)
+    with pytest.raises(ActivityError):
+        done.picture(eBroken)
+    with pytest.raises(MisuseError, match="no event type ePikture; did you mean 'ePicture'"):
+        done.picture("ePikture")
+    with pytest.raises(MisuseError, match="eTick is not visual"):
+        done.picture("eTick")
+
+
+def test_a_film_has_every_nth_frame_and_the_last_one_in_one_frame_of_view():
+    done = run(balls(), frames=7, film=3)
+    film = done.film()
+    assert [picture.frame for picture in film.pictures] == [0, 3, 6, 7]
+    # In a common part of the world the discs move by metres.
+    assert [circles(picture.svg)[0][0] - circles(film.pictures[0].svg)[0][0]
+            for picture in film.pictures] == [0, 3, 6, 7]  # fmt: skip
+    shown = film_of(done._repr_html_())
+    assert shown == {p.frame: p.svg.rstrip("\n") for p in film.pictures}
+    assert repr(film) == "<Film of balls: 4 pictures, frames 0 to 7>"
+
+
+def test_a_film_on_the_bus_is_the_same(tmp_path):
+    here = run(balls(), frames=7, film=3).film()
+    assert run(balls(), frames=7, film=3, bus=True).film() == here
+    path = tmp_path / "balls.mcap"
+    assert run(balls(), frames=7, film=3, bus=True, record=path).film() == here
+    assert path.exists()
+
+
+def test_a_long_film_shows_a_part_evenly_with_both_ends():
+    film = run(balls(), frames=MAX_PICTURES * 3, film=1).film()
+    frames = list(film_of(film.html))
+    assert len(frames) == MAX_PICTURES
+    assert (frames[0], frames[-1]) == (0, MAX_PICTURES * 3)
+    steps = {after - before for before, after in pairwise(frames)}
+    assert steps <= {3, 4}
+
+
+def test_a_film_is_a_page_that_needs_no_other_file(tmp_path):
+    path = tmp_path / "balls.html"
+    run(balls(), frames=7, film=3).film().save(path)
+    page = path.read_text(encoding="utf-8")
+    assert not re.search(r"(src|href)=\"?https?:", page)
+    assert len(film_of(page)) == 4
+
+
+def test_without_a_film_the_message_names_the_argument():
+    with pytest.raises(MisuseError, match=r"run\(world, film=10\)"):
+        run(balls(), frames=2).film()
+    with pytest.raises(MisuseError, match="film is -1"):
+        run(balls(), frames=2, film=-1)
+
+
+def test_a_terminal_shows_a_line():
+    done = run(balls(), frames=2, collect={"balls": count(Ball)})
+    assert re.fullmatch(
+        r"<Run of balls: 2 frames in [\d.]+ s; the frames are over; digest \w{8}…; tables: frames>",
+        repr(done),
+    )
+    with balls().start() as live:
+        live.step(2)
+        assert repr(live) == f"<Live balls; frame 2; digest {done.digest[:8]}…>"
+        # Outside of a notebook there are no buttons.
+        assert live._repr_mimebundle_() == {"text/plain": repr(live)}
+    assert repr(live).endswith("the world has ended>")
+
+
+def test_a_live_picture_shows_the_current_string():
+    with balls().start() as live:
+        live.step(3)
+        assert live.picture() == run(balls(), frames=3).picture()
+
+
+def test_a_connected_world_has_pictures_if_the_classes_are_known():
+    with balls().start(bus=True) as live:
+        live.step(3)
+        with connect("balls", agents=[Ball]) as known:
+            assert known.picture() == live.picture()
+        with connect("balls") as unknown, pytest.raises(MisuseError, match="class of ABall"):
+            unknown.picture()
+
+
+def test_a_table_displays_its_first_rows_escaped():
+    done = run(balls(), frames=20, collect={"x": Ball.x})
+    table = done.table()
+    html = table._repr_html_()
+    root = ET.fromstring(html)
+    rows = [[cell.text for cell in row] for row in root.iter("tr")]
+    assert rows[0] == ["frame", "id", "x"]
+    assert rows[1:] == [[str(frame), id, str(frame)] for frame in range(5) for id in "ab"]
+    assert root.find("p").text == "and 32 more rows"
+    short = run(balls(), frames=2, collect={"a<b": count(Ball)}).table()
+    assert "<th>a&lt;b</th>" in short._repr_html_()
+    assert "more" not in short._repr_html_()
+
+
+def test_an_interrupted_run_has_its_tables():
+    with pytest.raises(Interrupted, match="bells was interrupted after 5 frames") as error:
+        run(bells(), frames=0, collect={"bells": count(Bell)}, film=2)
+    done = error.value.run
+    assert (done.frames, done.ended, len(done.table())) == (5, "interrupted", 6)
+    assert [frame for frame, _ in done.kept] == [0, 2, 4, 5]
