@@ -44,14 +44,20 @@ def test_the_picture_shows_what_it_knows_its_way_and_its_goal():
     grid[30, 20] = MARKER + 1
     state = {"objective": "store", "plan_rows": (30.0,), "plan_columns": (20.0,)}
     picture = shown(ePicture(), grid=grid, **state, **PLACE)
-    assert [node.symbol for node in picture] == ["PGrid", "PPath", "TPlace", "TPlace"]
-    known, way, goal, itself = picture
+    assert [node.symbol for node in picture] == ["PGrid", "PPath", "PObjective", "TPlace", "TPlace"]
+    known, way, objective, goal, itself = picture
+    assert objective.parameters["marker"] == "store"
     assert known.parameters["cells"] is not None
     assert (known.parameters["x"], known.parameters["y"]) == (-1.0, 3.0)
     assert way.parameters["xs"] == (1.0, 2.0)
     assert way.parameters["ys"] == (5.0, 5.0)
     assert (goal.parameters["x"], goal.scope.nodes[0].symbol) == (pytest.approx(2.05), "PGoal")
     assert (itself.parameters["x"], itself.scope.nodes[0].symbol) == (1.0, "PRobot")
+
+
+def test_an_objective_that_has_not_been_seen_is_marked_by_its_name_only():
+    picture = shown(ePicture(), objective="attic", **PLACE)
+    assert [node.symbol for node in picture] == ["PGrid", "PObjective", "TPlace"]
 
 
 def test_without_plan_and_goal_the_picture_has_neither():
