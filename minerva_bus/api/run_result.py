@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 from minerva_bus.api.pictures import Film, Still
@@ -62,6 +63,21 @@ class Run:
 
         """
         return pick_table(self.tables, name, self.into)
+
+    def plot(self, path: str | Path, *series: str, x: str = "") -> None:
+        """Plot series of the table with a row for each frame, as `minerva plot` does.
+
+        Args:
+            path: of the picture, .png, .svg or .pdf.
+            series: columns, or names of histograms; none: all.
+            x: the column along the axis; "": time.
+
+        Raises MisuseError, also without matplotlib.
+
+        """
+        from minerva_bus.study.series_plot import PlotOptions, plot_table
+
+        plot_table(self.table(), Path(path), PlotOptions(x, series))
 
     def picture(self, event: Visual = PICTURE, width: int = WIDTH) -> Still:
         """A picture of the last string, drawn by the view `svg`.

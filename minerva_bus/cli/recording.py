@@ -1,4 +1,4 @@
-"""`minerva info`, `diff`, `plot` and `recover`: contents of records."""
+"""`minerva info`, `diff` and `recover`: contents of records."""
 
 from __future__ import annotations
 
@@ -13,7 +13,6 @@ from minerva_bus.log.info import info_of
 from minerva_bus.log.looking import frames_after, moment_of, written
 from minerva_bus.log.reader import Record
 from minerva_bus.log.recovering import recover, recovered_name
-from minerva_bus.outputs import check_output
 
 
 def show_info(file: Path, check: bool, as_json: bool) -> None:
@@ -72,15 +71,3 @@ def _recover_tables(folder: Path, output: Path | None, as_json: bool) -> None:
     plain = {"tables": {name: {"file": str(path)} for name, path in files.items()}}
     lines = [f"{path}  {name}" for name, path in files.items()]
     print_result(json.dumps(plain) if as_json else "\n".join(lines))
-
-
-def draw_plot(file: Path, output: Path | None) -> None:
-    """Plot a record to a file. Raises RecordError and MisuseError."""
-    from minerva_bus.study.plot import plot
-
-    into = output or file.with_suffix(".png")
-    # Before the record is read, which may take long.
-    check_output(into, "picture")
-    with Record(file) as record:
-        plot(record, into)
-    print_result(str(into))

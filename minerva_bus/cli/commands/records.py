@@ -202,20 +202,33 @@ def export(
 
 
 @examples(
-    "minerva plot run.mcap",
     "minerva plot run.mcap --output run.pdf",
+    "minerva plot run.mcap --collect 'mean(APerson.days)' --collect 'count(APerson)'",
+    "minerva plot sir.parquet --series sick,immune",
 )
 def plot(
-    file: Record,
+    file: Annotated[Path, typer.Argument(help="A record, .mcap, or a table, .parquet or .csv.")],
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="A .png, .svg or .pdf.")
     ] = None,
+    collect: Collect = None,
+    series: Annotated[
+        str, typer.Option(help="Columns to plot, separated by commas; default: all.")
+    ] = "",
+    x: Annotated[str, typer.Option(help="Column along the axis; default: time or frame.")] = "",
+    bars: Annotated[
+        bool, typer.Option("--bars", help="Histograms of the last frame, not over time.")
+    ] = False,
     force: Force = False,
 ) -> None:
-    """Plot trajectories and frame statistics of a run."""
-    from minerva_bus.cli.recording import draw_plot
+    """Plot trajectories of a run, or collected series.
 
-    draw_plot(file, output)
+    Of a table, and of a record with --collect, it plots series and histograms over time: the mean
+    over seeds or agents, with a band for the middle 80 % of them.
+    """
+    from minerva_bus.cli.plotting import plot_file
+
+    plot_file(file, output, tuple(collect or ()), series, x, bars=bars)
 
 
 @examples(
