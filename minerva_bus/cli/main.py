@@ -10,19 +10,19 @@ from __future__ import annotations
 import errno
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
 from inspect import signature
 from itertools import chain
-from typing import Annotated, Any, Final
+from typing import Annotated, Any, Final, cast
 
 import typer
-from typer.core import TyperGroup
 
 from minerva_bus.cli.commands import keys, operating, records, studies, worlds
 from minerva_bus.cli.options import examples_of
 from minerva_bus.cli.other_options import TAKES_OTHERS, OtherOptionsCommand
 from minerva_bus.cli.output import INTERRUPTED, WRONG, print_result
 from minerva_bus.cli.promised import promised
+from minerva_bus.cli.shells import Command, Group, adapted
 from minerva_bus.errors import MinervaError
 from minerva_bus.outputs import forget_inputs
 
@@ -40,8 +40,12 @@ GROUPS: Final = {
 """The commands by topic, in the order of the help."""
 
 
-class _Commands(TyperGroup):
-    """Lists its commands by topic."""
+class _Commands(Group):
+    """Makes a command when it is used, and lists all by topic."""
+
+    def __init__(self, **settings: Any) -> None:
+        super().__init__(**settings)
+        self.commands = cast("dict[str, Any]", _Made())
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         width = max(map(len, self.commands))
@@ -51,6 +55,29 @@ class _Commands(TyperGroup):
                 formatter.write_dl(
                     [(f"{n:{width}}", self.commands[n].get_short_help_str(limit)) for n in names]
                 )
+
+
+class _Made(Mapping[str, Any]):
+    """The commands by name; each is made at its first use, because 40 of them take long."""
+
+    def __init__(self) -> None:
+        self._made: dict[str, Any] = {}
+
+    def __getitem__(self, name: str) -> Any:
+        if name not in _NAMES:
+            raise KeyError(name)
+        if name not in self._made:
+            self._made[name] = _make(name)
+        return self._made[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(_NAMES)
+
+    def __len__(self) -> int:
+        return len(_NAMES)
+
+
+_NAMES: Final = tuple(chain.from_iterable(GROUPS.values()))
 
 
 app = typer.Typer(
@@ -69,18 +96,22 @@ def command_of(name: str) -> Callable[..., None]:
     return next(getattr(m, n) for m in _MODULES for n in names if hasattr(m, n))
 
 
-for _name in chain.from_iterable(GROUPS.values()):
-    if _name == "keys":
-        app.add_typer(keys.app, name=_name)
-        continue
-    _command = command_of(_name)
-    _takes_others = "context" in signature(_command).parameters
-    app.command(
-        _name,
-        cls=OtherOptionsCommand if _takes_others else None,
-        context_settings=TAKES_OTHERS if _takes_others else None,
-        epilog="\n".join(("\b", "Examples:", *(f"  {line}" for line in examples_of(_command)))),
-    )(_command)
+def _make(name: str) -> Any:
+    """The command of a name."""
+    if name == "keys":
+        group = typer.main.get_group(keys.app)
+        group.name = name
+        return group
+    function = command_of(name)
+    takes_others = "context" in signature(function).parameters
+    single = typer.Typer(rich_markup_mode=None, add_completion=False)
+    single.command(
+        name,
+        cls=OtherOptionsCommand if takes_others else Command,
+        context_settings=TAKES_OTHERS if takes_others else None,
+        epilog="\n".join(("\b", "Examples:", *(f"  {line}" for line in examples_of(function)))),
+    )(function)
+    return typer.main.get_command(single)
 
 
 def _print_version(wanted: bool) -> None:
@@ -109,7 +140,7 @@ def main() -> None:
         # A process may run several commands, as tests do; the inputs of one are not those of the
         # next.
         forget_inputs()
-        with promised(sys.argv[1:]):
+        with adapted(), promised(sys.argv[1:]):
             app()
     except MinervaError as error:
         print(f"minerva: {error}", file=sys.stderr)  # noqa: T201

@@ -10,6 +10,7 @@ from typing import Annotated, Any, Final, TypeVar, get_origin, get_type_hints
 
 import typer
 
+from minerva_bus.cli import completing
 from minerva_bus.errors import MinervaError, MisuseError
 from minerva_bus.settings.overrides import OPTIONS, Overrides
 
@@ -47,14 +48,31 @@ Keys = Annotated[
         help="For tls/ endpoints: folder with your keys, or your certificate in it, NAME.pem.",
     ),
 ]
-World = Annotated[str, typer.Option(help="Name of the world, if several run.")]
+World = Annotated[
+    str,
+    typer.Option(help="Name of the world, if several run.", autocompletion=completing.running),
+]
 Views = Annotated[
     list[str] | None,
-    typer.Option("--view", help="Add a view: svg, or svg:path=FILE,every=N; may be repeated."),
+    typer.Option(
+        "--view",
+        help="Add a view: svg, or svg:path=FILE,every=N; may be repeated.",
+        autocompletion=completing.views,
+    ),
 ]
 Settings = Annotated[
     list[str] | None,
-    typer.Option("--set", help="PROCESS.KEY=VALUE: set a key of a process; may be repeated."),
+    typer.Option(
+        "--set",
+        help="PROCESS.KEY=VALUE: set a key of a process; may be repeated.",
+        autocompletion=completing.process_settings,
+    ),
+]
+WorldArgument = Annotated[
+    str,
+    typer.Argument(
+        help="A world file, or an installed world's name.", autocompletion=completing.worlds
+    ),
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON on standard output.")]
 Quiet = Annotated[bool, typer.Option(help="Print errors only.")]
@@ -93,7 +111,10 @@ class WorldTarget:
 class NamedTarget(WorldTarget):
     """A running world that may be named without --world. Raises MisuseError for two names."""
 
-    name: Annotated[str, typer.Argument(metavar="[WORLD]", help="As --world.")] = ""
+    name: Annotated[
+        str,
+        typer.Argument(metavar="[WORLD]", help="As --world.", autocompletion=completing.running),
+    ] = ""
 
     def __post_init__(self) -> None:
         if self.name and self.world and self.name != self.world:
@@ -162,7 +183,9 @@ class Takes:
         # With the negative form, a command line can also switch off what the world file switches
         # on.
         flag = f"{setting.flag}/--no-{setting.flag[2:]}" if python is bool else setting.flag
-        return Annotated[python | None, typer.Option(flag, help=setting.help.replace("`", ""))]
+        text = setting.help.replace("`", "")
+        complete = _COMPLETERS.get(name)
+        return Annotated[python | None, typer.Option(flag, help=text, autocompletion=complete)]
 
     def collect(self, values: dict[str, Any]) -> Overrides:
         """The settings that were given, taken out of the values of all parameters."""
@@ -174,6 +197,7 @@ class Takes:
         return Overrides(None, *lists, **given)
 
 
+_COMPLETERS: Final = {"collect": completing.collected, "record": completing.records}
 _LISTS: Final[dict[str, Any]] = {"set_": Settings, "view": Views}
 
 

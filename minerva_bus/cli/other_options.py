@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
-from typer.core import TyperCommand
-
+from minerva_bus.cli import completing
+from minerva_bus.cli.shells import Command
 from minerva_bus.errors import MinervaError, UnknownOption
 
 TAKES_OTHERS: Final = {"allow_extra_args": True, "ignore_unknown_options": True}
@@ -35,7 +35,15 @@ _DESCRIBED: Final[dict[str, Callable[[str], list[tuple[str, str]]]]] = {
 }
 
 
-class OtherOptionsCommand(TyperCommand):
+class _Choice(NamedTuple):
+    """A completion, as shells print it."""
+
+    value: str
+    help: str
+    type: str = "plain"
+
+
+class OtherOptionsCommand(Command):
     """Shows the others' options in its help, and counts its own among suggestions."""
 
     _words: tuple[str, ...] = ()
@@ -60,6 +68,21 @@ class OtherOptionsCommand(TyperCommand):
         if options:
             with formatter.section(f"Options of {spec}"):
                 formatter.write_dl(options)
+
+    def shell_complete(self, ctx: Any, incomplete: str) -> list[Any]:
+        """Complete the others' options, too."""
+        choices: list[Any] = super().shell_complete(ctx, incomplete)
+        own = {choice.value for choice in choices}
+        if incomplete.startswith("-"):
+            others = self._others_complete(ctx, incomplete)
+            choices += [_Choice(name, text) for name, text in others if name not in own]
+        return choices
+
+    @property
+    def _others_complete(self) -> completing.Completer:
+        if _DESCRIBED[self.name or ""] is _world_options:
+            return completing.world_flags
+        return completing.service_flags
 
     def invoke(self, ctx: Any) -> Any:
         try:

@@ -10,12 +10,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from minerva_bus.cli.output import print_result, print_table
+from minerva_bus.cli.shells import Command, Group
 
 if TYPE_CHECKING:
     from minerva_bus.security.certificates import Issued
     from minerva_bus.security.keys import KeyFolder
 
 app = typer.Typer(
+    cls=Group,
     no_args_is_help=True,
     rich_markup_mode=None,
     help="Manage certificates for remote members.",
@@ -30,7 +32,7 @@ Days = Annotated[int, typer.Option(help="Days of validity.")]
 _HERE = Path("keys")
 
 
-@app.command()
+@app.command(cls=Command)
 def init(
     dir: Dir = _HERE,
     host: Hosts = None,
@@ -45,7 +47,7 @@ def init(
     )
 
 
-@app.command()
+@app.command(cls=Command)
 def issue(
     name: Annotated[str, typer.Argument(help="Name of the member or person.")],
     role: Annotated[
@@ -88,7 +90,7 @@ def issue(
     print_result(_shown(keys.issue(name, wanted, renew=renew), keys.now))
 
 
-@app.command()
+@app.command(cls=Command)
 def revoke(
     name: Annotated[str, typer.Argument(help="Name in the certificate.")], dir: Dir = _HERE
 ) -> None:
@@ -97,7 +99,7 @@ def revoke(
     print_result(_shown(keys.revoke(name), keys.now))
 
 
-@app.command("list")
+@app.command("list", cls=Command)
 def list_(
     dir: Dir = _HERE,
     json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
@@ -111,7 +113,7 @@ def list_(
     print_table([_TITLES, *[_cells(each, keys.now) for each in issued]])
 
 
-@app.command()
+@app.command(cls=Command)
 def router(
     name: Annotated[str, typer.Argument(help="Name of the router's certificate.")],
     world: Annotated[str, typer.Argument(help="Name of the world.")],

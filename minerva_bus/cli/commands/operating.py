@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from minerva_bus.cli import completing
 from minerva_bus.cli.options import Json, NamedTarget, WorldTarget, examples, grouped
 
 
@@ -30,7 +31,12 @@ def list_(json: Json = False, *, target: NamedTarget) -> None:
 )
 @grouped
 def echo(
-    type: Annotated[str, typer.Argument(help="An event type or an agent kind; default: all.")] = "",
+    type: Annotated[
+        str,
+        typer.Argument(
+            help="An event type or an agent kind; default: all.", autocompletion=completing.echoed
+        ),
+    ] = "",
     count: Annotated[int, typer.Option(help="Stop after this many; 0: no limit.")] = 0,
     json: Json = False,
     *,
@@ -48,9 +54,17 @@ def echo(
 )
 @grouped
 def pub(
-    type: Annotated[str, typer.Argument(help="The event's type, such as eObjective.")],
+    type: Annotated[
+        str,
+        typer.Argument(
+            help="The event's type, such as eObjective.", autocompletion=completing.published
+        ),
+    ],
     data: Annotated[
-        list[str] | None, typer.Argument(help="Data of the event: KEY=VALUE ...")
+        list[str] | None,
+        typer.Argument(
+            help="Data of the event: KEY=VALUE ...", autocompletion=completing.event_data
+        ),
     ] = None,
     to: Annotated[
         list[str] | None, typer.Option(help="Id of a receiving agent; may be repeated.")
@@ -142,7 +156,10 @@ def rate(
 )
 @grouped
 def restart(
-    member: Annotated[str, typer.Argument(help="A process of the world file.")],
+    member: Annotated[
+        str,
+        typer.Argument(help="A process of the world file.", autocompletion=completing.members),
+    ],
     *,
     target: WorldTarget,
 ) -> None:
@@ -158,7 +175,11 @@ def restart(
 )
 @grouped
 def drain(
-    member: Annotated[str, typer.Argument(help="A host of agents.")], *, target: WorldTarget
+    member: Annotated[
+        str, typer.Argument(help="A host of agents.", autocompletion=completing.members)
+    ],
+    *,
+    target: WorldTarget,
 ) -> None:
     """Move all agents of a host to other hosts.
 
@@ -191,7 +212,9 @@ def seek(
 )
 @grouped
 def logs(
-    member: Annotated[str, typer.Argument(help="Show only this member.")] = "",
+    member: Annotated[
+        str, typer.Argument(help="Show only this member.", autocompletion=completing.members)
+    ] = "",
     follow: Annotated[bool, typer.Option("--follow", "-f", help="Wait for new lines.")] = False,
     json: Json = False,
     *,

@@ -7,15 +7,17 @@ from typing import Annotated
 
 import typer
 
+from minerva_bus.cli import completing
 from minerva_bus.cli.options import Force, Json, Quiet, Takes, examples, grouped, options_of
 from minerva_bus.cli.startup import BEGAN, uncollected
 from minerva_bus.settings.overrides import Overrides
 
-Record = Annotated[Path, typer.Argument(help="A record, .mcap.")]
+Record = Annotated[Path, typer.Argument(help="A record, .mcap.", autocompletion=completing.records)]
 Collect = Annotated[
     list[str] | None,
     typer.Option(
-        help="NAME=EXPRESSION, such as 'sick=count(APerson, sick == true)'; may be repeated."
+        help="NAME=EXPRESSION, such as 'sick=count(APerson, sick == true)'; may be repeated.",
+        autocompletion=completing.collected,
     ),
 ]
 
@@ -81,7 +83,11 @@ def replay(
     ],
     file: Record,
     world: Annotated[
-        str, typer.Argument(help="World file or installed world, if the original one has moved.")
+        str,
+        typer.Argument(
+            help="World file or installed world, if the original one has moved.",
+            autocompletion=completing.worlds,
+        ),
     ] = "",
     begin: Annotated[int, typer.Option("--from", help="Start at this frame.")] = 0,
     speed: Annotated[
@@ -157,7 +163,7 @@ def replay(
 )
 def diff(
     a: Record,
-    b: Annotated[Path, typer.Argument(help="Another record.")],
+    b: Annotated[Path, typer.Argument(help="Another record.", autocompletion=completing.records)],
     json: Json = False,
 ) -> None:
     """Show the first frame in which two runs differ.
@@ -260,7 +266,13 @@ def conversation(
     "minerva map scans.mcap --output house.pgm --cell 0.1",
 )
 def map(
-    file: Annotated[Path, typer.Argument(help="A CARMEN log or a bag: .log, .bag, .db3, .mcap.")],
+    file: Annotated[
+        Path,
+        typer.Argument(
+            help="A CARMEN log or a bag: .log, .bag, .db3, .mcap.",
+            autocompletion=completing.recordings,
+        ),
+    ],
     output: Annotated[
         Path | None,
         typer.Option("--output", "-o", help="The .pgm file; default: named after FILE."),

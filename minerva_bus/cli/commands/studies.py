@@ -10,12 +10,21 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from minerva_bus.cli.options import Force, Json, Quiet, Settings, examples, grouped, options_of
+from minerva_bus.cli import completing
+from minerva_bus.cli.options import (
+    Force,
+    Json,
+    Quiet,
+    Settings,
+    WorldArgument,
+    examples,
+    grouped,
+    options_of,
+)
 
 if TYPE_CHECKING:
     from minerva_bus.study.executor_pool import Workers
 
-World = Annotated[str, typer.Argument(help="A world file, or an installed world's name.")]
 Limit = Annotated[float, typer.Option(help="Time limit of a run, seconds.", min=0.1)]
 
 
@@ -46,7 +55,7 @@ class StudyOptions:
 @grouped
 def evolve(
     context: typer.Context,
-    world: World,
+    world: WorldArgument,
     fitness: Annotated[
         str,
         typer.Option(help="module:function that takes the Outcome of a run and returns a number."),
@@ -120,11 +129,13 @@ def evolve(
 @grouped
 def sweep(
     context: typer.Context,
-    world: World,
+    world: WorldArgument,
     set_: Annotated[
         list[str],
         typer.Option(
-            "--set", help="KEY=A,B,... or KEY=FROM:TO[:STEP]; KEY: an option, seed or PROCESS.KEY."
+            "--set",
+            help="KEY=A,B,... or KEY=FROM:TO[:STEP]; KEY: an option, seed or PROCESS.KEY.",
+            autocompletion=completing.swept,
         ),
     ],
     output: Annotated[

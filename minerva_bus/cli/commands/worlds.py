@@ -7,12 +7,14 @@ from typing import Annotated
 
 import typer
 
+from minerva_bus.cli import completing
 from minerva_bus.cli.options import (
     Force,
     JoinOptions,
     Json,
     RunOptions,
     Takes,
+    WorldArgument,
     examples,
     grouped,
     options_of,
@@ -39,12 +41,16 @@ def run(
         ),
     ],
     options: RunOptions,
-    world: Annotated[str, typer.Argument(help="A world file, or an installed world's name.")] = "",
+    world: WorldArgument = "",
     record_video: Annotated[
         str, typer.Option(help="Write a video of all frames to this file, .mp4 or .gif.")
     ] = "",
     resume: Annotated[
-        Path | None, typer.Option(help="Resume at the end of this record; WORLD may be omitted.")
+        Path | None,
+        typer.Option(
+            help="Resume at the end of this record; WORLD may be omitted.",
+            autocompletion=completing.records,
+        ),
     ] = None,
     force: Force = False,
 ) -> None:
@@ -88,7 +94,12 @@ def _with_video(views: list[str], video: str) -> tuple[str, ...]:
     "minerva check scene.mnv --vocabulary garden:vocabulary",
 )
 def check(
-    file: Annotated[Path, typer.Argument(help="A string (.mnv) or a world (.toml).")],
+    file: Annotated[
+        Path,
+        typer.Argument(
+            help="A string (.mnv) or a world (.toml).", autocompletion=completing.checked
+        ),
+    ],
     vocabulary: Annotated[
         str, typer.Option(help="module:attribute: also check symbols and types.")
     ] = "",
@@ -130,7 +141,7 @@ def check(
 def graph(
     context: typer.Context,
     overrides: Annotated[Overrides, Takes("view", "set_")],
-    world: Annotated[str, typer.Argument(help="A world file, or an installed world's name.")],
+    world: WorldArgument,
     output: Annotated[
         list[Path] | None,
         typer.Option("--output", "-o", help="A .svg, or a .mmd for Mermaid; may be repeated."),
@@ -156,7 +167,12 @@ def graph(
 @grouped
 def attach(
     context: typer.Context,
-    spec: Annotated[str, typer.Argument(help="A service's name, or module:Class.")],
+    spec: Annotated[
+        str,
+        typer.Argument(
+            help="A service's name, or module:Class.", autocompletion=completing.members_to_attach
+        ),
+    ],
     join: JoinOptions,
     process: Annotated[
         str, typer.Option(help="Run this process of the world file SPEC, under its name.")
@@ -180,7 +196,11 @@ def attach(
 def bridge(
     context: typer.Context,
     kind: Annotated[
-        str, typer.Argument(help="Name of a bridge: carmen, rosbag, rplidar, mqtt ...")
+        str,
+        typer.Argument(
+            help="Name of a bridge: carmen, rosbag, rplidar, mqtt ...",
+            autocompletion=completing.bridges,
+        ),
     ],
     join: JoinOptions,
     source: Annotated[str, typer.Argument(help="Its file, device, address or topic.")] = "",
@@ -204,13 +224,23 @@ def bridge(
     "minerva new world my_meadow --from meadow",
 )
 def new(
-    kind: Annotated[str, typer.Argument(help="world, agent, service, geometry or bridge.")],
+    kind: Annotated[
+        str,
+        typer.Argument(
+            help="world, agent, service, geometry or bridge.", autocompletion=completing.new_kinds
+        ),
+    ],
     name: Annotated[str, typer.Argument(help="Its name, a valid name of a Python package.")],
     folder: Annotated[
         Path, typer.Option("--in", help="Parent folder; default: the current one.")
     ] = Path(),
     model: Annotated[
-        str, typer.Option("--from", help="Copy this installed world; see `minerva worlds`.")
+        str,
+        typer.Option(
+            "--from",
+            help="Copy this installed world; see `minerva worlds`.",
+            autocompletion=completing.installed,
+        ),
     ] = "",
 ) -> None:
     """Create a world, agent, service, geometry or bridge.

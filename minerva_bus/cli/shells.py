@@ -1,0 +1,100 @@
+"""Shell completion: adapts what shells send and receive, and keeps it fast."""
+
+from __future__ import annotations
+
+import io
+import os
+import re
+import sys
+from collections.abc import Callable, Generator
+from contextlib import contextmanager, redirect_stdout
+from typing import Any, Final
+
+from typer.core import TyperCommand, TyperGroup
+
+ASKED: Final = "_MINERVA_COMPLETE"
+_BREAKS: Final = re.compile(r"[:=]+")
+"""Characters at which bash divides words; `svg:path=a.svg` is five of them."""
+
+
+def completing() -> bool:
+    """Whether a shell asks for completions."""
+    return ASKED in os.environ
+
+
+@contextmanager
+def adapted() -> Generator[None]:
+    """Answer a shell; of other commands nothing changes."""
+    if not completing():
+        yield
+        return
+    # Typer formats descriptions with rich if it is installed, which takes longer than all the rest.
+    sys.modules.setdefault("rich", None)  # pyright: ignore[reportArgumentType]
+    if os.environ[ASKED] != "complete_bash":
+        yield
+        return
+    words, at = joined(os.environ.get("COMP_WORDS", ""), int(os.environ.get("COMP_CWORD", "0")))
+    os.environ["COMP_WORDS"] = "\n".join(words)
+    os.environ["COMP_CWORD"] = str(at)
+    output = io.StringIO()
+    try:
+        with redirect_stdout(output):
+            yield
+    finally:
+        lines = _remaining(words[at] if at < len(words) else "", output.getvalue().splitlines())
+        sys.stdout.write("".join(f"{line}\n" for line in lines))
+
+
+def joined(words: str, at: int) -> tuple[list[str], int]:
+    """The words of a bash command line without divisions at `:` and `=`, and the current one."""
+    # bash separates them by newlines, and keeps their quotes.
+    parts = words.split("\n") if "\n" in words else words.split(" ")
+    made: list[str] = []
+    current, joins = at, False
+    for number, part in enumerate(parts):
+        is_break = _BREAKS.fullmatch(part) is not None
+        if len(made) > 1 and (is_break or joins):
+            made[-1] += part
+            current -= number <= at
+        else:
+            made.append(part)
+        joins = is_break
+    return made, current
+
+
+def _remaining(word: str, lines: list[str]) -> list[str]:
+    """What bash shall insert: it replaces only the part of a word after the last break."""
+    ends = [0, *(match.end() for match in _BREAKS.finditer(word))]
+    start = "" if word[:1] in ("'", '"') else word[: ends[-1]]
+    lines = [line.removeprefix(start) for line in lines]
+    # bash appends a space to a single result; a key still needs its value.
+    if len(lines) == 1 and lines[0].endswith(("=", "(")):
+        lines.append(f"{lines[0]}VALUE")
+    return lines
+
+
+class QuickParsing:
+    """Takes values as they are while a shell asks for completions.
+
+    Typer converts them with pydantic, whose import takes longer than all the rest.
+    """
+
+    get_params: Callable[[Any], list[Any]]
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        if ctx.resilient_parsing:
+            for parameter in self.get_params(ctx):
+                parameter.process_value = _as_given
+        return super().parse_args(ctx, args)  # pyright: ignore
+
+
+def _as_given(ctx: Any, value: Any) -> Any:
+    return value
+
+
+class Command(QuickParsing, TyperCommand):
+    """A command."""
+
+
+class Group(QuickParsing, TyperGroup):
+    """A group of commands."""

@@ -1,0 +1,248 @@
+"""Completion by the protocol of shells, and in a real bash."""
+
+import os
+import pty
+import re
+import select
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+sys.path.append(str(Path(__file__).parents[1] / "runtime"))
+from running import MEMBERS, World, environment, minerva, write_world
+
+from minerva_bus.cli.shells import joined
+
+HERE = Path(sys.executable).parent
+MINERVA = [sys.executable, HERE / "minerva"]
+
+
+def asked(folder, shell, words, *python):
+    """The process that answers a shell; `words` is the line up to the cursor."""
+    line = {"_TYPER_COMPLETE_ARGS": words, "_TYPER_COMPLETE_FISH_ACTION": "get-args"}
+    if shell == "bash":
+        # bash divides words at : and =, and Typer's script joins them with newlines.
+        parts = words.replace(":", " : ").replace("=", " = ").split(" ")
+        parts = [part for part in parts[:-1] if part] + parts[-1:]
+        if parts[-1] == "" and words[-1:] in (":", "="):
+            parts = parts[:-1]
+        line = {"COMP_WORDS": "\n".join(parts), "COMP_CWORD": str(len(parts) - 1)}
+    return subprocess.run(
+        [sys.executable, *python, HERE / "minerva"], cwd=folder, capture_output=True, text=True,
+        timeout=60, env={**environment(folder), "_MINERVA_COMPLETE": f"complete_{shell}", **line},
+    )  # fmt: skip
+
+
+def completed(folder, words, shell="fish"):
+    """The completions of a line."""
+    done = asked(folder, shell, f"minerva {words}")
+    assert "Traceback" not in done.stderr + done.stdout
+    assert done.stderr == ""
+    return [line.partition("\t")[0] for line in done.stdout.splitlines() if line]
+
+
+@pytest.fixture
+def files(tmp_path):
+    for name in ("a.toml", "b.mcap", "c.mnv", "notes.txt", "deep/only/d.toml", ".hidden.toml"):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text("")
+    (tmp_path / "a.toml").write_text(
+        '[world]\nstring = ""\n[options]\nspeed = 1.0 # metres per second\n[process.p]\n'
+        'service = "carmen"\nspeed = 2\n[process.q]\nagents = "m:A"\nrestarts = 3\n'
+    )
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    ("words", "some", "others"),
+    [
+        ("gr", ["graph"], ["run"]),
+        ("run ", ["robot", "meadow", "a.toml", "deep/"], ["b.mcap", "notes.txt", ".hidden.toml"]),
+        ("graph me", ["meadow"], ["robot"]),
+        ("run deep/o", ["deep/only/d.toml"], []),
+        ("run robot --ro", ["--robots"], ["--planner"]),
+        ("graph a.toml --", ["--speed", "--output", "--json"], ["--robots"]),
+        ("sweep robot --set se", ["seed="], []),
+        ("sweep a.toml --set ", ["seed=", "speed=", "p.speed=", "q.restarts="], ["p.service=", "q.agents="]),
+        ("run a.toml --set p.", ["p.speed=", "p.file="], ["q.restarts="]),
+        ("run robot --view s", ["svg", "sprites", "sound"], ["carmen", "physics"]),
+        ("run robot --view svg:", ["svg:path=", "svg:every="], []),
+        ("run robot --view svg:every=5,", ["svg:every=5,path="], ["svg:every=5,every="]),
+        ("run robot --view svg:path=d", ["svg:path=deep/only/d.toml"], []),
+        ("bridge r", ["rplidar", "rosbag"], ["robot", "svg"]),
+        ("bridge carmen x.log --sp", ["--speed"], []),
+        ("attach sv", ["svg"], []),
+        ("attach svg --ev", ["--every"], []),
+        ("attach --process p --wo", ["--world"], []),
+        ("replay ", ["b.mcap"], ["a.toml"]),
+        ("run --resume ", ["b.mcap"], ["a.toml"]),
+        ("check ", ["c.mnv", "a.toml"], ["b.mcap"]),
+        ("new ", ["world", "bridge"], []),
+        ("new world mine --from me", ["meadow"], []),
+        ("keys re", ["revoke"], []),
+        ("run meadow --collect ", [], ["AFox"]),
+        ("run meadow --collect n=", ["n=count(", "n=AFox", "n=eRain"], []),
+        ("run meadow --collect n=count(AR", ["n=count(ARabbit"], ["n=count(AFox"]),
+        ("run meadow --collect n=mean(AFox.en", ["n=mean(AFox.energy"], []),
+    ],
+)  # fmt: skip
+def test_a_line_is_completed(files, words, some, others):
+    found = completed(files, words)
+    assert set(some) <= set(found)
+    assert not set(others) & set(found)
+
+
+def test_each_shell_gets_its_format(files):
+    zsh = asked(files, "zsh", "minerva run meadow --collect n=AFox.en").stdout
+    assert zsh.startswith('_arguments \'*: :(("n=AFox.energy":"real"')
+    fish = asked(files, "fish", "minerva run rob").stdout.splitlines()
+    assert fish[0].startswith("robot\tA robot finds a room")
+    assert completed(files, "run rob", "bash") == ["robot", "robots"]
+
+
+@pytest.mark.parametrize(
+    ("words", "answer"),
+    [
+        ("run robot --view svg:pa", ["path=", "path=VALUE"]),
+        ("run robot --view svg:path=a.t", ["a.toml"]),
+        ("run meadow --collect n=AFox.en", ["AFox.energy"]),
+        ("sweep robot --set physics.camera_f", ["physics.camera_fov=", "physics.camera_fov=VALUE"]),
+        ("run robot --view=sv", ["svg"]),
+    ],
+)
+def test_bash_gets_what_follows_the_last_break_of_a_word(files, words, answer):
+    """bash divides words at : and =, and replaces the last part only."""
+    assert completed(files, words, "bash") == answer
+
+
+def test_divided_words_are_joined_around_the_current_one():
+    assert joined("minerva run --view svg : ev", 5) == (["minerva", "run", "--view", "svg:ev"], 3)
+    assert joined("minerva\nrun\n--view\nsvg\n:", 4) == (["minerva", "run", "--view", "svg:"], 3)
+    assert joined("minerva\nrun\na b\n", 3) == (["minerva", "run", "a b", ""], 3)
+    assert joined("minerva run a = b c", 5) == (["minerva", "run", "a=b", "c"], 3)
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        "run nothing --", "run nothing --collect n=", "sweep nothing --set ", "replay no/such/folder/",
+        "replay b.mcap --collect n=", "run a.toml --collect n=", "pub ", "pub eRain ", "logs ",
+        "run robot --view nothing:", "attach nothing --", "run 'rob", "logs --connect tcp/127.0.0.1:9 ",
+    ],
+)  # fmt: skip
+def test_what_cannot_be_completed_is_answered_with_nothing_else(files, words):
+    for shell in ("bash", "zsh", "fish"):
+        done = asked(files, shell, f"minerva {words}")
+        assert done.stderr == ""
+        assert "Traceback" not in done.stdout
+
+
+@pytest.mark.parametrize(
+    "words", ["gr", "run ro", "run robot --ro", "run robot --view svg:p", "sweep robot --set f",
+              "bridge r", "attach svg --e", "keys i", "replay ", "logs --world "],
+)  # fmt: skip
+def test_static_completions_import_nothing_heavy(files, words):
+    done = asked(files, "zsh", f"minerva {words}", "-X", "importtime")
+    modules = {
+        line.rpartition("|")[2].strip().partition(".")[0] for line in done.stderr.splitlines()
+    }
+    assert "typer" in modules
+    assert not modules & {"numpy", "zenoh", "msgpack", "pydantic", "rich", "pygame", "mcap"}
+
+
+def test_a_running_world_completes_its_names(tmp_path):
+    path = write_world(tmp_path, MEMBERS, frames=0, rate=50)
+    with World(path) as world:
+        world.runs("steps", "walkers")
+        assert completed(tmp_path, "stop ") == [world.name]
+        assert completed(tmp_path, "top --world ") == [world.name]
+        assert {"steps", "walkers"} <= set(completed(tmp_path, "logs "))
+        assert completed(tmp_path, "drain ") == ["walkers"]
+        assert {"steps", "walkers"} <= set(completed(tmp_path, "restart "))
+        assert {"eWish", "eStep"} <= set(completed(tmp_path, "pub "))
+        assert completed(tmp_path, "echo AW") == ["AWalker"]
+        assert completed(tmp_path, "pub eWish ") == ["x=", "name="]
+        assert completed(tmp_path, "pub eWish x=1 ") == ["name="]
+        assert completed(tmp_path, f"pub --world {world.name} eWi") == ["eWish"]
+        # A world that does not answer does not block the shell.
+        pid = world.coordinator()
+        os.kill(pid, signal.SIGSTOP)
+        asked(tmp_path, "fish", "minerva logs ")
+        os.kill(pid, signal.SIGCONT)
+
+
+class Bash:
+    """bash in a terminal, with the completion of `minerva`."""
+
+    def __init__(self, folder):
+        self._folder = folder
+        self.text = ""
+
+    def __enter__(self):
+        given = {
+            **environment(self._folder),
+            "PATH": f"{HERE}:{os.environ['PATH']}",
+            "TERM": "dumb",
+        }
+        self._terminal, other = pty.openpty()
+        self._process = subprocess.Popen(
+            ["bash", "--norc", "--noprofile", "-i"], cwd=self._folder, env={**given, "PS1": "$ "},
+            stdin=other, stdout=other, stderr=other, start_new_session=True,
+        )  # fmt: skip
+        os.close(other)
+        self.types('eval "$(_MINERVA_COMPLETE=source_bash minerva)"\r')
+        # Completion runs the program; Enter prints the words that it would get.
+        self.types('minerva() { printf \'<%s>\' "$@"; echo; }; echo lo""aded\r')
+        self.shows("loaded")
+        return self
+
+    def __exit__(self, *_):
+        self._process.kill()
+        self._process.wait()
+        os.close(self._terminal)
+
+    def types(self, text):
+        os.write(self._terminal, text.encode())
+
+    def shows(self, text):
+        end = time.monotonic() + 40
+        while text not in self.text:
+            assert time.monotonic() < end, self.text
+            if select.select([self._terminal], [], [], 0.1)[0]:
+                read = os.read(self._terminal, 4096).decode(errors="replace")
+                self.text += read.replace("\a", "")  # It rings for a choice of several.
+
+    def words(self, typed, shown):
+        """The arguments of a line after `typed` and Tab, when `shown` appears."""
+        self.text = ""
+        self.types(f"minerva {typed}\t")
+        self.shows(shown)
+        self.types("\r")
+        self.shows(">\r\n")
+        return re.findall("<(.*?)>", self.text)
+
+
+def test_in_a_real_bash_tab_completes_words_with_colons_and_equals_signs(files):
+    with Bash(files) as bash:
+        assert bash.words("bridge rpl", "rplidar") == ["bridge", "rplidar"]
+        assert bash.words("graph robot --view svg:ev", "svg:every=")[-1] == "svg:every="
+        assert bash.words("sweep robot --set physics.camera_f", "camera_fov=")[-1] == (
+            "physics.camera_fov="
+        )
+        assert bash.words("run meadow --collect n=AFox.en", "n=AFox.energy")[-1] == "n=AFox.energy"
+        assert bash.words("run meadow --collect 'n=count(AR", "ARabbit")[-1] == "n=count(ARabbit"
+        assert bash.words("run deep/o", "d.toml") == ["run", "deep/only/d.toml"]
+
+
+def test_the_script_of_each_shell_is_printed(tmp_path):
+    for shell in ("bash", "zsh", "fish"):
+        done = subprocess.run(
+            MINERVA, env={**environment(tmp_path), "_MINERVA_COMPLETE": f"source_{shell}"},
+            capture_output=True, text=True,
+        )  # fmt: skip
+        assert "_MINERVA_COMPLETE=complete_" in done.stdout
+    assert minerva(tmp_path, "--show-completion", "bash").returncode == 0
