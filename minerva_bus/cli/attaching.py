@@ -12,12 +12,12 @@ from minerva_bus.blame import report
 from minerva_bus.cli.options import JoinOptions
 from minerva_bus.cli.output import FAILED, print_message
 from minerva_bus.cli.places import identity, place
-from minerva_bus.errors import KeysError, WorldFileError, nearest
+from minerva_bus.errors import KeysError, UnknownOption, WorldFileError, nearest
 from minerva_bus.frame.member import Member, WorldRestarted
 from minerva_bus.launch.installed import find_world
 from minerva_bus.launch.interrupts import end_signals
 from minerva_bus.launch.reading import read_world_file
-from minerva_bus.launch.specs import bind, find_agent, find_service, names_agents
+from minerva_bus.launch.specs import bind, described, find_agent, find_service, names_agents
 from minerva_bus.launch.typed import typed_options
 from minerva_bus.runtime.diagnosis import check_reachable
 from minerva_bus.runtime.endpoints import check_endpoint
@@ -115,6 +115,11 @@ def _participant(spec: str, name: str, options: dict[str, str]) -> Member:
             raise WorldFileError(f"{spec} names agents, which have no options")
         return Member(name, None, [find_agent(spec, folder)])
     service = find_service(spec, folder)
+    known = [flag.split()[0] for flag, _ in described(spec)] if ":" not in spec else []
+    for key in options:
+        # An option of the command itself may be meant, so its suggestions count, too.
+        if known and f"--{key}" not in known:
+            raise UnknownOption(spec, f"--{key}", known)
     return Member(name, bind(service, typed_options(service, options), name)())
 
 

@@ -5,7 +5,7 @@ import shlex
 import pytest
 import typer.main
 
-from minerva_bus.cli.main import GROUPS, app, command_of
+from minerva_bus.cli.main import GROUPS, app, command_of, main
 from minerva_bus.cli.options import examples_of
 from minerva_bus.errors import UnknownOption
 
@@ -79,3 +79,23 @@ def test_suggestions_consider_the_options_of_the_command(tmp_path):
     for word, meant in (("--frams", "--frames"), ("--bird", "--birds")):
         with pytest.raises(UnknownOption, match=f"no option {word}; did you mean '{meant}'"):
             app(["run", str(world), word, "3"])
+
+
+@pytest.mark.parametrize(
+    ("words", "meant"),
+    [
+        (["attach", "svg", "--conect", "x"], "--connect"),
+        (["attach", "svg", "--evry", "5"], "--every"),
+        (["bridge", "carmen", "a.log", "--wrld", "y"], "--world"),
+        (["graph", "robot", "--outpt", "a.svg"], "--output"),
+        (["sweep", "robot", "--set", "seed=1", "--fams", "3"], "--frames"),
+    ],
+)
+def test_a_misspelt_option_of_the_command_or_of_the_other_is_recognised(
+    tmp_path, monkeypatch, capsys, words, meant
+):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("sys.argv", ["minerva", *words])
+    with pytest.raises(SystemExit):
+        main()
+    assert f"did you mean '{meant}'?" in capsys.readouterr().err
