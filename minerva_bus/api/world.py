@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, Final, cast
 from minerva_bus.api.symbols import SymbolFinder, spec_of
 from minerva_bus.collect.plans import read_entries
 from minerva_bus.errors import MisuseError, WorldFileError, nearest
+from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.parser import parse
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.symbols import EventType
@@ -68,10 +69,17 @@ def service(service: str | type[Service], name: str = "", **options: Any) -> Ser
 def each(event: EventType | str, every: int = 1, name: str = "") -> ServiceSpec:
     """A generator of one event without data, in each `every`-th frame, beginning with frame 0.
 
+    Raises MisuseError if it has data.
+
     Example:
         `World(..., services=[each(eDay), each(eRain, every=7)])`
 
     """
+    if isinstance(event, Event):  # pyright: ignore[reportUnnecessaryIsInstance]
+        raise MisuseError(
+            f"each({event}): expected an event type, such as each({event.type}); its data are the"
+            f" defaults of the type: EventType({event.type!r}, amount=Default(float, 0.5))"
+        )
     event_type = _plain(event)
     return ServiceSpec("each", {"event": event_type, "every": every}, name or event_type)
 

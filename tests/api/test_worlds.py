@@ -113,6 +113,7 @@ def test_options_of_a_world_made_in_python():
 @pytest.mark.parametrize(("make", "problem"), [
     (lambda: World("AFrog#a", agents=[Frog], services=[each("eTik")]), "eTik"),
     (lambda: World("AFrog#a", agents=[Frog], services=["eech"]), "no service 'eech'"),
+    (lambda: each(eTick()), r"each\(eTick\): expected an event type"),
     (lambda: World("AFrog#a", agents=[Frog], services=[3]), "a class or an installed name"),
     (lambda: World("AFrog#a", agents=[Frog], seeed=3), "no setting 'seeed'; did you mean 'seed'"),
     (lambda: World("AFrog#a", agents=[Frog], services=[each(eTick), each(eTick)]), "two services"),
