@@ -53,7 +53,7 @@ def machine(debian, place):
     )
     (root / "etc/hosts").write_text("127.0.0.1 localhost server\n")
     source = root / "work/minerva-bus"
-    for name in ("pyproject.toml", "README.md", "LICENSE"):
+    for name in ("pyproject.toml", "package_metadata.py", "README.md", "LICENSE"):
         source.mkdir(parents=True, exist_ok=True)
         shutil.copy(ROOT / name, source)
     for name in ("minerva_bus", "services", "agents", "worlds", "deploy"):
