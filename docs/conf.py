@@ -17,6 +17,7 @@ extensions = [
     "sphinx.ext.napoleon",
     "sphinx_design",
     "command_line",
+    "gallery",
     "highlighting",
     "mathml",
     "public_api",

@@ -3,6 +3,7 @@
 import shutil
 import tomllib
 from html import escape
+from importlib.metadata import entry_points
 from itertools import chain
 
 import pytest
@@ -91,6 +92,16 @@ def test_the_page_of_the_robot_world_has_all_its_options(site):
     options = tomllib.loads(ROBOT.read_text(encoding="utf-8"))["options"]
     assert len(options) > 20
     assert not [name for name in options if f">--{name}<" not in text]
+
+
+def test_the_gallery_shows_every_world_with_a_small_film(site):
+    text = (site / "gallery" / "index.html").read_text(encoding="utf-8")
+    worlds = [each.name for each in entry_points(group="minerva.worlds")]
+    assert "robot" in worlds
+    for name in [*worlds, "sir"]:
+        assert f"{name}.webp" in text
+        assert (ROOT / "docs" / "gallery" / f"{name}.webp").stat().st_size < 300_000
+    assert "lines of Python" in text
 
 
 def test_no_page_loads_a_mathematics_script(site):

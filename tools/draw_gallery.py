@@ -1,0 +1,180 @@
+"""Make the films of the gallery: `python -m tools.draw_gallery [NAME ...]`.
+
+Each film is an animation in WebP, made of pictures of a run: `minerva run NAME --view svg` with all
+pictures kept. It needs the extras picture, plot, mqtt and ros, and mosquitto for the house.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from itertools import product
+from pathlib import Path
+from threading import Event, Thread
+
+import matplotlib
+import paho.mqtt.client as mqtt
+from matplotlib import pyplot
+from PIL import Image
+
+matplotlib.use("agg")
+
+ROOT = Path(__file__).parents[1]
+OUTPUT = ROOT / "docs" / "gallery"
+WORLDS = ROOT / "worlds" / "minerva_worlds"
+MAP = ROOT / "agents" / "minerva_agents" / "robot" / "plan" / "office.yaml"
+MINERVA = [sys.executable, "-m", "minerva_bus.cli.main"]
+WIDTH, DRAWN_WIDTH, SIZE_LIMIT = 520, 1040, 240_000
+FRAME_MS, LAST_MS = 100, 2000
+PORT = 18830
+
+
+@dataclass(frozen=True)
+class Film:
+    """How a world is run: its arguments, frames between pictures, and its surroundings."""
+
+    arguments: Sequence[str]
+    every: int = 10
+    around: Callable[[ExitStack], None] | None = None
+
+
+def process(stack: ExitStack, *command: str) -> None:
+    """Run a program until the film is made."""
+    running = stack.enter_context(subprocess.Popen(command))
+    stack.callback(running.terminate)
+
+
+def rooms(stack: ExitStack) -> None:
+    """A broker, and two rooms whose heaters obey and whose sensors publish."""
+    process(stack, "mosquitto", "-p", str(PORT))
+    air, heated = {"kitchen": 18.0, "bath": 21.0}, {"kitchen": False, "bath": False}
+    client = mqtt.Client(mqtt.CallbackAPIVersion.VERSION2)
+
+    def command(_client: object, _data: object, message: mqtt.MQTTMessage) -> None:
+        heated[message.topic.split("/")[1]] = message.payload in (b"ON", b"true", b"True")
+
+    client.on_connect = lambda *_: client.subscribe("home/+/heater/set")
+    client.on_message = command
+    client.connect_async("localhost", PORT)
+    client.loop_start()
+    stopped = Event()
+    stack.callback(client.loop_stop)
+    stack.callback(stopped.set)
+
+    def weather() -> None:
+        while not stopped.wait(0.3):
+            for room, celsius in air.items():
+                air[room] = celsius + (0.5 if heated[room] else -0.3)
+                client.publish(f"home/{room}/temperature", f"{air[room]:.1f}")
+
+    Thread(target=weather, daemon=True).start()
+
+
+def robot(stack: ExitStack) -> None:
+    """A ROS 2 robot in the office."""
+    program = WORLDS / "ros2" / "ros_robot.py"
+    process(stack, sys.executable, str(program), "--map", str(MAP))
+
+
+FAST = ["--in-process", "--rate", "0"]
+FILMS = {
+    "crowd": Film([*FAST, "--frames", "700"]),
+    "flock": Film([*FAST, "--frames", "240"], every=3),
+    "forager": Film([*FAST], every=1),
+    "house": Film(["--broker", f"mqtt://localhost:{PORT}", "--frames", "300"], 5, rooms),
+    "meadow": Film([*FAST, "--frames", "640"]),
+    "plants": Film([*FAST], every=1),
+    "robot": Film([*FAST]),
+    "robots": Film([*FAST, "--frames", "1201"], every=15),
+    "ros2": Film(["--map", str(MAP)], 12, robot),
+    "traffic": Film([*FAST, "--frames", "400"], every=5),
+    "warehouse": Film([*FAST, "--frames", "600"]),
+}
+
+
+def pictures(name: str, film: Film, folder: Path) -> list[Image.Image]:
+    """Run a world and load its pictures, in the order of frames."""
+    view = f"svg:path={folder}/picture.svg,frames=true,every={film.every},width={DRAWN_WIDTH}"
+    with ExitStack() as stack:
+        if film.around is not None:
+            film.around(stack)
+        run = [*MINERVA, "run", name, *film.arguments, "--view", view, "--quiet"]
+        subprocess.run(run, check=True, cwd=folder)
+    return [scaled(Image.open(path)) for path in sorted(folder.glob("*.png"))]
+
+
+def scaled(image: Image.Image) -> Image.Image:
+    """The image in the width of films."""
+    height = round(image.height * WIDTH / image.width)
+    return image.convert("RGB").resize((WIDTH, height), Image.Resampling.LANCZOS)
+
+
+def epidemic() -> list[Image.Image]:
+    """Pictures of examples/sir: the people, and the curve so far."""
+    script = (
+        "import json; from sir import *; done = run(world, frames=240, seed=7, collect=curves |"
+        " {'x': Person.x.every(4), 'y': Person.y.every(4), 'ill': Person.sick.every(4),"
+        " 'days': Person.days.every(4)});"
+        " frames, people = done.table(), done.table('APerson');"
+        " print(json.dumps([{k: [float(v) for v in t[k]] for k in t.columns if k != 'id'}"
+        " for t in (frames, people)]))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script], cwd=ROOT / "examples" / "sir", check=True,
+        capture_output=True, text=True,
+    )  # fmt: skip
+    frames, people = json.loads(done.stdout)
+    drawn = []
+    for start in range(0, len(people["frame"]), 200):
+        rows = slice(start, start + 200)
+        now = int(people["frame"][start])
+        states = zip(people["ill"][rows], people["days"][rows], strict=True)
+        colours = ["#c0392b" if ill else "#8a94a0" if days else "#2f6f8f" for ill, days in states]
+        figure, (place, curve) = pyplot.subplots(1, 2, figsize=(9, 4.5), dpi=116)
+        place.scatter(people["x"][rows], people["y"][rows], c=colours, s=26)
+        place.set(xlim=(0, 20), ylim=(0, 20), xticks=[], yticks=[], aspect="equal")
+        place.set_title("blue: healthy, red: sick, grey: immune", fontsize=10)
+        for key, colour in (("sick", "#c0392b"), ("immune", "#8a94a0")):
+            curve.plot(frames["frame"][: now + 1], frames[key][: now + 1], colour, label=key)
+        curve.set(xlim=(0, 240), ylim=(0, 200), xlabel="frame", ylabel="people")
+        curve.legend(loc="upper left", frameon=False)
+        figure.tight_layout()
+        file = io.BytesIO()
+        figure.savefig(file, format="png")
+        pyplot.close(figure)
+        drawn.append(scaled(Image.open(file)))
+    return drawn
+
+
+def save(images: Sequence[Image.Image], path: Path) -> None:
+    """Write an animation with the best quality that keeps it small."""
+    for step, quality in product((1, 2, 4), (80, 60, 40)):
+        shown = [*images[:-1:step], images[-1]]
+        times = [FRAME_MS * step] * (len(shown) - 1) + [LAST_MS]
+        file = io.BytesIO()
+        shown[0].save(
+            file, "webp", save_all=True, append_images=shown[1:], duration=times, loop=0,
+            quality=quality, method=4,
+        )  # fmt: skip
+        if file.tell() <= SIZE_LIMIT:
+            break
+    path.write_bytes(file.getvalue())
+    print(f"{path}: {len(shown)} pictures, {file.tell()} bytes, quality {quality}", flush=True)
+
+
+def main() -> None:
+    """Make the films of these worlds, or all."""
+    for name in sys.argv[1:] or [*FILMS, "sir"]:
+        with tempfile.TemporaryDirectory() as folder:
+            images = epidemic() if name == "sir" else pictures(name, FILMS[name], Path(folder))
+        save(images, OUTPUT / f"{name}.webp")
+
+
+if __name__ == "__main__":
+    main()
