@@ -12,7 +12,7 @@ from rendering import MarkdownDirective, plain, table
 from sphinx.application import Sphinx
 
 from minerva_bus.cli.main import GROUPS, app
-from minerva_bus.launch.options import described
+from minerva_bus.launch.installed import described
 
 ADDITION = re.compile(r"\s*\[(default|env var|required)[^\]]*\]")
 
