@@ -15,6 +15,8 @@ import threading
 import time
 from pathlib import Path
 
+from pages import stable
+
 PATIENCE = 150.0
 """Time limit in seconds for a command to end or to print; far more than it needs."""
 
@@ -91,8 +93,12 @@ class Running:
     def shows(self, text: str) -> None:
         """Wait until its output matches a regular expression."""
         with self._changed:
-            self._changed.wait_for(lambda: self._over or re.search(text, self.output), PATIENCE)
-        assert re.search(text, self.output), f"{self.line!r} never shows {text!r}:\n{self.output}"
+            self._changed.wait_for(lambda: self._over or self._has(text), PATIENCE)
+        assert self._has(text), f"{self.line!r} never shows {text!r}:\n{self.output}"
+
+    def _has(self, text: str) -> bool:
+        plain = stable(self.output) + "\n"
+        return bool(re.search(text, self.output) or re.search(text, plain, re.M))
 
     def interrupt(self, key: bytes = b"\x03") -> int:
         """Press Ctrl-C or another key and wait for its end; returns its exit code."""

@@ -9,7 +9,7 @@ from reader import GROUPS, TABLES, means, of
 def test_tables_name_commands_that_their_pages_have():
     for page, table in TABLES.items():
         known = [line for block in shell(page) for line in block]
-        for key in ("first", "until", "stays", "codes", "skip"):
+        for key in ("first", "until", "runs", "joins", "stays", "codes", "skip", "pictures"):
             for name, text in table.get(key, {}).items():
                 assert any(means(name, line) for line in known), f"{page} has no {name!r}"
                 assert text, f"{page}: nothing is said of {name!r}"
