@@ -27,3 +27,4 @@ minerva stop robot
 trap - EXIT
 wait
 python tools/draw_page.py docs/web.png
+python -m tools.draw_guides

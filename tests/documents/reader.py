@@ -101,8 +101,8 @@ class Reader:
             return  # Everything is installed, and the index of packages is not reachable.
         if first := self.says("first", line):
             self.ends_well(first)
-        if self.staying is not None and self.staying.code is None:
-            pass  # The page's own world runs.
+        if "runs" in self.table:
+            pass  # The page starts its own worlds.
         elif ASKS.match(line) and "--connect" not in line:
             self.let_a_world_run()
         elif ASKS.match(line) and self.guests is None:
@@ -125,6 +125,8 @@ class Reader:
             self.is_interrupted(line, shown)
         else:
             self.ends_well(line, output)
+            if line == "minerva stop" and self.staying is not None:
+                self.staying.ends()
 
     def runs_on(self, line, *shown):
         """Start a command that goes on while the reader uses another terminal."""
