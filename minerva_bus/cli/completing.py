@@ -162,8 +162,8 @@ def _services(wanted: Callable[[str], bool]) -> Choices:
     return [(name, entry.value) for name, entry in services if wanted(entry.value)]
 
 
-def _sorted(found: Any) -> list[tuple[str, Any]]:
-    return sorted(found.items())
+def _sorted(entries: Any) -> list[tuple[str, Any]]:
+    return sorted(entries.items())
 
 
 def _service_options(name: str) -> dict[str, str]:

@@ -36,6 +36,8 @@ EXTRAS: Final = {
     "parquet": (("pyarrow",), "collected data as .parquet"),
     "pandas": (("pandas",), "collected data in pandas"),
     "polars": (("polars",), "collected data in Polars"),
+    "notebook": (("anywidget", "ipykernel"), "live worlds in notebooks"),
+    "dask": (("distributed",), "studies on a Dask cluster"),
     "video": (("av",), "films of runs"),
     "ros": (("rosbags", "PIL"), "ROS 2 robots, and bags"),
     "mqtt": (("paho",), "MQTT brokers"),

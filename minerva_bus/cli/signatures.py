@@ -20,10 +20,10 @@ def options_of_service(name: str) -> dict[str, str]:
     documentation, arguments = "", None
     # The constructor may be that of a base class.
     while arguments is None:
-        found = _class(module, attribute)
-        if found is None:
+        definition = _class(module, attribute)
+        if definition is None:
             return {}
-        module, cls = found
+        module, cls = definition
         documentation = documentation or ast.get_docstring(cls) or ""
         arguments = next(
             (

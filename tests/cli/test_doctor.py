@@ -36,6 +36,7 @@ def test_it_knows_all_extras():
         "all",
         "audit",
         "dev",
+        "docs",
         "mutation",
     }
 

@@ -166,7 +166,7 @@ def test_others_see_the_map():
     assert shown["column_count"] == rows
     assert len(data) == shown["row_stride"] * columns == 4 * rows * columns
     red = np.frombuffer(data, np.uint8).reshape(columns, rows, 4)[:, :, 0]
-    reds = {100: 0x2F, 0: 0xFB, -1: 0xD9}  # y runs along the rows of a grid, x along each row
+    reds = {100: 0x9A, 0: 0xFB, -1: 0xE6}  # y runs along the rows of a grid, x along each row
     assert (np.vectorize(reds.__getitem__)(floor["cells"]) == red.T).all()
 
 

@@ -81,7 +81,7 @@ def test_the_record_supplies_settings_missing_on_the_command_line(tmp_path):
     ("words", "problem"),
     [
         (("--frames", 30, "--seed", 8), "cut.mcap: it is the record of another world: seed 7 is"),
-        ((), "this run is over after 5 frames; --frames N goes on"),
+        ((), "this run is over after 5 frames; --frames N continues"),
     ],
 )
 def test_an_unresumable_record_is_rejected_in_one_line(words, problem, tmp_path):

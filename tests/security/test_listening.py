@@ -43,7 +43,7 @@ def test_endpoints_that_only_this_machine_reaches(endpoint, local):
 @pytest.mark.parametrize("kind", ["tcp", "udp", "ws"])
 def test_an_open_door_is_refused_with_what_to_do_unless_one_insists(tmp_path, kind):
     path, listen = write_world(tmp_path), f"{kind}/0.0.0.0:7447"
-    with pytest.raises(BusError, match=r"make keys .*tls/0\.0\.0\.0:7447 .*or insist"):
+    with pytest.raises(BusError, match=r"create keys .*tls/0\.0\.0\.0:7447 .*or insist"):
         border(path, listen)
     assert border(path, listen, insecure=True).keys is None
 
