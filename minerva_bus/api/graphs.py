@@ -83,7 +83,8 @@ class Graph:
     drawing.
 
     Example:
-        >>> print(graph("robot").mermaid())
+        >>> graph("robot").mermaid().splitlines()[0]
+        'flowchart LR'
 
     """
 
@@ -168,7 +169,7 @@ def graph(world: World | str | Path, **options: Any) -> Graph:
 
     Example:
         >>> graph("meadow").publishers("eRain")
-        ['weather']
+        ['weather', 'people']
 
     """
     given = World.load(world, **options) if isinstance(world, str | Path) else world

@@ -15,7 +15,7 @@ from minerva_bus import (
     Transformation,
     Vocabulary,
 )
-from minerva_bus.cli.recording import draw_plot
+from minerva_bus.cli.plotting import plot_file
 from minerva_bus.errors import MinervaError, MisuseError
 from minerva_bus.frame.description import World
 from minerva_bus.log.description import Description
@@ -94,6 +94,10 @@ def test_columns_are_the_agents_they_stand_for():
     assert len(Surveyor(WORLD, 10).places(many)["AWalker"].ids) == 10
 
 
+def draw(record, output):
+    plot_file(record, output, (), "", "", bars=False)
+
+
 @pytest.mark.parametrize("name", ["meadow", "flock", "robot"])
 def test_tracks_are_where_agents_were(name, tmp_path):
     strings = strings_of(name)
@@ -133,7 +137,7 @@ def test_a_picture(name, tmp_path, capsys):
     pytest.importorskip("matplotlib")
     path = tmp_path / "run.mcap"
     path.write_bytes(bytes_of(name, finished=False))
-    draw_plot(path, None)
+    draw(path, None)
     assert capsys.readouterr().out.strip() == str(tmp_path / "run.png")
     assert (tmp_path / "run.png").read_bytes()[:4] == b"\x89PNG"
 
@@ -143,9 +147,9 @@ def test_a_picture_that_cannot_be_written(tmp_path):
     path = tmp_path / "run.mcap"
     path.write_bytes(bytes_of("robot"))
     with pytest.raises(MinervaError, match="cannot write"):
-        draw_plot(path, tmp_path / "none" / "run.png")
+        draw(path, tmp_path / "none" / "run.png")
     with pytest.raises(MinervaError, match="cannot be written"):
-        draw_plot(path, tmp_path / "run.docx")
+        draw(path, tmp_path / "run.docx")
 
 
 def test_without_matplotlib(tmp_path, monkeypatch):
@@ -153,7 +157,7 @@ def test_without_matplotlib(tmp_path, monkeypatch):
     path = tmp_path / "run.mcap"
     path.write_bytes(bytes_of("robot"))
     with pytest.raises(MisuseError, match=r"pip install 'minerva-bus\[plot\]'"):
-        draw_plot(path, None)
+        draw(path, None)
 
 
 def test_a_world_without_places_or_frames(tmp_path):
@@ -163,5 +167,5 @@ def test_a_world_without_places_or_frames(tmp_path):
     RecordWriter(stream, Description(world)).finish()
     path = tmp_path / "run.mcap"
     path.write_bytes(stream.getvalue())
-    draw_plot(path, tmp_path / "run.svg")
+    draw(path, tmp_path / "run.svg")
     assert (tmp_path / "run.svg").stat().st_size > 1000
