@@ -232,12 +232,12 @@ def _variable_of(symbol: Any) -> str:
     """The `module:variable` of a symbol, preferably not in the main program; "" if none."""
     homes = [
         f"{name}:{variable}"
-        for name, module in list(sys.modules.items())
+        for name, module in sys.modules.copy().items()
         # Modules of worlds made in Python exist in this process only, and libraries register the
         # main program under a second name.
         if name.partition(".")[0] not in (_OWN, "__mp_main__")
         and not name.startswith("minerva_world_")
-        for variable, value in list(vars(module).items())
+        for variable, value in vars(module).copy().items()
         if value is symbol
     ]
     # Another module than the main program, which other processes cannot import.
