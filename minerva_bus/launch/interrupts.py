@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import os
 import signal
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Mapping
 from contextlib import contextmanager
 from types import FrameType
+from typing import TypeAlias
 
 from minerva_bus.launch.pipes import Pipes
+
+Handler: TypeAlias = Callable[[int, FrameType | None], None]
 
 
 def end_signals() -> tuple[signal.Signals, ...]:
@@ -19,6 +22,17 @@ def end_signals() -> tuple[signal.Signals, ...]:
     numbers = signal.SIGINT, signal.SIGTERM
     ignored = signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
     return numbers if ignored else (*numbers, signal.SIGHUP)
+
+
+@contextmanager
+def handled(handlers: Mapping[signal.Signals, Handler]) -> Generator[None]:
+    """Handle these signals, and restore the former handlers at the end of the block."""
+    before = {number: signal.signal(number, handler) for number, handler in handlers.items()}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 @contextmanager
@@ -37,12 +51,10 @@ def caught(pipes: Pipes, interrupted: Callable[[signal.Signals], None]) -> Gener
     pipes.listen(read, lambda: pipes.read(read))
     # Python writes to the pipe only for signals that have a handler, hence one for SIGCHLD.
     wanted = {signal.SIGCHLD: _ignore, **dict.fromkeys(end_signals(), interrupt)}
-    before = {number: signal.signal(number, handler) for number, handler in wanted.items()}
     try:
-        yield
+        with handled(wanted):
+            yield
     finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
         signal.set_wakeup_fd(-1)
         pipes.forget(read)
         os.close(write)

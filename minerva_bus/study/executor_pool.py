@@ -10,10 +10,9 @@ import io
 import logging
 import os
 import platform
-import signal
 import threading
 import time
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Generator, Sequence
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future
 from contextlib import ExitStack, contextmanager, redirect_stderr, suppress
 from dataclasses import dataclass
@@ -25,7 +24,7 @@ from typing import Any, Final, Self
 
 from minerva_bus.collect.table import needed
 from minerva_bus.errors import MinervaError, MisuseError
-from minerva_bus.launch.interrupts import end_signals
+from minerva_bus.launch.interrupts import Handler, end_signals, handled
 from minerva_bus.launch.temporary_folder import temporary_folder
 from minerva_bus.study.sent_world import SentWorld, dask_worker
 from minerva_bus.study.worker_pool import OnResult, Result, Task, WorkerPool, failure
@@ -267,17 +266,13 @@ def _described(error: BaseException) -> str:
 
 
 @contextmanager
-def _signals(handler: Callable[[int, FrameType | None], None]) -> Generator[None]:
+def _signals(handler: Handler) -> Generator[None]:
     """Handle the signals that end this process, as far as this is the main thread."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    before = {number: signal.signal(number, handler) for number in end_signals()}
-    try:
+    with handled(dict.fromkeys(end_signals(), handler)):
         yield
-    finally:
-        for number, former in before.items():
-            signal.signal(number, former)
 
 
 @cache
