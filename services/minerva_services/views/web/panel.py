@@ -95,7 +95,6 @@ class Panel:
         self._notice = gui.add_html("")
         self._add_pace()
         with gui.add_folder("Legend"):
-            self._legend_shown: Legend = ()
             self._legend = gui.add_html(html.legend(()))
         self._add_agent()
         self._orders = gui.add_folder("Orders", visible=False)
@@ -112,9 +111,9 @@ class Panel:
 
     def show_legend(self, legend: Legend) -> None:
         """Show what the colours of the scene mean."""
-        if legend != self._legend_shown:
-            self._legend_shown = legend
-            self._legend.content = html.legend(legend)
+        content = html.legend(legend)
+        if content != self._legend.content:
+            self._legend.content = content
 
     def show_status(self, status: WorldStatus, report: str = "", *, rate: bool) -> None:
         """Show the status and the latest report, and with `rate` the target rate on its slider."""
