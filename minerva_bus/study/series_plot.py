@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 
 from minerva_bus.collect.table import DataTable
 from minerva_bus.errors import MisuseError, nearest
+from minerva_bus.semantics.legend import OKABE_ITO
 from minerva_bus.study.grid import SEED
 from minerva_bus.study.style import FAINT, draw
 
-COLORS: Final = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000")
-"""Colours that people with deficient colour vision distinguish, too (Okabe and Ito, 2008)."""
+COLORS: Final = (*OKABE_ITO, "#000000")
 
 BAND: Final = (0.1, 0.9)
 MAX_LINES: Final = 28

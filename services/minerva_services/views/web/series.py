@@ -8,10 +8,8 @@ from typing import Final
 import numpy as np
 from viser import GuiApi, GuiUplotHandle, uplot
 
+from minerva_bus.semantics.legend import OKABE_ITO
 from minerva_bus.world.operator import CollectedSeries
-
-COLORS: Final = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
-"""Colours that people with deficient colour vision distinguish, too (Okabe and Ito, 2008)."""
 
 _HEIGHT: Final = 140
 _PADDING: Final = (14, 12, 0, 0)
@@ -42,7 +40,7 @@ class ChartFolder:
             if each.name in self._charts:
                 self._charts[each.name].data = data
             else:
-                self._charts[each.name] = self._add(each, data, COLORS[number % len(COLORS)])
+                self._charts[each.name] = self._add(each, data, OKABE_ITO[number % len(OKABE_ITO)])
 
     def _add(
         self, series: CollectedSeries, data: tuple[np.ndarray, ...], color: str
