@@ -6,13 +6,12 @@ arrow with a head at each receiver, so a call to twenty takes as much room as a 
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator
 from typing import Final
-from xml.sax.saxutils import escape
 
 from minerva_bus.acl.acts import Act
 from minerva_bus.acl.exchanges import Exchange, SentMessage
+from minerva_bus.markup import xml_text
 
 COLUMN, ROW, FRAME_ROW = 150, 34, 12
 LEFT, TOP, MARGIN = 84, 92, 28
@@ -28,8 +27,6 @@ _COLORS: Final = {
     ),
     **dict.fromkeys((Act.AGREE, Act.ACCEPT_PROPOSAL, Act.INFORM, Act.CONFIRM), SETTLES),
 }
-# Characters that XML 1.0 does not allow, not even escaped.
-_UNWRITABLE: Final = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 _STYLE: Final = (
     f"text {{ font-family: 'DejaVu Sans', Helvetica, sans-serif; font-size: 11px; fill: {INK} }}"
     " .title { font-size: 16px; font-weight: bold } .frame { fill: #80848f; text-anchor: end }"
@@ -108,11 +105,6 @@ def _arrow(message: SentMessage, y: float, columns: dict[str, float]) -> Iterato
     yield f'<circle cx="{x:.0f}" cy="{y:.0f}" r="2.5" fill="{color}"/>'
     yield f'<text class="label" x="{_label_at(message, columns):.0f}" y="{y - 6:.0f}">'
     yield f"<title>{xml_text(message.content)}</title>{xml_text(message.label)}</text>"
-
-
-def xml_text(text: str) -> str:
-    """Any text as XML character data."""
-    return escape(_UNWRITABLE.sub("\ufffd", text))
 
 
 def _label_at(message: SentMessage, columns: dict[str, float]) -> float:

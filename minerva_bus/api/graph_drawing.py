@@ -10,9 +10,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
-from minerva_bus.acl.sequence import xml_text
 from minerva_bus.api.graph_text import kinds_label, process_label, process_notes
 from minerva_bus.api.graphs import EventEntry, Graph, KindEntry, ProcessEntry
+from minerva_bus.markup import xml_text
 
 MARGIN, TOP, GAP, SPACE = 28, 96, 16, 150
 ROW, LINE, PORT, LANE = 26, 16, 9, 14

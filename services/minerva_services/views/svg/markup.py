@@ -4,11 +4,10 @@ import re
 from xml.sax.saxutils import escape
 
 from minerva_bus.errors import MisuseError
+from minerva_bus.markup import xml_characters
 
 _MAX_NUMBER = 1e9
 _COLOR = re.compile(r"#(?:[0-9a-fA-F]{3}|[0-9a-fA-F]{6})|[A-Za-z]+")
-# Characters that XML 1.0 cannot contain, not even escaped.
-_UNWRITABLE = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
 def short(value: float, decimals: int = 3) -> str:
@@ -34,5 +33,5 @@ def paint(color: str) -> str:
 def line_of_text(text: str, longest: int = 60) -> str:
     """A text on one line as XML character data: escaped, and shortened if too long."""
     # The first cut bounds the work for texts of any length.
-    shown = " ".join(_UNWRITABLE.sub("\ufffd", text[: 4 * longest]).split())
+    shown = " ".join(xml_characters(text[: 4 * longest]).split())
     return escape(shown if len(shown) <= longest else shown[: longest - 1] + "…")
