@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, Final, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from minerva_bus.api.requests import request_of
 from minerva_bus.api.run_result import pick_table
 from minerva_bus.api.world import World, world_of
-from minerva_bus.collect.plans import plans_of, read_entries
+from minerva_bus.collect.plans import TablePlan, plans_of, read_entries
+from minerva_bus.collect.reading import plain_value
 from minerva_bus.collect.table import ARRAY_TYPES, DataTable, Gathered
 from minerva_bus.collect.writers import path_of, read_columns
 from minerva_bus.errors import MisuseError
@@ -31,6 +32,8 @@ from minerva_bus.study.journal import StudyJournal
 from minerva_bus.study.results import Row
 from minerva_bus.study.sent_world import SentWorld
 from minerva_bus.study.sweep import Sweep
+
+_BOOLS: Final = {"true": True, "false": False}
 
 
 class SweepProgress:
@@ -161,18 +164,26 @@ def sweep(
             raise MisuseError(f"all runs failed; the first: {runs.named(first)}: {first.error}")
         if not entries:
             return _outcomes(runs)
-        tables = {plan.name: Gathered(plan.name, plan.columns) for plan in plans}
-        keys: dict[str, list[Combination]] = {plan.name: [] for plan in plans}
-        several = len(plans) > 1
-        # In the order of the grid: runs finish in any order, and the table must not depend on it.
-        for combination, row in [(each, runs.rows[each]) for each in combinations]:
-            for plan in plans if not row.error else ():
-                part = path_of(runs.part(combination), plan.name, several)
-                rows = read_columns(part, plan.name, plan.columns)
-                tables[plan.name].rows(rows.to_dict())
-                keys[plan.name] += [combination] * len(rows)
-    wanted = pick_table({name: gathered.table for name, gathered in tables.items()}, table)
+        collected, keys = _collected(runs, combinations, plans)
+    wanted = pick_table(collected, table)
     return _with_keys(combinations.keys, keys[wanted.name], wanted)
+
+
+def _collected(
+    runs: Sweep, combinations: Grid, plans: Sequence[TablePlan]
+) -> tuple[dict[str, DataTable], dict[str, list[Combination]]]:
+    """The collected rows of all runs by table, and the combination of each row."""
+    tables = {plan.name: Gathered(plan.name, plan.columns) for plan in plans}
+    keys: dict[str, list[Combination]] = {plan.name: [] for plan in plans}
+    several = len(plans) > 1
+    # In the order of the grid: runs finish in any order, and the table must not depend on it.
+    for combination in combinations:
+        for plan in plans if not runs.rows[combination].error else ():
+            part = path_of(runs.part(combination), plan.name, several)
+            rows = read_columns(part, plan.name, plan.columns)
+            tables[plan.name].rows(rows.to_dict())
+            keys[plan.name] += [combination] * len(rows)
+    return {name: gathered.table for name, gathered in tables.items()}, keys
 
 
 def sent_world(world: World, given: Overrides = AS_WRITTEN, *more: object) -> SentWorld:
@@ -221,17 +232,10 @@ def _with_keys(names: Sequence[str], keys: Sequence[Combination], table: DataTab
     for at, name in enumerate(names):
         # An option may have the name of a collected column.
         own = f"{name}_" if name in table.columns else name
-        types[own], columns[own] = _typed([_value(combination[at]) for combination in keys])
+        types[own], columns[own] = _typed(
+            [plain_value(combination[at], _BOOLS) for combination in keys]
+        )
     return DataTable(table.name, types | table.types, columns | table.to_dict())
-
-
-def _value(text: str) -> Any:
-    for read in (int, float):
-        try:
-            return read(text)
-        except ValueError:
-            continue
-    return {"true": True, "false": False}.get(text, text)
 
 
 def _typed(values: Sequence[Any]) -> tuple[str, NDArray[Any]]:

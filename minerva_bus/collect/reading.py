@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import csv
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
 from minerva_bus.collect.table import ARRAY_TYPES, DataTable, needed
 from minerva_bus.errors import MisuseError
 from minerva_bus.outputs import note_read
+
+_WORDS: Final = {"True": True, "False": False, "true": True, "false": False, "": None}
 
 
 def read_table(path: Path) -> DataTable:
@@ -37,17 +40,18 @@ def _csv(path: Path) -> dict[str, list[Any]]:
             if len(row) != len(names):
                 raise ValueError(f"line {rows.line_num} has {len(row)} values, not {len(names)}")
             for column, text in zip(columns, row, strict=True):
-                column.append(_value(text))
+                column.append(plain_value(text, _WORDS))
     return dict(zip(names, columns, strict=True))
 
 
-def _value(text: str) -> Any:
+def plain_value(text: str, words: Mapping[str, Any]) -> Any:
+    """A number if the text is one, otherwise what it means among the words, or the text itself."""
     for read in (int, float):
         try:
             return read(text)
         except ValueError:
             continue
-    return {"True": True, "False": False, "true": True, "false": False, "": None}.get(text, text)
+    return words.get(text, text)
 
 
 def _parquet(path: Path) -> dict[str, list[Any]]:
