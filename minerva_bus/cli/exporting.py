@@ -81,6 +81,6 @@ def _report(done: Export, as_json: bool, quiet: bool) -> None:
             print_message(f"{done.record} lacks the frames {gaps}; their rows are missing")
     if as_json:
         print_result(json.dumps(done.plain()))
-        return
-    for name, path in done.files.items():
-        print_result(f"{path}  {name}  {counted(done.rows[name], 'row')}")
+    elif not quiet:
+        for name, path in done.files.items():
+            print_result(f"{path}  {name}  {counted(done.rows[name], 'row')}")

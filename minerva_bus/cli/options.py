@@ -76,6 +76,8 @@ WorldArgument = Annotated[
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON on standard output.")]
 Quiet = Annotated[bool, typer.Option(help="Print errors only.")]
+QuietRun = Annotated[bool, typer.Option(help="Print errors and the output of members only.")]
+QuietStudy = Annotated[bool, typer.Option(help="Print errors and the result only.")]
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +88,7 @@ class RunOptions:
         bool, typer.Option(help="Run all members in one process, without a bus.")
     ] = False
     json: Json = False
-    quiet: Quiet = False
+    quiet: QuietRun = False
     profile: Annotated[
         bool, typer.Option("--profile", help="Report how the time of a frame is spent.")
     ] = False

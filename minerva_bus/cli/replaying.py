@@ -35,7 +35,8 @@ def replay_record(
     summary = supervisor.run()
     if not summary.digest:
         print_message(f"minerva: {played.file.world.name}: {summary.ended}")
-    print_result(json.dumps(summary.plain()) if as_json else "\n".join(summary.lines()))
+    if as_json or not quiet:
+        print_result(json.dumps(summary.plain()) if as_json else "\n".join(summary.lines()))
     if summary.ended in ("interrupted", "terminated"):
         return INTERRUPTED
     return FAILED if supervisor.failure else 0

@@ -61,18 +61,20 @@ def run_world(file: WorldFile, began: float, options: RunOptions) -> None:
             raise
         console.problem(str(error))
         raise typer.Exit(WRONG) from None
-    _print_summary(summary, console, as_json or options.json)
+    _print_summary(summary, console, options, as_json=as_json or options.json)
     if summary.ended in ("interrupted", "terminated"):
         raise typer.Exit(INTERRUPTED)
     if failure:
         raise typer.Exit(FAILED)
 
 
-def _print_summary(summary: RunSummary, console: Console, as_json: bool) -> None:
+def _print_summary(
+    summary: RunSummary, console: Console, options: RunOptions, *, as_json: bool
+) -> None:
     """Print a summary; without the coordinator's part, as text only the cause of the end."""
     if not summary.digest:
         console.problem(summary.ended)
     if as_json:
         say_summary(summary.plain())
-    elif summary.digest:
+    elif summary.digest and not options.quiet:
         print_result("\n".join(summary.lines()))

@@ -18,13 +18,38 @@ def path(tmp_path_factory):
 
 
 @pytest.mark.parametrize("words", [("--json",), (), ("--quiet",)])
-def test_the_summary_has_standard_output_to_itself(path, words):
+def test_only_the_summary_is_on_standard_output(path, words):
     done = here(path.parent, "run", path, "--in-process", *words)
     assert done.returncode == 0, done.stderr
     assert "in-process │ frame 4: 4 figures\n" in done.stderr
     assert "figures" not in done.stdout
     if "--json" in words:
         assert json.loads(done.stdout)["frames"] == 5
+    else:
+        assert ("the frames are over" in done.stdout) == (not words)
+
+
+@pytest.mark.parametrize("layout", [(), ("--in-process",)])
+def test_a_quiet_run_prints_no_summary(tmp_path, layout):
+    path = write_world(tmp_path, frames=5)
+    done = here(tmp_path, "run", path, "--quiet", *layout)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+    loud = here(tmp_path, "run", path, *layout)
+    assert "the frames are over" in loud.stdout
+
+
+def test_a_quiet_replay_prints_no_summary(tmp_path):
+    path = write_world(tmp_path, frames=5)
+    assert here(tmp_path, "run", path, "--record", "a.mcap", "--in-process").returncode == 0
+    done = here(tmp_path, "replay", "a.mcap", "--speed", "0", "--quiet")
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+
+
+def test_a_quiet_export_to_a_file_prints_nothing(tmp_path):
+    path = write_world(tmp_path, frames=5)
+    assert here(tmp_path, "run", path, "--record", "a.mcap", "--in-process").returncode == 0
+    done = here(tmp_path, "export", "a.mcap", "--csv", "a.csv", "--quiet")
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
 
 
 def test_these_lines_are_json_if_others_are(path):

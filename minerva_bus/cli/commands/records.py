@@ -8,7 +8,16 @@ from typing import Annotated
 import typer
 
 from minerva_bus.cli import completing
-from minerva_bus.cli.options import Force, Json, Quiet, Takes, examples, grouped, options_of
+from minerva_bus.cli.options import (
+    Force,
+    Json,
+    Quiet,
+    QuietRun,
+    Takes,
+    examples,
+    grouped,
+    options_of,
+)
 from minerva_bus.cli.startup import BEGAN, uncollected
 from minerva_bus.settings.overrides import Overrides
 
@@ -105,7 +114,7 @@ def replay(
         bool, typer.Option("--no-code", help="Run no code: print the frames of the record.")
     ] = False,
     json: Json = False,
-    quiet: Quiet = False,
+    quiet: QuietRun = False,
     force: Force = False,
 ) -> None:
     """Replay a record to any view.
