@@ -1,0 +1,1 @@
+"""The public comparison of agent-based frameworks, with measured and published systems."""

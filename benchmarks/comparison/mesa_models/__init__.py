@@ -1,0 +1,1 @@
+"""The models in Mesa 3, written as Mesa's documentation recommends."""

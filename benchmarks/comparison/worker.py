@@ -1,0 +1,42 @@
+"""Runs one model of a Python system, once for each seed that arrives on standard input.
+
+python -m benchmarks.comparison.worker mesa flocking small
+
+Answers each line with an object: the milliseconds of creating and running the model, without the
+computation of its statistics.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from importlib import import_module
+from typing import Final
+
+from benchmarks.comparison.parameters import PARAMETERS
+
+PACKAGES: Final = {
+    "minerva": "benchmarks.comparison.models",
+    "mesa": "benchmarks.comparison.mesa_models",
+}
+
+
+def measured(system: str, model: str, size: str, seed: int) -> dict[str, float]:
+    """Milliseconds of one run, and its statistics."""
+    module = import_module(f"{PACKAGES[system]}.{model}")
+    begin = time.perf_counter()
+    statistics = module.run(PARAMETERS[model, size], seed)
+    return {"ms": (time.perf_counter() - begin) * 1e3, **statistics()}
+
+
+def main() -> None:
+    """Answer seeds until standard input ends."""
+    system, model, size = sys.argv[1:]
+    measured(system, model, "small", 0)  # Imports and compiles.
+    for line in sys.stdin:
+        print(json.dumps(measured(system, model, size, int(line))), flush=True)
+
+
+if __name__ == "__main__":
+    main()
