@@ -144,7 +144,7 @@ class Host:
             patch = _view_patch(shown, piece, view) if shown is not None else None
             # An empty patch means that the fragment has changed and its
             # view has not, so nothing is sent.
-            if patch is not None and (patch.changes or patch.turnover is not None):
+            if patch is not None and not patch.empty:
                 views.patched[fragment] = patch
             elif patch is None and (shown is None or _other(shown.view, view)):
                 views.changed[fragment] = view

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Final, cast
 
 import numpy as np
 
@@ -31,19 +31,59 @@ class Change:
     column: Column
 
 
-@dataclass(frozen=True, slots=True, eq=False)
 class Delta:
     """Changes of columns with `count` rows and these symbols, from outside to inside.
 
     With a `turnover` the row numbers of changes are those after it, and each column has a change
     for the added rows, whose values are given nowhere else. `born` are the ids of added agents.
+
+    A delta from `difference` has both states as `ends`. Its changes are computed when they are
+    read: in the process that made it, the new state replaces the old one without them.
     """
 
-    count: int
-    symbols: tuple[str, ...]
-    changes: tuple[Change, ...]
-    turnover: RowDelta | None = None
-    born: Ids | None = None
+    __slots__ = ("_born", "_changes", "count", "ends", "symbols", "turnover")
+
+    def __init__(
+        self,
+        count: int,
+        symbols: tuple[str, ...],
+        changes: tuple[Change, ...] | None,
+        turnover: RowDelta | None = None,
+        born: Ids | None = None,
+        ends: tuple[Columns, Columns] | None = None,
+    ) -> None:
+        self.count = count
+        self.symbols = symbols
+        self.turnover = turnover
+        self.ends = ends
+        self._changes = changes
+        self._born = born
+
+    @property
+    def changes(self) -> tuple[Change, ...]:
+        """The changes, by level and place."""
+        if self._changes is None:
+            old, new = cast("tuple[Columns, Columns]", self.ends)
+            self._changes = tuple(_changes(old, new, self.turnover))
+        return self._changes
+
+    @property
+    def born(self) -> Ids | None:
+        """The ids of added agents, by row; None without any."""
+        if self._born is None and self.ends is not None and self.turnover is not None:
+            ids = self.ends[1].ids
+            if ids is not None and len(self.turnover.born):
+                self._born = ids.take(self.turnover.born)
+        return self._born
+
+    @property
+    def empty(self) -> bool:
+        """Whether both states are equal."""
+        return self.turnover is None and not self.changes
+
+    def result(self, old: Piece) -> Columns | None:
+        """The new state, if this delta was made in this process from these very columns."""
+        return self.ends[1] if self.ends is not None and self.ends[0] is old else None
 
 
 def difference(old: Piece, new: Piece, turnover: RowDelta | None = None) -> Delta | None:
@@ -62,11 +102,7 @@ def difference(old: Piece, new: Piece, turnover: RowDelta | None = None) -> Delt
     if new.count != (old.count if turnover is None else turnover.after):
         return None
     symbols = tuple([level.symbol for level in new.levels()])
-    changes = tuple(_changes(old, new, turnover))
-    born = None
-    if turnover is not None and new.ids is not None and len(turnover.born):
-        born = new.ids.take(turnover.born)
-    return Delta(old.count, symbols, changes, turnover, born)
+    return Delta(old.count, symbols, None, turnover, ends=(old, new))
 
 
 def _changes(old: Columns, new: Columns, turnover: RowDelta | None) -> Iterator[Change]:
@@ -103,6 +139,8 @@ def _rows_after(turnover: RowDelta, old: Column, new: Column) -> Rows | None:
 
 def check(old: Piece, delta: Delta) -> Columns:
     """The piece as columns, if the delta applies to them. Raises Unfit."""
+    if isinstance(old, Columns) and delta.result(old) is not None:
+        return old
     if not isinstance(old, Columns):
         raise Unfit(f"a patch of {old.symbol}, which is not in columns")
     symbols = tuple([level.symbol for level in old.levels()])
@@ -128,6 +166,8 @@ def check(old: Piece, delta: Delta) -> Columns:
 
 def patched(old: Piece, delta: Delta) -> Columns:
     """The old columns with a delta applied. Raises Unfit if it does not apply to them."""
+    if (result := delta.result(old)) is not None:
+        return result
     # A delta may come from a remote member.
     columnar = check(old, delta)
     turned = columnar if delta.turnover is None else _turned(columnar, delta.turnover, delta.born)
