@@ -2,11 +2,16 @@
 
     sir.parquet.parts/                     while the run lasts
         tables.json                        the tables, with the types of their columns
-        APerson-000000-119.parquet         rows of frames up to 119, a complete file of its own
-        APerson-000001-131.parquet
+        APerson-000000-119.arrow           rows of frames up to 119, a complete file of its own
+        APerson-000001-131.arrow
+        .APerson.parquet                   the table of an undisturbed run, not yet complete
 
 A part gets its name when it is complete. So a killed process leaves complete parts, with all rows
 up to the last `save`, and a process that repeats the frames since then continues the same tables.
+
+A Parquet file cannot be read before its end is written, and joining such files would decode and
+encode all rows again. So a Parquet table is written beside its parts, which are used only after a
+process was killed. Parts in the format Arrow IPC take less time to write.
 """
 
 from __future__ import annotations
@@ -18,7 +23,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, cast
 
-from minerva_bus.collect.joining import join_parts
+from minerva_bus.collect.joining import join_parts, part_ending
 from minerva_bus.collect.plans import TablePlan
 from minerva_bus.collect.rows import Data
 from minerva_bus.collect.writers import FileWriter, create_writer, path_of
@@ -52,7 +57,8 @@ class TableParts:
         self.path = path
         self.folder = parts_of(path)
         self._tables = tables
-        self._writers: list[_PartWriter] = []
+        self._again = again
+        self._writers: dict[str, _PartWriter] = {}
         for name in tables:
             check_output(self._final(name), f"the table {name}")
         if not again:
@@ -73,13 +79,16 @@ class TableParts:
 
     def open(self, plan: TablePlan) -> _PartWriter:
         """The writer of a table; rows of frames that its parts have are ignored."""
-        writer = _PartWriter(self.folder, plan.name, plan.columns, self.path.suffix)
-        self._writers.append(writer)
+        writer = _PartWriter(self.folder, plan.name, plan.columns, part_ending(self.path.suffix))
+        # Parts of a killed process have rows that a new file would lack.
+        if self.path.suffix == ".parquet" and not self._again:
+            writer.write_whole(self._draft(plan.name))
+        self._writers[plan.name] = writer
         return writer
 
     def save(self) -> None:
         """Write all rows so far, so that they survive the process."""
-        for writer in self._writers:
+        for writer in self._writers.values():
             writer.save()
 
     def join(self) -> dict[str, Path]:
@@ -90,8 +99,8 @@ class TableParts:
                 self._join(name, final)
         except OSError as error:
             raise MisuseError(
-                f"{error.filename or self.path}: {error.strerror}; the rows are in {self.folder}:"
-                f" `minerva recover {self.folder}` continues"
+                f"{error.filename or self.path}: {error.strerror or error}; the rows are in"
+                f" {self.folder}: `minerva recover {self.folder}` continues"
             ) from None
         shutil.rmtree(self.folder, ignore_errors=True)
         return files
@@ -99,17 +108,21 @@ class TableParts:
     def _final(self, name: str) -> Path:
         return path_of(self.path, name, len(self._tables) > 1)
 
+    def _draft(self, name: str) -> Path:
+        return self.folder / f".{name}{self.path.suffix}"
+
     def _join(self, name: str, final: Path) -> None:
-        parts = [part.path for part in _parts(self.folder, name, self.path.suffix)]
-        if not parts:
-            empty = self.folder / f"{_DRAFT}{self.path.suffix}"
-            create_writer(empty, self._tables[name]).close()
-            parts = [empty]
-        if len(parts) == 1:
+        writer = self._writers.get(name)
+        if writer is not None and writer.whole is not None:
+            self._draft(name).replace(final)
+            return
+        parts = [part.path for part in _parts(self.folder, name, part_ending(self.path.suffix))]
+        # Renamed, not copied: no copy is faster, and a kill leaves either the part or the file.
+        if len(parts) == 1 and parts[0].suffix == final.suffix:
             parts[0].replace(final)
             return
-        with replacing(final) as file:
-            join_parts(parts, file, self.path.suffix)
+        join_parts(parts, self._draft(name), self._tables[name])
+        self._draft(name).replace(final)
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,6 +159,13 @@ class _PartWriter(FileWriter):
         self._number = parts[-1].number + 1 if parts else 0
         self._last = parts[-1].last if parts else -1
         self._saved: Path | None = None
+        self.whole: FileWriter | None = None
+
+    def write_whole(self, path: Path) -> None:
+        """Also write all rows to a file, which is complete after `close`."""
+        self.whole = create_writer(path, self.types)
+        # Each id is spelled once.
+        self.whole.spelled = self.spelled
 
     def row(self, values: Mapping[str, Any]) -> None:
         """Add one row, unless a part has it."""
@@ -168,9 +188,13 @@ class _PartWriter(FileWriter):
         """Write a part that stays."""
         self._put(columns)
         self._number, self._saved = self._number + 1, None
+        if self.whole is not None:
+            self.whole.write(columns)
 
     def finish(self) -> None:
-        """Do nothing: `join` makes the file."""
+        """Finish the file of all rows; without it, `join` makes the file of the parts."""
+        if self.whole is not None:
+            self.whole.finish()
 
     def _put(self, columns: Mapping[str, Data]) -> None:
         last = int(cast("Any", columns["frame"])[-1])

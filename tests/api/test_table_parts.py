@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from frogs import Frog, pond
 
-from minerva_bus import count, run
-from minerva_bus.collect import thrift
-from minerva_bus.collect.joining import join_parts
+from minerva_bus import count, data, run
+from minerva_bus.collect.joining import join_parts, part_ending
 from minerva_bus.collect.parts import TableParts, read_parts
 from minerva_bus.collect.plans import TablePlan
 from minerva_bus.collect.writers import create_writer, read_columns
@@ -49,13 +48,12 @@ def test_joined_parts_equal_a_file_that_is_written_at_once(tmp_path, ending, siz
     frame, parts, chunks = 0, [], []
     for number, size in enumerate(sizes):
         own = [rows(frame + n) for n in range(size)]
-        parts.append(written(tmp_path / f"{number}{ending}", own))
+        parts.append(written(tmp_path / f"{number}{part_ending(ending)}", own))
         chunks += own
         frame += size
     whole = written(tmp_path / f"whole{ending}", chunks)
     joined = tmp_path / f"joined{ending}"
-    with joined.open("wb") as file:
-        join_parts(parts, file, ending)
+    join_parts(parts, joined, TYPES)
     assert content(joined) == content(whole)
 
 
@@ -64,36 +62,63 @@ def test_other_libraries_read_a_joined_parquet_file(tmp_path, library):
     reader = pytest.importorskip(library)
     pytest.importorskip("pyarrow")
     joined = tmp_path / "joined.parquet"
-    with joined.open("wb") as file:
-        parts = [written(tmp_path / f"{n}.parquet", [rows(n)]) for n in range(20)]
-        join_parts(parts, file, ".parquet")
+    join_parts([written(tmp_path / f"{n}.arrow", [rows(n)]) for n in range(20)], joined, TYPES)
     found = reader.read_parquet(joined)
     assert list(found["frame"]) == [n for n in range(20) for _ in range(5)]
     assert list(found["x19"]) == list(rows(0)["x19"]) * 20
 
 
-def test_a_footer_is_encoded_as_it_was_decoded(tmp_path):
+def test_parts_are_joined_in_the_memory_of_a_few_of_them(tmp_path):
+    parquet = pytest.importorskip("pyarrow.parquet")
+    arrow = pytest.importorskip("pyarrow")
+    size = 10_000
+    parts = [written(tmp_path / f"{n}.arrow", [rows(n, size)]) for n in range(30)]
+    joined = tmp_path / "joined.parquet"
+    # A pool that no other test uses, because a pool has the maximum of the process.
+    pool = arrow.system_memory_pool()
+    before = arrow.default_memory_pool()
+    arrow.set_memory_pool(pool)
+    try:
+        join_parts(parts, joined, TYPES)
+    finally:
+        arrow.set_memory_pool(before)
+    about = parquet.read_metadata(joined)
+    assert (about.num_row_groups, about.num_rows) == (30, 30 * size)
+    assert 0 < pool.max_memory() < 8 * size * 8 * len(TYPES)
+
+
+def cut(data):
+    return data[:-100]
+
+
+def overwritten(data):
+    middle = len(data) // 2
+    return data[:middle] + b"\xff" * 2000 + data[middle + 2000 :]
+
+
+@pytest.mark.parametrize("damaged", [lambda _: b"", lambda _: b"ARROW1", cut, overwritten])
+@pytest.mark.parametrize("number", [0, 1])
+def test_a_damaged_part_is_named(tmp_path, damaged, number):
     pytest.importorskip("pyarrow")
-    data = written(tmp_path / "t.parquet", [rows(n) for n in range(20)]).read_bytes()
-    size = int.from_bytes(data[-8:-4], "little")
-    footer = data[-8 - size : -8]
-    assert thrift.encode(thrift.decode(footer)) == footer
-    for cut in range(0, size - 1, size // 20):
-        with pytest.raises(ValueError, match="Thrift"):
-            thrift.decode(footer[:cut])
+    parts = [written(tmp_path / f"{n}.arrow", [rows(n, 500)]) for n in range(2)]
+    parts[number].write_bytes(damaged(parts[number].read_bytes()))
+    with pytest.raises(MisuseError, match=rf"{number}\.arrow is not a complete Arrow file"):
+        join_parts(parts, tmp_path / "joined.parquet", TYPES)
 
 
-@pytest.mark.parametrize(
-    "damage", [b"", b"PAR1", b"PAR1 and no footer", b"PAR1\xff\xff\xff\xffPAR1"]
-)
-def test_a_damaged_part_is_named(tmp_path, damage):
-    part = tmp_path / "0.parquet"
-    part.write_bytes(damage)
-    with (
-        (tmp_path / "joined.parquet").open("wb") as file,
-        pytest.raises(MisuseError, match=r"0\.parquet is not"),
-    ):
-        join_parts([part], file, ".parquet")
+def test_the_table_of_an_undisturbed_run_is_not_joined(tmp_path, monkeypatch):
+    pytest.importorskip("pyarrow")
+    monkeypatch.setattr("minerva_bus.collect.parts.join_parts", None)
+    path = tmp_path / "out.parquet"
+    parts = TableParts(path, {"AFrog": TYPES})
+    writer = parts.open(PLAN)
+    for frame in range(3):
+        writer.rows(rows(frame))
+        parts.save()
+    writer.close()
+    assert parts.join() == {"AFrog": path}
+    assert content(path) == content(written(tmp_path / "w.parquet", [rows(n) for n in range(3)]))
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["out.parquet", "w.parquet"]
 
 
 @pytest.mark.parametrize("ending", [".csv", ".parquet"])
@@ -105,7 +130,7 @@ def test_a_process_that_repeats_frames_continues_a_table(tmp_path, ending):
         writer.rows(rows(frame))
         parts.save()
     writer.rows(rows(4))  # Not saved: the process is killed here.
-    (parts.folder / f".draft{ending}").write_bytes(b"half a part")
+    (parts.folder / f".draft{part_ending(ending)}").write_bytes(b"half a part")
     parts = TableParts(path, {"AFrog": TYPES}, again=True)
     writer = parts.open(PLAN)
     for frame in range(2, 6):
@@ -143,7 +168,7 @@ def test_parts_of_a_killed_run_are_not_overwritten(tmp_path):
 
 
 def test_a_run_leaves_no_parts_and_tables_without_rows_have_a_file(tmp_path):
-    collect = {"n": count(Frog), "old": Frog.age.where("age > 100")}
+    collect = {"n": count(Frog), "old": data(Frog, "age").where("age > 100")}
     run(pond(), frames=3, collect=collect, into=tmp_path / "out.csv")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["out-AFrog.csv", "out-frames.csv"]
     assert (tmp_path / "out-AFrog.csv").read_text() == "frame,id,old\n"
