@@ -352,7 +352,10 @@ def same_events(chaos: Chaos) -> str:
         capture_output=True,
         text=True,
     )
-    return "" if done.returncode == 0 else done.stdout + done.stderr
+    if done.returncode == 0:
+        return ""
+    # A killed `diff` prints nothing, and must not count as equal.
+    return done.stdout + done.stderr or f"minerva diff ended with exit code {done.returncode}"
 
 
 def run(folder: Path, minutes: float, seed: int, rate: float) -> bool:

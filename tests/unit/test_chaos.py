@@ -1,0 +1,79 @@
+"""Exit codes of benchmarks/chaos.py, with a world that is replaced by its results."""
+
+import subprocess
+from collections import Counter
+from types import SimpleNamespace
+
+import pytest
+
+from benchmarks import chaos
+
+
+class Disturbed:
+    """A world without processes: `ended` is the launcher's exit code, None while it runs."""
+
+    def __init__(self, digest: str, ended: int | None) -> None:
+        self.done = Counter(kill=1)
+        self.parrot = SimpleNamespace(said=3)
+        self.launcher = SimpleNamespace(poll=lambda: ended)
+        self.closed = False
+        self._digest = digest
+
+    def start(self) -> None: ...
+    def disturb(self) -> None: ...
+
+    def end(self) -> dict[str, object]:
+        if self._digest == "none":
+            raise SystemExit("chaos: frames go on in the end: not within 60 s")
+        return {"frames": 9, "digest": self._digest}
+
+    def tell_last_words(self) -> None: ...
+
+    def close(self) -> None:
+        self.closed = True
+
+
+def exit_code(monkeypatch: pytest.MonkeyPatch, world: Disturbed, differ: str = "") -> object:
+    """The code with which the command ends."""
+    minutes = "1" if world.launcher.poll() is not None else "0"
+    monkeypatch.setattr("sys.argv", ["chaos", "--minutes", minutes])
+    monkeypatch.setattr(chaos, "Chaos", lambda *_: world)
+    monkeypatch.setattr(chaos, "undisturbed", lambda *_: {"frames": 9, "digest": "d1"})
+    monkeypatch.setattr(chaos, "same_events", lambda _: differ)
+    with pytest.raises(SystemExit) as end:
+        chaos.main()
+    assert world.closed
+    return end.value.code
+
+
+@pytest.mark.parametrize(
+    ("digest", "differ", "ended", "code"),
+    [
+        ("d1", "", None, 0),
+        ("d2", "", None, 1),
+        ("d1", "frame 3 differs", None, 1),
+        ("d1", "", 0, 1),  # the world has ended before it was stopped
+        ("d1", "", 1, 1),
+    ],
+)
+def test_the_exit_code_is_0_only_for_an_equal_run(monkeypatch, digest, differ, ended, code):
+    assert exit_code(monkeypatch, Disturbed(digest, ended), differ) == code
+
+
+def test_a_world_that_hangs_is_a_message(monkeypatch):
+    # Python prints a text and exits with code 1.
+    assert "not within 60 s" in str(exit_code(monkeypatch, Disturbed("none", None)))
+
+
+@pytest.mark.parametrize(
+    ("code", "output", "differs"),
+    [(0, "equal", ""), (1, "frame 3 differs", "frame 3"), (-9, "", "exit code -9")],
+)
+def test_records_that_could_not_be_compared_are_not_equal(
+    monkeypatch, tmp_path, code, output, differs
+):
+    done = subprocess.CompletedProcess([], code, output, "")
+    monkeypatch.setattr(chaos.subprocess, "run", lambda *_, **__: done)
+    result = chaos.same_events(SimpleNamespace(folder=tmp_path, environment={}))  # type: ignore[arg-type]
+    assert differs in result
+    assert bool(result) == bool(code)
