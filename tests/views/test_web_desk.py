@@ -1,6 +1,7 @@
 """User input at a page becomes events and orders; each rejection is one line."""
 
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -189,12 +190,12 @@ def test_long_values_are_cut():
 
 
 def test_events_of_every_frame_do_not_drown_the_rest():
-    operator, feed = Nobody(), EventFeed()
-    operator.events = {"eLaser": 900.0, "eGo": 0.1}
-    operator.happenings = tuple(
+    feed = EventFeed(yard().vocabulary)
+    entries = tuple(
         LogEntry(n, n // 3, "eGo" if n == 5 else "eLaser", f"number {n}") for n in range(1, 200)
     )
-    feed.update(operator.status(0))
+    rates = {"eLaser": 900.0, "eGo": 0.1}
+    feed.update(replace(Nobody().status(0), happenings=entries, events=rates))
     assert [one.number for one in feed.chosen(NOTABLE, 9)] == [5]
     assert [one.number for one in feed.chosen(ALL, 3)] == [197, 198, 199]
     assert feed.choices == (NOTABLE, ALL, "eGo", "eLaser")

@@ -12,7 +12,6 @@ from typing import Any, Protocol
 from minerva_bus.errors import MinervaError
 from minerva_bus.grammar.scene import AgentNode
 from minerva_bus.world.services import WorldInfo
-from minerva_services.views.reports import LatestReport
 from minerva_services.views.web.html import parted
 from minerva_services.views.web.orders import OrderSender, first_with
 from minerva_services.views.web.panel import EventFeed, Panel
@@ -78,8 +77,7 @@ class PageController:
         self._scene = scene
         self._click = click
         self._panel: Panel | None = None
-        self._feed = EventFeed()
-        self._reports = LatestReport(world.vocabulary)
+        self._feed = EventFeed(world.vocabulary)
         self._agents: dict[str, str] = {}
         self._selection = _Selection()
         self._silent = False
@@ -175,10 +173,9 @@ class PageController:
         if silent and self._panel is not None:
             self._panel.note("")  # the world answers again
         self._feed.update(status)
-        self._reports.update(status)
         self._types = status.orders
         if self._panel is not None:
-            self._panel.show_status(status, self._reports.text, rate=not self._queue.recent)
+            self._panel.show_status(status, self._feed.report, rate=not self._queue.recent)
             self._panel.show_events(self._feed)
             if status.series:
                 self._panel.show_series(self._operator.series())

@@ -13,6 +13,7 @@ from minerva_bus.grammar.scene import AgentNode
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.semantics.legend import Legend
 from minerva_bus.world.operator import CollectedSeries, LogEntry, WorldStatus
+from minerva_services.views.reports import LatestReport
 from minerva_services.views.web import html
 from minerva_services.views.web.forms import Form, by_person
 from minerva_services.views.web.orders import can_be_asked
@@ -26,10 +27,10 @@ _FREQUENT = 0.3
 
 
 class EventFeed:
-    """The latest events of each type."""
+    """The latest events of each type, and the latest report of an agent."""
 
-    def __init__(self) -> None:
-        self.last = 0
+    def __init__(self, vocabulary: Vocabulary) -> None:
+        self._reports = LatestReport(vocabulary)
         self._kept: dict[str, deque[LogEntry]] = {}
         self._often: set[str] = set()
 
@@ -40,7 +41,17 @@ class EventFeed:
         self._often |= {name for name, rate in status.events.items() if rate > _FREQUENT * frames}
         for event in status.happenings:
             self._kept.setdefault(event.about, deque(maxlen=_MAX_PER_TYPE)).append(event)
-            self.last = max(self.last, event.number)
+        self._reports.update(status)
+
+    @property
+    def last(self) -> int:
+        """Number of the latest log entry, from which to ask for further ones."""
+        return self._reports.last
+
+    @property
+    def report(self) -> str:
+        """The latest report of an agent."""
+        return self._reports.text
 
     @property
     def choices(self) -> tuple[str, ...]:
