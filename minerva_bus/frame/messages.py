@@ -50,9 +50,7 @@ class Hello:
     kinds: Annotated[
         tuple[AgentKind, ...],
         AtMost("kinds"),
-        Note(
-            "the kinds of agents that it evolves; names and types of attributes must be the world's"
-        ),
+        Note("the kinds of agents that it evolves, with the world's names and types of attributes"),
     ] = ()
     generates: Annotated[
         Names, Note("the event types that it may send; any other violates the protocol")
@@ -72,7 +70,7 @@ class Hello:
     ] = False
     draws: Annotated[Names, Note("the visual event types whose views it draws")] = ()
     coupled: Annotated[
-        bool, Note("a device that must have executed a view before the next frame's events")
+        bool, Note("a device that executes each view before the next frame's events")
     ] = False
     every: Annotated[
         int,
