@@ -96,19 +96,22 @@ EVENTS: tuple[Event, ...] = (
 FISHES = 300
 
 
-def _fishes(first: int = 0, count: int = FISHES) -> Columns:
+def fishes(first: int = 0, count: int = FISHES) -> Columns:
+    """Agents in columns, with consecutive ids."""
     xs = np.arange(count, dtype=np.float64) / 3.0
     return Columns(
         "AFish", ("x",), (Column(xs),), count, Ids("f", np.arange(first, first + count)), None
     )  # fmt: skip
 
 
-def _stars(count: int = FISHES) -> Columns:
+def stars(count: int = FISHES) -> Columns:
+    """Transformations around figures, in columns."""
     sizes = Columns("PStar", ("size",), (Column(np.full(count, 0.5)),), count, None, None)
     return Columns("TMove", ("dist",), (Column(np.arange(count) * 0.5),), count, None, sizes)
 
 
-def _batch(count: int = FISHES) -> Events:
+def batch(count: int = FISHES) -> Events:
+    """Events of one type, each to its sender."""
     distances, ids = Column(np.arange(count) * 0.25), Ids("f", np.arange(count))
     return Events("eNear", ("distance",), (distances,), count, "", ids, ids)
 
@@ -129,8 +132,8 @@ TURNOVER = Delta(
     (Change(0, 0, np.array([2], np.intp), Column(np.array([9.0]))),),
     RowDelta(3, np.array([0], np.intp), np.array([2], np.intp)), Ids.of(["f1:1"]),
 )  # fmt: skip
-POPULATION = {"~AFish.1": Scene((_fishes(),)), "a": NESTED}
-VIEWS = {"a": STAR(2.25), "~AFish.1": Scene((_stars(),))}
+POPULATION = {"~AFish.1": Scene((fishes(),)), "a": NESTED}
+VIEWS = {"a": STAR(2.25), "~AFish.1": Scene((stars(),))}
 FIGURES = {"count": LAST_FRAME, "load": 0.5, "late": False, "note": "é", "": -(1 << 63)}
 SAVED = {"=": None, "bytes": b"\0\xff", "list": [1, [2.5, {"deep": True}]], "é": "text"}
 NAMES = tuple(f"name{n}" for n in range(40))
@@ -163,7 +166,7 @@ MESSAGES: Mapping[str, m.Message] = {
     "ticked.extreme": m.TickReply("g", LAST_FRAME, EVENTS * 280, {}),
     "evolved.empty": m.EvolveReply("h", 0),
     "evolved.full": m.EvolveReply(
-        "h", 70_000, 3, POPULATION, {"a": EVENTS, "~AFish.1": (_batch(),)},
+        "h", 70_000, 3, POPULATION, {"a": EVENTS, "~AFish.1": (batch(),)},
         {"eShow": VIEWS, "eOther": {}}, {"~AFish.2": PATCH, "~AFish.3": TURNOVER},
         {"eShow": {"~AFish.2": WHOLE_PATCH}},
     ),
@@ -171,12 +174,12 @@ MESSAGES: Mapping[str, m.Message] = {
         "h", LAST_FRAME, LAST_FRAME, {LONG_ID: Scene(), "": NESTED}, {"a": ()}, {"": {}}
     ),
     "evolved.columns": m.EvolveReply(
-        "h", 1, 0, {"~AFish.1": Scene((_fishes(0, 2000),))}, {"~AFish.1": (_batch(2000),)},
-        {"eShow": {"~AFish.1": Scene((_stars(2000),))}},
+        "h", 1, 0, {"~AFish.1": Scene((fishes(0, 2000),))}, {"~AFish.1": (batch(2000),)},
+        {"eShow": {"~AFish.1": Scene((stars(2000),))}},
     ),
     "emitted.empty": m.Emitted("g", ()),
-    "emitted.full": m.Emitted("g", (*EVENTS, MIXED, _batch())),
-    "emitted.extreme": m.Emitted("g", (_batch(20_000),)),
+    "emitted.full": m.Emitted("g", (*EVENTS, MIXED, batch())),
+    "emitted.extreme": m.Emitted("g", (batch(20_000),)),
     "failed.empty": m.Failed("h", -1, ""),
     "failed.full": m.Failed("h", 7, "ValueError: é", "Traceback\n  line"),
     "failed.extreme": m.Failed("h", LAST_FRAME, "x" * 70_000, "y" * 300),
@@ -203,7 +206,7 @@ MESSAGES: Mapping[str, m.Message] = {
     "fragments.full": m.Fragments(POPULATION, ("b", LONG_ID)),
     "fragments.extreme": m.Fragments({str(n): STAR(float(n)) for n in range(70)}, NAMES),
     "evolve.empty": m.EvolveRequest(0, ()),
-    "evolve.full": m.EvolveRequest(7, ("h", "i"), (*EVENTS, _batch()), (SHOW(),), 2, ("a",)),
+    "evolve.full": m.EvolveRequest(7, ("h", "i"), (*EVENTS, batch()), (SHOW(),), 2, ("a",)),
     "evolve.extreme": m.EvolveRequest(LAST_FRAME, NAMES, (MIXED,), (), LAST_FRAME, NAMES),
     "view.empty": m.ViewShown(frame=0, event_type="", sequence=0, parts={}),
     "view.full": m.ViewShown(
@@ -221,7 +224,7 @@ MESSAGES: Mapping[str, m.Message] = {
     "stop.full": m.Stop("the world has ended"),
     "frame.empty": m.FrameRecord(0, (), {}, b""),
     "frame.full": m.FrameRecord(7, (*EVENTS, MIXED), POPULATION, bytes(range(16))),
-    "frame.extreme": m.FrameRecord(LAST_FRAME, (_batch(),), {"a": Scene()}, b"\xff" * 16),
+    "frame.extreme": m.FrameRecord(LAST_FRAME, (batch(),), {"a": Scene()}, b"\xff" * 16),
     "readings.empty": m.Readings("p", "scan", -1, ()),
     "readings.full": m.Readings("p", "scan", 7, READINGS),
     "readings.extreme": m.Readings("p", "scan", LAST_FRAME, READINGS[3:4] * 20),

@@ -21,6 +21,7 @@ from minerva_bus.wire.declared import MessageCodec, message_codec
 from minerva_bus.wire.fields import DeclaredField, field_codec
 from minerva_bus.wire.limits import DEFAULT, configurable_limits, limit_notes
 from tools import blocks
+from tools.protocol_vectors import FILES
 
 DOCUMENT = Path(__file__).resolve().parents[1] / "PROTOCOL.md"
 
@@ -109,12 +110,28 @@ def limits() -> str:
     )
 
 
+def vectors() -> str:
+    """The files of test vectors, with the requirements that they show."""
+    return table(
+        ["file", "requirements", "cases"],
+        [
+            [
+                f"[`{name}.json`](protocol/vectors/{name}.json)",
+                ", ".join(file.requirements),
+                file.description,
+            ]
+            for name, file in FILES.items()
+        ],
+    )
+
+
 TABLES: Mapping[str, Callable[[], str]] = {
     "messages of a member": lambda: messages(FROM_MEMBER, "answers"),
     "keys of a hello": hello,
     "messages of the coordinator": lambda: messages(TO_MEMBER, "on"),
     "messages for everyone": lambda: messages(FOR_ALL, "on"),
     "limits": limits,
+    "vectors": vectors,
 }
 
 
