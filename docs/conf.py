@@ -1,10 +1,16 @@
 """How Sphinx builds the documentation site: `python -m sphinx -W docs build/site`."""
 
 import logging
+import os
 import sys
+import tempfile
 from pathlib import Path
 
 from minerva_bus import __version__
+
+# Notebooks start worlds, whose names must not be those of worlds that already run here.
+runtime = tempfile.TemporaryDirectory(prefix="minerva-site-")
+os.environ["MINERVA_RUNTIME_DIR"] = runtime.name
 
 sys.path.insert(0, str(Path(__file__).parent / "extensions"))
 
@@ -20,6 +26,7 @@ extensions = [
     "gallery",
     "highlighting",
     "mathml",
+    "mermaid",
     "public_api",
     "repository",
 ]
@@ -31,7 +38,14 @@ html_show_sourcelink = False
 myst_enable_extensions = ["colon_fence", "deflist", "dollarmath"]
 myst_heading_anchors = 4
 myst_update_mathjax = False
-nb_execution_mode = "off"
+# Notebooks are stored without outputs, so each build runs them in clean kernels.
+nb_execution_mode = "auto"
+nb_execution_in_temp = True
+nb_execution_raise_on_error = True
+nb_execution_timeout = 100
+# Without a kernel, a widget shows nothing: pages show the picture that the same value has.
+nb_ipywidgets_js = {}
+nb_mime_priority_overrides = [("*", "application/vnd.jupyter.widget-view+json", None)]
 default_role = "py:obj"  # Docstrings mark names and code with single backquotes.
 autodoc_member_order = "bysource"
 autodoc_typehints = "description"
@@ -39,7 +53,4 @@ autodoc_typehints_description_target = "documented_params"
 python_use_unqualified_type_names = True
 smartquotes = False  # Options begin with two hyphens.
 
-# Sections fill up: an index page may name more patterns than there are pages.
-logging.getLogger("sphinx.sphinx.directives.other").addFilter(
-    lambda record: "glob pattern" not in record.msg
-)
+logging.getLogger("traitlets").setLevel(logging.WARNING)  # It reports each notebook.

@@ -43,7 +43,8 @@ def types() -> str:
         for attribute, part in owned(owner).items()
         if part not in ("Phase", "FrameAlgorithm")
     ]
-    return "\n".join(["classDiagram", *lines])
+    title = "    accTitle: FrameAlgorithm and the objects that it owns"
+    return "\n".join(["classDiagram", "    direction LR", title, *lines])
 
 
 DIAGRAMS: Mapping[str, Callable[[], str]] = {"phases": diagram, "types": types}

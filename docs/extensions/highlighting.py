@@ -9,7 +9,7 @@ from pygments.lexers.special import TextLexer
 from pygments.token import Comment, Keyword, Name, Number, Operator, Punctuation, String, Text
 from sphinx.application import Sphinx
 
-PLAIN = ("digest", "hex", "mermaid", "streams")
+PLAIN = ("digest", "hex", "streams")
 """Languages of blocks in PROTOCOL.md and ARCHITECTURE.md that tests read."""
 
 

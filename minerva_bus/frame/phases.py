@@ -64,4 +64,6 @@ def diagram() -> str:
         f"    {before.name} --> {after.name}: {why.value}"
         for (before, why), after in TRANSITIONS.items()
     ]
-    return "\n".join(["stateDiagram-v2", "    [*] --> WAITING", *lines, "    ENDED --> [*]"])
+    title = "    accTitle: Phases of a frame and the conditions that end them"
+    lines = ["    [*] --> WAITING", *lines, "    ENDED --> [*]"]
+    return "\n".join(["stateDiagram-v2", title, *lines])

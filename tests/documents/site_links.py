@@ -15,7 +15,7 @@ from markdown_it.token import Token
 from myst_parser.slugs import github_slugify, unique_slug
 from pages import ROOT
 
-BUILD_SECONDS = 300
+BUILD_SECONDS = 540
 TARGETS = {"a": "href", "img": "src", "link": "href", "script": "src", "source": "src"}
 """Attributes of HTML elements that name other files."""
 

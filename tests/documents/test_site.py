@@ -5,7 +5,9 @@ import tomllib
 from html import escape
 from importlib.metadata import entry_points
 from itertools import chain
+from typing import Any
 
+import nbformat
 import pytest
 import typer
 
@@ -21,6 +23,7 @@ from minerva_bus.cli.main import GROUPS, app
 ROBOT = ROOT / "agents" / "minerva_agents" / "robot" / "robot.toml"
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+NOTEBOOKS = sorted((ROOT / "docs" / "notebooks").glob("*.ipynb"))
 OTHERS = ("build", "dist")
 MARKDOWN = [
     path
@@ -37,7 +40,7 @@ def site(tmp_path_factory):
     return folder
 
 
-@pytest.mark.timeout(400)
+@pytest.mark.timeout(600)
 def test_the_site_builds_without_warnings(site):
     assert (site / "index.html").is_file()
 
@@ -73,9 +76,10 @@ def test_documents_outside_docs_are_pages_and_folders_are_archives(site):
 def test_the_reference_has_every_command_and_option(site):
     text = (site / "reference" / "cli.html").read_text(encoding="utf-8")
     anchors = page(site / "reference" / "cli.html").anchors
+    program: Any = typer.main.get_command(app)
     for name in chain.from_iterable(GROUPS.values()):
         assert f"minerva-{name}" in anchors
-        options = typer.main.get_command(app).commands[name].params
+        options = program.commands[name].params
         assert not [o for each in options for o in each.opts if escape(o) not in text]
     assert "minerva-keys-issue" in anchors
 
@@ -102,6 +106,28 @@ def test_the_gallery_shows_every_world_with_a_small_film(site):
         assert f"{name}.webp" in text
         assert (ROOT / "docs" / "gallery" / f"{name}.webp").stat().st_size < 300_000
     assert "lines of Python" in text
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_the_page_of_a_notebook_shows_the_outputs_of_its_run(site, path):
+    shown = page(site / "notebooks" / f"{path.stem}.html")
+    code = "\n".join(
+        cell.source for cell in nbformat.read(path, as_version=4).cells if cell.cell_type == "code"
+    )
+    pictures = [name for name in shown.targets if name.startswith("data:image/svg+xml")]
+    plots = [name for name in shown.targets if name.startswith("../_images/")]
+    assert len(pictures) >= 1
+    assert len(plots) == code.count("plt.show()")
+    assert ("<table>" in shown.path.read_text(encoding="utf-8")) == ("\ntable\n" in f"{code}\n")
+
+
+def test_mermaid_blocks_are_drawings(site):
+    for name, count in {"concepts/architecture.html": 3, "reference/protocol.html": 2}.items():
+        drawings = [target for target in page(site / name).targets if target.endswith(".svg")]
+        assert sum("_images/mermaid-" in target for target in drawings) == 2 * count
+        text = (site / name).read_text(encoding="utf-8")
+        assert "sequenceDiagram" not in text
+        assert "flowchart" not in text
 
 
 def test_no_page_loads_a_mathematics_script(site):
