@@ -10,11 +10,19 @@ TYPE_CHECKING = False  # Instead of typing.TYPE_CHECKING, because importing typi
 if TYPE_CHECKING:
     from typing import Any
 
+    from minerva_bus.api.checking import check
     from minerva_bus.api.evolving import evolve_strings
     from minerva_bus.api.exporting import Export, export
     from minerva_bus.api.graphs import Graph, graph
     from minerva_bus.api.live import Live, connect
-    from minerva_bus.api.records import check, diff, record, replay, resume
+    from minerva_bus.api.records import (
+        diff,
+        record,
+        replay,
+        replay_swapped,
+        replay_views,
+        resume,
+    )
     from minerva_bus.api.run_result import Interrupted, Run
     from minerva_bus.api.running import run
     from minerva_bus.api.studies import sweep
@@ -55,7 +63,8 @@ _HOMES = {
     "api.exporting": "Export export",
     "api.graphs": "Graph graph",
     "api.live": "Live connect",
-    "api.records": "check diff record replay resume",
+    "api.checking": "check",
+    "api.records": "diff record replay replay_swapped replay_views resume",
     "api.run_result": "Interrupted Run",
     "api.running": "run",
     "api.studies": "sweep",
@@ -166,6 +175,8 @@ __all__ = [
     "parse",
     "record",
     "replay",
+    "replay_swapped",
+    "replay_views",
     "resume",
     "run",
     "service",

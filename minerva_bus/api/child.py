@@ -7,16 +7,19 @@ import os
 import signal
 import sys
 import time
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
+from minerva_bus.api.requests import Past
 from minerva_bus.errors import MinervaError
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.description import World
 from minerva_bus.launch.collecting import Collecting
 from minerva_bus.launch.console import Console
 from minerva_bus.launch.reading import read_world_file
+from minerva_bus.launch.replaying import Replay
 from minerva_bus.launch.supervisor import Supervisor
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.runtime.coordinator import Coordinator
@@ -39,12 +42,11 @@ def main() -> None:
     sys.path[:] = [*dict.fromkeys([*config["folders"], *sys.path])]
     end = Path(config["end"])
     try:
-        file = _file(config)
-        last = end.with_name("last.json")
+        played = _opened(config)
+        file, last = played.file, end.with_name("last.json")
         console = Console(quiet=config["quiet"], world=file.world.name)
-        supervisor = Supervisor(
-            file, console, time.monotonic(), coordinator=_witnesses(last, config["paused"])
-        )
+        make = _witnesses(played.coordinator, last, config["paused"])
+        supervisor = Supervisor(file, console, time.monotonic(), coordinator=make)
         summary = supervisor.run()
         result: dict[str, Any] = {}
         if last.exists():
@@ -69,16 +71,25 @@ def main() -> None:
         sys.exit(1)
 
 
-def _file(config: dict[str, Any]) -> WorldFile:
-    overrides = Overrides(config["options"], tuple(config["settings"]), **config["values"])
-    file = read_world_file(Path(config["world"]), overrides)
+def _opened(config: dict[str, Any]) -> Replay:
+    """The world of a configuration, and the factory of its coordinator."""
+    given, past = Overrides(config["given"]), config["past"]
+    overrides = Overrides(
+        config["options"], tuple(config["settings"]), tuple(config["views"]), **config["values"]
+    )
+
+    def read(settings: Overrides) -> WorldFile:
+        return read_world_file(Path(config["world"]), settings.over(given))
+
+    played = Past(**past).read(read, overrides) if past else Replay(read(overrides), Coordinator)
     entries = {
         name: read_expression(text, f"collect: {name}") for name, text in config["collect"].items()
     }
-    return replace(file, collect=Collecting(entries, config["into"]))
+    file = replace(played.file, collect=Collecting(entries, config["into"]))
+    return replace(played, file=file)
 
 
-def _witnesses(last: Path, paused: bool) -> Any:
+def _witnesses(create: Callable[..., Coordinator], last: Path, paused: bool) -> Any:
     """A factory of coordinators that write the last string and the counts of events to a file."""
 
     def make(world: World, watchers: Watchers, **settings: Any) -> Coordinator:
@@ -98,7 +109,7 @@ def _witnesses(last: Path, paused: bool) -> Any:
             watchers.stopping(reason)
 
         watching = replace(watchers, frame_done=frame_done, stopping=stopping)
-        coordinator = Coordinator(world, watching, **settings)
+        coordinator = create(world, watching, **settings)
         if paused:
             coordinator.schedule.pace.pause()
         return coordinator

@@ -13,6 +13,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import asdict
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Final, Self
@@ -50,16 +51,19 @@ class Launched:
         if path is None:
             path = folder / f"{world.name}.toml"
             path.write_text(world.toml(), encoding="utf-8")
-        overrides = request.overrides.over(world.given)
+        overrides = request.overrides
         config = {
             "world": str(path),
             # An empty entry means the current folder, which is given by its name instead.
             "folders": [entry for entry in sys.path if entry] + [str(Path.cwd())],
+            "given": dict(world.given.options),
             "options": dict(overrides.options),
             "settings": list(overrides.settings),
+            "views": list(overrides.views),
             "values": dict(overrides.values),
             "collect": {name: str(entry) for name, entry in request.file.collect.entries.items()},
             "into": into,
+            "past": None if request.past is None else asdict(request.past),
             "paused": paused,
             "quiet": quiet,
             "end": str(self._end),

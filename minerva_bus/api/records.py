@@ -1,100 +1,24 @@
-"""Checks, records and replays as functions, which commands of the same names call."""
+"""Records as functions, which `minerva run`, `replay` and `diff` call."""
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from minerva_bus.api.requests import Past, request_of
 from minerva_bus.api.run_result import Run
-from minerva_bus.api.running import run_file
-from minerva_bus.api.world import World
-from minerva_bus.errors import WorldFileError
-from minerva_bus.grammar.parser import parse
-from minerva_bus.grammar.scene import Scene, walk
-from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.launch.installed import find_world
+from minerva_bus.api.running import check_film, run_request
+from minerva_bus.api.world import World, world_of
+from minerva_bus.launch.collecting import Collecting
 from minerva_bus.launch.replaying import recomputed
-from minerva_bus.launch.restless import restless
-from minerva_bus.launch.resuming import WorldSource, read_resumed
-from minerva_bus.launch.specs import load
-from minerva_bus.launch.structure import structure_of
+from minerva_bus.launch.resuming import WorldSource, find_file, option_text
+from minerva_bus.launch.swapping import Swap, Swapped, run_swapped
 from minerva_bus.log.comparison import Difference, compare
 from minerva_bus.log.reader import Record
-from minerva_bus.settings.overrides import Overrides
-from minerva_bus.wording import counted
-
-
-@dataclass(frozen=True, slots=True)
-class Checked:
-    """Result of a check: a description, warnings, and the code that was named but not run."""
-
-    what: str
-    warnings: list[str] = field(default_factory=list[str])
-    code: list[str] = field(default_factory=list[str])
-
-
-def check(world: World | str | Path, *, vocabulary: str = "", code: bool = True) -> Checked:
-    """Check a world, or the file of a world (.toml) or a string.
-
-    Args:
-        world: a `World`, a file, or the name of an installed world.
-        vocabulary: `module:attribute`, with which the file of a string is checked.
-        code: whether to run the Python code that a world file names; without it only its tables
-            and its string are checked.
-
-    Raises WorldFileError and SceneError, with line, column and caret.
-
-    Example:
-        `check("garden.toml").warnings`
-
-    """
-    if isinstance(world, World):
-        file = world.read()
-        return Checked(_world_shown(len(file.processes), file.world.scene), restless(file))
-    path = Path(world)
-    # Neither a file nor a name with a suffix: an installed world.
-    if not path.suffix and not path.exists():
-        path = find_world(str(world))
-    if path.suffix != ".toml":
-        return Checked(_check_string(path, vocabulary))
-    if code:
-        return check(World.load(path))
-    structure = structure_of(path)
-    string = "a string that code makes" if structure.string is None else _size(structure.string)
-    processes = counted(len(structure.processes), "process")
-    shown = f"a world of {processes}, {string}; no code was run"
-    return Checked(shown, code=list(structure.code))
-
-
-def _world_shown(processes: int, scene: Scene) -> str:
-    return f"a world of {counted(processes, 'process')}, {_size(scene)}"
-
-
-def _check_string(path: Path, vocabulary: str) -> str:
-    text = _read(path)
-    if not vocabulary:
-        return f"a string of L(M), {_size(parse(text, str(path)))}"
-    alphabet = load(vocabulary, path.resolve().parent)
-    if not isinstance(alphabet, Vocabulary):
-        raise WorldFileError(f"{vocabulary} names a {type(alphabet).__name__}, not a Vocabulary")
-    return f"a string of its vocabulary, {_size(alphabet.read(text, str(path)))}"
-
-
-def _read(file: Path) -> str:
-    try:
-        return file.read_text(encoding="utf-8-sig")
-    except UnicodeDecodeError:
-        raise WorldFileError(f"{file}: not a text in UTF-8") from None
-    except OSError as error:
-        raise WorldFileError(f"{file}: {error.strerror}") from None
-
-
-def _size(scene: Any) -> str:
-    count = sum(1 for opens, _ in walk(scene) if opens)
-    return counted(count, "symbol")
+from minerva_bus.world.agent import Agent
+from minerva_bus.world.services import Service
 
 
 def diff(a: str | Path, b: str | Path) -> Difference:
@@ -124,7 +48,99 @@ def replay(
         `assert replay("run.mcap").same`
 
     """
-    return recomputed(Path(record), _source(world), progress or (lambda done, last: None))
+    return recomputed(Path(record), _source(world), progress or _no_progress)
+
+
+def replay_views(
+    record: str | Path,
+    views: str | Sequence[str],
+    world: World | str | Path = "",
+    *,
+    begin: int = 0,
+    speed: float = 1.0,
+    quiet: bool = False,
+) -> Run:
+    """Show a record in views, also in those that did not take part in its run.
+
+    The strings are those of the record; only the code of agents that draws them runs. The views
+    run in processes of their own, so classes of agents must be in modules.
+
+    Args:
+        record: the file, .mcap.
+        views: as for `minerva replay --view`: "sprites", "svg:path=run.svg,every=10",
+            "module:Class", or several of them.
+        world: the world with the agents' code; "": the world file that the record names.
+        begin: the first frame.
+        speed: 1: real time; 2: twice as fast; 0: as fast as possible.
+        quiet: show errors only; otherwise log lines, such as the address of a page, go to
+            standard error.
+
+    Returns:
+        The replayed run, with its last string. With a window or a page, it ends when the view is
+        closed.
+
+    Raises:
+        RecordError: the record cannot be read.
+        MisuseError: there is no such frame, or an argument is wrong.
+        WorldFileError: there is no such view, or the world's file is missing.
+        MinervaError: the record is of another world.
+        Interrupted: a KeyboardInterrupt with the run so far, after Ctrl-C.
+
+    Example:
+        `replay_views("run.mcap", "svg:path=run.svg", speed=0)`
+
+    """
+    texts = (views,) if isinstance(views, str) else tuple(views)
+    past = Past(str(record), plays=True, begin=begin, speed=speed)
+    request = request_of(_world_of_record(record, world), {}, views=texts, past=past)
+    # The record is replayed, not the collected data of its world file.
+    request = replace(request, file=replace(request.file, collect=Collecting()))
+    return run_request(request, bus=True, quiet=quiet)
+
+
+def replay_swapped(
+    record: str | Path,
+    member: str,
+    replacement: type[Agent] | type[Service] | str,
+    world: World | str | Path = "",
+    *,
+    options: Mapping[str, Any] | None = None,
+    into: str | Path = "",
+    progress: Callable[[int, int], None] | None = None,
+) -> Swapped:
+    """Run a recorded world again with one member replaced, up to the end of its record.
+
+    All agents run again; all other members repeat what was recorded. Time is simulated, and
+    everything runs in this process.
+
+    Args:
+        record: the file, .mcap.
+        member: the name of a process; `rabbits` is `rabbits-1`, `rabbits-2` and so on.
+        replacement: a class of agents, generators or devices, an installed name, or
+            `module:Class`. Of several kinds of agents, it replaces that with the same symbol.
+        world: the world with the code of all other members; "": the world file that the record
+            names.
+        options: of the new generator or device.
+        into: records this run in another file, .mcap; default: none.
+        progress: called with the number of completed frames and the total.
+
+    Returns:
+        The end of the run (`frames`, `digest`, `ended`, `figures`), and the first `difference` from
+        the record.
+
+    Raises:
+        RecordError: the record cannot be read.
+        MisuseError: the member or its replacement cannot be used.
+        WorldFileError: there is no such class, option or world file.
+        WorldStopped: code of a member failed.
+
+    Example:
+        `replay_swapped("run.mcap", "weather", Storm, options={"wind": 20.0}).difference.frame`
+
+    """
+    texts = {name: option_text(value) for name, value in (options or {}).items()}
+    swap = Swap(member, replacement, texts)
+    return run_swapped(Path(record), _source(world), swap, str(into), progress or _no_progress)
 
 
 def record(world: World | str | Path, path: str | Path, **settings: Any) -> Run:
@@ -140,24 +156,72 @@ def resume(
     *,
     frames: int | None = None,
     until: str | None = None,
+    collect: Any = None,
+    into: str | Path = "",
+    bus: bool = False,
+    processes: int | None = None,
+    output: str | Path = "",
+    rate: float = 0.0,
+    quiet: bool = True,
+    film: int = 0,
+    **options: Any,
 ) -> Run:
-    """Continue a recorded run after its last complete frame, in this process, deterministically.
+    """Continue a recorded run after its last complete frame, as `minerva run --resume` does.
+
+    Each string is that of a run that was not interrupted, in this process or in others.
 
     Args:
         record: the file, .mcap; new frames are appended.
         world: the world with the agents' code; "": the world file that the record names.
         frames: the last frame; default: as recorded.
         until: the event type that ends the world; default: as recorded; "": none.
+        collect: expressions by name, of the new frames, as for `run`.
+        into: a .parquet or .csv file for collected data, as for `run`.
+        bus: start a process for each process of the world, as for `run`.
+        processes: the number of processes for each kind of agents; implies `bus`.
+        output: records the whole run in this file instead; `record` remains unchanged.
+        rate: frames per second; 0: as fast as possible.
+        quiet: show errors only; otherwise log lines go to standard error.
+        film: keep the strings of every `film`-th new frame for `Run.film`; 0: none.
+        options: the world's own options; default: as recorded.
 
-    Raises RecordError and MinervaError, also if the run is over.
+    Raises:
+        RecordError: the record cannot be read.
+        MinervaError: the run is over, or the record is of another world.
+        WorldStopped: code of the world failed.
+        Interrupted: a KeyboardInterrupt with the run so far, after Ctrl-C.
 
     Example:
         `resume("run.mcap", frames=600)`
 
     """
-    overrides = Overrides(frames=frames, until=until, rate=0.0)
-    return run_file(read_resumed(Path(record), _source(world), overrides), time.monotonic())
+    check_film(film)
+    request = request_of(
+        _world_of_record(record, world),
+        options,
+        collect=collect,
+        into=into,
+        processes=processes,
+        record=output,
+        past=Past(str(record)),
+        frames=frames,
+        until=until,
+        rate=rate,
+    )
+    return run_request(request, bus=bus or processes is not None, quiet=quiet, film=film)
+
+
+def _world_of_record(record: str | Path, world: World | str | Path) -> World:
+    """The world with the code of a record: a given one, or that of the file that it names."""
+    if world != "":
+        return world_of(world, {})
+    with Record(Path(record)) as opened:
+        return World.load(find_file("", opened.description, "world=..."))
 
 
 def _source(world: World | str | Path) -> WorldSource:
     return world.read if isinstance(world, World) else str(world)
+
+
+def _no_progress(done: int, total: int) -> None:
+    """Report no progress."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from minerva_bus.api.world import World, own_options
 from minerva_bus.collect.plans import plans_of, read_entries
@@ -15,14 +15,44 @@ from minerva_bus.launch.collecting import Collecting
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.settings.overrides import Overrides
 
+if TYPE_CHECKING:
+    from minerva_bus.launch.replaying import Replay
+    from minerva_bus.launch.resuming import WorldSource
+
+
+@dataclass(frozen=True, slots=True)
+class Past:
+    """The record that a run continues, or that it plays from frame `begin` if `plays`.
+
+    `speed` is that of a played record: 1: real time; 0: as fast as possible.
+    """
+
+    record: str
+    plays: bool = False
+    begin: int = 0
+    speed: float = 1.0
+
+    def read(self, world: WorldSource, overrides: Overrides) -> Replay:
+        """The world of the run and its coordinator. Raises RecordError and MinervaError."""
+        # Only here: the library of records is an extra.
+        from minerva_bus.launch.replaying import Replay, read_replay
+        from minerva_bus.launch.resuming import read_resumed
+        from minerva_bus.runtime.coordinator import Coordinator
+
+        path = Path(self.record)
+        if self.plays:
+            return read_replay(path, world, overrides, begin=self.begin, speed=self.speed)
+        return Replay(read_resumed(path, world, overrides), Coordinator)
+
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """A world with the settings of one run."""
+    """A world with the settings of one run; `past`: the record that it continues or plays."""
 
     world: World
     overrides: Overrides
     file: WorldFile
+    past: Past | None = None
 
 
 def request_of(
@@ -33,27 +63,38 @@ def request_of(
     into: str | Path = "",
     processes: int | None = None,
     record: str | Path = "",
+    past: Past | None = None,
     **values: Any,
 ) -> Request:
     """The settings of one run, checked. Raises MinervaError."""
-    # Settings name a table of the world file, which may stand for several processes.
-    hosts = [process.table for process in world.read().processes if process.agents]
-    if processes is not None and processes < 1:
-        raise MisuseError(f"processes is {processes}; expected at least 1")
-    settings = () if processes is None else tuple(f"{name}.processes={processes}" for name in hosts)
     overrides = Overrides(
         own_options(world, options),
-        tuple(dict.fromkeys(settings)),
+        _processes(world, processes),
         record=str(record) if record else None,
         collect=str(into) if into and collect is None else None,
         **values,
     )
-    file = world.read(overrides)
+    file = world.read(overrides) if past is None else past.read(world.read, overrides).file
     if collect is not None:
-        entries = read_entries(collect)
-        if into:
-            check_ending(Path(into))
-        file = replace(file, collect=Collecting(entries, str(into)))
-        # The plans are made for their checks: errors appear here, before any process starts.
-        plans_of(entries, file.world.vocabulary)
-    return Request(world, overrides, file)
+        file = _collecting(file, collect, into)
+    return Request(world, overrides, file, past)
+
+
+def _processes(world: World, count: int | None) -> tuple[str, ...]:
+    """The settings for this number of processes for each kind of agents."""
+    if count is None:
+        return ()
+    if count < 1:
+        raise MisuseError(f"processes is {count}; expected at least 1")
+    # Settings name a table of the world file, which may stand for several processes.
+    hosts = [process.table for process in world.read().processes if process.agents]
+    return tuple(dict.fromkeys(f"{name}.processes={count}" for name in hosts))
+
+
+def _collecting(file: WorldFile, collect: Any, into: str | Path) -> WorldFile:
+    entries = read_entries(collect)
+    if into:
+        check_ending(Path(into))
+    # The plans are made for their checks: errors appear here, before any process starts.
+    plans_of(entries, file.world.vocabulary)
+    return replace(file, collect=Collecting(entries, str(into)))

@@ -7,6 +7,7 @@ import time
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -80,8 +81,7 @@ def run(
         >>> done.table().to_pandas().plot(x="time", y="sick")
 
     """
-    if film < 0:
-        raise MisuseError(f"film is {film}; expected a number of frames from 0")
+    check_film(film)
     request = request_of(
         world_of(world, {}),
         options,
@@ -97,10 +97,21 @@ def run(
     # An endless run has to be asked for: a call that never returns is usually a mistake.
     if not request.file.world.frames and not request.file.world.until and frames is None:
         raise MisuseError(f"{request.world.name} has no end: run(world, frames=300); 0: no limit")
+    return run_request(request, bus=bus or processes is not None, quiet=quiet, film=film)
+
+
+def run_request(request: Request, *, bus: bool, quiet: bool, film: int = 0) -> Run:
+    """Run a checked world, in processes or in this one; see `run`."""
     console = Console(quiet=quiet, world=request.file.world.name)
-    if bus or processes is not None:
+    if bus:
         return _run_on_bus(request, console, film)
     return run_file(request.file, time.monotonic(), console, film)
+
+
+def check_film(film: int) -> None:
+    """Raise MisuseError for an interval of a film that is no number of frames."""
+    if film < 0:
+        raise MisuseError(f"film is {film}; expected a number of frames from 0")
 
 
 class EventCounts:
@@ -191,15 +202,25 @@ def _run_on_bus(request: Request, console: Console, film: int) -> Run:
         record = Path(file.record.path or folder / "film.mcap")
         if film and not file.record.path:
             overrides = Overrides(record=str(record)).over(request.overrides)
-            request = Request(request.world, overrides, file)
+            request = replace(request, overrides=overrides)
         collecting, entries = file.collect, file.collect.entries
         # The coordinator collects, in another process, and passes its tables on in this file.
         spool = str(folder / "collected.columns") if entries and not collecting.into else ""
         launched = Launched(request, folder, into=collecting.into or spool, quiet=console.quiet)
         result = _result(launched)
         tables = read_spool(Path(spool), entries, file) if spool else {}
-        strings = _recorded_strings(record, film) if film else ()
-    summary = result["summary"]
+        strings = _recorded_strings(record, film, file.world.past.frame) if film else ()
+    return _ended(request, result, tables, strings)
+
+
+def _ended(
+    request: Request,
+    result: Mapping[str, Any],
+    tables: Mapping[str, DataTable],
+    strings: tuple[tuple[int, Scene], ...],
+) -> Run:
+    """The run of a launcher's result. Raises WorldStopped and Interrupted."""
+    file, summary = request.file, result["summary"]
     interrupted = summary["ended"] in ("interrupted", "terminated")
     if result["failure"] and not interrupted:
         raise WorldStopped(result["failure"])
@@ -215,7 +236,7 @@ def _run_on_bus(request: Request, console: Console, film: int) -> Run:
         result["figures"],
         summary["wall_seconds"],
         tables,
-        collecting.into,
+        file.collect.into,
         strings,
     )
     if interrupted:
@@ -236,14 +257,17 @@ def _result(launched: Launched) -> Mapping[str, Any]:
             raise interrupt from None
 
 
-def _recorded_strings(path: Path, film: int) -> tuple[tuple[int, Scene], ...]:
+def _recorded_strings(path: Path, film: int, first: int) -> tuple[tuple[int, Scene], ...]:
+    """The strings of a film from frame `first` on, as after a resumed run."""
     from minerva_bus.log.reader import Record
 
     strings = FilmStrings(film)
     with Record(path) as record:
-        strings.add(record.initial.number, record.initial.scene)
+        if record.initial.number >= first:
+            strings.add(record.initial.number, record.initial.scene)
         for frame, scene in record.strings():
-            strings.add(frame.number + 1, scene)
+            if frame.number + 1 >= first:
+                strings.add(frame.number + 1, scene)
     return strings.kept
 
 

@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from minerva_bus.api.records import check
+from minerva_bus.api.checking import check
 from minerva_bus.cli.output import print_message, print_result
 from minerva_bus.errors import MinervaError, SceneError
 

@@ -6,14 +6,14 @@ import json
 import sys
 from pathlib import Path
 
-from minerva_bus.api.records import replay
+from minerva_bus.api.records import replay, replay_swapped
 from minerva_bus.cli.output import FAILED, INTERRUPTED, print_message, print_result
 from minerva_bus.cli.progress import progress_bar
 from minerva_bus.errors import WorldStopped
 from minerva_bus.launch.console import Console
 from minerva_bus.launch.replaying import read_replay
 from minerva_bus.launch.supervisor import Supervisor
-from minerva_bus.launch.swapping import Swap, replay_swapped
+from minerva_bus.launch.swapping import Swap
 from minerva_bus.settings.overrides import Overrides
 
 
@@ -65,7 +65,10 @@ def replay_with(path: Path, world: str, swap: Swap, into: str, as_json: bool) ->
     """
     try:
         with progress_bar("λ again") as report:
-            result = replay_swapped(path, world, swap, into, report)
+            result = replay_swapped(
+                path, swap.member, swap.spec, world,
+                options=swap.options, into=into, progress=report,
+            )  # fmt: skip
     except WorldStopped as stopped:
         print_message(f"minerva: {stopped}")
         return FAILED

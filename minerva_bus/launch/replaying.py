@@ -86,7 +86,7 @@ def _reject(_: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def read_replay(
-    path: Path, world: str, overrides: Overrides, *, begin: int = 0, speed: float = 1.0
+    path: Path, world: WorldSource, overrides: Overrides, *, begin: int = 0, speed: float = 1.0
 ) -> Replay:
     """A replay from frame `begin`, `speed` times as fast as real time; 0: as fast as possible.
 

@@ -6,6 +6,7 @@ members are fed (`Rerun`). Thus two planners, or two views, can be compared in t
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -19,6 +20,7 @@ from minerva_bus.frame.member import Member
 from minerva_bus.launch.recording import recording
 from minerva_bus.launch.replaying import world_file_of
 from minerva_bus.launch.rerunning import Rerun, Without
+from minerva_bus.launch.resuming import WorldSource
 from minerva_bus.launch.specs import bind, find_agent, find_service, names_agents
 from minerva_bus.launch.typed import typed_options
 from minerva_bus.launch.worldfile import Process, WorldFile
@@ -29,7 +31,8 @@ from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.runtime.runner import Notice
 from minerva_bus.settings.overrides import Overrides
 from minerva_bus.settings.tables import RecordSettings
-from minerva_bus.world.services import Generator
+from minerva_bus.world.agent import Agent
+from minerva_bus.world.services import Generator, Service
 
 READERS: Final = ("record", "recorded", "~record")
 """Names for the member that publishes recorded readings; the first free one is used."""
@@ -37,10 +40,14 @@ READERS: Final = ("record", "recorded", "~record")
 
 @dataclass(frozen=True, slots=True)
 class Swap:
-    """The member to replace, the specification of its replacement, and the options of that."""
+    """The member to replace, its replacement, and the options of that.
+
+    `spec` is a class, an installed name or `module:Class`; `options` are texts, as on a command
+    line.
+    """
 
     member: str
-    spec: str
+    spec: str | type[Agent] | type[Service]
     options: Mapping[str, str] = field(default_factory=dict[str, str])
 
     @classmethod
@@ -50,6 +57,17 @@ class Swap:
         if not (member and equals and spec):
             raise MisuseError(f"--swap {text}: expected MEMBER=SPEC, such as planner=module:Class")
         return cls(member.strip(), spec.strip(), options)
+
+    def __str__(self) -> str:
+        return self.spec if isinstance(self.spec, str) else self.spec.__name__
+
+    def find(self, folder: Path) -> type[Agent] | type[Service]:
+        """The new class; the world file's `folder` is searched, too. Raises WorldFileError."""
+        if not isinstance(self.spec, str):
+            return _checked(self.spec)
+        if names_agents(self.spec, folder):
+            return find_agent(self.spec, folder)
+        return find_service(self.spec, folder)
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,8 +94,15 @@ class Swapped:
         return [*self.difference.lines(), over, *([", ".join(figures)] if figures else [])]
 
 
-def replay_swapped(
-    path: Path, world: str, swap: Swap, into: str, progress: Callable[[int, int], None]
+def _checked(cls: object) -> type[Agent] | type[Service]:
+    """A class that was given in Python. Raises MisuseError if it is no member's."""
+    if inspect.isclass(cls) and issubclass(cls, Agent | Service):
+        return cls
+    raise MisuseError(f"{cls!r:.60} is no class of agents, generators or devices")
+
+
+def run_swapped(
+    path: Path, world: WorldSource, swap: Swap, into: str, progress: Callable[[int, int], None]
 ) -> Swapped:
     """Compute a recorded run again with one member replaced; `into` names a record of it.
 
@@ -139,25 +164,23 @@ def _replaced(file: WorldFile, member: str) -> list[Process]:
     if not processes:
         known = [process.name for process in file.processes]
         raise MisuseError(
-            f"--swap {member}: {file.path.name} has no process {member!r}{nearest(member, known)};"
+            f"swap {member}: {file.path.name} has no process {member!r}{nearest(member, known)};"
             f" it has {', '.join(known)}"
         )
     return processes
 
 
 def _new_member(old: Process, swap: Swap, file: WorldFile) -> Member:
-    folder = file.path.parent
-    if not names_agents(swap.spec, folder):
-        service = find_service(swap.spec, folder)
-        options = typed_options(service, swap.options)
-        return Member(old.name, bind(service, options, old.name)())
+    cls = swap.find(file.path.parent)
+    if issubclass(cls, Service):
+        options = typed_options(cls, swap.options)
+        return Member(old.name, bind(cls, options, old.name)())
     if swap.options:
-        raise MisuseError(f"--swap {swap.member}: {swap.spec} names agents, which have no options")
-    cls = find_agent(swap.spec, folder)
+        raise MisuseError(f"swap {swap.member}: {swap} names agents, which have no options")
     kept = [agent for agent in old.agents if agent.kind.name != cls.kind.name]
     if len(kept) == len(old.agents):
         kinds = ", ".join(agent.kind.name for agent in old.agents) or "no agents"
-        raise MisuseError(f"--swap {swap.member}: {old.name} runs {kinds}, not {cls.kind.name}")
+        raise MisuseError(f"swap {swap.member}: {old.name} runs {kinds}, not {cls.kind.name}")
     return Member(old.name, None, (*kept, cls))
 
 
@@ -177,22 +200,22 @@ def _check_alone(types: frozenset[str], others: list[Process], member: str) -> N
     for process in others:
         for event in sorted(types.intersection(_generated(process))):
             raise MisuseError(
-                f"--swap {member}: {process.name} emits {event}, too, and the record"
+                f"swap {member}: {process.name} emits {event}, too, and the record"
                 " does not contain which process emitted which event"
             )
 
 
 def _check_new(new: Member, file: WorldFile, topics: tuple[str, ...], swap: Swap) -> None:
     """Raises MisuseError if a member cannot take part."""
-    where, service = f"--swap {swap.member}", new.service
+    where, service = f"swap {swap.member}", new.service
     reason = incompatibility(new.hello(), file.world.vocabulary)
     if reason:
-        raise MisuseError(f"{where}: {swap.spec}: {reason}")
+        raise MisuseError(f"{where}: {swap}: {reason}")
     if isinstance(service, Generator) and not service.lockstep:
-        raise MisuseError(f"{where}: {swap.spec} runs freely, by the clock; here time is simulated")
+        raise MisuseError(f"{where}: {swap} runs freely, by the clock; here time is simulated")
     for topic in sorted(set(new.topics).difference(topics, new.hello().publishes)):
         raise MisuseError(
-            f"{where}: {swap.spec} listens to {topic!r}, which is not in the record; record it with"
+            f"{where}: {swap} listens to {topic!r}, which is not in the record; record it with"
             " --record-topics"
         )
 

@@ -1,0 +1,88 @@
+"""Checks of worlds and strings: `check` as a function, which `minerva check` calls."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from minerva_bus.api.world import World
+from minerva_bus.errors import WorldFileError
+from minerva_bus.grammar.parser import parse
+from minerva_bus.grammar.scene import Scene, walk
+from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.launch.installed import find_world
+from minerva_bus.launch.restless import restless
+from minerva_bus.launch.specs import load
+from minerva_bus.launch.structure import structure_of
+from minerva_bus.wording import counted
+
+
+@dataclass(frozen=True, slots=True)
+class Checked:
+    """Result of a check: a description, warnings, and the code that was named but not run."""
+
+    what: str
+    warnings: list[str] = field(default_factory=list[str])
+    code: list[str] = field(default_factory=list[str])
+
+
+def check(world: World | str | Path, *, vocabulary: str = "", code: bool = True) -> Checked:
+    """Check a world, or the file of a world (.toml) or a string.
+
+    Args:
+        world: a `World`, a file, or the name of an installed world.
+        vocabulary: `module:attribute`, with which the file of a string is checked.
+        code: whether to run the Python code that a world file names; without it only its tables
+            and its string are checked.
+
+    Raises WorldFileError and SceneError, with line, column and caret.
+
+    Example:
+        `check("garden.toml").warnings`
+
+    """
+    if isinstance(world, World):
+        file = world.read()
+        return Checked(_world_shown(len(file.processes), file.world.scene), restless(file))
+    path = Path(world)
+    # Neither a file nor a name with a suffix: an installed world.
+    if not path.suffix and not path.exists():
+        path = find_world(str(world))
+    if path.suffix != ".toml":
+        return Checked(_check_string(path, vocabulary))
+    if code:
+        return check(World.load(path))
+    structure = structure_of(path)
+    string = "a string that code makes" if structure.string is None else _size(structure.string)
+    processes = counted(len(structure.processes), "process")
+    shown = f"a world of {processes}, {string}; no code was run"
+    return Checked(shown, code=list(structure.code))
+
+
+def _world_shown(processes: int, scene: Scene) -> str:
+    return f"a world of {counted(processes, 'process')}, {_size(scene)}"
+
+
+def _check_string(path: Path, vocabulary: str) -> str:
+    text = _read(path)
+    if not vocabulary:
+        return f"a string of L(M), {_size(parse(text, str(path)))}"
+    alphabet = load(vocabulary, path.resolve().parent)
+    if not isinstance(alphabet, Vocabulary):
+        raise WorldFileError(f"{vocabulary} names a {type(alphabet).__name__}, not a Vocabulary")
+    return f"a string of its vocabulary, {_size(alphabet.read(text, str(path)))}"
+
+
+def _read(file: Path) -> str:
+    try:
+        return file.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError:
+        raise WorldFileError(f"{file}: not a text in UTF-8") from None
+    except OSError as error:
+        raise WorldFileError(f"{file}: {error.strerror}") from None
+
+
+def _size(scene: Any) -> str:
+    count = sum(1 for opens, _ in walk(scene) if opens)
+    return counted(count, "symbol")
