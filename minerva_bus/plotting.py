@@ -1,9 +1,10 @@
-"""Style of the plots of runs and studies, and writing them. Needs the extra `plot`."""
+"""Plots of runs and studies: their style, and their files. Needs the extra `plot`."""
 
 from __future__ import annotations
 
 import io
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Generator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final
 
@@ -15,6 +16,9 @@ INK: Final = "#2f3640"
 FAINT: Final = "#8a929c"
 DOTS: Final = 150
 """Dots per inch."""
+
+PAGE_DOTS: Final = 96
+"""Pixels of a notebook's page per inch."""
 
 PALE: Final = "#cfd4da"
 BEST: Final = "#d9641e"
@@ -59,29 +63,74 @@ def _matplotlib() -> Any:
     return mpl
 
 
-def draw(path: Path, size: tuple[float, float], paint: Callable[[Any], None]) -> None:
-    """Paint on a figure of this size in inches, and save it; the suffix names the format.
+class Plot:
+    """A plot, which notebooks display as a picture.
 
-    Raises MisuseError for another format, without matplotlib, and for a file that may not or cannot
-    be written; `check_picture` reports these before a long study.
+    Args:
+        name: of what it shows.
+        size: width and height, in inches.
+        paint: draws on a figure of matplotlib.
+
+    Raises MisuseError without matplotlib.
+
     """
-    mpl = _matplotlib()
-    from matplotlib.figure import Figure
 
-    with mpl.rc_context(dict(STYLE)):  # pyright: ignore
-        # Without pyplot, which keeps each figure in a global list and may open a window system.
-        figure: Any = Figure(figsize=size, dpi=DOTS, layout="constrained")
-        figure.get_layout_engine().set(w_pad=0.1, h_pad=0.1)
-        paint(figure)
-        write_figure(figure, path)
+    def __init__(self, name: str, size: tuple[float, float], paint: Callable[[Any], None]) -> None:
+        _matplotlib()
+        self.name = name
+        self.size = size
+        self._paint = paint
+
+    def save(self, path: str | Path) -> None:
+        """Write a file; its suffix names the format: .png, .svg or .pdf.
+
+        Raises MisuseError for another format, and if the file must not be overwritten or written;
+        `check_picture` reports these before a long study.
+        """
+        with self._figure() as figure:
+            write_figure(figure, Path(path))
+
+    @contextmanager
+    def _figure(self) -> Generator[Any]:
+        """The painted figure; the style applies within the block."""
+        mpl = _matplotlib()
+        from matplotlib.figure import Figure
+
+        with mpl.rc_context(dict(STYLE)):  # pyright: ignore
+            # Without pyplot, which keeps each figure in a global list and may open a window system.
+            figure: Any = Figure(figsize=self.size, dpi=DOTS, layout="constrained")
+            figure.get_layout_engine().set(w_pad=0.1, h_pad=0.1)
+            self._paint(figure)
+            yield figure
+
+    def _repr_png_(self) -> tuple[bytes, dict[str, int]]:
+        """The picture, and its size in pixels on the page, for notebooks."""
+        with self._figure() as figure:
+            content = _content(figure, "png")
+        width, height = (round(length * PAGE_DOTS) for length in self.size)
+        return content, {"width": width, "height": height}
+
+    def __repr__(self) -> str:
+        return f"<Plot of {self.name}: save(path) writes a {', '.join(ENDINGS)} file>"
+
+
+def draw(path: Path, size: tuple[float, float], paint: Callable[[Any], None]) -> None:
+    """Paint on a figure of this size in inches, and save it; see `Plot`. Raises MisuseError."""
+    Plot(path.stem, size, paint).save(path)
 
 
 def write_figure(figure: Any, path: Path) -> None:
     """Save a matplotlib figure; the suffix of the path names the format. Raises MisuseError."""
-    # `write_output` adds the mark and replaces the file only when the picture is complete.
-    content = io.BytesIO()
     try:
-        figure.savefig(content, format=path.suffix[1:] or "png", facecolor="white")
+        content = _content(figure, path.suffix[1:] or "png")
     except ValueError as error:
         raise MisuseError(f"{path}: the picture cannot be written: {error}") from None
-    write_output(path, content.getvalue(), "picture")
+    # `write_output` adds the mark and replaces the file only when the picture is complete.
+    write_output(path, content, "picture")
+
+
+def _content(figure: Any, kind: str) -> bytes:
+    """A figure as a file of this format. Raises ValueError for an unknown one."""
+    content = io.BytesIO()
+    figure.savefig(content, format=kind, facecolor="white")
+    return content.getvalue()

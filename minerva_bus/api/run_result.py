@@ -65,7 +65,7 @@ class Run:
         return pick_table(self.tables, name, self.into)
 
     def plot(self, path: str | Path, *series: str, x: str = "") -> None:
-        """Plot series of the table with a row for each frame, as `minerva plot` does.
+        """Save a plot of the table with a row for each frame, as `minerva plot` does.
 
         Args:
             path: of the picture, .png, .svg or .pdf.
@@ -75,9 +75,7 @@ class Run:
         Raises MisuseError, also without matplotlib.
 
         """
-        from minerva_bus.study.series_plot import PlotOptions, plot_table
-
-        plot_table(self.table(), Path(path), PlotOptions(x, series))
+        self.table().plot(*series, x=x).save(path)
 
     def picture(self, event: Visual = PICTURE, width: int = WIDTH) -> Still:
         """A picture of the last string, drawn by the view `svg`.

@@ -17,7 +17,7 @@ from minerva_bus.api.run_result import pick_table
 from minerva_bus.api.world import World, world_of
 from minerva_bus.collect.plans import TablePlan, plans_of, read_entries
 from minerva_bus.collect.reading import plain_value
-from minerva_bus.collect.table import ARRAY_TYPES, DataTable, Gathered
+from minerva_bus.collect.table import ARRAY_TYPES, SEED, DataTable, Gathered
 from minerva_bus.collect.writers import path_of, read_columns
 from minerva_bus.errors import MisuseError
 from minerva_bus.launch.collecting import Collecting
@@ -27,7 +27,7 @@ from minerva_bus.launch.temporary_folder import temporary_folder
 from minerva_bus.settings.overrides import AS_WRITTEN, Overrides
 from minerva_bus.study.code_digests import identity, named_objects
 from minerva_bus.study.executor_pool import Workers, open_pool
-from minerva_bus.study.grid import SEED, Combination, Grid
+from minerva_bus.study.grid import Combination, Grid
 from minerva_bus.study.journal import StudyJournal
 from minerva_bus.study.results import Row
 from minerva_bus.study.sent_world import SentWorld

@@ -14,6 +14,7 @@ from minerva_bus.errors import MisuseError
 from minerva_bus.launch.console import Console
 from minerva_bus.launch.specs import load
 from minerva_bus.launch.worldfile import WorldFile
+from minerva_bus.plotting import check_picture
 from minerva_bus.settings.overrides import Overrides
 from minerva_bus.study.evaluation import EvaluationCache, Fitness
 from minerva_bus.study.evolution import Evolution, Plan
@@ -21,7 +22,6 @@ from minerva_bus.study.evolution_plots import draw_fitness, draw_tree
 from minerva_bus.study.executor_pool import Workers
 from minerva_bus.study.saving import WorldOptions, check_place, save
 from minerva_bus.study.sent_world import SentWorld
-from minerva_bus.study.style import check_picture
 
 MAX_ERRORS: Final = 5
 

@@ -10,12 +10,12 @@ from minerva_bus.cli.output import print_result
 from minerva_bus.cli.progress import progress_bar
 from minerva_bus.collect.plans import parse_entries, series_of
 from minerva_bus.collect.reading import read_table
+from minerva_bus.collect.series_plot import PlotOptions, plot_table
 from minerva_bus.errors import MisuseError
 from minerva_bus.log.reader import Record
 from minerva_bus.outputs import check_output
+from minerva_bus.plotting import check_picture
 from minerva_bus.study.plot import plot
-from minerva_bus.study.series_plot import PlotOptions, plot_table
-from minerva_bus.study.style import check_picture
 
 _TABLES: Final = (".csv", ".parquet")
 
@@ -32,7 +32,7 @@ def plot_file(
         if collect:
             raise MisuseError(f"--collect is of records; {file} is a table: choose with --series")
         check_picture(into)
-        plot_table(read_table(file), into, PlotOptions(x, names, bars=bars))
+        read_table(file).plot(*names, x=x, bars=bars).save(into)
     elif collect:
         check_picture(into)
         _plot_collected(file, into, collect, PlotOptions(x, names, bars=bars))
@@ -62,4 +62,4 @@ def _plot_collected(file: Path, into: Path, collect: tuple[str, ...], options: P
         fields = next(each.fields for each in every if each.name == plans[0].symbol)
         own = {field.name: field.type.unit for field in fields.all}
         units |= {column: own[name] for column, name in plans[0].names.items()}
-    plot_table(table, into, PlotOptions(options.x, options.series, units, options.bars))
+    plot_table(table, PlotOptions(options.x, options.series, units, options.bars)).save(into)

@@ -10,10 +10,10 @@ from minerva_bus.api.studies import run_sweep
 from minerva_bus.cli.output import FAILED, INTERRUPTED, print_result
 from minerva_bus.errors import MisuseError
 from minerva_bus.launch.console import Console
+from minerva_bus.plotting import check_picture
 from minerva_bus.study.comparison import draw_comparison, shown
 from minerva_bus.study.executor_pool import Workers
 from minerva_bus.study.results import check_table, write
-from minerva_bus.study.style import check_picture
 from minerva_bus.study.sweep import Sweep
 
 MAX_FAILURES: Final = 10

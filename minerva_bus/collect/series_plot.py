@@ -9,17 +9,15 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from minerva_bus.collect.table import DataTable
+from minerva_bus.collect.table import SEED, DataTable
 from minerva_bus.errors import MisuseError, nearest
+from minerva_bus.plotting import FAINT, Plot
 from minerva_bus.semantics.legend import OKABE_ITO
-from minerva_bus.study.grid import SEED
-from minerva_bus.study.style import FAINT, draw
 
 COLORS: Final = (*OKABE_ITO, "#000000")
 
@@ -63,8 +61,8 @@ class _Line:
     rows: int
 
 
-def plot_table(table: DataTable, into: Path, options: PlotOptions | None = None) -> None:
-    """Draw the series of a table. Raises MisuseError, also without matplotlib."""
+def plot_table(table: DataTable, options: PlotOptions | None = None) -> Plot:
+    """A plot of the series of a table. Raises MisuseError, also without matplotlib."""
     options = options or PlotOptions()
     x = _x_of(table, options.x)
     bins = _histograms(table)
@@ -92,7 +90,7 @@ def plot_table(table: DataTable, into: Path, options: PlotOptions | None = None)
         for axis, (name, columns) in zip(axes, histograms.items(), strict=True):
             _draw_histogram(axis, table, x, name, columns, bars=options.bars)
 
-    draw(into, (8.5, 0.6 + 3.6 * panels), paint)
+    return Plot(table.name, (8.5, 0.6 + 3.6 * panels), paint)
 
 
 def _keys(table: DataTable) -> list[str]:

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from importlib import import_module
 from itertools import islice
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,11 +18,16 @@ from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.wording import counted, install
 
+if TYPE_CHECKING:
+    from minerva_bus.plotting import Plot
+
 ARRAY_TYPES: Final = {
     "float64": DTYPES["real"], "int64": DTYPES["int"], "bool": DTYPES["bool"],
     "text": DTYPES["text"],
 }  # fmt: skip
 SHOWN_ROWS: Final = 10
+SEED: Final = "seed"
+"""The column of a sweep's table that distinguishes runs of the same options."""
 
 
 def texts(data: Data) -> NDArray[Any]:
@@ -94,6 +99,29 @@ class DataTable:
     def _more(self) -> list[str]:
         more = len(self) - SHOWN_ROWS
         return [f"and {counted(more, 'more row')}"] if more > 0 else []
+
+    def plot(self, *series: str, x: str = "", bars: bool = False) -> Plot:
+        """A plot of its columns, which notebooks display; needs the extra `plot`.
+
+        A line is the mean of all rows with the same x, such as those of several seeds or agents; a
+        band has the middle 80 % of them. Options of a sweep have a line each.
+
+        Args:
+            series: columns, or names of histograms; none: all.
+            x: the column along the axis; "": `time` in s, `frame`, or the first with numbers.
+            bars: histograms of the last frame, not over time.
+
+        Raises MisuseError if there is nothing to plot, and without matplotlib, with the command
+        that installs it.
+
+        Example:
+            `run.table().plot("sick")`, `run.table().plot().save("run.svg")`
+
+        """
+        # Plots import this module.
+        from minerva_bus.collect.series_plot import PlotOptions, plot_table
+
+        return plot_table(self, PlotOptions(x, series, bars=bars))
 
     # --- other libraries ---
 

@@ -7,10 +7,10 @@ from pathlib import Path
 from statistics import fmean
 from typing import Any, Final
 
+from minerva_bus.collect.table import SEED
 from minerva_bus.launch.resuming import option_text
-from minerva_bus.study.grid import SEED
+from minerva_bus.plotting import COLORS, INK, draw
 from minerva_bus.study.results import ResultTable
-from minerva_bus.study.style import COLORS, INK, draw
 
 MAX_ROWS: Final = 40
 """Rows of the text."""

@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 
+from minerva_bus.plotting import BEST, COLORS, FAINT, INK, PALE, draw
 from minerva_bus.study.evolution import Evolution, Individual
-from minerva_bus.study.style import BEST, COLORS, FAINT, INK, PALE, draw
 
 TEXT_WIDTH: Final = 34
 """Letters of a line beside the tree."""

@@ -10,13 +10,13 @@ from itertools import product
 from math import prod
 from typing import Any, Final, cast
 
+from minerva_bus.collect.table import SEED
 from minerva_bus.errors import MisuseError
 from minerva_bus.launch.resuming import option_text
 from minerva_bus.launch.typed import toml_value
 from minerva_bus.settings.overrides import Overrides
 
 MAX_COMBINATIONS: Final = 1_000_000
-SEED: Final = "seed"
 _RANGE = re.compile(r"(-?[0-9.]+(?:e-?[0-9]+)?):(-?[0-9.]+(?:e-?[0-9]+)?)(?::([0-9.e-]+))?")
 
 Combination = tuple[str, ...]

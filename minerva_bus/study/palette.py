@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from typing import Any, Final
 
-from minerva_bus.study.style import COLORS
+from minerva_bus.plotting import COLORS
 from minerva_bus.study.tracks import Story, Track
 
 GONE: Final = "#8a929c"

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from minerva_bus.log.reader import Record
+from minerva_bus.plotting import DOTS, FAINT, INK, draw
 from minerva_bus.semantics.geometry import interpret
 from minerva_bus.study.drawing import Ground, draw_tracks, halo, limits
 from minerva_bus.study.palette import Palette
-from minerva_bus.study.style import DOTS, FAINT, INK, draw
 from minerva_bus.study.tracks import Story, story_of
 
 

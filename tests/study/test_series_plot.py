@@ -1,14 +1,16 @@
 """Plots of tables: series with the spread over seeds, histograms, and wrong input."""
 
+import sys
+
 import numpy as np
 import pytest
 
 from minerva_bus.cli.main import app
+from minerva_bus.collect import series_plot
 from minerva_bus.collect.reading import read_table
+from minerva_bus.collect.series_plot import PlotOptions, plot_table
 from minerva_bus.collect.table import DataTable
 from minerva_bus.errors import MinervaError, MisuseError
-from minerva_bus.study import series_plot
-from minerva_bus.study.series_plot import PlotOptions, plot_table
 
 pytest.importorskip("matplotlib", reason="pip install 'minerva-bus[plot]'")
 
@@ -48,10 +50,10 @@ def test_columns_are_series_or_bins_of_histograms():
     PlotOptions(series=("size",)),
 ])  # fmt: skip
 def test_a_picture_is_written(tmp_path, options):
-    plot_table(swept(), tmp_path / "p.svg", options)
+    plot_table(swept(), options).save(tmp_path / "p.svg")
     text = (tmp_path / "p.svg").read_text()
     assert text.startswith("<?xml")
-    plot_table(swept(), tmp_path / "q.svg", options)
+    plot_table(swept(), options).save(tmp_path / "q.svg")
     assert len((tmp_path / "q.svg").read_text()) == len(text)
 
 
@@ -59,12 +61,35 @@ def test_a_picture_is_written(tmp_path, options):
     (PlotOptions(series=("m",)), "the column 'm' does not exist"),
     (PlotOptions("bird"), "did you mean 'birds'"),
 ])  # fmt: skip
-def test_wrong_columns_are_reported(tmp_path, options, problem):
+def test_wrong_columns_are_reported(options, problem):
     with pytest.raises(MisuseError, match=problem):
-        plot_table(swept(), tmp_path / "p.png", options)
+        plot_table(swept(), options)
     empty = DataTable("e", {"name": "text"}, {"name": np.array(["a"], object)})
     with pytest.raises(MisuseError, match="no numbers to plot"):
-        plot_table(empty, tmp_path / "p.png")
+        plot_table(empty)
+
+
+def test_a_notebook_displays_the_picture_of_a_table_that_the_command_writes(tmp_path):
+    swept().to_csv(tmp_path / "swept.csv")
+    words = ["plot", str(tmp_path / "swept.csv"), "--series", "n", "--x", "frame"]
+    app(words, standalone_mode=False)
+    plot = read_table(tmp_path / "swept.csv").plot("n", x="frame")
+    plot.save(tmp_path / "own.png")
+    written = (tmp_path / "swept.png").read_bytes()
+    assert (tmp_path / "own.png").read_bytes() == written
+    picture, size = plot._repr_png_()
+    assert size == {"width": 816, "height": 403}
+    # The file has a mark, the picture on the page has none.
+    assert picture[-1000:] == written[-1000:]
+    assert repr(plot) == "<Plot of swept: save(path) writes a .png, .svg, .pdf file>"
+    with pytest.raises(MisuseError, match="cannot be written"):
+        plot.save(tmp_path / "own.tab")
+
+
+def test_without_the_library_a_plot_names_the_command_that_installs_it(monkeypatch):
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    with pytest.raises(MisuseError, match=r"plotting needs matplotlib: .*install.*\[plot\]"):
+        swept().plot()
 
 
 @pytest.mark.parametrize("ending", ["csv", "parquet"])

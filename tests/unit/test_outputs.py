@@ -60,7 +60,7 @@ def test_a_marked_image_reads_as_the_same_image_and_may_be_replaced(tmp_path, su
 
 def test_a_pdf_is_recognised(tmp_path):
     pyplot = pytest.importorskip("matplotlib.figure")
-    from minerva_bus.study.style import write_figure
+    from minerva_bus.plotting import write_figure
 
     path = tmp_path / "plot.pdf"
     for _ in range(2):

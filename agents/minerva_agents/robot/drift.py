@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minerva_bus.errors import MisuseError
+from minerva_bus.plotting import write_figure
 from minerva_bus.semantics.poses import Pose
-from minerva_bus.study.style import write_figure
 from minerva_bus.wording import install
 
 Reals: TypeAlias = NDArray[np.float64]
