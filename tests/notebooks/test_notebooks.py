@@ -1,4 +1,7 @@
-"""The notebooks of the documentation run as scripts; the site (test_site.py) runs them in kernels."""
+"""The notebooks of the documentation run as scripts.
+
+tests/documents/test_site.py runs them in clean kernels, test_jupyterlab.py in JupyterLab.
+"""
 
 import os
 import subprocess
