@@ -26,5 +26,5 @@ python tools/draw_top.py docs/top.png
 minerva stop robot
 trap - EXIT
 wait
-python tools/draw_page.py docs/web.png
+python tools/draw_page.py
 python -m tools.draw_guides
