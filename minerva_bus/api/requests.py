@@ -71,7 +71,7 @@ def request_of(
         own_options(world, options),
         _processes(world, processes),
         record=str(record) if record else None,
-        collect=str(into) if into and collect is None else None,
+        into=str(into) if into and collect is None else None,
         **values,
     )
     file = world.read(overrides) if past is None else past.read(world.read, overrides).file

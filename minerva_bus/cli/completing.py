@@ -79,6 +79,12 @@ def records(ctx: typer.Context, incomplete: str) -> Choices:
 
 
 @completer
+def tables(ctx: typer.Context, incomplete: str) -> Choices:
+    """Tables of collected data."""
+    return paths(incomplete, ".csv", ".parquet")
+
+
+@completer
 def recordings(ctx: typer.Context, incomplete: str) -> Choices:
     """Recordings of sensors."""
     return paths(incomplete, ".log", ".clf", ".bag", ".db3", ".mcap")

@@ -68,6 +68,13 @@ Settings = Annotated[
         autocompletion=completing.process_settings,
     ),
 ]
+Collect = Annotated[
+    list[str] | None,
+    typer.Option(
+        help="NAME=EXPRESSION, such as 'sick=count(APerson, sick == true)'; may be repeated.",
+        autocompletion=completing.collected,
+    ),
+]
 WorldArgument = Annotated[
     str,
     typer.Argument(
@@ -199,8 +206,8 @@ class Takes:
         return Overrides(None, *lists, **given)
 
 
-_COMPLETERS: Final = {"collect": completing.collected, "record": completing.records}
-_LISTS: Final[dict[str, Any]] = {"set_": Settings, "view": Views}
+_COMPLETERS: Final = {"into": completing.tables, "record": completing.records}
+_LISTS: Final[dict[str, Any]] = {"set_": Settings, "view": Views, "collect": Collect}
 
 
 def _keyword(name: str, default: Any, annotation: Any) -> Parameter:

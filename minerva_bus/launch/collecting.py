@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from minerva_bus.errors import WorldFileError
+from minerva_bus.errors import MisuseError, WorldFileError
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.grammar.vocabulary import Vocabulary
@@ -39,22 +39,49 @@ class Collecting:
 
 
 def read_collecting(top: Table, vocabulary: Vocabulary) -> Collecting:
-    """The table [collect]. Raises WorldFileError and VocabularyError."""
-    table = top.table("collect")
+    """The table [collect], or the expressions of the command line in its place.
+
+    Raises WorldFileError, MisuseError and VocabularyError.
+    """
     into = top.read(CollectSettings).into
-    entries: dict[str, Expression] = {}
-    for name in [key for key in table.data if key != "into"]:
-        source = table.place(name)
-        entries[name] = read_expression(table.get(name, TEXT, ""), source)
-        entries[name].checked(vocabulary, source)
+    entries: Mapping[str, Expression] = _written(top.table("collect"), vocabulary)
+    if top.overrides.collect:
+        entries = _given(top.overrides.collect, into, vocabulary)
     if into and not entries:
         raise WorldFileError(
-            'nothing is collected: name expressions under [collect], such as birds = "count(ABird)"'
+            "nothing is collected: name expressions with --collect 'birds=count(ABird)', or under"
+            ' [collect], such as birds = "count(ABird)"'
         )
     # Checked here, because the coordinator would only report it after the start of the world.
     if into and Path(into).suffix not in ENDINGS:
         top.wrong_setting(CollectSettings, "into", f"must end with {' or '.join(ENDINGS)}: {into}")
     return Collecting(entries, into)
+
+
+def _written(table: Table, vocabulary: Vocabulary) -> dict[str, Expression]:
+    """The expressions of a world file. Raises VocabularyError."""
+    entries: dict[str, Expression] = {}
+    for name in [key for key in table.data if key != "into"]:
+        source = table.place(name)
+        entries[name] = read_expression(table.get(name, TEXT, ""), source)
+        entries[name].checked(vocabulary, source)
+    return entries
+
+
+def _given(words: tuple[str, ...], into: str, vocabulary: Vocabulary) -> Mapping[str, Expression]:
+    """The expressions of a command line. Raises MisuseError and VocabularyError."""
+    from minerva_bus.collect.plans import parse_entries, plans_of
+
+    for word in words:
+        if "=" not in word and word.endswith(ENDINGS):
+            raise MisuseError(f"--collect takes NAME=EXPRESSION; name the file by --into {word}")
+    entries = parse_entries(words)
+    # The plans are made for their checks: errors appear here, before any process starts.
+    plans_of(entries, vocabulary, "--collect")
+    # Without a file, only a program in Python receives the tables.
+    if not into:
+        raise MisuseError("--collect needs a file for its tables: --into FILE.csv or FILE.parquet")
+    return entries
 
 
 class CollectSink(Sink):

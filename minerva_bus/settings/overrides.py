@@ -18,7 +18,8 @@ class Overrides:
     """Settings of a command line: they replace those of the world file.
 
     `options` are the world's own options as text, `settings` texts PROCESS.KEY=VALUE, `views`
-    texts such as `svg:every=5`. `values` are the other settings that were given, by the names of
+    texts such as `svg:every=5`, `collect` texts NAME=EXPRESSION that replace the expressions of
+    [collect]. `values` are the other settings that were given, by the names of
     their options: `Overrides(seed=3, record="run.mcap")`; None means not given. Values are
     converted when a world file is read. Raises MisuseError for a name that is no setting.
     """
@@ -26,6 +27,7 @@ class Overrides:
     options: Mapping[str, str]
     settings: tuple[str, ...]
     views: tuple[str, ...]
+    collect: tuple[str, ...]
     values: Mapping[str, Any]
 
     def __init__(
@@ -33,6 +35,7 @@ class Overrides:
         options: Mapping[str, str] | None = None,
         settings: tuple[str, ...] = (),
         views: tuple[str, ...] = (),
+        collect: tuple[str, ...] = (),
         **values: Any,
     ) -> None:
         check_known(values, OPTIONS)
@@ -41,6 +44,7 @@ class Overrides:
             ("options", dict(options or {})),
             ("settings", tuple(settings)),
             ("views", tuple(views)),
+            ("collect", tuple(collect)),
             ("values", given),
         ):
             object.__setattr__(self, name, value)
@@ -53,6 +57,7 @@ class Overrides:
             # (`by_process`).
             (*lower.settings, *self.settings),
             (*lower.views, *self.views),
+            self.collect or lower.collect,
             **{**lower.values, **self.values},
         )
 

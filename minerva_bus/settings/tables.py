@@ -402,7 +402,7 @@ class CollectSettings:
         "collect",
         "",
         "Write collected data into this file, .parquet or .csv.",
-        option="collect",
+        option="into",
         more="Several tables go into several files, `FILE-TABLE.parquet`; see"
         " [python.md](python.md#collect-data).",
         form="file .parquet or .csv",

@@ -12,10 +12,8 @@ from pathlib import Path
 
 import pytest
 
-sys.path.append(str(Path(__file__).parents[1] / "runtime"))
-from running import MEMBERS, World, environment, minerva, write_world
-
 from minerva_bus.cli.shells import joined
+from tests.runtime.running import MEMBERS, World, environment, minerva, write_world
 
 HERE = Path(sys.executable).parent
 MINERVA = [sys.executable, HERE / "minerva"]
@@ -47,7 +45,15 @@ def completed(folder, words, shell="fish"):
 
 @pytest.fixture
 def files(tmp_path):
-    for name in ("a.toml", "b.mcap", "c.mnv", "notes.txt", "deep/only/d.toml", ".hidden.toml"):
+    for name in (
+        "a.toml",
+        "b.mcap",
+        "c.mnv",
+        "notes.txt",
+        "t.csv",
+        "deep/only/d.toml",
+        ".hidden.toml",
+    ):
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text("")
     (tmp_path / "a.toml").write_text(
@@ -80,6 +86,7 @@ def files(tmp_path):
         ("attach --process p --wo", ["--world"], []),
         ("replay ", ["b.mcap"], ["a.toml"]),
         ("run --resume ", ["b.mcap"], ["a.toml"]),
+        ("run a.toml --into ", ["t.csv"], ["b.mcap", "notes.txt"]),
         ("check ", ["c.mnv", "a.toml"], ["b.mcap"]),
         ("new ", ["world", "bridge"], []),
         ("new world mine --from me", ["meadow"], []),

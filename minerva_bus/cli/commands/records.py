@@ -9,6 +9,7 @@ import typer
 
 from minerva_bus.cli import completing
 from minerva_bus.cli.options import (
+    Collect,
     Force,
     Json,
     Quiet,
@@ -22,13 +23,6 @@ from minerva_bus.cli.startup import BEGAN, uncollected
 from minerva_bus.settings.overrides import Overrides
 
 Record = Annotated[Path, typer.Argument(help="A record, .mcap.", autocompletion=completing.records)]
-Collect = Annotated[
-    list[str] | None,
-    typer.Option(
-        help="NAME=EXPRESSION, such as 'sick=count(APerson, sick == true)'; may be repeated.",
-        autocompletion=completing.collected,
-    ),
-]
 
 
 @examples(

@@ -27,6 +27,7 @@ from minerva_bus.settings.overrides import Overrides
 @examples(
     "minerva run robot --view web",
     "minerva run garden.toml --frames 100 --seed 7 --record garden.mcap",
+    "minerva run meadow --collect 'foxes=count(AFox)' --into foxes.csv",
 )
 @grouped
 def run(
@@ -35,7 +36,7 @@ def run(
         Overrides,
         Takes(
             *("seed", "rate", "frames", "view", "set_", "name", "until"),
-            *("record", "record_topics", "flush", "durable", "journal", "collect"),
+            *("record", "record_topics", "flush", "durable", "journal", "collect", "into"),
             *("listen", "connect", "keys", "insecure", "audit", "coordinator_only"),
             *("metrics", "log_format"),
         ),
@@ -70,7 +71,9 @@ def run(
         if not world and resume is None:
             context.fail("no world; name a world file, an installed world or --resume FILE")
         views = _with_video(list(overrides.views), record_video)
-        given = Overrides(options_of(words), overrides.settings, views, **overrides.values)
+        given = Overrides(
+            options_of(words), overrides.settings, views, overrides.collect, **overrides.values
+        )
         file = read_world(world, given) if resume is None else read_resumed(resume, world, given)
     run_world(file, BEGAN, options)
 
