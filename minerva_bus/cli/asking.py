@@ -8,7 +8,7 @@ from dataclasses import asdict
 from typing import Any
 
 from minerva_bus.cli.options import WorldTarget
-from minerva_bus.cli.output import print_message, print_result, print_table
+from minerva_bus.cli.output import print_json, print_message, print_result, print_table
 from minerva_bus.cli.places import client, identity, place
 from minerva_bus.errors import MinervaError, nearest
 from minerva_bus.frame.messages import FrameRecord
@@ -27,7 +27,7 @@ def list_members(target: WorldTarget, as_json: bool) -> None:
     worlds = running()
     if not target.connect and not target.world and len(worlds) != 1:
         if as_json:
-            print_result(json.dumps([asdict(world) for world in worlds]))
+            print_json([asdict(world) for world in worlds])
         elif worlds:
             rows = [(w.world, w.endpoint, str(w.pid)) for w in worlds]
             print_table([("world", "endpoint", "pid"), *rows])
@@ -37,7 +37,7 @@ def list_members(target: WorldTarget, as_json: bool) -> None:
     with client(target) as connected:
         status = connected.operator.status()
     if as_json:
-        print_result(json.dumps(listing(status)))
+        print_json(listing(status))
         return
     agents = counted(status.agents, "agent")
     print_result(f"{status.world}: frame {status.frame} ({_doing(status)}), {agents}")
@@ -185,7 +185,7 @@ def publish(
     with client(target) as connected:
         answer = connected.ask("pub", type=type_, data=pairs, receivers=to, condition=condition)
     if as_json:
-        print_result(json.dumps(answer))
+        print_json(answer)
         return
     through = f" through {', '.join(answer['through'])}" if answer["through"] else ""
     print_result(f"{answer['event']} sent{through}, after frame {answer['frame']} began")
@@ -206,7 +206,7 @@ def show_version(as_json: bool) -> None:
     for package in ("eclipse-zenoh", "msgpack", "numpy", "pymunk", "typer"):
         versions[package] = version(package)
     if as_json:
-        print_result(json.dumps(versions))
+        print_json(versions)
     else:
         rows = [(name, str(value)) for name, value in versions.items()]
         print_table([("part", "version"), *rows])

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import signal
+import sys
+from contextlib import nullcontext, redirect_stdout
 from dataclasses import replace
 from pathlib import Path
 from types import FrameType
 from typing import Final
 
 from minerva_bus.blame import report
+from minerva_bus.cli.answers import MemberLeft
 from minerva_bus.cli.options import JoinOptions
-from minerva_bus.cli.output import FAILED, print_message
+from minerva_bus.cli.output import FAILED, print_json, print_message
 from minerva_bus.cli.places import identity, place
 from minerva_bus.errors import KeysError, UnknownOption, WorldFileError, nearest
 from minerva_bus.frame.member import Member, WorldRestarted
@@ -71,12 +74,16 @@ def _attached(participant: Member, join: JoinOptions) -> int:
     )
     leave_on_signals(member)
     print_message(f"{participant.name}: joining {world} at {endpoint}; Ctrl-C leaves")
-    # Other codes, such as RAISED, are for a launcher that may restart the member.
-    code = min(member.run(), FAILED) or int(getattr(service, "failed", False))
-    if member.failure is not None:
-        print_message(f"{participant.name}: failed: {report(member.failure)}")
-    if participant.stopped:
-        print_message(f"{participant.name}: the world has ended: {participant.stopped}")
+    # A service may print, but only the answer may be on standard output. Other codes than FAILED,
+    # such as RAISED, are for a launcher that may restart the member.
+    with redirect_stdout(sys.stderr) if join.json else nullcontext():
+        code = min(member.run(), FAILED) or int(getattr(service, "failed", False))
+    failure = "" if member.failure is None else report(member.failure)
+    left = MemberLeft(participant.name, world, endpoint, participant.stopped, failure)
+    for line in left.lines():
+        print_message(line)
+    if join.json:
+        print_json(left.plain())
     end_at_once(code)
     return code
 

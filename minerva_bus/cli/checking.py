@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
 from minerva_bus.api.checking import check
-from minerva_bus.cli.output import print_message, print_result
+from minerva_bus.cli.output import print_json, print_message, print_result
 from minerva_bus.errors import MinervaError, SceneError
 
 
@@ -24,7 +23,7 @@ def check_file(file: Path, vocabulary: str, as_json: bool, *, code: bool = True)
         if isinstance(error, SceneError):
             answer |= {"line": error.line, "column": error.column, "expected": error.expected}
     if as_json:
-        print_result(json.dumps(answer))
+        print_json(answer)
     elif answer["ok"]:
         print_result(f"{file}: {answer['what']}")
         for name in answer.get("code", []):

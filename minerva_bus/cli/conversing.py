@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 from minerva_bus.acl.exchanges import Exchange, check_drawable, exchange_of
-from minerva_bus.cli.output import print_result
+from minerva_bus.cli.output import print_json, print_result
 from minerva_bus.errors import MinervaError
 from minerva_bus.log.reader import Record
 from minerva_bus.outputs import check_output, write_output
@@ -28,7 +27,7 @@ def show_conversation(file: Path, conversation: str, output: Path | None, as_jso
     if output is not None:
         _write(output, exchange)
     if as_json:
-        print_result(json.dumps(exchange.plain()))
+        print_json(exchange.plain())
     else:
         print_result(exchange.mermaid().rstrip() if output is None else str(output))
 

@@ -16,7 +16,14 @@ from tempfile import TemporaryDirectory
 from typing import Any, Final
 
 from minerva_bus.cli.options import RunOptions
-from minerva_bus.cli.output import FAILED, INTERRUPTED, WRONG, print_message, print_result
+from minerva_bus.cli.output import (
+    FAILED,
+    INTERRUPTED,
+    WRONG,
+    print_json,
+    print_message,
+    print_result,
+)
 from minerva_bus.cli.running import run_world
 from minerva_bus.errors import MinervaError, MisuseError
 from minerva_bus.launch.installed import find_world
@@ -82,7 +89,7 @@ def check_determinism(spec: str, frames: int, as_json: bool) -> int:
     with TemporaryDirectory(prefix="minerva-") as folder:
         verdict = _verdict(path, frames, Path(folder))
     if as_json:
-        print_result(json.dumps({"file": spec, **verdict.plain()}))
+        print_json({"file": spec, **verdict.plain()})
     else:
         first, *rest = verdict.lines()
         (print_message if verdict.code else print_result)("\n".join([f"{spec}: {first}", *rest]))

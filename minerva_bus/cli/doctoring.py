@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import platform
 import shutil
@@ -12,7 +11,7 @@ from dataclasses import asdict, dataclass
 from importlib.util import find_spec
 from typing import Final
 
-from minerva_bus.cli.output import print_result
+from minerva_bus.cli.output import print_json, print_result
 from minerva_bus.errors import MinervaError
 from minerva_bus.wording import install
 
@@ -62,7 +61,7 @@ def examine(as_json: bool) -> int:
     """Print the results; returns 1 if a required dependency is missing, otherwise 0."""
     findings = list(_findings())
     if as_json:
-        print_result(json.dumps([asdict(finding) for finding in findings]))
+        print_json([asdict(finding) for finding in findings])
     else:
         width = max(len(finding.what) for finding in findings)
         for finding in findings:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json as json_
 from collections import Counter
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Final, cast
 
 from minerva_bus.api.evolving import EvolutionStudy
-from minerva_bus.cli.output import FAILED, INTERRUPTED, print_result
+from minerva_bus.cli.output import FAILED, INTERRUPTED, print_json, print_result
 from minerva_bus.errors import MisuseError
 from minerva_bus.launch.console import Console
 from minerva_bus.launch.specs import load
@@ -72,7 +71,7 @@ def evolve_world(file: WorldFile, wanted: EvolveOptions, console: Console, as_js
     evolution, cache, interrupted = ran.evolution, ran.cache, ran.interrupted
     _save(file, wanted, console, cache)
     if as_json:
-        print_result(json_.dumps(_plain(file, evolution, cache, interrupted)))
+        print_json(_plain(file, evolution, cache, interrupted))
     else:
         print_result("\n".join(_lines(evolution, cache, interrupted)))
     _draw(file, wanted, console, evolution)

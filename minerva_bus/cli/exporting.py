@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from minerva_bus.api.exporting import Export, export_plans, read_plans
-from minerva_bus.cli.output import print_message, print_result
+from minerva_bus.cli.output import print_json, print_message, print_result
 from minerva_bus.cli.progress import progress_bar
 from minerva_bus.collect.drafts import TableFiles
 from minerva_bus.collect.plans import TablePlan, parse_entries
@@ -80,7 +79,7 @@ def _report(done: Export, as_json: bool, quiet: bool) -> None:
             gaps = ", ".join(f"{gap.start} to {gap.stop - 1}" for gap in done.missing[:5])
             print_message(f"{done.record} lacks the frames {gaps}; their rows are missing")
     if as_json:
-        print_result(json.dumps(done.plain()))
+        print_json(done.plain())
     elif not quiet:
         for name, path in done.files.items():
             print_result(f"{path}  {name}  {counted(done.rows[name], 'row')}")

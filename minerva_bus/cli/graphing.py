@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 from minerva_bus.api.graphs import check_drawable, graph_of
-from minerva_bus.cli.output import print_result
+from minerva_bus.cli.output import print_json, print_result
 from minerva_bus.cli.running import read_world
 from minerva_bus.settings.overrides import Overrides
 
@@ -22,6 +21,6 @@ def show_graph(world: str, overrides: Overrides, outputs: list[Path], as_json: b
     for output in outputs:
         made.save(output)
     if as_json:
-        print_result(json.dumps(made.plain()))
+        print_json(made.plain())
     else:
         print_result("\n".join(map(str, outputs)) if outputs else made.mermaid().rstrip())

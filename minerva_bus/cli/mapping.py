@@ -13,7 +13,8 @@ from typing import Any, Final, cast
 
 import typer
 
-from minerva_bus.cli.output import print_message
+from minerva_bus.cli.answers import MapDrawn
+from minerva_bus.cli.output import print_json, print_message
 from minerva_bus.errors import WorldFileError, nearest
 from minerva_bus.launch.installed import entries
 from minerva_bus.launch.specs import load
@@ -34,6 +35,8 @@ def map_recording(
     end: float | None,
     poses: str = "published",
     time_offset: float = 0.0,
+    *,
+    as_json: bool = False,
 ) -> None:
     """Draw the map of a recording into OUTPUT.pgm, .yaml and .png. Raises MinervaError.
 
@@ -48,8 +51,10 @@ def map_recording(
     passed = _Passed()
     with _progress(file.name) as progress:
         made = draw(_opener(file, passed), into, choice, progress)
-    for line in [*passed.lines(), *made]:
-        print_message(line)
+    drawn = MapDrawn(str(into), (*passed.lines(), *made))
+    print_message("\n".join(drawn.lines()))
+    if as_json:
+        print_json(drawn.plain())
 
 
 def _opener(file: Path, passed: PassOver) -> Callable[[], Recording]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import signal
 import sys
 import threading
@@ -10,9 +9,19 @@ import time
 from types import FrameType
 from typing import Final
 
+from minerva_bus.cli.answers import (
+    HostDraining,
+    MemberRestarting,
+    MetricsServed,
+    RateChanged,
+    ReplayMoved,
+    WorldPaused,
+    WorldResumed,
+    WorldStopping,
+)
 from minerva_bus.cli.asking import listing
 from minerva_bus.cli.options import WorldTarget
-from minerva_bus.cli.output import print_message, print_result
+from minerva_bus.cli.output import print_answer, print_json, print_message, print_result
 from minerva_bus.cli.places import client
 from minerva_bus.errors import MinervaError, nearest
 from minerva_bus.launch.console import json_line
@@ -28,62 +37,60 @@ MEASURE_SECONDS: Final = 0.5
 """Time for `top --json` to measure, which begins with the first query."""
 
 
-def stop_world(target: WorldTarget) -> None:
+def stop_world(target: WorldTarget, as_json: bool) -> None:
     """Stop a world."""
     with client(target) as world:
         world.ask("stop")
-        print_result(f"{world.world}: asked to stop")
+        print_answer(WorldStopping(world.world), as_json)
 
 
-def pause_world(target: WorldTarget) -> None:
+def pause_world(target: WorldTarget, as_json: bool) -> None:
     """Pause a world before its next frame."""
     with client(target) as world:
         world.operator.pause()
-        print_result(f"{world.world}: paused before frame {_paused_before(world)}")
+        print_answer(WorldPaused(world.world, _paused_before(world)), as_json)
 
 
-def resume_world(target: WorldTarget) -> None:
+def resume_world(target: WorldTarget, as_json: bool) -> None:
     """Resume a world."""
     with client(target) as world:
         world.operator.resume()
-        print_result(f"{world.world}: resumed")
+        print_answer(WorldResumed(world.world), as_json)
 
 
-def step_world(frames: int, target: WorldTarget) -> None:
+def step_world(frames: int, target: WorldTarget, as_json: bool) -> None:
     """Run a number of frames, wait for them, and pause."""
     with client(target) as world:
         world.operator.step(frames)
-        print_result(f"{world.world}: paused before frame {_paused_before(world)}")
+        print_answer(WorldPaused(world.world, _paused_before(world)), as_json)
 
 
-def set_rate(hz: float, target: WorldTarget) -> None:
+def set_rate(hz: float, target: WorldTarget, as_json: bool) -> None:
     """Change the frame rate of a world."""
     with client(target) as world:
         world.operator.set_rate(hz)
-        print_result(
-            f"{world.world}: {f'{hz:g} frames per second' if hz else 'as fast as possible'}"
-        )
+        print_answer(RateChanged(world.world, hz), as_json)
 
 
-def restart_member(member: str, target: WorldTarget) -> None:
+def restart_member(member: str, target: WorldTarget, as_json: bool) -> None:
     """Restart a process of a world."""
     with client(target) as world:
         world.operator.restart(member)
-        print_result(f"{world.world}: restarting {member}")
+        print_answer(MemberRestarting(world.world, member), as_json)
 
 
-def drain_member(member: str, target: WorldTarget) -> None:
+def drain_member(member: str, target: WorldTarget, as_json: bool) -> None:
     """Move the agents of a host to other hosts."""
     with client(target) as world:
         others = world.operator.drain(member)
-        print_result(f"{world.world}: the agents of {member} move to {', '.join(others)}")
+        print_answer(HostDraining(world.world, member, tuple(others)), as_json)
 
 
-def seek_frame(frame: int, target: WorldTarget) -> None:
+def seek_frame(frame: int, target: WorldTarget, as_json: bool) -> None:
     """Continue a replay at another frame."""
     with client(target) as world:
         world.ask("seek", frame=frame)
-        print_result(f"{world.world}: continues from frame {frame}")
+        print_answer(ReplayMoved(world.world, frame), as_json)
 
 
 def _paused_before(world: Client) -> int:
@@ -148,7 +155,7 @@ def watch_world(target: WorldTarget, as_json: bool) -> None:
         if as_json:
             world.operator.status()
             time.sleep(MEASURE_SECONDS)
-            print_result(json.dumps(listing(world.operator.status())))
+            print_json(listing(world.operator.status()))
             return
         try:
             from minerva_bus.cli.top.dashboard import Dashboard
@@ -157,7 +164,7 @@ def watch_world(target: WorldTarget, as_json: bool) -> None:
         Dashboard(world.operator).run()
 
 
-def serve_metrics(listen: str, target: WorldTarget) -> None:
+def serve_metrics(listen: str, target: WorldTarget, as_json: bool) -> None:
     """Serve the metrics of a world until Ctrl-C; a world that ends is reported as down."""
     from minerva_bus.launch.exporting import Exporter
     from minerva_bus.launch.interrupts import end_signals
@@ -170,5 +177,8 @@ def serve_metrics(listen: str, target: WorldTarget) -> None:
     with client(target) as world, Exporter(world.world, listen, world.ask) as exporter:
         for number in end_signals():
             signal.signal(number, end)
-        print_message(f"{world.world}: metrics at {exporter.url}")
+        served = MetricsServed(world.world, exporter.url)
+        print_message("\n".join(served.lines()))
+        if as_json:
+            print_json(served.plain())
         stop.wait()

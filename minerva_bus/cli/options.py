@@ -147,6 +147,7 @@ class JoinOptions(WorldTarget):
             min=0.0, help="Seconds to try to reconnect; default: 600, on the world's machine 5."
         ),
     ] = None
+    json: Json = False
     force: Force = False
 
 

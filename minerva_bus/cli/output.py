@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from collections.abc import Iterable, Sequence
-from typing import Final
+from dataclasses import dataclass
+from typing import Any, Final, Protocol
 
 FAILED: Final = 1
 """A check or a world failed."""
@@ -14,9 +16,56 @@ INTERRUPTED: Final = 130
 """Interrupted by Ctrl-C: the convention of shells for SIGINT."""
 
 
+class Answer(Protocol):
+    """What a command found or did."""
+
+    def plain(self) -> Any:
+        """It as a JSON value."""
+        ...
+
+    def lines(self) -> Sequence[str]:
+        """It as text."""
+        ...
+
+
+@dataclass(slots=True)
+class _Printed:
+    """Whether this command has printed its JSON answer."""
+
+    answer: bool = False
+
+
+_printed = _Printed()
+
+
 def print_result(text: str) -> None:
     """Print a result on standard output, where nothing else is printed, and flush it."""
     print(text, flush=True)  # noqa: T201
+
+
+def print_answer(answer: Answer, as_json: bool) -> None:
+    """Print the answer of a command, as JSON for `--json`."""
+    if as_json:
+        print_json(answer.plain())
+    else:
+        print_result("\n".join(answer.lines()))
+
+
+def print_json(value: Any) -> None:
+    """Print the JSON answer of a command; if it prints none, `--json` prints its error."""
+    text = json.dumps(value)
+    _printed.answer = True
+    print_result(text)
+
+
+def has_answered() -> bool:
+    """Whether `print_json` was called since `forget_answer`."""
+    return _printed.answer
+
+
+def forget_answer() -> None:
+    """Begin another command: a process may run several, as tests do."""
+    _printed.answer = False
 
 
 def print_message(text: str) -> None:

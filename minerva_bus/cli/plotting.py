@@ -6,7 +6,8 @@ from pathlib import Path
 from typing import Final
 
 from minerva_bus.api.exporting import export, read_plans
-from minerva_bus.cli.output import print_result
+from minerva_bus.cli.answers import FilePlotted
+from minerva_bus.cli.output import print_answer
 from minerva_bus.cli.progress import progress_bar
 from minerva_bus.collect.plans import parse_entries, series_of
 from minerva_bus.collect.reading import read_table
@@ -21,7 +22,14 @@ _TABLES: Final = (".csv", ".parquet")
 
 
 def plot_file(
-    file: Path, output: Path | None, collect: tuple[str, ...], series: str, x: str, *, bars: bool
+    file: Path,
+    output: Path | None,
+    collect: tuple[str, ...],
+    series: str,
+    x: str,
+    *,
+    bars: bool,
+    as_json: bool,
 ) -> None:
     """Plot a record or a table to a file. Raises RecordError, MisuseError and VocabularyError."""
     into = output or file.with_suffix(".png")
@@ -41,7 +49,7 @@ def plot_file(
     else:
         with Record(file) as record:
             plot(record, into)
-    print_result(str(into))
+    print_answer(FilePlotted(str(into)), as_json)
 
 
 def _plot_collected(file: Path, into: Path, collect: tuple[str, ...], options: PlotOptions) -> None:

@@ -1,12 +1,12 @@
-"""`minerva run --json` prints one JSON object on standard output, however it ends.
+"""`--json` prints JSON on standard output, however a command ends.
 
-A world that ran prints its own summary. If none could start, because the options or the world file
-are wrong or a signal came first, the object has the keys of a summary and the reason.
+A command prints its own answer. If it fails before, `{"error": "..."}` is printed, with `line`,
+`column` and `expected` if a string is wrong; after the lines of a stream it is the last line.
+`minerva run` prints an object with the keys of its summary instead, also if a signal ends it.
 """
 
 from __future__ import annotations
 
-import json
 import signal
 from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager
@@ -14,51 +14,46 @@ from itertools import pairwise
 from types import FrameType
 from typing import Any, Final
 
-from minerva_bus.cli.output import print_result
-from minerva_bus.errors import MinervaError
+from minerva_bus.cli.output import forget_answer, has_answered, print_json
+from minerva_bus.errors import MinervaError, SceneError
 
 _NOTHING: Final[Mapping[str, Any]] = {
     "world": "", "frames": 0, "frames_before": 0, "digest": None, "reached": False,
     "wall_seconds": 0.0, "frames_per_second": 0.0, "first_frame_seconds": None,
     "startup_seconds": {}, "members": 0, "seed": None,
 }  # fmt: skip
-_said: list[str] = []
-
-
-def say_summary(plain: Mapping[str, Any]) -> None:
-    """Print the summary of this command."""
-    text = json.dumps(plain)
-    _said.append(text)
-    print_result(text)
 
 
 @contextmanager
 def promised(words: Sequence[str]) -> Generator[None]:
-    """Run a command with these arguments; print a summary if they ask for JSON."""
-    if not _promise(words):
+    """Run a command with these arguments; print JSON about its failure if they ask for JSON."""
+    is_run = words[:1] == ["run"]
+    if not _promise(words, is_run=is_run):
         yield
         return
-    # A process may run several commands, as tests do.
-    _said.clear()
-    _catch_signals()
+    forget_answer()
+    if is_run:
+        _catch_signals()
     try:
         yield
     except KeyboardInterrupt as error:
-        _say_why(error)
+        # Ctrl-C is the regular end of a command that follows a world.
+        if is_run:
+            _print_failure(error, is_run=True)
         raise
     except SystemExit as error:
         if error.code not in (0, None):
-            _say_why(error)
+            _print_failure(error, is_run=is_run)
         raise
     except Exception as error:
-        _say_why(error)
+        _print_failure(error, is_run=is_run)
         raise
 
 
-def _promise(words: Sequence[str]) -> bool:
+def _promise(words: Sequence[str], *, is_run: bool) -> bool:
     # The words themselves are searched, because parsing them may fail.
     logged = "--log-format=json" in words or ("--log-format", "json") in pairwise(words)
-    return words[:1] == ["run"] and ("--json" in words or logged)
+    return "--json" in words or (is_run and logged)
 
 
 def _catch_signals() -> None:
@@ -76,23 +71,34 @@ def _catch_signals() -> None:
             signal.signal(number, end)
 
 
-def _say_why(error: BaseException) -> None:
-    # At most one object: a command may fail after it has printed its summary.
-    if not _said:
-        say_summary({**_NOTHING, "ended": _why(error)})
+def _print_failure(error: BaseException, *, is_run: bool) -> None:
+    # At most one object: a command may fail after it has printed its answer.
+    if has_answered():
+        return
+    cause, why = _cause(error)
+    if is_run:
+        print_json({**_NOTHING, "ended": why.partition("\n")[0]})
+    else:
+        print_json({"error": why, **_place(cause)})
 
 
-def _why(error: BaseException | None) -> str:
+def _place(cause: BaseException | None) -> dict[str, Any]:
+    if not isinstance(cause, SceneError):
+        return {}
+    return {"line": cause.line, "column": cause.column, "expected": cause.expected}
+
+
+def _cause(error: BaseException | None) -> tuple[BaseException | None, str]:
     """The first cause with a message for users: an exit code follows from an earlier error."""
     while error is not None:
         if isinstance(error, KeyboardInterrupt):  # Ctrl-C has no arguments, other signals do.
-            return "terminated" if error.args else "interrupted"
+            return error, "terminated" if error.args else "interrupted"
         if isinstance(error, MinervaError):
-            return str(error).partition("\n")[0]
+            return error, str(error)
         usage = getattr(error, "format_message", None)  # A usage error of the command line.
         if usage is not None:
-            return str(usage())
+            return error, str(usage())
         if not isinstance(error, SystemExit) and isinstance(error, OSError | MemoryError):
-            return f"{type(error).__name__}: {error}"
+            return error, f"{type(error).__name__}: {error}"
         error = error.__cause__ or error.__context__
-    return "it failed; see standard error"
+    return None, "it failed; see standard error"

@@ -6,7 +6,8 @@ import json
 from pathlib import Path
 
 from minerva_bus.api.records import diff
-from minerva_bus.cli.output import print_message, print_result
+from minerva_bus.cli.answers import RecoveredTables
+from minerva_bus.cli.output import print_answer, print_message, print_result
 from minerva_bus.collect.parts import read_parts
 from minerva_bus.errors import MisuseError
 from minerva_bus.log.info import info_of
@@ -19,7 +20,7 @@ def show_info(file: Path, check: bool, as_json: bool) -> None:
     """Print the contents of a record. Raises RecordError."""
     with Record(file) as record:
         info = info_of(record, check)
-    print_result(json.dumps(info.plain()) if as_json else "\n".join(info.lines()))
+    print_answer(info, as_json)
 
 
 def show_moment(file: Path, frame: int | None, string: bool, as_json: bool) -> None:
@@ -29,16 +30,16 @@ def show_moment(file: Path, frame: int | None, string: bool, as_json: bool) -> N
     """
     with Record(file) as record:
         moment = moment_of(record, frame)
-    if as_json:
-        print_result(json.dumps(moment.plain()))
+    if string and not as_json:
+        print_result(written(moment.string))
     else:
-        print_result(written(moment.string) if string else "\n".join(moment.lines()))
+        print_answer(moment, as_json)
 
 
 def show_difference(a: Path, b: Path, as_json: bool) -> int:
     """Print the first difference of two records; returns the exit code. Raises RecordError."""
     difference = diff(a, b)
-    print_result(json.dumps(difference.plain()) if as_json else "\n".join(difference.lines()))
+    print_answer(difference, as_json)
     return 0 if difference.same else 1
 
 
@@ -61,13 +62,11 @@ def recover_record(file: Path, output: Path | None, as_json: bool) -> None:
         _recover_tables(file, output, as_json)
         return
     done = recover(file, output or recovered_name(file))
-    print_result(json.dumps(done.plain()) if as_json else "\n".join(done.lines()))
+    print_answer(done, as_json)
 
 
 def _recover_tables(folder: Path, output: Path | None, as_json: bool) -> None:
     if output is not None:
         raise MisuseError(f"--output is of records; the tables of {folder} have names of their own")
     files = read_parts(folder).join()
-    plain = {"tables": {name: {"file": str(path)} for name, path in files.items()}}
-    lines = [f"{path}  {name}" for name, path in files.items()]
-    print_result(json.dumps(plain) if as_json else "\n".join(lines))
+    print_answer(RecoveredTables({name: str(path) for name, path in files.items()}), as_json)

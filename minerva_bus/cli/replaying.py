@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from pathlib import Path
 
+import typer
+
 from minerva_bus.api.records import replay, replay_swapped
-from minerva_bus.cli.output import FAILED, INTERRUPTED, print_message, print_result
+from minerva_bus.cli.output import FAILED, INTERRUPTED, print_answer, print_message, print_result
 from minerva_bus.cli.progress import progress_bar
 from minerva_bus.errors import WorldStopped
 from minerva_bus.launch.console import Console
@@ -36,7 +37,7 @@ def replay_record(
     if not summary.digest:
         print_message(f"minerva: {played.file.world.name}: {summary.ended}")
     if as_json or not quiet:
-        print_result(json.dumps(summary.plain()) if as_json else "\n".join(summary.lines()))
+        print_answer(summary, as_json)
     if summary.ended in ("interrupted", "terminated"):
         return INTERRUPTED
     return FAILED if supervisor.failure else 0
@@ -49,12 +50,10 @@ def recompute_record(path: Path, world: str, as_json: bool) -> int:
     """
     with progress_bar("λ again") as report:
         result = replay(path, world, report)
-    if as_json:
-        print_result(json.dumps(result.plain()))
-    elif result.same:
+    if result.same and not as_json:
         print_result(f"the same: λ gives all {result.frames:,} frames again")
     else:
-        print_result("\n".join(result.lines()))
+        print_answer(result, as_json)
     return 0 if result.same else FAILED
 
 
@@ -71,6 +70,6 @@ def replay_with(path: Path, world: str, swap: Swap, into: str, as_json: bool) ->
             )  # fmt: skip
     except WorldStopped as stopped:
         print_message(f"minerva: {stopped}")
-        return FAILED
-    print_result(json.dumps(result.plain()) if as_json else "\n".join(result.lines()))
+        raise typer.Exit(FAILED) from stopped
+    print_answer(result, as_json)
     return 0 if result.difference.same else FAILED

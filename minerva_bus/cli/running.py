@@ -8,8 +8,7 @@ import sys
 import typer
 
 from minerva_bus.cli.options import RunOptions
-from minerva_bus.cli.output import FAILED, INTERRUPTED, WRONG, print_result
-from minerva_bus.cli.promised import say_summary
+from minerva_bus.cli.output import FAILED, INTERRUPTED, WRONG, print_json, print_result
 from minerva_bus.errors import MinervaError, MisuseError, WorldStopped
 from minerva_bus.launch.console import Console
 from minerva_bus.launch.in_process import InProcessRun
@@ -75,6 +74,6 @@ def _print_summary(
     if not summary.digest:
         console.problem(summary.ended)
     if as_json:
-        say_summary(summary.plain())
+        print_json(summary.plain())
     elif summary.digest and not options.quiet:
         print_result("\n".join(summary.lines()))

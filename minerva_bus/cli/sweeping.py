@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import json as json_
 from pathlib import Path
 from typing import Final
 
 from minerva_bus.api.studies import run_sweep
-from minerva_bus.cli.output import FAILED, INTERRUPTED, print_result
+from minerva_bus.cli.output import FAILED, INTERRUPTED, print_json, print_result
 from minerva_bus.errors import MisuseError
 from minerva_bus.launch.console import Console
 from minerva_bus.plotting import check_picture
@@ -39,7 +38,7 @@ def sweep_world(
     if plot is not None:
         _draw(sweep, plot, console)
     if as_json:
-        print_result(json_.dumps(_plain(sweep, table, code)))
+        print_json(_plain(sweep, table, code))
     else:
         print_result("\n".join(_lines(sweep, table, code)))
     return code

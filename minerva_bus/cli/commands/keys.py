@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-import json as json_
 from datetime import UTC, datetime
+from json import dumps
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from minerva_bus.cli.output import print_result, print_table
+from minerva_bus.cli.options import Json
+from minerva_bus.cli.output import print_json, print_result, print_table
 from minerva_bus.cli.shells import Command, Group
 
 if TYPE_CHECKING:
@@ -37,11 +38,16 @@ def init(
     dir: Dir = _HERE,
     host: Hosts = None,
     days: Days = 3650,
+    json: Json = False,
 ) -> None:
     """Create a certificate authority and the coordinator's certificate."""
     keys = _keys(dir)
     made = keys.init(_split(host), days)
-    print_result(f"{dir}: an authority until {_day(keys.now, days)}, and {_shown(made, keys.now)}")
+    until = _day(keys.now, days)
+    if json:
+        print_json({"folder": str(dir), "until": until, "coordinator": _plain(made, keys.now)})
+        return
+    print_result(f"{dir}: an authority until {until}, and {_shown(made, keys.now)}")
     print_result(
         f"keep {dir / 'ca.key'} secret: whoever has it can issue certificates for this world"
     )
@@ -74,6 +80,7 @@ def issue(
             "--renew", help="Replace the existing one, with the same rights unless given here."
         ),
     ] = False,
+    json: Json = False,
 ) -> None:
     """Issue a certificate: copy NAME.pem, NAME.key and ca.pem to the member's machine."""
     from minerva_bus.security.certificates import Wanted
@@ -87,28 +94,30 @@ def issue(
         old if words is None else _split(words) for words, old in zip(given, kept, strict=True)
     ]
     wanted = Wanted(*fields, days=days, family=family)
-    print_result(_shown(keys.issue(name, wanted, renew=renew), keys.now))
+    _print_issued(keys.issue(name, wanted, renew=renew), keys.now, json)
 
 
 @app.command(cls=Command)
 def revoke(
-    name: Annotated[str, typer.Argument(help="Name in the certificate.")], dir: Dir = _HERE
+    name: Annotated[str, typer.Argument(help="Name in the certificate.")],
+    dir: Dir = _HERE,
+    json: Json = False,
 ) -> None:
     """Revoke a certificate, also in worlds that are running."""
     keys = _keys(dir)
-    print_result(_shown(keys.revoke(name), keys.now))
+    _print_issued(keys.revoke(name), keys.now, json)
 
 
 @app.command("list", cls=Command)
 def list_(
     dir: Dir = _HERE,
-    json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+    json: Json = False,
 ) -> None:
     """List certificates with their roles, state and validity."""
     keys = _keys(dir)
     issued = keys.issued().values()
     if json:
-        print_result(json_.dumps([_plain(each, keys.now) for each in issued]))
+        print_json([_plain(each, keys.now) for each in issued])
         return
     print_table([_TITLES, *[_cells(each, keys.now) for each in issued]])
 
@@ -138,7 +147,7 @@ def router(
             f"the certificate of {name} is not for a router; issue one with --role router"
         )
     access = access_control(Keys(world), keys.rights().values(), [], carrier=True)
-    print_result(json_.dumps(router_config(own, listen, access), indent=2))
+    print_result(dumps(router_config(own, listen, access), indent=2))
 
 
 _TITLES = ("name", "roles", "state", "until", "for")
@@ -177,6 +186,13 @@ def _purposes(issued: Issued) -> list[tuple[str, ...]]:
     rights = issued.rights
     limits = [tuple(sorted(names)) for names in (rights.kinds, rights.events, rights.topics)]
     return [tuple(sorted(rights.roles)), issued.hosts, *limits]
+
+
+def _print_issued(issued: Issued, now: datetime, as_json: bool) -> None:
+    if as_json:
+        print_json(_plain(issued, now))
+    else:
+        print_result(_shown(issued, now))
 
 
 def _shown(issued: Issued, now: datetime) -> str:

@@ -87,11 +87,11 @@ def pub(
     "minerva stop robot",
 )
 @grouped
-def stop(target: NamedTarget) -> None:
+def stop(json: Json = False, *, target: NamedTarget) -> None:
     """Stop a running world."""
     from minerva_bus.cli.operating import stop_world
 
-    stop_world(target)
+    stop_world(target, json)
 
 
 @examples(
@@ -99,11 +99,11 @@ def stop(target: NamedTarget) -> None:
     "minerva pause robot",
 )
 @grouped
-def pause(target: NamedTarget) -> None:
+def pause(json: Json = False, *, target: NamedTarget) -> None:
     """Pause a running world."""
     from minerva_bus.cli.operating import pause_world
 
-    pause_world(target)
+    pause_world(target, json)
 
 
 @examples(
@@ -111,11 +111,11 @@ def pause(target: NamedTarget) -> None:
     "minerva resume robot",
 )
 @grouped
-def resume(target: NamedTarget) -> None:
+def resume(json: Json = False, *, target: NamedTarget) -> None:
     """Resume a paused world."""
     from minerva_bus.cli.operating import resume_world
 
-    resume_world(target)
+    resume_world(target, json)
 
 
 @examples(
@@ -125,13 +125,14 @@ def resume(target: NamedTarget) -> None:
 @grouped
 def step(
     frames: Annotated[int, typer.Argument(help="Number of frames.", min=1)] = 1,
+    json: Json = False,
     *,
     target: WorldTarget,
 ) -> None:
     """Run a number of frames, then pause."""
     from minerva_bus.cli.operating import step_world
 
-    step_world(frames, target)
+    step_world(frames, target, json)
 
 
 @examples(
@@ -141,13 +142,14 @@ def step(
 @grouped
 def rate(
     hz: Annotated[float, typer.Argument(help="Frames per second; 0: as fast as possible.")],
+    json: Json = False,
     *,
     target: WorldTarget,
 ) -> None:
     """Change the frame rate of a running world."""
     from minerva_bus.cli.operating import set_rate
 
-    set_rate(hz, target)
+    set_rate(hz, target, json)
 
 
 @examples(
@@ -160,13 +162,14 @@ def restart(
         str,
         typer.Argument(help="A process of the world file.", autocompletion=completing.members),
     ],
+    json: Json = False,
     *,
     target: WorldTarget,
 ) -> None:
     """Restart one process of a running world."""
     from minerva_bus.cli.operating import restart_member
 
-    restart_member(member, target)
+    restart_member(member, target, json)
 
 
 @examples(
@@ -178,6 +181,7 @@ def drain(
     member: Annotated[
         str, typer.Argument(help="A host of agents.", autocompletion=completing.members)
     ],
+    json: Json = False,
     *,
     target: WorldTarget,
 ) -> None:
@@ -187,7 +191,7 @@ def drain(
     """
     from minerva_bus.cli.operating import drain_member
 
-    drain_member(member, target)
+    drain_member(member, target, json)
 
 
 @examples(
@@ -197,13 +201,14 @@ def drain(
 @grouped
 def seek(
     frame: Annotated[int, typer.Argument(help="The frame to continue with.", min=0)],
+    json: Json = False,
     *,
     target: WorldTarget,
 ) -> None:
     """Continue a replay at another frame."""
     from minerva_bus.cli.operating import seek_frame
 
-    seek_frame(frame, target)
+    seek_frame(frame, target, json)
 
 
 @examples(
@@ -249,6 +254,7 @@ def top(
 @grouped
 def metrics(
     listen: Annotated[str, typer.Option(help="Serve at HOST:PORT.")] = "127.0.0.1:9464",
+    json: Json = False,
     *,
     target: NamedTarget,
 ) -> None:
@@ -258,4 +264,4 @@ def metrics(
     """
     from minerva_bus.cli.operating import serve_metrics
 
-    serve_metrics(listen, target)
+    serve_metrics(listen, target, json)

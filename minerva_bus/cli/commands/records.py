@@ -228,6 +228,7 @@ def plot(
     bars: Annotated[
         bool, typer.Option("--bars", help="Histograms of the last frame, not over time.")
     ] = False,
+    json: Json = False,
     force: Force = False,
 ) -> None:
     """Plot trajectories of a run, or collected series.
@@ -237,7 +238,7 @@ def plot(
     """
     from minerva_bus.cli.plotting import plot_file
 
-    plot_file(file, output, tuple(collect or ()), series, x, bars=bars)
+    plot_file(file, output, tuple(collect or ()), series, x, bars=bars, as_json=json)
 
 
 @examples(
@@ -296,6 +297,7 @@ def map(
         float,
         typer.Option(help="Seconds to add to scan times, if the lidar's clock differs."),
     ] = 0.0,
+    json: Json = False,
     force: Force = False,
 ) -> None:
     """Draw the occupancy map of a recording.
@@ -304,4 +306,4 @@ def map(
     """
     from minerva_bus.cli.mapping import map_recording
 
-    map_recording(file, output, cell, range_, from_, to, poses, time_offset)
+    map_recording(file, output, cell, range_, from_, to, poses, time_offset, as_json=json)

@@ -245,33 +245,15 @@ def new(
             autocompletion=completing.installed,
         ),
     ] = "",
+    json: Json = False,
 ) -> None:
     """Create a world, agent, service, geometry or bridge.
 
     The new folder runs as it is and contains tests.
     """
-    from string import Template
+    from minerva_bus.cli.creating import create
 
-    from minerva_bus.cli.output import print_result
-    from minerva_bus.launch.skeleton import KINDS, copy_world, scaffold
-
-    if model:
-        if kind != "world":
-            raise MisuseError(f"--from copies a world: minerva new world {name} --from {model}")
-        file = copy_world(model, name, folder)
-        print_result(f"created {file.parent}; next steps:")
-        print_result(f"  cd {file.parent}")
-        print_result(f"  minerva run {file.name}")
-        return
-    created = scaffold(kind, name, folder)
-    run, edit = [
-        Template(text).substitute(name=name) for text in (KINDS[kind].run, KINDS[kind].edit)
-    ]
-    print_result(f"created {created}; next steps:")
-    print_result(f"  cd {created}")
-    print_result("  pytest                                   # run its tests")
-    print_result(f"  {run:40} # run a small world")
-    print_result(f"then edit {edit}")
+    create(kind, name, folder, model, json)
 
 
 @examples(
@@ -283,14 +265,12 @@ def worlds(json: Json = False) -> None:
 
     `minerva run NAME` runs one; `minerva new world MINE --from NAME` copies it.
     """
-    from minerva_bus.cli.output import print_result
+    from minerva_bus.cli.output import print_json, print_result
     from minerva_bus.launch.installed import installed_worlds
 
     descriptions = installed_worlds()
     if json:
-        import json as json_
-
-        print_result(json_.dumps(descriptions))
+        print_json(descriptions)
         return
     width = max(map(len, descriptions), default=0)
     for name, text in descriptions.items():
