@@ -12,7 +12,7 @@ from rendering import MarkdownDirective, plain, table
 from sphinx.application import Sphinx
 
 from minerva_bus.cli.main import GROUPS, app
-from minerva_bus.launch.installed import described
+from minerva_bus.launch.installed import declared_options
 
 ADDITION = re.compile(r"\s*\[(default|env var|required)[^\]]*\]")
 
@@ -68,7 +68,9 @@ class WorldOptions(MarkdownDirective):
     required_arguments = 1
 
     def run(self) -> list[nodes.Node]:
-        rows = [[f"`{name}`", *meaning(text)] for name, text in described(self.arguments[0])]
+        lines = [option.help_line() for option in declared_options(self.arguments[0])]
+        # Not a new cell: the choices of an option are separated by a vertical bar.
+        rows = [[f"`{name}`".replace("|", r"\|"), *meaning(text)] for name, text in lines]
         return self.rendered(table(["option", "meaning", "default"], rows))
 
 

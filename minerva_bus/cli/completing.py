@@ -195,10 +195,32 @@ def service_flags(ctx: typer.Context, incomplete: str) -> Choices:
     return [(f"--{name}", text) for name, text in options.items()]
 
 
-def _world_options(spec: str) -> dict[str, str]:
-    from minerva_bus.launch.installed import described
+@completer
+def world_values(ctx: typer.Context, incomplete: str) -> Choices:
+    """The values of a world's option, which is the last word of its command."""
+    last = ctx.args[-1] if ctx.args else ""
+    if last.startswith("--"):
+        return _option_values(_world_of(ctx), last.removeprefix("--"), incomplete)
+    return ()
 
-    return {flag.split()[0].removeprefix("--"): text for flag, text in described(spec)}
+
+def _option_values(spec: str, name: str, incomplete: str) -> Choices:
+    """All values of a world's option, or files, of which any other text may be one."""
+    from minerva_bus.launch.installed import declared_options
+
+    options = {option.name: option for option in declared_options(spec)}
+    option = options.get(name.replace("-", "_"))
+    if option is None:
+        return ()
+    if option.choices:
+        return [(value, "") for value in option.choices]
+    return paths(incomplete, "") if isinstance(option.default, str) else ()
+
+
+def _world_options(spec: str) -> dict[str, str]:
+    from minerva_bus.launch.installed import declared_options
+
+    return {option.name: option.help_line()[1] for option in declared_options(spec)}
 
 
 def _world_of(ctx: typer.Context) -> str:
@@ -222,8 +244,14 @@ def process_settings(ctx: typer.Context, incomplete: str) -> Choices:
 
 @completer
 def swept(ctx: typer.Context, incomplete: str) -> Choices:
-    """KEY= of a sweep: options of the world, its seed, and PROCESS.KEY."""
+    """KEY= of a sweep: options of the world, its seed, and PROCESS.KEY; values of options."""
     spec = _world_of(ctx)
+    name, equals, values = incomplete.partition("=")
+    if equals:
+        before, comma, last = values.rpartition(",")
+        start = f"{name}={before}{comma}"
+        yield from ((start + value, text) for value, text in _option_values(spec, name, last))
+        return
     yield "seed=", "The seed of the world."
     yield from ((f"{name}=", text) for name, text in _world_options(spec).items())
     yield from ((f"{key}=", text) for key, text in _process_keys(spec))

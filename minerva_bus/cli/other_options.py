@@ -14,9 +14,9 @@ TAKES_OTHERS: Final = {"allow_extra_args": True, "ignore_unknown_options": True}
 
 
 def _world_options(spec: str) -> list[tuple[str, str]]:
-    from minerva_bus.launch.installed import described
+    from minerva_bus.launch.installed import declared_options
 
-    return described(spec)
+    return [option.help_line() for option in declared_options(spec)]
 
 
 def _service_options(spec: str) -> list[tuple[str, str]]:
@@ -70,12 +70,15 @@ class OtherOptionsCommand(Command):
                 formatter.write_dl(options)
 
     def shell_complete(self, ctx: Any, incomplete: str) -> list[Any]:
-        """Complete the others' options, too."""
+        """Complete the others' options, too, and the values of a world's options."""
         choices: list[Any] = super().shell_complete(ctx, incomplete)
         own = {choice.value for choice in choices}
         if incomplete.startswith("-"):
             others = self._others_complete(ctx, incomplete)
             choices += [_Choice(name, text) for name, text in others if name not in own]
+        elif _DESCRIBED.get(self.name or "") is _world_options:
+            values = completing.world_values(ctx, incomplete)
+            choices += [_Choice(value, text) for value, text in values]
         return choices
 
     @property

@@ -11,7 +11,8 @@ import json
 import os
 import re
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
@@ -69,20 +70,43 @@ def installed_worlds() -> dict[str, str]:
     }
 
 
-def described(spec: str) -> list[tuple[str, str]]:
-    """The options of a world, each with its comment and default, for the command line's help.
+@dataclass(frozen=True, slots=True)
+class DeclaredOption:
+    """An option of a world file: its default, the comment beside it, and its values.
 
-    It runs no code. Raises WorldFileError if there is no such world.
+    `choices` are all values that it can have, as they are typed on a command line; empty: any.
     """
+
+    name: str
+    default: Any
+    comment: str = ""
+    choices: tuple[str, ...] = ()
+
+    def help_line(self) -> tuple[str, str]:
+        """The option and its description, as the help of a command shows them."""
+        values = "" if isinstance(self.default, bool) else "|".join(self.choices)
+        return help_line(self.name, type(self.default), self.comment, self.default, values)
+
+
+def declared_options(spec: str) -> list[DeclaredOption]:
+    """The options of a world. It runs no code. Raises WorldFileError if there is no such world."""
     text = find_world(spec).read_text(encoding="utf-8")
     try:
-        options = tomllib.loads(text).get("options", {})
+        tables = tomllib.loads(text)
     except tomllib.TOMLDecodeError:
         return []  # The run reports the error with its place.
     comments = {match["key"]: match["comment"] for match in _COMMENTED.finditer(text)}
+    choices = tables.get("choices", {})
     return [
-        help_line(key, type(value), comments.get(key, ""), value) for key, value in options.items()
+        DeclaredOption(key, value, comments.get(key, ""), _typed(value, choices.get(key, ())))
+        for key, value in tables.get("options", {}).items()
     ]
+
+
+def _typed(default: Any, choices: Iterable[Any]) -> tuple[str, ...]:
+    """The values of an option as they are typed on a command line: texts literally, or as TOML."""
+    values = (True, False) if isinstance(default, bool) else choices
+    return tuple(each if isinstance(each, str) else json.dumps(each) for each in values)
 
 
 _COMMENTED: Final = re.compile(
@@ -91,9 +115,12 @@ _COMMENTED: Final = re.compile(
 """A key, its value and a comment on one line; a text between quotes may contain `#`."""
 
 
-def help_line(name: str, python: Any, text: str, default: Any) -> tuple[str, str]:
-    """An option and its description, as the help of a command shows them."""
-    kind = python.__name__ if phrase_of(python) else "toml"
+def help_line(name: str, python: Any, text: str, default: Any, values: str = "") -> tuple[str, str]:
+    """An option and its description, as the help of a command shows them.
+
+    `values` are shown in place of the type.
+    """
+    kind = values or (python.__name__ if phrase_of(python) else "toml")
     if default is inspect.Parameter.empty:
         return f"--{name} <{kind}>", f"{text}  [required]".lstrip()
     return f"--{name} <{kind}>", f"{text}  [default: {json.dumps(default, default=str)}]".lstrip()

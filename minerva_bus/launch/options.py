@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Mapping
 from pathlib import Path
@@ -16,17 +17,22 @@ from minerva_bus.settings.kinds import fits, phrase_of
 
 
 def read_options(
-    table: Table, path: Path, given: Mapping[str, str], completed_by: str
+    top: Table, path: Path, given: Mapping[str, str], completed_by: str
 ) -> dict[str, Any]:
     """The options of a world file, replaced by those of the command line.
 
     `completed_by` names a function that completes them ("": none). Raises WorldFileError.
     """
-    options = {key: beside(value, path.parent) for key, value in table.rest().items()}
+    written = top.table("options").rest()
+    options = {key: beside(value, path.parent) for key, value in written.items()}
+    choices = _read_choices(top.table("choices"), options, path.parent)
     for key, text in given.items():
         if key not in options:
             raise UnknownOption(path.stem, f"--{key}", [f"--{name}" for name in options])
-        options[key] = _like(key, text, options[key])
+        if key in choices:
+            options[key] = beside(_chosen(key, text, choices[key]), path.parent)
+        else:
+            options[key] = _like(key, text, options[key])
     # Last, so that the function derives its results from the values of the command line.
     if completed_by:
         completed = called(completed_by, options, path)
@@ -34,6 +40,32 @@ def read_options(
             raise WorldFileError(f"{path}: {completed_by} must return a mapping")
         options = dict(cast("Mapping[str, Any]", completed))
     return options
+
+
+def _read_choices(table: Table, options: Mapping[str, Any], folder: Path) -> dict[str, list[Any]]:
+    """The table [choices]: all values of an option, by its name. Raises WorldFileError."""
+    choices = table.rest()
+    for key, values in choices.items():
+        if key not in options:
+            known = nearest(key, list(options))
+            table.wrong(key, f"is not an option{known}; declare it under [options]")
+        known = cast("list[Any]", values) if isinstance(values, list) else []
+        # A default is a full path already if it names a file.
+        if options[key] not in [beside(value, folder) for value in known]:
+            default = json.dumps(options[key], default=str)
+            table.wrong(key, f"must be a list of values, one of them the default, {default}")
+    return choices
+
+
+def _chosen(key: str, given: str, choices: list[Any]) -> Any:
+    """The value of a text on the command line among the choices. Raises WorldFileError."""
+    value = given if isinstance(choices[0], str) else toml_value(given)
+    if value in choices:
+        return choices[choices.index(value)]
+    shown = [str(each) for each in choices]
+    raise WorldFileError(
+        f"--{key} must be {' or '.join(shown)}, not {given!r}{nearest(given, shown)}"
+    )
 
 
 def beside(value: Any, folder: Path) -> Any:

@@ -25,7 +25,7 @@ from minerva_bus.settings.tables import BusSettings, RecordSettings, WatchSettin
 
 MAX_BYTES: Final = 16 * 1024 * 1024
 TABLES: Final = (
-    *("world", "options", "process", "norm", "bus"),
+    *("world", "options", "choices", "process", "norm", "bus"),
     *("limits", "placement", "metrics", "log", "collect"),
 )
 
@@ -94,7 +94,7 @@ def _read(top: Table, text: str, path: Path) -> WorldFile:
     overrides = top.overrides
     completed_by = top.table("world").get("defaults", TEXT, "")
     # Options come first, because the other tables may refer to them as `${name}`.
-    options = read_options(top.table("options"), path, overrides.options, completed_by)
+    options = read_options(top, path, overrides.options, completed_by)
     for name in ("world", "process", "bus", "norm", "collect"):
         if name in top:
             top.put(name, filled(top.data[name], options, path))

@@ -57,6 +57,6 @@ def _string(top: Table, path: Path) -> Scene | None:
     world = top.table("world")
     if "string" not in world or "defaults" in world:
         return None
-    options = read_options(top.table("options"), path, {}, "")
+    options = read_options(top, path, {}, "")
     text = Table(filled(world.data, options, path), "world", "", str(path)).get("string", TEXT, "")
     return parse(text, f"{path}: world.string")

@@ -44,7 +44,11 @@ def world_schema() -> dict[str, Any]:
         name: {**whole(least).schema, "default": getattr(DEFAULT, name)}
         for name, least in configurable_limits().items()
     }
-    properties: dict[str, Any] = {"options": {"type": "object"}}
+    choices = {"type": "array", "minItems": 1}
+    properties: dict[str, Any] = {
+        "options": {"type": "object"},
+        "choices": {"type": "object", "additionalProperties": choices},
+    }
     for name, settings in sorted(tables.items()):
         group, _, each = name.partition(".")
         table = {"type": "object", "properties": settings, "additionalProperties": False}
