@@ -7,7 +7,7 @@ import threading
 import pytest
 
 from minerva_bus.launch.printed import printed
-from tests.runtime.running import MEMBERS, here, write_world
+from tests.runtime.running import MEMBERS, here, minerva, write_world
 
 SCREEN = MEMBERS + '\n[process.screen]\nservice = "yard:Screen"\nsaid = true\n'
 
@@ -32,16 +32,16 @@ def test_only_the_summary_is_on_standard_output(path, words):
 @pytest.mark.parametrize("layout", [(), ("--in-process",)])
 def test_a_quiet_run_prints_no_summary(tmp_path, layout):
     path = write_world(tmp_path, frames=5)
-    done = here(tmp_path, "run", path, "--quiet", *layout)
+    done = minerva(tmp_path, "run", path, "--quiet", *layout)
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
-    loud = here(tmp_path, "run", path, *layout)
+    loud = minerva(tmp_path, "run", path, *layout)
     assert "the frames are over" in loud.stdout
 
 
 def test_a_quiet_replay_prints_no_summary(tmp_path):
     path = write_world(tmp_path, frames=5)
     assert here(tmp_path, "run", path, "--record", "a.mcap", "--in-process").returncode == 0
-    done = here(tmp_path, "replay", "a.mcap", "--speed", "0", "--quiet")
+    done = minerva(tmp_path, "replay", "a.mcap", "--speed", "0", "--quiet")
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
 
 
