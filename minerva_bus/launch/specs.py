@@ -5,7 +5,6 @@ from __future__ import annotations
 import importlib
 import inspect
 import re
-import sys
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, cast, get_type_hints
@@ -14,6 +13,7 @@ from minerva_bus.blame import report
 from minerva_bus.errors import MinervaError, WorldFileError, nearest
 from minerva_bus.grammar.printer import value_text
 from minerva_bus.launch.installed import AGENTS, SERVICES, entries, help_line
+from minerva_bus.launch.user_modules import search
 from minerva_bus.settings.kinds import fits, phrase_of
 from minerva_bus.source import place_of
 from minerva_bus.world.agent import Agent
@@ -28,9 +28,8 @@ def load(spec: str, folder: Path | None = None) -> Any:
     module_name, _, attribute = spec.partition(":")
     if not module_name or not attribute:
         raise WorldFileError(f"{spec!r} names no attribute; expected module:attribute")
-    if folder is not None and str(folder) not in sys.path:
-        # First, so that an installed module does not hide one beside the world file.
-        sys.path.insert(0, str(folder))
+    if folder is not None:
+        search(folder)
     module = _import(module_name, spec)
     value: Any = module
     for part in attribute.split("."):

@@ -1,0 +1,56 @@
+"""Modules beside world files are imported as they are now, also after a quick edit."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+READ = """
+import sys
+from pathlib import Path
+from minerva_bus.launch.specs import load
+print(load(sys.argv[1], Path(sys.argv[2])))
+"""
+
+
+def read(spec: str, folder: Path) -> str:
+    """A module's attribute, in a new process, as a run reads it."""
+    words = [sys.executable, "-c", READ, spec, str(folder)]
+    # The tests may run without compiled files, of which this is about.
+    env = {key: value for key, value in os.environ.items() if key != "PYTHONDONTWRITEBYTECODE"}
+    done = subprocess.run(words, capture_output=True, text=True, check=True, env=env)
+    return done.stdout.strip()
+
+
+@pytest.mark.parametrize("name", ["garden", "farm.garden"])
+def test_an_edit_of_the_same_size_in_the_same_second_counts(tmp_path, name):
+    path = tmp_path.joinpath(*name.split(".")).with_suffix(".py")
+    path.parent.mkdir(exist_ok=True)
+    for value, microseconds in ((1, 100), (2, 300), (3, 300_000)):
+        path.write_text(f"SIZE = {value}\n", encoding="utf-8")
+        os.utime(path, ns=(10**18, 10**18 + 1000 * microseconds))
+        assert read(f"{name}:SIZE", tmp_path) == str(value)
+    # Compiled files are still used, so that a start costs no more.
+    assert list(path.parent.joinpath("__pycache__").glob("garden.*.pyc"))
+
+
+INSTALLED = """
+import sys
+from pathlib import Path
+from minerva_bus.launch.user_modules import search
+search(Path(sys.argv[1]))
+sys.path.insert(0, sys.argv[2])
+import tool
+print(type(tool.__loader__).__name__)
+"""
+
+
+def test_installed_modules_beside_a_world_file_keep_their_compiled_files(tmp_path):
+    packages = tmp_path / "site-packages"
+    packages.mkdir()
+    (packages / "tool.py").write_text("SIZE = 1\n", encoding="utf-8")
+    words = [sys.executable, "-c", INSTALLED, str(tmp_path), str(packages)]
+    done = subprocess.run(words, capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "SourceFileLoader"
