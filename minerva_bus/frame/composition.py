@@ -248,19 +248,18 @@ class Composition:
 
     def _newborn_alone(self, before: Mapping[str, Ids]) -> bool:
         """Whether comparing newborns alone shows that all ids are distinct, as they were before."""
-        known = [_ids(part) for part in self.parts.values()]
-        born: list[Ids] = []
         for name, old in before.items():
             now = _ids(self.parts[name])
             turnover = now.since(old) if now.distinct else None
             if turnover is None:
                 return False
-            if len(turnover.born):
-                born.append(now.take(turnover.born))
-        if not born or self._home:
-            return not born
-        newborn = Ids.concatenated(born)
-        return sum(int((ids.rows_of(newborn) >= 0).sum()) for ids in known) == len(newborn)
+            newborn = now.take(turnover.born)
+            others = [_ids(part) for other, part in self.parts.items() if other != name]
+            if len(newborn) and any((ids.rows_of(newborn) >= 0).any() for ids in others):
+                return False
+            if self._home and not self._home.keys().isdisjoint(newborn.texts()):
+                return False
+        return True
 
     def _same_shape(self, name: str, scene: Scene) -> bool:
         if len(scene.pieces) != 1:

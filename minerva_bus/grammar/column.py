@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.joining import Joinable
+from minerva_bus.grammar.row_delta import RowDelta
 from minerva_bus.grammar.scene import Value
 
 CHUNK: Final = 4096
@@ -90,6 +91,10 @@ class Column(Joinable):
         """A column with other values in some rows; digests of unchanged chunks are kept."""
         array = self.array.copy()
         array[rows] = values
+        return self.changed(rows, array)
+
+    def changed(self, rows: Rows, array: NDArray[Any]) -> Column:
+        """As `put`, from an array that already has the other values in these rows."""
         chunks = None
         if self.chunks is not None:
             # The old column keeps its own digests.
@@ -103,6 +108,16 @@ class Column(Joinable):
         # alive.
         column._base = ref(self), rows
         return column
+
+    def turned(self, turnover: RowDelta, born: Column | None) -> Column:
+        """The values after a turnover, with those of added rows."""
+        if self.ids is not None:
+            kept = self.take(turnover.source)
+            return kept if born is None else kept.with_rows(turnover.born, born)
+        array = self.array[turnover.source]
+        if born is not None:
+            array[turnover.born] = born.array
+        return Column(array)
 
     def with_rows(self, rows: Rows, others: Column) -> Column:
         """As `put`; if both columns are ids, so is the result."""

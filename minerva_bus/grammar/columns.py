@@ -147,13 +147,12 @@ class Columns(Digested):
 
     def turned(self, turnover: RowDelta, newborn: Columns | None) -> Columns:
         """These agents after a turnover: without those removed, and with newborns inserted."""
-        rows, old = turnover.source, [column.take(turnover.source) for column in self.columns]
-        born = None
-        if newborn is not None:
-            born, both = newborn.ids, zip(old, newborn.columns, strict=True)
-            old = [column.with_rows(turnover.born, other) for column, other in both]
-        ids = None if self.ids is None else self.ids.turned(turnover, born)
-        return Columns(self.symbol, self.names, tuple(old), len(rows), ids)
+        born = [None] * len(self.columns) if newborn is None else newborn.columns
+        pairs = zip(self.columns, born, strict=True)
+        columns = tuple([column.turned(turnover, added) for column, added in pairs])
+        newborn_ids = None if newborn is None else newborn.ids
+        ids = None if self.ids is None else self.ids.turned(turnover, newborn_ids)
+        return Columns(self.symbol, self.names, columns, turnover.after, ids)
 
     @staticmethod
     def concatenated(parts: Sequence[Columns]) -> Columns:

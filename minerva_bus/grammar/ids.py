@@ -2,6 +2,7 @@
 
     Numbered   a stem and a number: fox0, fox1, ...      one int64 per id
     Spelled    any others of at most 64 characters       a numpy array of bytes
+    Pooled     those of a population with births         an entry of an `IdPool` per id
 
 The representation does not matter: equal ids compare, digest and hash alike.
 """
@@ -17,6 +18,7 @@ from weakref import WeakValueDictionary, ref
 import numpy as np
 from numpy.typing import NDArray
 
+from minerva_bus.grammar.id_pool import IdPool
 from minerva_bus.grammar.joining import Joinable
 from minerva_bus.grammar.places import Numbers, Places, Rows, found_in, hashes_of
 from minerva_bus.grammar.row_delta import RowDelta
@@ -32,10 +34,12 @@ _NUMBER = re.compile(r"0|[1-9][0-9]{0,17}")
 class Ids(Joinable):
     """n ids in order. Immutable."""
 
-    def __init__(self, stem: str | None, data: NDArray[Any]) -> None:
+    def __init__(self, stem: str | None, data: NDArray[Any], pool: IdPool | None = None) -> None:
         super().__init__()
         self._stem = stem
-        self._data = data
+        self._pool = pool
+        # The numbers after the stem, the spelled ids, or the entries in the pool.
+        self._raw = data
         self._before: tuple[ref[Ids], RowDelta] | None = None
         self.chunks = b""
         data.flags.writeable = False
@@ -58,12 +62,17 @@ class Ids(Joinable):
             return Ids(None, np.array([text.encode() for text in texts], f"S{4 * width}"))
 
     def __len__(self) -> int:
-        return len(self._data)
+        return len(self._raw)
 
     def __getitem__(self, row: int) -> str:
-        if self._stem is None:
-            return self._data[row].decode()
-        return f"{self._stem}{self._data[row]}"
+        if self._stem is not None:
+            return f"{self._stem}{self._raw[row]}"
+        return self._item(row).decode()
+
+    def _item(self, row: int) -> Any:
+        """The number of a numbered id, or the bytes of another."""
+        item = self._raw[row]
+        return item if self._pool is None else self._pool.texts(item)
 
     def __iter__(self) -> Iterator[str]:
         return iter(self.texts())
@@ -73,12 +82,18 @@ class Ids(Joinable):
             return NotImplemented
         if self is other:
             return True
-        if self._stem is not None and self._stem == other._stem:
-            return np.array_equal(self._data, other._data)
+        if self._alike(other):
+            return np.array_equal(self._raw, other._raw)
         return len(self) == len(other) and bool((self.spelled == other.spelled).all())
 
     def __hash__(self) -> int:
-        return hash(self.spelled.tobytes())
+        return hash(self.text_of(slice(None)))
+
+    def _alike(self, other: Ids) -> bool:
+        """Whether ids are equal exactly if their numbers or entries are."""
+        if self._pool is not None:
+            return self._pool is other._pool
+        return self._stem is not None and self._stem == other._stem
 
     @property
     def stem(self) -> str | None:
@@ -88,17 +103,17 @@ class Ids(Joinable):
     @property
     def data(self) -> NDArray[Any]:
         """The numbers after the stem (int64), or the ids as bytes."""
-        return self._data
+        return self._raw if self._stem is not None else self.spelled
 
     def texts(self) -> list[str]:
         """The ids as texts."""
         if self._stem is None:
             try:
                 # numpy decodes ASCII for all rows at once; other bytes need Python's decoder.
-                return self._data.astype("U").tolist()
+                return self.spelled.astype("U").tolist()
             except UnicodeDecodeError:
-                return [item.decode() for item in self._data.tolist()]
-        return [f"{self._stem}{number}" for number in self._data.tolist()]
+                return [item.decode() for item in self.spelled.tolist()]
+        return [f"{self._stem}{number}" for number in self._raw.tolist()]
 
     @cached_property
     def column(self) -> NDArray[Any]:
@@ -111,24 +126,31 @@ class Ids(Joinable):
     @cached_property
     def spelled(self) -> NDArray[np.bytes_]:
         """The ids as bytes, shape (n,)."""
+        if self._pool is not None:
+            return self._pool.texts(self._raw)
         if self._stem is None:
-            return self._data
-        digits = self._data.astype(f"S{len(str(int(self._data.max())))}" if len(self) else "S1")
+            return self._raw
+        digits = self._raw.astype(f"S{len(str(int(self._raw.max())))}" if len(self) else "S1")
         return np.strings.add(self._stem.encode(), digits)
 
     def take(self, rows: NDArray[Any] | slice) -> Ids:
         """The ids of some rows."""
-        taken = Ids(self._stem, self._data[rows])
+        taken = Ids(self._stem, self._raw[rows], self._pool)
         # Hashes that are known are taken along, because computing them spells every id.
-        if "hashes" in self.__dict__:
+        if "hashes" in self.__dict__ and self._pool is None:
             taken.__dict__["hashes"] = self.hashes[rows]
         return taken.sound_like((self,))
 
     def put(self, rows: Rows, others: Ids) -> Ids:
         """These ids with others in some rows."""
+        entries = None if self._pool is None else self._pool_entries(self._pool, others)
+        if self._pool is not None and entries is not None:
+            data = self._raw.copy()
+            data[rows] = entries
+            return Ids(None, data, self._pool).sound_like((self, others))
         # With another stem, or none, the result can only be spelled.
         alike = self._stem is not None and self._stem == others._stem
-        old, new = (self._data, others._data) if alike else (self.spelled, others.spelled)
+        old, new = (self._raw, others._raw) if alike else (self.spelled, others.spelled)
         data = old.astype(np.promote_types(old.dtype, new.dtype))
         data[rows] = new
         made = Ids(self._stem if alike else None, data)
@@ -138,6 +160,11 @@ class Ids(Joinable):
             made.__dict__["hashes"] = hashes
         return made.sound_like((self, others))
 
+    @staticmethod
+    def _pool_entries(pool: IdPool, ids: Ids) -> Rows | None:
+        """The entries of ids in a pool, added if necessary; None if that is not possible."""
+        return ids._raw if ids._pool is pool else pool.add(ids.spelled, ids.hashes)
+
     def sound_like(self, sources: Sequence[Ids]) -> Ids:
         """Mark these ids as valid if all ids that they are made of are known to be valid."""
         if all("strange" in source.__dict__ and source.strange is None for source in sources):
@@ -146,6 +173,17 @@ class Ids(Joinable):
 
     def turned(self, turnover: RowDelta, born: Ids | None) -> Ids:
         """The ids after a turnover, with those of newborns in their rows."""
+        made = self._turned(turnover, born)
+        # Kept for the delta of this frame, which would otherwise have to search for the turnover.
+        made._before = ref(self), turnover
+        return made.known()
+
+    def _turned(self, turnover: RowDelta, born: Ids | None) -> Ids:
+        # Newborns with numbers after the same stem leave all ids numbered.
+        if born is not None and (self._stem is None or self._stem != born._stem):
+            pooled = self._turned_in_pool(turnover, born)
+            if pooled is not None:
+                return pooled
         made = self.take(turnover.source)
         # If no newborn has an old id, the result is distinct without another search.
         new = born is None or not (self.rows_of(born) >= 0).any()
@@ -153,9 +191,25 @@ class Ids(Joinable):
             made = made.put(turnover.born, born)
         if new and self.distinct and (born is None or born.distinct):
             made.__dict__["distinct"] = True
-        # Kept for the delta of this frame, which would otherwise have to search for the turnover.
-        made._before = ref(self), turnover
-        return made.known()
+        return made
+
+    def _turned_in_pool(self, turnover: RowDelta, born: Ids) -> Ids | None:
+        pool, old = self._pool, self._raw
+        if pool is None or pool.crowded(len(self)):
+            pool, old = IdPool.of(self.spelled, self.hashes), np.arange(len(self))
+        if pool is None:
+            return None
+        known = pool.count
+        newborn = self._pool_entries(pool, born)
+        if newborn is None:
+            return None
+        entries = old[turnover.source]
+        entries[turnover.born] = newborn
+        made = Ids(None, entries, pool).sound_like((self, born))
+        # Entries that are new to the pool cannot be those of other rows.
+        if self.distinct and bool((newborn >= known).all()):
+            made.__dict__["distinct"] = True
+        return made
 
     def since(self, old: Ids) -> RowDelta | None:
         """The turnover from old ids to these; None if those that remain are in another order."""
@@ -174,13 +228,14 @@ class Ids(Joinable):
             return np.empty(0, np.intp)
         if self._stem != other._stem:
             return None
-        return np.flatnonzero(self._data != other._data)
+        if self._alike(other):
+            return np.flatnonzero(self._raw != other._raw)
+        return np.flatnonzero(self.data != other.data)
 
     def known(self) -> Ids:
         """Equal ids that exist already, with their cached properties; otherwise these."""
         # A cheap key; `_spells` compares everything.
-        ends = self._data[:1].tobytes(), self._data[-1:].tobytes()
-        key = (self._stem, len(self), *ends)
+        key = (self._stem, len(self), *((self._item(0), self._item(-1)) if len(self) else ()))
         other = _KNOWN.get(key)
         if other is not None and other._spells(self):
             return other
@@ -188,24 +243,27 @@ class Ids(Joinable):
         return self
 
     def _spells(self, other: Ids) -> bool:
-        """Whether other ids are equal and have the same representation."""
+        """Whether other ids are equal, and both numbered or both not."""
         if self is other:
             return True
-        left, right = self._data, other._data
-        if self._stem != other._stem or left.dtype != right.dtype or len(left) != len(right):
+        if self._stem != other._stem or len(self) != len(other):
             return False
-        return (
-            left.tobytes() == right.tobytes() if self._stem is None else np.array_equal(left, right)
-        )
+        if self._alike(other):
+            return np.array_equal(self._raw, other._raw)
+        left, right = self.spelled, other.spelled
+        if left.dtype == right.dtype:
+            return left.tobytes() == right.tobytes()
+        return bool((left == right).all())
 
     @classmethod
     def _in_one(cls, parts: Sequence[Ids]) -> Ids:
-        stem = parts[0]._stem
-        if stem is not None and all(part._stem == stem for part in parts):
-            whole = Ids(stem, np.concatenate([part._data for part in parts]))
+        first = parts[0]
+        if all(map(first._alike, parts)):
+            data = np.concatenate([part._raw for part in parts])
+            whole = Ids(first._stem, data, first._pool)
         else:
             whole = Ids(None, np.concatenate([part.spelled for part in parts]))
-        if any("hashes" in part.__dict__ for part in parts):
+        if whole._pool is None and any("hashes" in part.__dict__ for part in parts):
             whole.__dict__["hashes"] = np.concatenate([part.hashes for part in parts])
         return whole.sound_like(parts)
 
@@ -232,13 +290,18 @@ class Ids(Joinable):
     @cached_property
     def hashes(self) -> NDArray[np.uint64]:
         """A polynomial hash of each id's bytes, modulo 2^64, equal to `world.rng.hash_of`."""
+        if self._pool is not None:
+            return self._pool.hashes(self._raw)
         return hashes_of(self.spelled)
 
     @cached_property
     def distinct(self) -> bool:
         """Whether a quick test proves that no id occurs twice."""
         if self._stem is not None:
-            return bool((self._data[1:] > self._data[:-1]).all())
+            return bool((self._raw[1:] > self._raw[:-1]).all())
+        if self._pool is not None:
+            entries = np.sort(self._raw)
+            return bool((entries[1:] != entries[:-1]).all())
         # Equal hashes leave the question open: `duplicate` then compares the ids.
         hashes = np.sort(self.hashes)
         return bool((hashes[1:] != hashes[:-1]).all())
@@ -248,16 +311,16 @@ class Ids(Joinable):
         """An id that occurs twice, or None."""
         if self.distinct:
             return None
-        ordered = np.sort(self._data)
+        ordered = np.sort(self._raw)
         twice = np.flatnonzero(ordered[1:] == ordered[:-1])
-        return Ids(self._stem, ordered[twice[:1]])[0] if len(twice) else None
+        return Ids(self._stem, ordered[twice[:1]], self._pool)[0] if len(twice) else None
 
     @cached_property
     def strange(self) -> str | None:
         """An id that is not a valid agent id, or None."""
         if self._stem is not None:
             # One number represents all of them: only a negative one adds another character.
-            smallest = int(self._data.min()) if len(self) else 0
+            smallest = int(self._raw.min()) if len(self) else 0
             whole = AGENT_ID.fullmatch(f"{self._stem}{smallest}") if smallest >= 0 else None
             return None if whole is not None else f"{self._stem}{smallest}"
         # In parts, because the text of a million ids would take as much memory again.
@@ -273,8 +336,10 @@ class Ids(Joinable):
         # The usual case in a frame without births and deaths.
         if self._spells(others) and self.duplicate is None:
             return np.arange(len(self))
-        if self._stem is not None and self._stem == others._stem:
-            return self._rows(others._data)
+        if self._pool is not None:
+            return self._pooled_rows(self._pool, others)
+        if self._alike(others):
+            return self._rows(others._raw)
         if self._apart(others):
             return np.full(len(others), -1, np.intp)
         if self._stem is not None and others._stem is None:
@@ -301,10 +366,26 @@ class Ids(Joinable):
 
     @cached_property
     def _numbers(self) -> Numbers:
-        return Numbers(self._data)
+        return Numbers(self._raw)
 
     def _rows(self, numbers: NDArray[np.int64]) -> Rows:
         return self._numbers.rows_of(numbers) if len(self) else np.full(len(numbers), -1, np.intp)
+
+    def _pooled_rows(self, pool: IdPool, others: Ids) -> Rows:
+        if not len(self):
+            return np.full(len(others), -1, np.intp)
+        known = others._pool is pool
+        entries = others._raw if known else pool.find(others.spelled, others.hashes)
+        rows = self._row_of_entry
+        # The last one is -1, for entries that are newer than this table.
+        return rows[np.minimum(entries, len(rows) - 1)]
+
+    @cached_property
+    def _row_of_entry(self) -> Rows:
+        """The row of each entry of the pool, -1 for others; one more stands at the end."""
+        rows = np.full(int(self._raw.max()) + 2, -1, np.intp)
+        rows[self._raw[::-1]] = np.arange(len(self))[::-1]  # The first of several remains.
+        return rows
 
     def _numbered_among(self, others: Ids) -> Rows:
         """The rows of spelled ids; only those with this stem and a number are searched."""

@@ -74,7 +74,8 @@ class Places:
     """The first row of each of n hashes, n > 0.
 
     A table of at least 4 n slots finds most of them directly; the few whose slot is taken are
-    sorted. This is several times faster than sorting all.
+    sorted. This is several times faster than sorting all. Rows may be added while they are not
+    many more than n.
     """
 
     def __init__(self, hashes: Hashes) -> None:
@@ -82,10 +83,33 @@ class Places:
         self._hashes = hashes
         self._shift = np.uint64(64 - bits)
         self._table = np.zeros(1 << bits, np.int32)
-        rows, slots = np.arange(len(hashes)), self._slots(hashes)
+        self._others = np.empty(0, np.intp)
+        """The rows whose slot has another row, in the order of their hashes."""
+        self._other_hashes = np.empty(0, np.uint64)
+        self._enter(np.arange(len(hashes)), self._slots(hashes))
+
+    def extend(self, hashes: Hashes, begin: int) -> None:
+        """Add rows from `begin` on; `hashes` are those of all rows."""
+        self._hashes = hashes
+        slots = self._slots(hashes[begin:])
+        rows = np.arange(begin, len(hashes))
+        # A slot with 0 is free, unless it is that of row 0.
+        free = (self._table[slots] == 0) & (slots != self._slots(hashes[:1])[0])
+        self._enter(rows[free], slots[free])
+        self._keep(rows[~free])
+
+    def _enter(self, rows: Rows, slots: Rows) -> None:
+        """Write rows to free slots."""
         self._table[slots[::-1]] = rows[::-1]  # Reversed, so that the first of several remains.
-        self._others = np.flatnonzero(self._table[slots] != rows)
-        self._sorter = np.argsort(hashes[self._others], kind="stable")
+        self._keep(rows[self._table[slots] != rows])
+
+    def _keep(self, rows: Rows) -> None:
+        """Sort rows whose slot is taken into the others."""
+        rows = rows[np.argsort(self._hashes[rows], kind="stable")]
+        hashes = self._hashes[rows]
+        places = np.searchsorted(self._other_hashes, hashes, side="right")
+        self._others = np.insert(self._others, places, rows)
+        self._other_hashes = np.insert(self._other_hashes, places, hashes)
 
     def _slots(self, hashes: Hashes) -> Rows:
         return ((hashes * _SPREAD) >> self._shift).astype(np.intp)
@@ -95,8 +119,11 @@ class Places:
         rows = self._table[self._slots(wanted)].astype(np.intp)
         missed = np.flatnonzero(self._hashes[rows] != wanted)
         if len(missed) and len(self._others):
-            places = found_in(self._hashes[self._others], self._sorter, wanted[missed])
-            rows[missed] = np.where(places >= 0, self._others[places], -1)
+            hashes = wanted[missed]
+            places = np.searchsorted(self._other_hashes, hashes)
+            places = np.minimum(places, len(self._others) - 1)
+            there = self._other_hashes[places] == hashes
+            rows[missed] = np.where(there, self._others[places], -1)
         else:
             rows[missed] = -1
         return rows

@@ -57,21 +57,28 @@ def _column(part: Columns, state: PopulationState, name: str, old: Column) -> Co
     array = state.arrays.get(name)
     if array is None:
         return old
+    _check_finite(state, name, array)
+    # Rows will move, which changes every column, so a comparison would show nothing.
+    if state.away is not None or state.born:
+        return Column(array)
     # Bits, because 0.0 and -0.0 are equal but have different digests.
     differs = bits(array) != bits(old.array)
     count = int(np.count_nonzero(differs))
     if not count:
         return old
-    # Only changed columns are checked, and rows of dead agents may have any value.
-    if array.dtype == np.float64 and not np.isfinite(array).all():
-        wrong = ~np.isfinite(array) if state.away is None else ~np.isfinite(array) & ~state.away
-        if wrong.any():
-            row = int(np.flatnonzero(wrong)[0])
-            raise Unsound(name, row, float(array[row]))
-    if count < _FEW * len(array):
-        rows = np.flatnonzero(differs)
-        return old.put(rows, array[rows])
-    return Column(array)
+    return (
+        old.changed(np.flatnonzero(differs), array) if count < _FEW * len(array) else Column(array)
+    )
+
+
+def _check_finite(state: PopulationState, name: str, array: NDArray[Any]) -> None:
+    """Raise Unsound for an agent with a number that is not finite, unless it is dead."""
+    if array.dtype != np.float64 or np.isfinite(array).all():
+        return
+    wrong = ~np.isfinite(array) if state.away is None else ~np.isfinite(array) & ~state.away
+    if wrong.any():
+        row = int(np.flatnonzero(wrong)[0])
+        raise Unsound(name, row, float(array[row]))
 
 
 def _in_columns(part: Columns, state: PopulationState) -> Scene:

@@ -194,8 +194,7 @@ class Population:
     def _emit(self, event: AnyEvent, where: Mask) -> None:
         """Send an event, or a row of several, from each agent where the mask is true."""
         rows = self._chosen(where)
-        ids = self._state.ids
-        senders = Ids(ids.stem, ids.data[rows])
+        senders = self._state.ids.take(rows)
         if isinstance(event, Event):
             if len(event.receivers) > 1:
                 raise MisuseError("an event of a population has at most one receiver per agent")
