@@ -1,9 +1,13 @@
 """The public comparison: how rows are derived, and that the systems' models behave alike."""
 
+import statistics
+from dataclasses import replace
+from importlib import import_module
+
 import pytest
 
 from benchmarks.comparison.__main__ import Row, from_publication, related
-from benchmarks.comparison.parameters import MODELS
+from benchmarks.comparison.parameters import MODELS, PARAMETERS
 from benchmarks.comparison.published import LINES, TIMES
 from benchmarks.comparison.systems import java_lines, python_lines
 
@@ -40,3 +44,28 @@ def test_published_tables_name_the_same_systems():
     for (model, _), times in TIMES.items():
         assert model in MODELS
         assert times.keys() == LINES[model].keys()
+
+
+SHORT = {
+    "wolf_sheep": {"steps": 60},
+    "flocking": {"steps": 30, "birds": 100},
+    "schelling": {},
+    "forest_fire": {"side": 40, "steps": 60},
+}
+SEEDS = range(6)
+DEVIATIONS = 4
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_the_models_behave_as_those_of_mesa_within_their_spread(model):
+    pytest.importorskip("mesa")
+    parameters = replace(PARAMETERS[model, "small"], **SHORT[model])
+    runs = {}
+    for package in ("models", "mesa_models"):
+        module = import_module(f"benchmarks.comparison.{package}.{model}")
+        runs[package] = [module.run(parameters, seed)() for seed in SEEDS]
+    for name in runs["models"][0]:
+        ours, theirs = ([row[name] for row in rows] for rows in runs.values())
+        spread = (statistics.variance(ours) + statistics.variance(theirs)) / len(SEEDS)
+        difference = abs(statistics.fmean(ours) - statistics.fmean(theirs))
+        assert difference < DEVIATIONS * spread**0.5 + 0.005, (name, ours, theirs)

@@ -14,6 +14,7 @@ ORDER = [
     "grammar",
     "semantics",
     "world",
+    "space",
     "frame",
     "collect",
     "wire",

@@ -1,0 +1,1 @@
+"""The models in Minerva Bus: spaces with compiled rules, one frame per step."""

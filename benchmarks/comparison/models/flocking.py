@@ -1,0 +1,80 @@
+"""Birds in Minerva Bus."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from benchmarks.comparison.figures import of_flock
+from benchmarks.comparison.parameters import Flocking
+from benchmarks.comparison.stepping import stepped
+from minerva_bus import Reals, on
+from minerva_bus.space import SHUFFLED, Column, InField, Space, go_to, near, rule
+
+
+class Bird(InField):
+    vx: Column
+    vy: Column
+
+
+@rule(SHUFFLED, births=0)
+def fly(
+    i: int,
+    birds: Bird,
+    sight: float,
+    separation: float,
+    cohere: float,
+    separate: float,
+    match: float,
+    speed: float,
+):
+    vx = vy = 0.0
+    count = near(birds, birds.x[i], birds.y[i], sight, i)
+    for k in range(count):
+        j, dx, dy = birds.found[k], birds.dx[k], birds.dy[k]
+        vx += cohere * dx + match * birds.vx[j]
+        vy += cohere * dy + match * birds.vy[j]
+        if dx * dx + dy * dy < separation * separation:
+            vx -= separate * dx
+            vy -= separate * dy
+    vx = birds.vx[i] + vx / max(count, 1)
+    vy = birds.vy[i] + vy / max(count, 1)
+    length = (vx * vx + vy * vy) ** 0.5
+    birds.vx[i], birds.vy[i] = vx / length, vy / length
+    go_to(birds, i, birds.x[i] + speed * birds.vx[i], birds.y[i] + speed * birds.vy[i])
+
+
+class Flock(Space, symbol="AFlock"):
+    birds: Reals
+    sight: float
+    separation: float
+    cohere: float
+    separate: float
+    match: float
+    speed: float
+
+    @on("eStep")
+    def step(self, step, moment):
+        self.run(moment, fly)
+
+
+def run(p: Flocking, seed: int):
+    """Run the model; returns the function that computes its statistics."""
+    random = np.random.default_rng(seed)
+    x, y = random.uniform(0, p.side, (2, p.birds))
+    vx, vy = random.uniform(-1, 1, (2, p.birds))
+    flock = Flock(
+        "flock",
+        width=p.side,
+        height=p.side,
+        periodic=True,
+        births=p.birds,
+        birds=Bird.many(p.birds, x=x, y=y, vx=vx, vy=vy),
+        sight=p.sight,
+        separation=p.separation,
+        cohere=p.cohere,
+        separate=p.separate,
+        match=p.match,
+        speed=p.speed,
+    )
+    birds = Bird.read(stepped(flock, p.steps, seed)["birds"])
+    return lambda: of_flock(birds.x, birds.y, birds.vx, birds.vy)

@@ -1,0 +1,42 @@
+"""Spaces: lattices and fields whose inhabitants follow compiled rules; see `Space` and `rule`."""
+
+from minerva_bus.space.draws import Draws, chance, integers, random, shuffle, uniform
+from minerva_bus.space.field import Field, go_to, near
+from minerva_bus.space.kernels import interpreted, kernel
+from minerva_bus.space.lattice import Lattice, beside, next_cell
+from minerva_bus.space.occupancy import copy, move_to, random_at, random_free, remove, within
+from minerva_bus.space.rules import ORDERED, SHUFFLED, SIMULTANEOUS, Activation, rule
+from minerva_bus.space.space import Space
+from minerva_bus.space.tables import Column, InField, OnLattice
+
+__all__ = [
+    "ORDERED",
+    "SHUFFLED",
+    "SIMULTANEOUS",
+    "Activation",
+    "Column",
+    "Draws",
+    "Field",
+    "InField",
+    "Lattice",
+    "OnLattice",
+    "Space",
+    "beside",
+    "chance",
+    "copy",
+    "go_to",
+    "integers",
+    "interpreted",
+    "kernel",
+    "move_to",
+    "near",
+    "next_cell",
+    "random",
+    "random_at",
+    "random_free",
+    "remove",
+    "rule",
+    "shuffle",
+    "uniform",
+    "within",
+]

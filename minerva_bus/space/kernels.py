@@ -1,0 +1,132 @@
+"""Functions that numba compiles when a rule needs them, and that Python can run as they are.
+
+A kernel calls only kernels that are names of its module, uses its module's numbers, and computes
+with + - * / and the square root: other functions of `math` have other last bits on other machines.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Generator, Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
+from hashlib import blake2b
+from types import CodeType, FunctionType
+from typing import Any, Final, Generic, ParamSpec, TypeVar, cast
+
+import numpy as np
+
+from minerva_bus.errors import MisuseError
+from minerva_bus.wording import install
+
+_P = ParamSpec("_P")
+_R = TypeVar("_R")
+
+OPTIONS: Final[Mapping[str, Any]] = {
+    "error_model": "python",
+    "fastmath": False,
+    "boundscheck": True,
+}
+"""Python's errors, such as ZeroDivisionError, and sums in the order of the source."""
+
+_FROZEN: Final = (int, float, tuple, np.generic)
+"""Objects of a module whose values become part of the compiled code."""
+
+_interpreting: ContextVar[bool] = ContextVar("interpreting", default=False)
+
+
+class Kernel(Generic[_P, _R]):
+    """A function that other kernels and rules can call; called from Python, it runs as Python."""
+
+    def __init__(self, function: Callable[_P, _R]) -> None:
+        self.function = cast("FunctionType", function)
+        self.__doc__ = function.__doc__
+        self.__name__ = self.function.__name__
+        self._compiled: Any = None
+
+    def __call__(self, *args: _P.args, **kwargs: _P.kwargs) -> _R:
+        return self.function(*args, **kwargs)
+
+    @property
+    def compiled(self) -> Any:
+        """The function as a dispatcher of numba. Raises MisuseError without numba."""
+        if self._compiled is None:
+            # Inlined, because a call would pass each array of a table as seven numbers.
+            self._compiled = numba().njit(inline="always", **OPTIONS)(rebound(self.function))
+        return self._compiled
+
+
+def kernel(function: Callable[_P, _R]) -> Kernel[_P, _R]:
+    """Mark a function as one that rules may call.
+
+    Example:
+        >>> @kernel
+        ... def hungry(sheep, i):
+        ...     return sheep.energy[i] < 2.0
+
+    """
+    return Kernel(function)
+
+
+def numba() -> Any:
+    """The library numba. Raises MisuseError if it is not installed."""
+    # Intel's vector functions have other last bits than the scalar ones.
+    os.environ.setdefault("NUMBA_DISABLE_INTEL_SVML", "1")
+    try:
+        import numba as library
+    except ImportError:
+        raise MisuseError(f"rules of a space need numba: {install('fast')}") from None
+    return library
+
+
+def rebound(function: FunctionType) -> FunctionType:
+    """The same function, with its kernels replaced by compiled ones."""
+    scope = dict(function.__globals__)
+    for name, helper in _helpers(function):
+        scope[name] = helper.compiled
+    return FunctionType(function.__code__, scope, function.__name__, function.__defaults__)
+
+
+def key(function: FunctionType) -> str:
+    """A digest of the code that a function consists of, with its kernels and numbers."""
+    digest = blake2b(digest_size=12)
+    for code in sorted(_code(function, {})):
+        digest.update(code)
+    return digest.hexdigest()
+
+
+def _helpers(function: FunctionType) -> Iterator[tuple[str, Kernel[..., Any]]]:
+    for name in function.__code__.co_names:
+        helper = function.__globals__.get(name)
+        if isinstance(helper, Kernel):
+            yield name, cast("Kernel[..., Any]", helper)
+
+
+def _code(function: FunctionType, known: dict[CodeType, bytes]) -> list[bytes]:
+    code = function.__code__
+    if code not in known:
+        scope: dict[str, Any] = function.__globals__
+        named = [(name, scope.get(name)) for name in code.co_names]
+        numbers = [
+            (name, repr(cast("Any", each))) for name, each in named if isinstance(each, _FROZEN)
+        ]
+        parts = (code.co_code, code.co_consts, code.co_names, code.co_varnames, numbers)
+        known[code] = repr(parts).encode()
+        for _, helper in _helpers(function):
+            _code(helper.function, known)
+    return list(known.values())
+
+
+@contextmanager
+def interpreted() -> Generator[None]:
+    """Run rules as Python within this context, such as for a debugger; results are the same."""
+    token = _interpreting.set(True)
+    try:
+        yield
+    finally:
+        _interpreting.reset(token)
+
+
+def interpreting() -> bool:
+    """Whether rules run as Python now."""
+    return _interpreting.get()

@@ -1,0 +1,38 @@
+"""The cells of a lattice and their neighbours; cell = y * width + x."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from minerva_bus.space.draws import Draws, integers
+from minerva_bus.space.kernels import kernel
+
+
+class Lattice(NamedTuple):
+    """Width and height in cells, and whether opposite edges are connected."""
+
+    width: int
+    height: int
+    periodic: bool
+
+
+@kernel
+def beside(lattice: Lattice, cell: int, dx: int, dy: int) -> int:
+    """The cell at a distance of dx columns and dy rows; -1 if it is outside."""
+    x, y = cell % lattice.width + dx, cell // lattice.width + dy
+    if 0 <= x < lattice.width and 0 <= y < lattice.height:
+        return y * lattice.width + x
+    if not lattice.periodic:
+        return -1
+    return y % lattice.height * lattice.width + x % lattice.width
+
+
+@kernel
+def next_cell(lattice: Lattice, cell: int, draws: Draws) -> int:
+    """A random one of the (up to) 8 cells around a cell."""
+    while True:
+        place = integers(draws, 0, 8)
+        place += place >= 4  # Without the middle of the 3 x 3 cells.
+        other = beside(lattice, cell, place % 3 - 1, place // 3 - 1)
+        if other >= 0:
+            return other

@@ -1,0 +1,182 @@
+"""Tables opened for the rules of a frame: arrays with room for newborns, and lists of cells."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from minerva_bus.errors import MisuseError
+from minerva_bus.grammar.types import Reals
+from minerva_bus.space.compiling import around
+from minerva_bus.space.field import Field, cell_of
+from minerva_bus.space.kernels import kernel
+from minerva_bus.space.lattice import Lattice
+from minerva_bus.space.occupancy import (
+    ALIVE,
+    FIRST,
+    FREE,
+    NEXT,
+    PREVIOUS,
+    ROWS,
+    SLOT,
+    VACANT,
+)
+from minerva_bus.space.tables import INDEX, Column, InField, Rows, Table, columns_of
+
+_PER_CELL: Final = 2
+"""Inhabitants per cell of a field's search, on average."""
+
+
+@dataclass(slots=True)
+class Opened:
+    """The arrays of one table during a frame; `old` is its matrix in the string."""
+
+    kind: type[Table]
+    old: Reals
+    arrays: dict[str, NDArray[Any]]
+    shape: Lattice | Field
+
+    @staticmethod
+    def of(
+        kind: type[Table],
+        matrix: Reals,
+        lattice: Lattice,
+        extent: tuple[float, float],
+        births: Rows,
+    ) -> Opened:
+        """Open a matrix of the string. Raises MisuseError if it does not fit the space."""
+        kind.check(matrix)
+        count = matrix.shape[1]
+        if count and matrix[0].max() >= births[0]:
+            raise MisuseError(
+                f"{kind.__name__}: the id {matrix[0].max():.0f} is not below the space's `births`"
+                f" ({births[0]:.0f}), from which newborns get their ids; set births={count} or more"
+            )
+        shape = lattice
+        if issubclass(kind, InField):
+            shape = _field(extent, lattice.periodic, count)
+        opened = Opened(kind, matrix, {"births": births}, shape)
+        opened._allocate(matrix)
+        opened._enter(count)
+        return opened
+
+    def _allocate(self, matrix: Reals) -> None:
+        count, cells = matrix.shape[1], _cells(self.shape)
+        places = np.empty((3, cells), np.int64)
+        self.arrays |= {"places": places, "counts": np.array([count, cells])}
+        self.arrays |= {
+            "values": np.array(matrix),
+            "links": np.empty((3, count), np.int64),
+            "cell": np.empty(count, np.int64),
+        }
+
+    def _enter(self, count: int) -> None:
+        arrays, cells = self.arrays, self.arrays["cell"]
+        if isinstance(self.shape, Field):
+            row = self.kind.names.index("x")
+            field = self.shape
+            x, y = arrays["values"][row : row + 2]
+            LOCATE(cells, x, y, field.width, field.height, field.across, field.down)
+        else:
+            cells[:] = self.old[1]
+            if count and not (cells.min() >= 0 and cells.max() < _cells(self.shape)):
+                raise MisuseError(
+                    f"{self.kind.__name__}: cells are numbers from 0 to {_cells(self.shape) - 1}"
+                    f" in a lattice of {self.shape.width} x {self.shape.height}"
+                )
+        ENTER(cells, arrays["links"], arrays["places"], arrays["counts"])
+
+    def reserve(self, births: int) -> None:
+        """Make room for newborns."""
+        count, capacity = int(self.arrays["counts"][ROWS]), len(self.arrays["cell"])
+        if capacity - count >= births:
+            return
+        capacity = max(2 * capacity, count + births)
+        for name in ("values", "links", "cell"):
+            old = self.arrays[name]
+            wide = np.empty((*old.shape[:-1], capacity), old.dtype)
+            wide[..., :count] = old[..., :count]
+            self.arrays[name] = wide
+
+    def snapshot(self) -> Opened:
+        """A copy of the current state."""
+        return replace(self, arrays={name: array.copy() for name, array in self.arrays.items()})
+
+    def arguments(self) -> list[Any]:
+        """The arrays and numbers of the kind's tuple, in the order of `parameters`."""
+        arrays, names = self.arrays, self.kind.names
+        values = arrays["values"]
+        rows = [values[names.index(name)] for name in columns_of(self.kind)]
+        return [*[arrays[name] for name in INDEX], *rows, *self._extra()]
+
+    def _extra(self) -> list[Any]:
+        arrays, capacity = self.arrays, len(self.arrays["cell"])
+        if "found" not in arrays or len(arrays["found"]) != capacity:
+            arrays |= {"found": np.empty(capacity, np.int64), "apart": np.empty((2, capacity))}
+        if isinstance(self.shape, Lattice):
+            return [arrays["found"], *self.shape]
+        return [arrays["found"], *arrays["apart"], *self.shape]
+
+    def close(self) -> Reals:
+        """The matrix of the remaining rows and of newborns, in their order."""
+        count = int(self.arrays["counts"][ROWS])
+        values, alive = self.arrays["values"][:, :count], self.arrays["links"][ALIVE, :count]
+        if "cell" in self.kind.position:
+            values[1] = self.arrays["cell"][:count]
+        kept = np.flatnonzero(alive)
+        matrix = values.copy() if len(kept) == count else values.take(kept, axis=1)
+        # Read-only arrays that own their memory become attributes without another copy.
+        matrix.flags.writeable = False
+        return matrix
+
+
+def _cells(shape: Lattice | Field) -> int:
+    if isinstance(shape, Field):
+        return shape.across * shape.down
+    return shape.width * shape.height
+
+
+def _field(extent: tuple[float, float], periodic: bool, count: int) -> Field:
+    width, height = extent
+    spacing = (width * height * _PER_CELL / max(count, 1)) ** 0.5
+    across, down = max(1, int(width / spacing)), max(1, int(height / spacing))
+    return Field(width, height, periodic, across, down)
+
+
+@kernel
+def enter(cell: Rows, links: Rows, places: Rows, counts: Rows) -> None:
+    """Build the lists of all cells; the rows of a cell are in the order of the table."""
+    for place in range(places.shape[1]):
+        places[FIRST, place] = -1
+    for i in range(counts[ROWS] - 1, -1, -1):
+        other = places[FIRST, cell[i]]
+        links[NEXT, i], links[PREVIOUS, i], links[ALIVE, i] = other, -1, 1
+        places[FIRST, cell[i]] = i
+        if other >= 0:
+            links[PREVIOUS, other] = i
+    vacant = 0
+    for place in range(places.shape[1]):
+        if places[FIRST, place] < 0:
+            places[FREE, vacant], places[SLOT, place] = place, vacant
+            vacant += 1
+    counts[VACANT] = vacant
+
+
+@kernel
+def locate(
+    cell: Rows, x: Column, y: Column, width: float, height: float, across: int, down: int
+) -> None:
+    """The cell of each position in a field."""
+    field = Field(width, height, False, across, down)
+    for i in range(len(x)):
+        cell[i] = cell_of(field, x[i], y[i])
+
+
+_INTS: Final = "int64[::1]"
+_TABLE: Final = "int64[:, ::1]"
+_REALS: Final = "float64[::1]"
+ENTER: Final = around(enter, (_INTS, _TABLE, _TABLE, _INTS))
+LOCATE: Final = around(locate, (_INTS, _REALS, _REALS, "float64", "float64", "int64", "int64"))

@@ -1,0 +1,199 @@
+"""Rules: functions for one inhabitant or cell, which run for all of them in a declared order."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import Enum
+from functools import cached_property
+from typing import Any, Final, get_type_hints
+
+from minerva_bus.errors import MisuseError
+from minerva_bus.grammar.types import Cells, Reals
+from minerva_bus.space.compiling import Driver
+from minerva_bus.space.draws import Draws, shuffle
+from minerva_bus.space.field import Field
+from minerva_bus.space.kernels import Kernel
+from minerva_bus.space.lattice import Lattice
+from minerva_bus.space.occupancy import ALIVE, ROWS, TOO_MANY
+from minerva_bus.space.tables import InField, Table, columns_of
+
+
+class Activation(Enum):
+    """The order in which a rule runs for the inhabitants of a table, or for the cells of a matrix.
+
+    - SIMULTANEOUS: each sees the state before the rule, as the parameter `before`.
+    - ORDERED: one after another, by row; each sees what the earlier ones have changed.
+    - SHUFFLED: one after another, in an order that the frame's random stream decides.
+    """
+
+    SIMULTANEOUS = "simultaneous"
+    ORDERED = "ordered"
+    SHUFFLED = "shuffled"
+
+
+SIMULTANEOUS, ORDERED, SHUFFLED = Activation
+BEFORE: Final = "before"
+
+_NUMBERS: Final = {int: "int64", float: "float64", bool: "boolean"}
+_MATRICES: Final = ((Cells, "int16[::1]"), (Reals, "float64[::1]"))
+_INDEX_TYPES: Final = (
+    "float64[:, ::1]", "int64[:, ::1]", "int64[:, ::1]", "int64[::1]", "int64[::1]", "int64[::1]",
+)  # fmt: skip
+_SHAPES: Final = {
+    Lattice: ("int64", "int64", "boolean"),
+    Field: ("float64", "float64", "boolean", "int64", "int64"),
+}
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A parameter of a rule: an attribute of the space, or a number, by its name."""
+
+    name: str
+    type: Any
+
+    @cached_property
+    def table(self) -> type[Table] | None:
+        """The class of a table."""
+        return self.type if isinstance(self.type, type) and issubclass(self.type, Table) else None
+
+    @cached_property
+    def matrix(self) -> bool:
+        """Whether it is a matrix, of which a rule sees the cells in one dimension."""
+        return any(self.type == matrix for matrix, _ in _MATRICES)
+
+    @property
+    def types(self) -> list[str]:
+        """The numba types of the arguments that it consists of."""
+        if self.table is not None:
+            columns = ["float64[::1]"] * len(columns_of(self.table))
+            field = issubclass(self.table, InField)
+            found = ["int64[::1]", *["float64[::1]"] * 2 * field]
+            shape = _SHAPES[Field if field else Lattice]
+            return [*_INDEX_TYPES, *columns, *found, *shape]
+        if self.type == Draws:
+            return ["uint64[::1]"]
+        if self.type is Lattice:
+            return [*_SHAPES[Lattice]]
+        return [
+            next((t for matrix, t in _MATRICES if self.type == matrix), "") or _NUMBERS[self.type]
+        ]
+
+
+class Rule:
+    """A rule with its parameters; see `rule`."""
+
+    def __init__(self, function: Callable[..., None], order: Activation, births: int) -> None:
+        self.name = function.__qualname__
+        self.order = order
+        self.births = births
+        self.kernel = Kernel(function)
+        self.__doc__ = function.__doc__
+        self.parameters = _parameters(function, self.name)
+        self.drive = self._driver()
+
+    @property
+    def subject(self) -> Parameter:
+        """The table or matrix for whose rows or cells it runs."""
+        return self.parameters[0]
+
+    def _driver(self) -> Driver:
+        """A loop over rows; it stops early if a table has too little room for newborns."""
+        heads, types, calls, scope = self._arguments()
+        tables = [n for n, p in enumerate(self.parameters) if p.table and p.name != BEFORE]
+        room = [f"len(p{n}.cell) - p{n}.counts[{ROWS}] < {self.births}" for n in tables]
+        over = [f"p{n}.counts[{ROWS}] > u{n} + {self.births}" for n in tables]
+        lines = [f"def drive(begin, rows, draws, {', '.join(heads)}):"]
+        lines += [f"    p{number} = {call}" for number, call in enumerate(calls)]
+        if self.order is SHUFFLED:
+            lines += ["    if begin == 0:", "        shuffle(draws, rows)"]
+        lines += ["    for k in range(begin, len(rows)):", "        i = rows[k]"]
+        if self.subject.table is not None:
+            lines += [f"        if not p0.links[{ALIVE}, i]:", "            continue"]
+        if tables and self.births:
+            lines += [f"        if {' or '.join(room)}:", "            return k"]
+        lines += [f"        u{n} = p{n}.counts[{ROWS}]" for n in tables]
+        lines += [f"        rule(i, {', '.join([f'p{n}' for n in range(len(calls))])})"]
+        if tables:
+            lines += [
+                f"        if {' or '.join(over)}:",
+                f"            raise IndexError({TOO_MANY!r})",
+            ]
+        lines += ["    return len(rows)", ""]
+        signature = f"int64({', '.join(['int64', 'int64[::1]', 'uint64[::1]', *types])})"
+        return Driver(self.name, "\n".join(lines), scope, signature)
+
+    def _arguments(self) -> tuple[list[str], list[str], list[str], dict[str, Any]]:
+        """Arguments of the driver with their types, and the parameters that they form."""
+        heads, types, calls, scope = list[str](), list[str](), list[str](), dict[str, Any]()
+        for number, parameter in enumerate(self.parameters):
+            names = [f"a{number}_{part}" for part in range(len(parameter.types))]
+            heads += names
+            types += parameter.types
+            calls.append(_built(parameter, names, number, scope))
+        scope |= {"rule": self.kernel, "shuffle": shuffle}
+        return heads, types, calls, scope
+
+
+def rule(order: Activation, *, births: int = 1) -> Callable[[Callable[..., None]], Rule]:
+    """Mark a function `(i, subject, ...)` as a rule of a space, run by `Space.run`.
+
+    `i` is a row of `subject`, a table, or a cell of it, a matrix. Other parameters are, by name and
+    annotation: tables and matrices (`Cells`, `Reals`: arrays of shape (cells,)) of the space,
+    `Lattice`, `Draws`, and numbers, from attributes of the space or from `Space.run`. With
+    SIMULTANEOUS, the parameter `before` is the subject as it was before the rule.
+
+    Args:
+        order: the order of activation.
+        births: the most copies that one activation may make in a table.
+
+    Raises:
+        MisuseError: a parameter has no annotation, or one that a rule cannot have.
+
+    Example:
+        >>> @rule(SHUFFLED)
+        ... def graze(i: int, sheep: Sheep, grass: Cells, draws: Draws):
+        ...     move_to(sheep, i, next_cell(sheep.lattice, sheep.cell[i], draws))
+
+    """
+
+    def mark(function: Callable[..., None]) -> Rule:
+        return Rule(function, order, births)
+
+    return mark
+
+
+def _built(parameter: Parameter, names: list[str], number: int, scope: dict[str, Any]) -> str:
+    """The expression of a parameter's value from the arguments of the driver."""
+    if parameter.table is not None:
+        kind, shape = parameter.table, Field if issubclass(parameter.table, InField) else Lattice
+        scope |= {f"T{number}": kind.type, shape.__name__: shape}
+        size = len(_SHAPES[shape])
+        inner = f"{shape.__name__}({', '.join(names[-size:])})"
+        return f"T{number}({', '.join([*names[:-size], inner])})"
+    if parameter.type is Lattice:
+        scope["Lattice"] = Lattice
+        return f"Lattice({', '.join(names)})"
+    return names[0]
+
+
+def _parameters(function: Callable[..., None], name: str) -> tuple[Parameter, ...]:
+    hints = get_type_hints(function)
+    names = list(inspect.signature(function).parameters)
+    parameters = tuple([Parameter(each, hints.get(each)) for each in names[1:]])
+    if not parameters or not (parameters[0].table or parameters[0].matrix):
+        raise MisuseError(
+            f"{name}: expected (i: int, subject, ...), where the subject is a table, Cells or Reals"
+        )
+    known = (Draws, Lattice, Cells, Reals, *_NUMBERS)
+    for parameter in parameters:
+        if parameter.table is None and not any(parameter.type == each for each in known):
+            raise MisuseError(
+                f"{name}: {parameter.name} must be a table, Cells, Reals, Draws, Lattice, int,"
+                f" float or bool, not {parameter.type}"
+            )
+        if parameter.name == BEFORE and parameter.type != parameters[0].type:
+            raise MisuseError(f"{name}: `before` must have the type of {parameters[0].name}")
+    return parameters

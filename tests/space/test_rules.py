@@ -1,0 +1,283 @@
+"""Rules of spaces: activation, births and deaths, draws, searches, and messages of errors."""
+
+import numpy as np
+import pytest
+from space.worlds import (
+    Bird,
+    Meadow,
+    Resident,
+    Sheep,
+    count_near,
+    eStep,
+    flock,
+    meadow,
+    moment,
+    town,
+)
+
+from minerva_bus import MinervaError, Reals, evolve
+from minerva_bus.space import (
+    ORDERED,
+    SHUFFLED,
+    SIMULTANEOUS,
+    Column,
+    Draws,
+    OnLattice,
+    Space,
+    copy,
+    integers,
+    interpreted,
+    random,
+    random_at,
+    remove,
+    rule,
+)
+from minerva_bus.space.occupancy import move_to
+from minerva_bus.world.context import Frame
+
+
+@pytest.fixture
+def as_python():
+    with interpreted():
+        yield
+
+
+def after(space, frames):
+    scene = space.string
+    for number in range(frames):
+        scene = evolve(scene, [eStep()], [type(space)], Frame(number, seed=4)).scene
+    return scene
+
+
+@pytest.mark.parametrize("make", [meadow, flock, town])
+def test_compiled_rules_give_the_same_string_as_interpreted_ones(make):
+    compiled = after(make(), 6)
+    with interpreted():
+        assert after(make(), 6).digest == compiled.digest
+    assert compiled.digest != make().string.digest
+
+
+def test_draws_are_those_of_the_moment(as_python):
+    class Line(Space, symbol="ALine"):
+        table: Reals
+        drawn: float = 0.0
+
+    class Dots(OnLattice):
+        value: Column
+
+    @rule(ORDERED, births=0)
+    def draw(i: int, table: Dots, draws: Draws):
+        table.value[i] = random(draws) + integers(draws, 2, 9)
+
+    line = Line("l", births=3, table=Dots.many(3, cell=0, value=0))
+    here, same = moment(5), moment(5)
+    line.run(here, draw)
+    expected = [same.chance.random() + same.chance.integers(2, 9) for _ in range(3)]
+    assert Dots.read(line.table).value.tolist() == expected
+    # The stream continues after the rule.
+    assert here.chance.random() == same.chance.random()
+
+
+@pytest.mark.parametrize("births", [0, 1])
+def test_more_births_than_a_rule_declares_are_an_error(as_python, births):
+    @rule(ORDERED, births=births)
+    def twice(i: int, sheep: Sheep):
+        copy(sheep, i)
+        copy(sheep, i)
+
+    with pytest.raises(IndexError, match="births"):
+        meadow(sheep=3, wolves=0).run(moment(), twice)
+
+
+def test_copies_have_the_values_of_their_parents_and_rising_ids(as_python):
+    @rule(ORDERED, births=2)
+    def twins(i: int, sheep: Sheep):
+        copy(sheep, i)
+        copy(sheep, i)
+
+    space = meadow(sheep=3, wolves=0)
+    space.run(moment(), twins)
+    sheep = Sheep.read(space.sheep)
+    assert sheep.id.tolist() == [0, 1, 2, 3, 4, 5, 6, 7, 8]
+    assert sheep.cell.tolist()[3:] == [cell for cell in sheep.cell.tolist()[:3] for _ in "ab"]
+    assert space.births == 9
+
+
+def test_removed_rows_take_part_in_nothing(as_python):
+    @rule(ORDERED)
+    def cull(i: int, sheep: Sheep):
+        if i % 2:
+            remove(sheep, i)
+
+    @rule(ORDERED)
+    def mark(i: int, sheep: Sheep, draws: Draws):
+        sheep.energy[i] = random_at(sheep, sheep.cell[i], draws)
+
+    space = meadow(side=2, sheep=9, wolves=0)
+    space.run(moment(), cull, mark)
+    sheep = Sheep.read(space.sheep)
+    assert sheep.id.tolist() == [0, 2, 4, 6, 8]
+    assert all(int(row) % 2 == 0 for row in sheep.energy)
+
+
+def test_newborns_wait_for_the_next_rule_and_ids_are_not_given_again(as_python):
+    @rule(ORDERED)
+    def end(i: int, sheep: Sheep):
+        remove(sheep, i)
+
+    @rule(ORDERED)
+    def bear(i: int, wolves: Sheep):
+        copy(wolves, i)
+
+    space = meadow(sheep=2, wolves=1)
+    space.run(moment(), end, bear)
+    assert Sheep.read(space.wolves).id.tolist() == [2, 3]
+    assert space.sheep.shape == (3, 0)
+    space.run(moment(), bear)
+    assert Sheep.read(space.wolves).id.tolist() == [2, 3, 4, 5]
+
+
+def test_simultaneous_rules_see_the_state_before(as_python):
+    @rule(SIMULTANEOUS, births=0)
+    def follow(i: int, sheep: Sheep, before: Sheep):
+        sheep.energy[i] = before.energy[i - 1] + 1
+
+    @rule(ORDERED, births=0)
+    def add_up(i: int, sheep: Sheep):
+        sheep.energy[i] = sheep.energy[i - 1] + 1
+
+    space = meadow(sheep=4, wolves=0)
+    space.run(moment(), follow)
+    assert Sheep.read(space.sheep).energy.tolist() == [3, 3, 3, 3]
+    space.run(moment(), add_up)
+    assert Sheep.read(space.sheep).energy.tolist() == [4, 5, 6, 7]
+
+
+def test_shuffled_rules_have_another_order_in_each_frame(as_python):
+    orders = set()
+    for frame in range(5):
+
+        @rule(SHUFFLED, births=0)
+        def number(i: int, sheep: Sheep, first: Reals):
+            sheep.energy[i] = first[0]
+            first[0] += 1
+
+        class Line(Meadow, symbol="ALine"):
+            first: Reals
+
+        made = meadow(sheep=8, wolves=0)
+        line = Line("l", width=12, height=12, births=8, sheep=made.sheep, wolves=made.wolves,
+                    grass=made.grass, first=np.zeros((1, 1)))  # fmt: skip
+        line.run(moment(frame), number)
+        order = tuple(Sheep.read(line.sheep).energy)
+        assert sorted(order) == list(range(8))
+        orders.add(order)
+    assert len(orders) > 3
+
+
+@pytest.mark.parametrize("periodic", [True, False])
+@pytest.mark.parametrize(
+    ("width", "height", "sight"), [(30, 20, 4), (9, 7, 3), (6, 40, 5), (4, 4, 9)]
+)
+def test_near_finds_the_rows_that_all_pairs_give(as_python, periodic, width, height, sight):
+    space = flock(40, float(width), float(height), periodic, float(sight))
+    birds = Bird.read(space.birds)
+    Type = type(space)
+    step = evolve(space.string, [eStep()], [Type]).scene.nodes[0].state["birds"]
+    birds = Bird.read(step)
+    dx, dy = birds.x - birds.x[:, None], birds.y - birds.y[:, None]
+    if periodic:
+        dx -= width * np.round(dx / width)
+        dy -= height * np.round(dy / height)
+    close = dx * dx + dy * dy <= sight * sight
+    np.fill_diagonal(close, val=False)
+    assert birds.seen.tolist() == close.sum(axis=1).tolist()
+    if 2 * sight < min(width, height):
+        np.testing.assert_allclose(birds.sum_x, (dx * close).sum(axis=1), atol=1e-9)
+        np.testing.assert_allclose(birds.sum_y, (dy * close).sum(axis=1), atol=1e-9)
+
+
+@pytest.mark.parametrize("periodic", [True, False])
+@pytest.mark.parametrize("radius", [1, 2, 3, 6])
+def test_within_finds_the_rows_that_all_pairs_give(as_python, periodic, radius):
+    space = town(20, 7, periodic)
+    space.run(moment(), count_near, radius=radius)
+    residents = Resident.read(space.residents)
+    y, x = np.divmod(residents.cell, 7)
+    dx, dy = abs(x - x[:, None]), abs(y - y[:, None])
+    if periodic:
+        dx, dy = np.minimum(dx, 7 - dx), np.minimum(dy, 7 - dy)
+    expected = (np.maximum(dx, dy) <= radius).sum(axis=1)
+    assert residents.near.tolist() == expected.tolist()
+
+
+def test_a_cell_has_at_most_one_resident_if_all_move_to_free_cells(as_python):
+    state = after(town(50, 8), 5).nodes[0].state
+    cells = Resident.read(state["residents"]).cell
+    assert len(set(cells.tolist())) == 50
+
+
+def test_a_cell_outside_the_lattice_is_an_error(as_python):
+    space = meadow(side=4, sheep=3, wolves=0)
+    space.sheep = Sheep.many(3, cell=16, energy=0)
+    with pytest.raises(MinervaError, match="cells are numbers from 0 to 15"):
+        space.run(moment(), grow_all)
+
+
+@rule(ORDERED)
+def grow_all(i: int, sheep: Sheep):
+    sheep.energy[i] += 1
+
+
+@rule(ORDERED)
+def outside(i: int, sheep: Sheep):
+    move_to(sheep, i, 1_000_000)
+
+
+def test_a_compiled_rule_cannot_write_outside_its_arrays():
+    with pytest.raises(IndexError):
+        meadow().run(moment(), outside)
+
+
+def test_ids_must_be_below_births(as_python):
+    space = meadow()
+    space.births = 3
+    with pytest.raises(MinervaError, match="set births="):
+        space.run(moment(), grow_all)
+
+
+def test_a_rule_names_its_parameters(as_python):
+    with pytest.raises(MinervaError, match="subject"):
+        rule(ORDERED)(lambda i: None)
+
+    def wrong(i: int, sheep: Sheep, text: str): ...
+
+    with pytest.raises(MinervaError, match="text must be"):
+        rule(ORDERED)(wrong)
+
+    @rule(ORDERED)
+    def missing(i: int, sheep: Sheep, weather: float): ...
+
+    with pytest.raises(MinervaError, match="no attribute weather"):
+        meadow().run(moment(), missing)
+
+
+def test_a_rule_that_cannot_be_compiled_is_explained():
+    @rule(ORDERED)
+    def texts(i: int, sheep: Sheep):
+        sheep.energy[i] = "fat"
+
+    with pytest.raises(MinervaError, match="texts cannot be compiled") as error:
+        meadow().run(moment(), texts)
+    assert len(str(error.value).splitlines()) <= 10
+
+
+def test_tables_explain_wrong_names():
+    with pytest.raises(MinervaError, match="has no enrgy"):
+        Sheep.many(1, cell=0, enrgy=1)
+    with pytest.raises(MinervaError, match="needs energy"):
+        Sheep.many(1, cell=0)
+    with pytest.raises(MinervaError, match="has 3 rows"):
+        Sheep.read(np.zeros((2, 1)))
+    with pytest.raises(MinervaError, match="taken"):
+        type("Bad", (OnLattice,), {"__annotations__": {"links": Column}})
