@@ -16,6 +16,7 @@ from space.worlds import (
 )
 
 from minerva_bus import MinervaError, Reals, evolve
+from minerva_bus.grammar.scene import agents
 from minerva_bus.space import (
     ORDERED,
     SHUFFLED,
@@ -47,6 +48,11 @@ def after(space, frames):
     for number in range(frames):
         scene = evolve(scene, [eStep()], [type(space)], Frame(number, seed=4)).scene
     return scene
+
+
+def state(space, frames):
+    (node,) = agents(after(space, frames))
+    return node.state
 
 
 @pytest.mark.parametrize("make", [meadow, flock, town])
@@ -181,10 +187,7 @@ def test_shuffled_rules_have_another_order_in_each_frame(as_python):
 )
 def test_near_finds_the_rows_that_all_pairs_give(as_python, periodic, width, height, sight):
     space = flock(40, float(width), float(height), periodic, float(sight))
-    birds = Bird.read(space.birds)
-    Type = type(space)
-    step = evolve(space.string, [eStep()], [Type]).scene.nodes[0].state["birds"]
-    birds = Bird.read(step)
+    birds = Bird.read(state(space, 1)["birds"])
     dx, dy = birds.x - birds.x[:, None], birds.y - birds.y[:, None]
     if periodic:
         dx -= width * np.round(dx / width)
@@ -212,8 +215,7 @@ def test_within_finds_the_rows_that_all_pairs_give(as_python, periodic, radius):
 
 
 def test_a_cell_has_at_most_one_resident_if_all_move_to_free_cells(as_python):
-    state = after(town(50, 8), 5).nodes[0].state
-    cells = Resident.read(state["residents"]).cell
+    cells = Resident.read(state(town(50, 8), 5)["residents"]).cell
     assert len(set(cells.tolist())) == 50
 
 
