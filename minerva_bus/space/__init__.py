@@ -1,9 +1,9 @@
 """Spaces: lattices and fields whose inhabitants follow compiled rules; see `Space` and `rule`."""
 
 from minerva_bus.space.draws import Draws, chance, integers, random, shuffle, uniform
-from minerva_bus.space.field import Field, go_to, near
+from minerva_bus.space.field import FieldGrid, go_to, near
 from minerva_bus.space.kernels import interpreted, kernel
-from minerva_bus.space.lattice import Lattice, beside, next_cell
+from minerva_bus.space.lattice import CellGrid, beside, next_cell
 from minerva_bus.space.occupancy import copy, move_to, random_at, random_free, remove, within
 from minerva_bus.space.rules import ORDERED, SHUFFLED, SIMULTANEOUS, Activation, rule
 from minerva_bus.space.space import Space
@@ -14,11 +14,11 @@ __all__ = [
     "SHUFFLED",
     "SIMULTANEOUS",
     "Activation",
+    "CellGrid",
     "Column",
     "Draws",
-    "Field",
+    "FieldGrid",
     "InField",
-    "Lattice",
     "OnLattice",
     "Space",
     "beside",

@@ -25,7 +25,7 @@ _SHOWN: Final = 6
 
 
 @dataclass(slots=True)
-class Driver:
+class RuleLoop:
     """The function `drive` of a source, whose kernels and tuples are in `scope`.
 
     Attributes:
@@ -78,11 +78,11 @@ class Driver:
         return blake2b("\n".join(parts).encode(), digest_size=12).hexdigest()
 
 
-def around(kernel: Kernel[..., Any], types: Sequence[str]) -> Driver:
+def around(kernel: Kernel[..., Any], types: Sequence[str]) -> RuleLoop:
     """A driver that passes its arguments to a kernel; `types` are those of numba."""
     arguments = ", ".join([f"a{number}" for number in range(len(types))])
     source = f"def drive({arguments}):\n    kernel({arguments})\n"
-    return Driver(kernel.__name__, source, {"kernel": kernel}, f"void({', '.join(types)})")
+    return RuleLoop(kernel.__name__, source, {"kernel": kernel}, f"void({', '.join(types)})")
 
 
 def _drive(source: str, file: str, scope: dict[str, Any]) -> Function:

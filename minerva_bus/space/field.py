@@ -8,7 +8,7 @@ from minerva_bus.space.kernels import kernel
 from minerva_bus.space.occupancy import FIRST, NEXT, move_to, span
 
 
-class Field(NamedTuple):
+class FieldGrid(NamedTuple):
     """A rectangle, divided into cells for the search.
 
     Attributes:
@@ -28,7 +28,7 @@ class Field(NamedTuple):
 
 
 @kernel
-def cell_of(field: Field, x: float, y: float) -> int:
+def cell_of(field: FieldGrid, x: float, y: float) -> int:
     """The cell that contains a position; positions outside belong to the nearest cell."""
     column = min(max(int(x / field.width * field.across), 0), field.across - 1)
     row = min(max(int(y / field.height * field.down), 0), field.down - 1)
@@ -64,7 +64,7 @@ def go_to(table: Any, i: int, x: float, y: float) -> None:
 def near(table: Any, x: float, y: float, radius: float, other_than: int) -> int:
     """Find the rows within a Euclidean distance of a position, without row `other_than`.
 
-    Returns their number n. `table.found`, `table.dx` and `table.dy` then have the n rows and their
+    Returns their number n. `table.nearby`, `table.dx` and `table.dy` then have the n rows and their
     differences to the position, until the next search. Their order depends on the cells only, so
     sums over them have the same bits everywhere.
     """
@@ -85,7 +85,7 @@ def near(table: Any, x: float, y: float, radius: float, other_than: int) -> int:
                 if field.periodic:
                     dx, dy = shorter(dx, field.width), shorter(dy, field.height)
                 if j != other_than and dx * dx + dy * dy <= square:
-                    table.found[count], table.dx[count], table.dy[count] = j, dx, dy
+                    table.nearby[count], table.dx[count], table.dy[count] = j, dx, dy
                     count += 1
                 j = table.links[NEXT, j]
     return count

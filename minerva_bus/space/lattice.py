@@ -8,7 +8,7 @@ from minerva_bus.space.draws import Draws, integers
 from minerva_bus.space.kernels import kernel
 
 
-class Lattice(NamedTuple):
+class CellGrid(NamedTuple):
     """Width and height in cells, and whether opposite edges are connected."""
 
     width: int
@@ -17,7 +17,7 @@ class Lattice(NamedTuple):
 
 
 @kernel
-def beside(lattice: Lattice, cell: int, dx: int, dy: int) -> int:
+def beside(lattice: CellGrid, cell: int, dx: int, dy: int) -> int:
     """The cell at a distance of dx columns and dy rows; -1 if it is outside."""
     x, y = cell % lattice.width + dx, cell // lattice.width + dy
     if 0 <= x < lattice.width and 0 <= y < lattice.height:
@@ -28,7 +28,7 @@ def beside(lattice: Lattice, cell: int, dx: int, dy: int) -> int:
 
 
 @kernel
-def next_cell(lattice: Lattice, cell: int, draws: Draws) -> int:
+def next_cell(lattice: CellGrid, cell: int, draws: Draws) -> int:
     """A random one of the (up to) 8 cells around a cell."""
     while True:
         place = integers(draws, 0, 8)

@@ -112,7 +112,7 @@ def random_free(table: Any, draws: Draws) -> int:
 def within(table: Any, cell: int, radius: int) -> int:
     """Find the rows within a Chebyshev distance of a cell, including its own.
 
-    Returns their number n. `table.found` then has the n rows, by cell from the first row of cells
+    Returns their number n. `table.nearby` then has the n rows, by cell from the first row of cells
     on, until the next search.
     """
     lattice, count = table.lattice, 0
@@ -123,7 +123,7 @@ def within(table: Any, cell: int, radius: int) -> int:
         for u in range(left, right):
             j = table.places[FIRST, v % lattice.height * lattice.width + u % lattice.width]
             while j >= 0:
-                table.found[count] = j
+                table.nearby[count] = j
                 count, j = count + 1, table.links[NEXT, j]
     return count
 

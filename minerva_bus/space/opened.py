@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.types import Reals
 from minerva_bus.space.compiling import around
-from minerva_bus.space.field import Field, cell_of
+from minerva_bus.space.field import FieldGrid, cell_of
 from minerva_bus.space.kernels import kernel
-from minerva_bus.space.lattice import Lattice
+from minerva_bus.space.lattice import CellGrid
 from minerva_bus.space.occupancy import (
     ALIVE,
     FIRST,
@@ -24,7 +24,7 @@ from minerva_bus.space.occupancy import (
     SLOT,
     VACANT,
 )
-from minerva_bus.space.tables import INDEX, Column, InField, Rows, Table, columns_of
+from minerva_bus.space.tables import INDEX, Column, InField, Inhabitants, Rows, columns_of
 
 _PER_CELL: Final = 2
 """Inhabitants per cell of a field's search, on average."""
@@ -34,16 +34,16 @@ _PER_CELL: Final = 2
 class Opened:
     """The arrays of one table during a frame; `old` is its matrix in the string."""
 
-    kind: type[Table]
+    kind: type[Inhabitants]
     old: Reals
     arrays: dict[str, NDArray[Any]]
-    shape: Lattice | Field
+    shape: CellGrid | FieldGrid
 
     @staticmethod
     def of(
-        kind: type[Table],
+        kind: type[Inhabitants],
         matrix: Reals,
-        lattice: Lattice,
+        lattice: CellGrid,
         extent: tuple[float, float],
         births: Rows,
     ) -> Opened:
@@ -75,7 +75,7 @@ class Opened:
 
     def _enter(self, count: int) -> None:
         arrays, cells = self.arrays, self.arrays["cell"]
-        if isinstance(self.shape, Field):
+        if isinstance(self.shape, FieldGrid):
             row = self.kind.names.index("x")
             field = self.shape
             x, y = arrays["values"][row : row + 2]
@@ -114,11 +114,11 @@ class Opened:
 
     def _extra(self) -> list[Any]:
         arrays, capacity = self.arrays, len(self.arrays["cell"])
-        if "found" not in arrays or len(arrays["found"]) != capacity:
-            arrays |= {"found": np.empty(capacity, np.int64), "apart": np.empty((2, capacity))}
-        if isinstance(self.shape, Lattice):
-            return [arrays["found"], *self.shape]
-        return [arrays["found"], *arrays["apart"], *self.shape]
+        if "nearby" not in arrays or len(arrays["nearby"]) != capacity:
+            arrays |= {"nearby": np.empty(capacity, np.int64), "apart": np.empty((2, capacity))}
+        if isinstance(self.shape, CellGrid):
+            return [arrays["nearby"], *self.shape]
+        return [arrays["nearby"], *arrays["apart"], *self.shape]
 
     def close(self) -> Reals:
         """The matrix of the remaining rows and of newborns, in their order."""
@@ -133,17 +133,17 @@ class Opened:
         return matrix
 
 
-def _cells(shape: Lattice | Field) -> int:
-    if isinstance(shape, Field):
+def _cells(shape: CellGrid | FieldGrid) -> int:
+    if isinstance(shape, FieldGrid):
         return shape.across * shape.down
     return shape.width * shape.height
 
 
-def _field(extent: tuple[float, float], periodic: bool, count: int) -> Field:
+def _field(extent: tuple[float, float], periodic: bool, count: int) -> FieldGrid:
     width, height = extent
     spacing = (width * height * _PER_CELL / max(count, 1)) ** 0.5
     across, down = max(1, int(width / spacing)), max(1, int(height / spacing))
-    return Field(width, height, periodic, across, down)
+    return FieldGrid(width, height, periodic, across, down)
 
 
 @kernel
@@ -170,7 +170,7 @@ def locate(
     cell: Rows, x: Column, y: Column, width: float, height: float, across: int, down: int
 ) -> None:
     """The cell of each position in a field."""
-    field = Field(width, height, False, across, down)
+    field = FieldGrid(width, height, False, across, down)
     for i in range(len(x)):
         cell[i] = cell_of(field, x[i], y[i])
 

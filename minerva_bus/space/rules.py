@@ -11,13 +11,13 @@ from typing import Any, Final, get_type_hints
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.types import Cells, Reals
-from minerva_bus.space.compiling import Driver
+from minerva_bus.space.compiling import RuleLoop
 from minerva_bus.space.draws import Draws, shuffle
-from minerva_bus.space.field import Field
+from minerva_bus.space.field import FieldGrid
 from minerva_bus.space.kernels import Kernel
-from minerva_bus.space.lattice import Lattice
+from minerva_bus.space.lattice import CellGrid
 from minerva_bus.space.occupancy import ALIVE, ROWS, TOO_MANY
-from minerva_bus.space.tables import InField, Table, columns_of
+from minerva_bus.space.tables import InField, Inhabitants, columns_of
 
 
 class Activation(Enum):
@@ -42,22 +42,26 @@ _INDEX_TYPES: Final = (
     "float64[:, ::1]", "int64[:, ::1]", "int64[:, ::1]", "int64[::1]", "int64[::1]", "int64[::1]",
 )  # fmt: skip
 _SHAPES: Final = {
-    Lattice: ("int64", "int64", "boolean"),
-    Field: ("float64", "float64", "boolean", "int64", "int64"),
+    CellGrid: ("int64", "int64", "boolean"),
+    FieldGrid: ("float64", "float64", "boolean", "int64", "int64"),
 }
 
 
 @dataclass(frozen=True)
-class Parameter:
+class RuleParameter:
     """A parameter of a rule: an attribute of the space, or a number, by its name."""
 
     name: str
     type: Any
 
     @cached_property
-    def table(self) -> type[Table] | None:
+    def table(self) -> type[Inhabitants] | None:
         """The class of a table."""
-        return self.type if isinstance(self.type, type) and issubclass(self.type, Table) else None
+        return (
+            self.type
+            if isinstance(self.type, type) and issubclass(self.type, Inhabitants)
+            else None
+        )
 
     @cached_property
     def matrix(self) -> bool:
@@ -70,19 +74,19 @@ class Parameter:
         if self.table is not None:
             columns = ["float64[::1]"] * len(columns_of(self.table))
             field = issubclass(self.table, InField)
-            found = ["int64[::1]", *["float64[::1]"] * 2 * field]
-            shape = _SHAPES[Field if field else Lattice]
-            return [*_INDEX_TYPES, *columns, *found, *shape]
+            nearby = ["int64[::1]", *["float64[::1]"] * 2 * field]
+            shape = _SHAPES[FieldGrid if field else CellGrid]
+            return [*_INDEX_TYPES, *columns, *nearby, *shape]
         if self.type == Draws:
             return ["uint64[::1]"]
-        if self.type is Lattice:
-            return [*_SHAPES[Lattice]]
+        if self.type is CellGrid:
+            return [*_SHAPES[CellGrid]]
         return [
             next((t for matrix, t in _MATRICES if self.type == matrix), "") or _NUMBERS[self.type]
         ]
 
 
-class Rule:
+class SpaceRule:
     """A rule with its parameters; see `rule`."""
 
     def __init__(self, function: Callable[..., None], order: Activation, births: int) -> None:
@@ -95,11 +99,11 @@ class Rule:
         self.drive = self._driver()
 
     @property
-    def subject(self) -> Parameter:
+    def subject(self) -> RuleParameter:
         """The table or matrix for whose rows or cells it runs."""
         return self.parameters[0]
 
-    def _driver(self) -> Driver:
+    def _driver(self) -> RuleLoop:
         """A loop over rows; it stops early if a table has too little room for newborns."""
         heads, types, calls, scope = self._arguments()
         tables = [n for n, p in enumerate(self.parameters) if p.table and p.name != BEFORE]
@@ -123,7 +127,7 @@ class Rule:
             ]
         lines += ["    return len(rows)", ""]
         signature = f"int64({', '.join(['int64', 'int64[::1]', 'uint64[::1]', *types])})"
-        return Driver(self.name, "\n".join(lines), scope, signature)
+        return RuleLoop(self.name, "\n".join(lines), scope, signature)
 
     def _arguments(self) -> tuple[list[str], list[str], list[str], dict[str, Any]]:
         """Arguments of the driver with their types, and the parameters that they form."""
@@ -137,12 +141,12 @@ class Rule:
         return heads, types, calls, scope
 
 
-def rule(order: Activation, *, births: int = 1) -> Callable[[Callable[..., None]], Rule]:
+def rule(order: Activation, *, births: int = 1) -> Callable[[Callable[..., None]], SpaceRule]:
     """Mark a function `(i, subject, ...)` as a rule of a space, run by `Space.run`.
 
     `i` is a row of `subject`, a table, or a cell of it, a matrix. Other parameters are, by name and
     annotation: tables and matrices (`Cells`, `Reals`: arrays of shape (cells,)) of the space,
-    `Lattice`, `Draws`, and numbers, from attributes of the space or from `Space.run`. With
+    `CellGrid`, `Draws`, and numbers, from attributes of the space or from `Space.run`. With
     SIMULTANEOUS, the parameter `before` is the subject as it was before the rule.
 
     Args:
@@ -159,39 +163,42 @@ def rule(order: Activation, *, births: int = 1) -> Callable[[Callable[..., None]
 
     """
 
-    def mark(function: Callable[..., None]) -> Rule:
-        return Rule(function, order, births)
+    def mark(function: Callable[..., None]) -> SpaceRule:
+        return SpaceRule(function, order, births)
 
     return mark
 
 
-def _built(parameter: Parameter, names: list[str], number: int, scope: dict[str, Any]) -> str:
+def _built(parameter: RuleParameter, names: list[str], number: int, scope: dict[str, Any]) -> str:
     """The expression of a parameter's value from the arguments of the driver."""
     if parameter.table is not None:
-        kind, shape = parameter.table, Field if issubclass(parameter.table, InField) else Lattice
+        kind, shape = (
+            parameter.table,
+            FieldGrid if issubclass(parameter.table, InField) else CellGrid,
+        )
         scope |= {f"T{number}": kind.type, shape.__name__: shape}
         size = len(_SHAPES[shape])
         inner = f"{shape.__name__}({', '.join(names[-size:])})"
         return f"T{number}({', '.join([*names[:-size], inner])})"
-    if parameter.type is Lattice:
-        scope["Lattice"] = Lattice
-        return f"Lattice({', '.join(names)})"
+    if parameter.type is CellGrid:
+        scope["CellGrid"] = CellGrid
+        return f"CellGrid({', '.join(names)})"
     return names[0]
 
 
-def _parameters(function: Callable[..., None], name: str) -> tuple[Parameter, ...]:
+def _parameters(function: Callable[..., None], name: str) -> tuple[RuleParameter, ...]:
     hints = get_type_hints(function)
     names = list(inspect.signature(function).parameters)
-    parameters = tuple([Parameter(each, hints.get(each)) for each in names[1:]])
+    parameters = tuple([RuleParameter(each, hints.get(each)) for each in names[1:]])
     if not parameters or not (parameters[0].table or parameters[0].matrix):
         raise MisuseError(
             f"{name}: expected (i: int, subject, ...), where the subject is a table, Cells or Reals"
         )
-    known = (Draws, Lattice, Cells, Reals, *_NUMBERS)
+    known = (Draws, CellGrid, Cells, Reals, *_NUMBERS)
     for parameter in parameters:
         if parameter.table is None and not any(parameter.type == each for each in known):
             raise MisuseError(
-                f"{name}: {parameter.name} must be a table, Cells, Reals, Draws, Lattice, int,"
+                f"{name}: {parameter.name} must be a table, Cells, Reals, Draws, CellGrid, int,"
                 f" float or bool, not {parameter.type}"
             )
         if parameter.name == BEFORE and parameter.type != parameters[0].type:

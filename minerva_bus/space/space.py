@@ -20,10 +20,10 @@ import numpy as np
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.space.draws import Draws
-from minerva_bus.space.lattice import Lattice
+from minerva_bus.space.lattice import CellGrid
 from minerva_bus.space.occupancy import ROWS
 from minerva_bus.space.opened import Opened
-from minerva_bus.space.rules import BEFORE, Parameter, Rule
+from minerva_bus.space.rules import BEFORE, RuleParameter, SpaceRule
 from minerva_bus.world.agent import Agent
 from minerva_bus.world.context import Context
 
@@ -44,7 +44,7 @@ class Space(Agent):
     periodic: bool = False
     births: int = 0
 
-    def run(self, moment: Context, *rules: Rule, **data: float) -> None:
+    def run(self, moment: Context, *rules: SpaceRule, **data: float) -> None:
         """Apply rules in turn.
 
         Args:
@@ -70,12 +70,12 @@ class _InFrame:
         self._space = space
         self._moment = moment
         self._data = data
-        self._lattice = Lattice(int(space.width), int(space.height), space.periodic)
+        self._lattice = CellGrid(int(space.width), int(space.height), space.periodic)
         self._births = np.array([space.births])
         self._draws: Draws = np.array([moment.chance.word], np.uint64)
         self._tables: dict[str, Opened] = {}
 
-    def apply(self, rule: Rule) -> None:
+    def apply(self, rule: SpaceRule) -> None:
         """Run a rule for all rows that exist at its start."""
         subject = rule.subject
         rows = np.arange(self._count(subject))
@@ -99,22 +99,22 @@ class _InFrame:
         self._space.births = int(self._births[0])
         self._moment.chance.word = int(self._draws[0])
 
-    def _count(self, subject: Parameter) -> int:
+    def _count(self, subject: RuleParameter) -> int:
         if subject.table is not None:
             return int(self._table(subject).arrays["counts"][ROWS])
         return self._attribute(subject).size
 
-    def _snapshot(self, subject: Parameter) -> list[Any]:
+    def _snapshot(self, subject: RuleParameter) -> list[Any]:
         if subject.table is not None:
             return self._table(subject).snapshot().arguments()
         return [argument.copy() for argument in self._arguments(subject)]
 
-    def _arguments(self, parameter: Parameter) -> list[Any]:
+    def _arguments(self, parameter: RuleParameter) -> list[Any]:
         if parameter.table is not None:
             return self._table(parameter).arguments()
         if parameter.type == Draws:
             return [self._draws]
-        if parameter.type is Lattice:
+        if parameter.type is CellGrid:
             return [*self._lattice]
         if parameter.matrix:
             self._attribute(parameter)
@@ -123,7 +123,7 @@ class _InFrame:
             return [self._data[parameter.name]]
         return [self._attribute(parameter)]
 
-    def _table(self, parameter: Parameter) -> Opened:
+    def _table(self, parameter: RuleParameter) -> Opened:
         opened = self._tables.get(parameter.name)
         if opened is None:
             kind: Any = parameter.table
@@ -133,7 +133,7 @@ class _InFrame:
             self._tables[parameter.name] = opened
         return opened
 
-    def _attribute(self, parameter: Parameter) -> Any:
+    def _attribute(self, parameter: RuleParameter) -> Any:
         if parameter.name not in self._space.kind.fields.names:
             raise MisuseError(
                 f"{self._space.kind.name} has no attribute {parameter.name}, which a rule expects;"

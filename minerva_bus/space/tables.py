@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 
 from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.grammar.types import Reals
-from minerva_bus.space.field import Field
-from minerva_bus.space.lattice import Lattice
+from minerva_bus.space.field import FieldGrid
+from minerva_bus.space.lattice import CellGrid
 
 Column: TypeAlias = NDArray[np.float64]
 """A declared name of a table, shape (n,)."""
@@ -30,7 +30,7 @@ INDEX: Final = ("values", "links", "places", "counts", "births", "cell")
 """Arrays of every table in a rule, before its columns (minerva_bus.space.occupancy)."""
 
 
-class Table:
+class Inhabitants:
     """Base of tables; `OnLattice` and `InField` give their inhabitants a position.
 
     In a rule, columns are arrays of shape (capacity,) that are indexed by a row: `sheep.energy[i]`.
@@ -107,28 +107,28 @@ class Table:
             )
 
 
-class OnLattice(Table):
+class OnLattice(Inhabitants):
     """Inhabitants in cells of a lattice; any number may share a cell."""
 
     position = ("cell",)
-    extra = ("found", "lattice")
-    found: Rows
-    lattice: Lattice
+    extra = ("nearby", "lattice")
+    nearby: Rows
+    lattice: CellGrid
 
 
-class InField(Table):
+class InField(Inhabitants):
     """Inhabitants at positions (x, y) of a continuous field."""
 
     position = ("x", "y")
-    extra = ("found", "dx", "dy", "field")
+    extra = ("nearby", "dx", "dy", "field")
     x: Column
     y: Column
-    found: Rows
+    nearby: Rows
     dx: Column
     dy: Column
-    field: Field
+    field: FieldGrid
 
 
-def columns_of(table: type[Table]) -> Sequence[str]:
+def columns_of(table: type[Inhabitants]) -> Sequence[str]:
     """The names that a rule sees as arrays of numbers."""
     return [name for name in table.names if name not in ("id", "cell")]

@@ -30,7 +30,7 @@ def fly(
     vx = vy = 0.0
     count = near(birds, birds.x[i], birds.y[i], sight, i)
     for k in range(count):
-        j, dx, dy = birds.found[k], birds.dx[k], birds.dy[k]
+        j, dx, dy = birds.nearby[k], birds.dx[k], birds.dy[k]
         vx += cohere * dx + match * birds.vx[j]
         vy += cohere * dy + match * birds.vy[j]
         if dx * dx + dy * dy < separation * separation:

@@ -7,13 +7,13 @@ import numpy as np
 from benchmarks.comparison.parameters import ForestFire
 from benchmarks.comparison.stepping import stepped
 from minerva_bus import Cells, on
-from minerva_bus.space import SIMULTANEOUS, Lattice, Space, beside, rule
+from minerva_bus.space import SIMULTANEOUS, CellGrid, Space, beside, rule
 
 TREE, FIRE, BURNT = 1, 2, 3
 
 
 @rule(SIMULTANEOUS)
-def burn(cell: int, forest: Cells, before: Cells, lattice: Lattice):
+def burn(cell: int, forest: Cells, before: Cells, lattice: CellGrid):
     if before[cell] == FIRE:
         forest[cell] = BURNT
     elif before[cell] == TREE:

@@ -30,7 +30,7 @@ class Resident(OnLattice):
 def settle(i: int, residents: Resident, radius: int, wanted: int, draws: Draws):
     similar = 0
     for k in range(within(residents, residents.cell[i], radius)):
-        j = residents.found[k]
+        j = residents.nearby[k]
         similar += j != i and residents.group[j] == residents.group[i]
     residents.happy[i] = similar >= wanted
     if similar < wanted:
