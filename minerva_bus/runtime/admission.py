@@ -274,7 +274,12 @@ class Admission:
         self.rules.count(linked.name)
         if linked not in self._linked(linked.name):
             return  # The link has closed in the meantime.
-        done = "is cut" if cut(linked) else "cannot be cut, but its messages are ignored"
+        if cut(linked):
+            done = "is cut"
+        elif linked.shares_socket:
+            done = "cannot be cut, but its messages are ignored"
+        else:
+            done = "has closed"  # Zenoh reports that with a delay.
         self._say_once(
             linked.name, f"its certificate was revoked; its link from {linked.address} {done}"
         )

@@ -14,8 +14,9 @@ from minerva_bus.errors import BusError, ProtocolError, SceneError
 from minerva_bus.frame import messages as m
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.runtime.asking import AskingOperator, ask, question_key
+from minerva_bus.runtime.diagnosis import not_let_in
 from minerva_bus.runtime.inbox import Watch
-from minerva_bus.runtime.session import not_let_in, open_client
+from minerva_bus.runtime.session import open_client
 from minerva_bus.security.credentials import Credentials
 from minerva_bus.wire.codec import Decoder
 from minerva_bus.wire.keys import COORDINATOR, Keys

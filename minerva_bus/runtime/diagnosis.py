@@ -88,8 +88,18 @@ def obstacle(endpoint: Endpoint, own: Credentials | None, patience: float) -> st
         return str(error)
     # The TLS link itself works, so the port is the right one.
     if trouble in ("", _NO_ZENOH):
-        return f"something listens at {endpoint.text}, but the world is not there"
+        return f"something listens at {endpoint.text}, but the world is not there{not_let_in(own)}"
     return f"{endpoint.text}: {trouble}"
+
+
+def not_let_in(own: Credentials | None) -> str:
+    """Another possible reason for no answer from a secured world, to end an error message."""
+    if own is None:
+        return ""
+    return (
+        f"; or it rejects {own.name}, whose certificate may have been revoked, or issued after the"
+        " world began"
+    )
 
 
 def _trouble_with_tls(endpoint: Endpoint, own: Credentials | None, patience: float) -> str:

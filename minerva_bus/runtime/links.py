@@ -28,6 +28,11 @@ class Linked:
     name: str
     address: str
 
+    @property
+    def shares_socket(self) -> bool:
+        """Whether the link has no socket of its own."""
+        return self.address.startswith("quic/")
+
 
 class Links:
     """The secured links of a session. `notify` is called in threads of Zenoh for each new one."""
@@ -62,7 +67,7 @@ class Links:
 
 
 def cut(linked: Linked) -> bool:
-    """Shut down a link's socket; False if it has none of its own, as with QUIC."""
+    """Shut down a link's socket; False if it has none: it shares one, or has closed."""
     for connection in sockets_to(linked.address):
         with suppress(OSError):
             # Not `close`: this is a copy of Zenoh's descriptor, and

@@ -18,11 +18,11 @@ from minerva_bus.grammar.batch import AnyEvent, Events
 from minerva_bus.grammar.events import Event
 from minerva_bus.runtime.arrival import ARRIVAL, Arrival, GreetingTimer, Ungreeted
 from minerva_bus.runtime.asking import AskingOperator, ask, question_key
+from minerva_bus.runtime.diagnosis import not_let_in
 from minerva_bus.runtime.inbox import Inbox, KeyedSample, keyed_sample
 from minerva_bus.runtime.own_threads import Leave, OwnThreads, Published, Pulse, ReportFigures
 from minerva_bus.runtime.reconnect import CheckConnection, Diagnosed, ReconnectMonitor
 from minerva_bus.runtime.rejoin import ReclaimName, Rejoin
-from minerva_bus.runtime.session import not_let_in
 from minerva_bus.runtime.system import REAL, System, run_through
 from minerva_bus.runtime.world_link import WorldLink
 from minerva_bus.security.credentials import Credentials
@@ -45,6 +45,9 @@ ANSWERED_WITHIN: Final = 1.0
 # (`monitor.BACK_WITHIN`): a member that still runs is back before it is given up.
 BACK_WITHIN: Final = 5.0
 """Seconds after which a member gives up a world that it has lost."""
+
+MAX_LOSSES: Final = 3
+"""Consecutive losses of a secured link without a greeting after which a member gives up."""
 
 POLL_SECONDS: Final = 0.02
 """Interval in seconds between checks for the world or for a free name."""
@@ -295,6 +298,18 @@ class MemberProcess:
             self._rejoin.restored(self._session)
         else:
             self._rejoin.lost()
+            self._check_admitted()
+
+    def _check_admitted(self) -> None:
+        """Raise BusError if the coordinator cuts each link of this member.
+
+        A revoked certificate receives no message with the reason, because it must receive nothing.
+        """
+        if self._connect.own is not None and self._rejoin.losses >= MAX_LOSSES:
+            raise BusError(
+                f"the world {self.link.keys.world!r} cuts each link of {self.member.name}: its"
+                " certificate was probably revoked (minerva keys list, where the world runs)"
+            )
 
     def _on_event(self, event: AnyEvent) -> None:
         self.link.send(self.member.emitted(event))
@@ -313,7 +328,7 @@ class MemberProcess:
         # The time-out and the greeting may have crossed.
         if self.member.world is not None:
             return
-        if not self._greeting.expired and not self._is_answered():
+        if not self._greeting.expired and not self._is_status_answered():
             self._notify(f"{self.member.name}: the world is busy; waiting for its greeting")
             self._greeting.restart()
             return
@@ -322,13 +337,10 @@ class MemberProcess:
             " is that its name (minerva list)?"
         )
 
-    def _is_answered(self) -> bool:
-        """Whether the coordinator answers questions."""
+    def _is_status_answered(self) -> bool:
+        """Whether the coordinator answers questions. Raises BusError for a rejection."""
         key = question_key(self.link.keys.world, self._connect.own)
-        try:
-            return ask(self._session, key, "status", ANSWERED_WITHIN, {}) is not None
-        except BusError:
-            return True  # A rejection is an answer, too.
+        return ask(self._session, key, "status", ANSWERED_WITHIN, {}) is not None
 
     def _on_pulse(self, _: Pulse) -> bool:
         """Call the service's `pulse`; False when the service leaves."""

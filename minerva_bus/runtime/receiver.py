@@ -99,6 +99,9 @@ class Receiver:
     def appear(self, appeared: s.Appeared) -> None:
         """Admit a member whose token appeared, unless it is shut out or there are too many."""
         if self._admission.keeps_out(appeared.member):
+            # A link that shares its socket (QUIC) cannot be cut: its member waits for an answer.
+            if reason := self._admission.rules.shut_out(appeared.member):
+                self._transport.send(appeared.member, m.Refused(reason))
             return
         if self._members.knows(appeared.member) or self._members.count < self._max_members:
             self._handle(appeared)

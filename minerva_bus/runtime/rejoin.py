@@ -87,14 +87,18 @@ class Rejoin:
         self._put = put
         self._system = system
         self._since = 0.0
+        self.losses: int = 0
 
     def lost(self) -> None:
         """The coordinator's token is gone: the world has ended, or the link is interrupted.
 
         Another member may take the name in between. So the member ignores coordinators until one
-        greets it again, and reclaims its name only once that is free.
+        greets it again, and reclaims its name only once that is free. `losses` counts the losses
+        since the last greeting.
         """
         if not self.monitor.away:
+            # The link has a stamp only while a coordinator has greeted the member.
+            self.losses = 0 if self._link.stamp else self.losses + 1
             self.monitor.lost()
             self.name.release()
             self._link.lost()

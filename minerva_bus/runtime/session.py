@@ -226,16 +226,6 @@ def end_at_once(code: int) -> None:
         os._exit(code)
 
 
-def not_let_in(own: Credentials | None) -> str:
-    """Another possible reason for no answer from a secured world, to end an error message."""
-    if own is None:
-        return ""
-    return (
-        f"; or it rejects {own.name}, whose certificate may have been revoked, or issued after the"
-        " world began"
-    )
-
-
 def _connecting(endpoints: list[str], within: float) -> dict[str, Any]:
     return {
         "connect/endpoints": endpoints,

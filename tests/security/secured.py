@@ -1,6 +1,5 @@
 """A secured world, and members that try to join it."""
 
-import re
 import sys
 import threading
 from pathlib import Path
@@ -15,22 +14,23 @@ from minerva_bus.security.certificates import Wanted
 from minerva_bus.security.credentials import Credentials
 from minerva_bus.security.keys import KeyFolder
 
-BUS = 'listen = "tls/127.0.0.1:0"\nkeys = "keys"\n'
+LISTEN = "tls/127.0.0.1:0"
 
 
-def keyed_world(folder, issue, bus="", members=MEMBERS, **world):
+def keyed_world(folder, issue, bus="", members=MEMBERS, listen=LISTEN, **world):
     """A world file with keys beside it; `issue` maps names to the requested certificates."""
     keys = KeyFolder(folder / "keys")
     keys.init()
     for name, wanted in issue.items():
         keys.issue(name, Wanted(**wanted))
-    return write_world(folder, members, bus=BUS + bus, **world), keys
+    bus = f'listen = "{listen}"\nkeys = "keys"\n{bus}'
+    return write_world(folder, members, bus=bus, **world), keys
 
 
 def secured_endpoint(world):
     """The endpoint of a world for processes other than its own."""
-    line = world.says("coordinator │ listens at tls/")
-    return re.search(r"listens at (\S+);", line).group(1)
+    line = world.says("coordinator │ listens at")
+    return line.partition("listens at ")[2].partition(";")[0]
 
 
 def stolen(folder, name, roles=()):

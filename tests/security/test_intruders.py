@@ -27,6 +27,7 @@ from secured import (
     keyed_world,
     present,
     refused,
+    secured_endpoint,
     status,
     stolen,
 )
@@ -51,6 +52,7 @@ ISSUED = {
     "narrow": {"roles": ("agent",), "kinds": ("AFragile",)},
     "revoked": GENERATOR,
     "fallen": GENERATOR,
+    "late": GENERATOR,
 }
 
 
@@ -153,6 +155,33 @@ def test_revoking_removes_a_running_member(world, door, keys):
         assert world.members()["fallen"]["state"] == "left"
         goes_on(world)
         assert refused(world, "fallen") > 0
+
+
+def test_a_member_whose_certificate_is_revoked_is_informed_when_it_joins(world, door, keys):
+    own = keys.credentials("late")
+    keys.revoke("late")
+    with Joined(world, door, own, yard.Noise()) as joined:
+        assert "revoked" in joined.ends()
+    # The world has read the revocation list by now, so this member's links are cut.
+    with Joined(world, door, own, yard.Noise()) as joined:
+        assert "late" in joined.ends()
+        assert "revoked" in str(joined.result)
+        assert not any("busy" in line for line in joined.told)
+    world.says("late │ its certificate was revoked; its link")
+    assert "cannot be cut" not in world.text
+    goes_on(world)
+
+
+def test_a_link_that_cannot_be_cut_receives_the_reason(tmp_path):
+    path, keys = keyed_world(tmp_path, {"late": GENERATOR}, listen="quic/127.0.0.1:0", frames=0)
+    with World(path) as world:
+        world.runs("steps")
+        door, own = secured_endpoint(world), keys.credentials("late")
+        keys.revoke("late")
+        for _ in range(2):
+            with Joined(world, door, own, yard.Noise()) as joined:
+                assert "its certificate was revoked" in joined.ends()
+        world.says("late │ its certificate was revoked; its link", "cannot be cut")
 
 
 def test_a_certificate_issued_later_is_valid_after_the_next_start(world, door, keys):
