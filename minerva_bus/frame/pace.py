@@ -56,9 +56,9 @@ class Pace:
         if self.left:
             self.left -= 1
 
-    def pause(self) -> None:
-        """Pause: no frame may begin."""
-        self.left = 0
+    def pause(self, after: int = 0) -> None:
+        """Pause: only this number of further frames may begin."""
+        self.left = after
 
     def resume(self) -> None:
         """Allow any number of frames."""
@@ -79,9 +79,13 @@ class ViewClock:
 
     _last: dict[str, float] = field(default_factory=dict[str, float])
 
-    def due(self, now: float, rates: Mapping[str, float]) -> tuple[str, ...]:
+    def due(
+        self, now: float, rates: Mapping[str, float], *, everything: bool = False
+    ) -> tuple[str, ...]:
         """The visual event types of which a view is due in a frame that begins now."""
-        due = tuple([name for name in sorted(rates) if self._is_due(name, now, rates[name])])
+        due = tuple(
+            [name for name in sorted(rates) if everything or self._is_due(name, now, rates[name])]
+        )
         for event_type in due:
             self._last[event_type] = now
         return due

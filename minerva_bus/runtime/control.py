@@ -210,9 +210,8 @@ def _send(running: Operated, event: Event) -> dict[str, Any]:
 
 
 def _pause(running: Operated, _: Mapping[str, Any]) -> dict[str, Any]:
-    running.pace.pause()
-    running.schedule.repace()
-    return {"frame": running.algorithm.frame}
+    running.schedule.pause()
+    return {"frame": running.schedule.pauses_before}
 
 
 def _resume(running: Operated, _: Mapping[str, Any]) -> dict[str, Any]:
@@ -225,13 +224,9 @@ def _step(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
     frames = as_int(asked.get("frames", 1), "frames", 1)
     if frames > MAX_STEPS:
         raise ProtocolError(f"frames must be a whole number up to {MAX_STEPS}, not {frames}")
-    algorithm = running.algorithm
-    # A frame in progress has been deducted from `left` already.
-    begun = 1 if algorithm.in_frame else 0
-    last = algorithm.frame + begun + (running.pace.left or 0) + frames
     running.pace.step(frames)
     running.schedule.repace()
-    return {"frame": last}
+    return {"frame": running.schedule.pauses_before}
 
 
 def _rate(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:

@@ -41,6 +41,7 @@ class FrameSchedule(Sink):
         self._clock = clock
         self._notify = notify
         self._views = ViewClock()
+        self._omits_views = False
         self._ready = False
 
     @property
@@ -78,7 +79,20 @@ class FrameSchedule(Sink):
             self.runner.refresh()
         self.overruns.began(period, now)
         rates = self._algorithm.members.index.rates
-        return s.Begin(self._views.due(now, rates)) if rates else _BEGIN
+        # No later frame would correct the views if this is the last one before a pause.
+        due = self._views.due(now, rates, everything=self.pace.paused)
+        self._omits_views = len(due) < len(rates)
+        return s.Begin(due) if rates else _BEGIN
+
+    def pause(self) -> None:
+        """Pause, after one more frame if the latest one left out views that were not due yet."""
+        self.pace.pause(after=int(self._omits_views))
+        self.repace()
+
+    @property
+    def pauses_before(self) -> int:
+        """The frame before which the world pauses, if no further frames are requested."""
+        return self._algorithm.frame + self._algorithm.in_frame + (self.pace.left or 0)
 
     def repace(self) -> None:
         """Apply a changed pace: the next frame may begin now, later or not at all."""

@@ -61,6 +61,7 @@ def _said(asked: Asked) -> str:
 def _wrong_pace(observed: Observed, frames: int) -> Iterator[str]:
     """No frame begins after a confirmed pause; after a confirmed step, the requested number do.
 
+    No device of these worlds has a rate, which would allow one more frame after a pause.
     A frame in progress when its coordinator died begins again and counts as the same frame.
     """
     paced = [asked for asked in observed.asked if asked.act.ask in PACE and asked.sent]
