@@ -31,6 +31,7 @@ from minerva_bus.launch.traces import blocked_at
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.runtime.coordinator import Coordinator
 from minerva_bus.runtime.member import RAISED, RAISED_BY_CHANCE
+from minerva_bus.runtime.monitor import MORE_TIME
 from minerva_bus.runtime.session import POOL_BYTES, expect_links
 from minerva_bus.wire.keys import COORDINATOR
 from minerva_bus.wording import counted
@@ -41,9 +42,6 @@ STOP_SECONDS: Final = 1.0
 It is longer than HURRIED_REPORTS_WITHIN (runtime/monitor.py), so that the coordinator can still
 send its report with the digest.
 """
-
-CLOSE_SECONDS: Final = 10.0
-"""Time for members to close their files after the regular end of a world."""
 
 PROFILE_SECONDS: Final = 5.0
 """Time for a member to write its profile after the end of a world."""
@@ -303,7 +301,8 @@ class Supervisor:
         regular = not (ending.failure or ending.interrupts or ending.report.failed)
         # A view may still draw the last frame or write its file; only an interrupt or a failure is
         # urgent.
-        seconds = CLOSE_SECONDS if regular else self._report_seconds
+        running = [process.name for process in self._processes if process.child is not None]
+        seconds = self._file.deadlines.for_output(running) if regular else self._report_seconds
         ending.deadline = self._machine.monotonic() + seconds
 
     def _on_last_line(self, line: str) -> None:
@@ -419,7 +418,8 @@ class Supervisor:
         for process in self._processes:
             if process.child is not None:
                 text = "still running after the end of the world: killing it"
-                self._console.log(process.name, f"{text}; its files may be incomplete", "warning")
+                advice = f"; its files may be incomplete{MORE_TIME}"
+                self._console.log(process.name, f"{text}{advice}", "warning")
 
     def kill_all(self) -> None:
         """Kill all processes, start no others, and wait for their ends."""

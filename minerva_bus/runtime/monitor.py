@@ -27,13 +27,14 @@ GREETED_AGAIN: Final = 1.0
 BACK_WITHIN: Final = 6.0
 """Seconds that members of the previous coordinator have to return to its successor."""
 
-REPORTS_WITHIN: Final = 10.0
-"""Seconds that members have after the last frame to show their last view and to report."""
-
 # Shorter than the launcher waits before it kills the coordinator, which
 # still has to send its final report.
 HURRIED_REPORTS_WITHIN: Final = 0.5
-"""The same time-out if a person or a failure ends the world."""
+"""Seconds for the last view and the report if a person or a failure ends the world."""
+
+
+MORE_TIME: Final = "; hard = 120 under [process.NAME] gives a member more time"
+"""The end of a log line about output that has been given up."""
 
 
 class Monitor:
@@ -49,7 +50,7 @@ class Monitor:
         self._clock = coordinator.system.monotonic
         self._waits = waits
         self._greeted: dict[str, float] = {}
-        self._reports_within = REPORTS_WITHIN
+        self._is_hurried = False
 
     def started(self, member: str) -> None:
         """Note that the launcher starts a member's process; its waiting time begins now."""
@@ -68,7 +69,7 @@ class Monitor:
     def end(self, end: s.End) -> None:
         """End the world; members have less time for reports if its owner waits for the end."""
         if end.failed or end.hurried:
-            self._reports_within = HURRIED_REPORTS_WITHIN
+            self._is_hurried = True
         self._runner.handle(end)
 
     def tick(self, now: float) -> None:
@@ -128,15 +129,19 @@ class Monitor:
 
     def _await_reports(self, now: float) -> None:
         """Log which reports are missing after the last frame; after the time-out end without."""
-        left = self._reports_within - self._meter.waited
+        late = sorted(self._algorithm.waiting_for())
+        within = HURRIED_REPORTS_WITHIN if self._is_hurried else self._waits.for_output(late)
+        left = within - self._meter.waited
         waiting = f"the world has ended; waiting for {{}} for {left:.0f} s"
         self._warn_of(self._waits.reportable(now), waiting, "its last output", "the last output")
         if left > 0:
             return
-        late = sorted(self._algorithm.waiting_for())
         for name in late:
             self._watchers.stalled(name, self._meter.waited)
-        missing = "after the last frame, {} did not come in time and may be missing"
+        missing = (
+            f"after the last frame, {{}} did not come within {within:g} s and may be missing"
+            f"{'' if self._is_hurried else MORE_TIME}"
+        )
         self._warn_of(late, missing, "its output", "the output")
         self._runner.handle(s.End("no report in time"))
 

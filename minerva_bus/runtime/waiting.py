@@ -40,6 +40,10 @@ MAX_NAMED: Final = 3
 """Awaited members that get a log line of their own."""
 
 
+OUTPUT_SECONDS: Final = 10.0
+"""Least time of a member for its last output after the last frame of a world."""
+
+
 @dataclass(frozen=True, slots=True)
 class Patience:
     """Time-outs of a member in seconds: until a warning (`soft`), and until `then` (`hard`)."""
@@ -65,6 +69,13 @@ class Deadlines:
     def of(self, member: str) -> Patience:
         """The time-outs of a member that has joined."""
         return self.own.get(member, self.all)
+
+    def for_output(self, members: Iterable[str]) -> float:
+        """Seconds that members have for their last output after the last frame of a world.
+
+        A picture of a large world takes as long as its views may take, so `hard` applies.
+        """
+        return max([OUTPUT_SECONDS, *(self.of(member).hard for member in members)])
 
     def with_start(self, slowest: float) -> Patience:
         """The time-outs of a member that starts; the slowest start so far took `slowest` s."""
@@ -133,6 +144,10 @@ class Waits:
         if joined or (self._in_frame and own.then != "restart"):
             return own
         return self._deadlines.with_start(self._slowest)
+
+    def for_output(self, members: Iterable[str]) -> float:
+        """Seconds that members have for their last output after the last frame."""
+        return self._deadlines.for_output(members)
 
     def outlook(self, member: str, waited: float, guest: bool) -> str:
         """The end of a log line: the next action for a member and its time; empty without one."""

@@ -6,6 +6,8 @@ import signal
 import pytest
 from running import MEMBERS, Run, World, minerva, write_world
 
+from minerva_bus.runtime.waiting import OUTPUT_SECONDS, Deadlines, Patience
+
 PAINTER = '\n[process.painter]\nservice = "yard:Painter"\n'
 
 
@@ -47,15 +49,29 @@ def test_a_view_that_does_not_finish_is_named(tmp_path):
     with World(path) as world:
         os.kill(world.runs("steps", "walkers", "painter")["painter"], signal.SIGSTOP)
         world.kill(signal.SIGINT)
-        world.says("painter │ after the last frame, its output did not come in time")
+        world.says("painter │ after the last frame, its output did not come within 0.5 s")
         world.ends(patience=5)
 
 
 @pytest.mark.slow
 def test_a_view_that_never_finishes_is_killed(tmp_path):
-    path = write_world(tmp_path, MEMBERS + PAINTER, frames=0)
+    path = write_world(tmp_path, MEMBERS + PAINTER, bus="soft = 1.0\nhard = 1.0", frames=0)
     with World(path) as world:
         os.kill(world.runs("steps", "walkers", "painter")["painter"], signal.SIGSTOP)
         assert minerva(tmp_path, "stop", path.stem).returncode == 0
         world.says("painter │ still running after the end of the world: killing it")
         assert world.ends(patience=5) == 0
+
+
+@pytest.mark.parametrize(
+    ("hard", "own", "names", "seconds"),
+    [
+        (30.0, {}, ["a"], 30.0),
+        (2.0, {}, ["a"], OUTPUT_SECONDS),
+        (30.0, {"a": Patience(1.0, 300.0)}, ["a", "b"], 300.0),
+        (30.0, {"a": Patience(1.0, 300.0)}, ["b"], 30.0),
+        (2.0, {}, [], OUTPUT_SECONDS),
+    ],
+)
+def test_the_last_output_may_take_as_long_as_a_frame(hard, own, names, seconds):
+    assert Deadlines(Patience(1.0, hard), own).for_output(names) == seconds
