@@ -17,6 +17,7 @@ process was killed. Parts in the format Arrow IPC take less time to write.
 from __future__ import annotations
 
 import json
+import secrets
 import shutil
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -121,6 +122,8 @@ class TableParts:
         if len(parts) == 1 and parts[0].suffix == final.suffix:
             parts[0].replace(final)
             return
+        # A frozen process may still have this file open, and must not write into the new one.
+        self._draft(name).unlink(missing_ok=True)
         join_parts(parts, self._draft(name), self._tables[name])
         self._draft(name).replace(final)
 
@@ -201,7 +204,8 @@ class _PartWriter(FileWriter):
         path = self._folder / f"{self._name}-{self._number:06}-{last}{self._suffix}"
         if path == self._saved:
             return  # It has these rows.
-        draft = self._folder / f"{_DRAFT}{self._suffix}"
+        # Random, because a process that was frozen and replaced may have one of its own.
+        draft = self._folder / f"{_DRAFT}.{secrets.token_hex(4)}{self._suffix}"
         writer = create_writer(draft, self.types)
         writer.spelled = self.spelled
         writer.write(columns)

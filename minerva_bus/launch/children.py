@@ -8,6 +8,7 @@ from collections.abc import Callable, Collection, Generator
 from dataclasses import dataclass
 from typing import Any
 
+from minerva_bus.errors import Followed
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.launch.access import security
@@ -139,6 +140,9 @@ class CoordinatorRun:
         reporter = self._reporter
         try:
             ended = yield from self.coordinator.life()
+        except Followed:
+            reporter.followed()
+            raise
         finally:
             # The report about the end starts the launcher's deadline for all processes, this one
             # included, so all files are closed before it. An exception closes them, too.
@@ -232,6 +236,10 @@ class _Reporter:
             "status", frame=now.frame, rate=now.rate, members=now.members, phase=now.phase,
             paused=now.paused, waiting=now.waiting, waited=now.waited,
         )  # fmt: skip
+
+    def followed(self) -> None:
+        """Report that another coordinator runs the world now: its files belong to that one."""
+        self._reports.send("followed")
 
     def ended(self, ended: s.Ended) -> None:
         """Report the end of the world."""

@@ -54,7 +54,7 @@ class _Ending:
     """The end of the world; at the `deadline` its remaining processes are killed.
 
     `failure`: the reason for a premature end. `reason`: that of the coordinator, None before it
-    stops. `report`: its last report.
+    stops. `report`: its last report. `followed`: another launcher's coordinator runs the world.
     """
 
     failure: str = ""
@@ -62,6 +62,7 @@ class _Ending:
     report: EndReport | None = None
     deadline: float | None = None
     interrupts: int = 0
+    followed: bool = False
 
     @property
     def begun(self) -> bool:
@@ -124,7 +125,8 @@ class Supervisor:
             self._console.end()
             self._context.close()
             # Of a coordinator that was killed and has no successor.
-            complete_tables(self._file.collect.into, self._note)
+            if not self._ending.followed:
+                complete_tables(self._file.collect.into, self._note)
             # Processes that are killed leave their files of shared memory behind.
             if self._context.shared:
                 remove_orphans()
@@ -294,6 +296,9 @@ class Supervisor:
 
     def _on_stopping(self, reason: str) -> None:
         self._ending.reason = reason
+
+    def _on_followed(self) -> None:
+        self._ending.followed = True
 
     def _on_ended(self, **report: Any) -> None:
         ending = self._ending
