@@ -29,8 +29,11 @@ extensions = [
     "mermaid",
     "public_api",
     "repository",
+    "world_schema",
 ]
 html_theme = "furo"
+html_static_path = ["_static"]
+html_css_files = ["site.css"]
 html_title = "Minerva Bus"
 html_math_renderer = "mathml"
 html_copy_source = False

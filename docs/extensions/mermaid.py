@@ -21,6 +21,12 @@ FOLDER = "_images"
 TITLE = re.compile(r"^\s*accTitle: *(.+)$", re.M)
 
 
+def sized(svg: str) -> str:
+    """An SVG with the size of its view box; Mermaid makes it as wide as its page."""
+    width, height = re.search(r'viewBox="\S+ \S+ (\S+) (\S+)"', svg).groups()
+    return svg.replace('width="100%"', f'width="{width}" height="{height}"', 1)
+
+
 class Drawings(SphinxPostTransform):
     """Replaces Mermaid blocks with drawings. Raises ValueError for a block without `accTitle`."""
 
@@ -40,7 +46,7 @@ class Drawings(SphinxPostTransform):
         name = f"mermaid-{hashlib.sha256(source.encode()).hexdigest()[:16]}.svg"
         path = Path(self.app.outdir, FOLDER, name)
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(mermaidx.render(source, theme="neutral").svg(), encoding="utf-8")
+        path.write_text(sized(mermaidx.render(source, theme="neutral").svg()), encoding="utf-8")
         page = self.app.builder.get_target_uri(self.env.docname)
         uri = relative_uri(page, f"{FOLDER}/{name}")
         image = f'<img alt="{escape(title[1])}" src="{uri}">'
