@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -24,7 +23,7 @@ from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.settings.overrides import Overrides
 from minerva_bus.study.evaluation import EvaluationCache, Evaluator, Fitness
 from minerva_bus.study.evolution import Evolution, Generation, Plan
-from minerva_bus.study.executor_pool import Workers, open_pool
+from minerva_bus.study.executor_pool import ExecutorSource, Workers, open_pool
 from minerva_bus.study.trial import prepared
 
 MAX_NODES = 1000
@@ -70,13 +69,12 @@ class EvolutionStudy:
         _check_targets(targets, tuple(self.mutable), file, console)
         mutator = Mutator(targets, Extent(self.nodes, LONGEST.depth))
         interrupted = False
-        with open_pool(workers) as pool:
+        name = file.world.name
+        with open_pool(workers, lambda line: console.log(name, line, "warning")) as pool:
             evaluator = Evaluator(file, self.fitness, pool, self.trials, self.in_process, read)
             cache = EvaluationCache(evaluator, self.plan.minimise)
             evolution = Evolution(file.world.scene, mutator, self.plan, cache)
-            cache.on_done = EvolutionProgress(
-                console, file.world.name, cache, self.plan.evaluations
-            )
+            cache.on_done = EvolutionProgress(console, name, cache, self.plan.evaluations)
             try:
                 for generation in evolution.run():
                     console.note(_line(generation, evolution.random))
@@ -117,7 +115,7 @@ def evolve_strings(
     nodes: int = MAX_NODES,
     workers: int = 0,
     limit: float = 60.0,
-    executor: Executor | None = None,
+    executor: ExecutorSource | None = None,
     quiet: bool = False,
     **options: Any,
 ) -> EvolvedStrings:

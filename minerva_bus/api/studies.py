@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from concurrent.futures import Executor
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any, Final, cast
@@ -26,7 +25,7 @@ from minerva_bus.launch.resuming import option_text
 from minerva_bus.launch.temporary_folder import temporary_folder
 from minerva_bus.settings.overrides import AS_WRITTEN, Overrides
 from minerva_bus.study.code_digests import identity, named_objects
-from minerva_bus.study.executor_pool import Workers, open_pool
+from minerva_bus.study.executor_pool import ExecutorSource, Workers, open_pool
 from minerva_bus.study.grid import Combination, Grid
 from minerva_bus.study.journal import StudyJournal
 from minerva_bus.study.results import Row
@@ -70,11 +69,16 @@ def run_sweep(sweep: Sweep, journal: Path, workers: Workers, console: Console) -
 
     """
     interrupted = False
-    with StudyJournal(journal, sweep.description) as lines, open_pool(workers) as pool:
+    name = sweep.path.stem
+
+    def note(line: str) -> None:
+        console.log(name, line, "warning")
+
+    with StudyJournal(journal, sweep.description) as lines, open_pool(workers, note) as pool:
         sweep.recall(lines)
         done, total = len(sweep.grid) - len(sweep.left), len(sweep.grid)
         if done:
-            console.note(f"{sweep.path.stem}: {done} of {total} runs are in {journal.name} already")
+            console.note(f"{name}: {done} of {total} runs are in {journal.name} already")
         try:
             sweep.run(pool, lines, SweepProgress(console, sweep))
         except KeyboardInterrupt:
@@ -95,7 +99,7 @@ def sweep(
     folder: str | Path = "",
     workers: int = 0,
     limit: float = 0.0,
-    executor: Executor | None = None,
+    executor: ExecutorSource | None = None,
     quiet: bool = False,
 ) -> DataTable:
     """Run a world with all combinations of options, in parallel, and return one table.
@@ -112,7 +116,9 @@ def sweep(
         limit: seconds that a run may take; 0: no limit. A run that takes longer fails.
         executor: runs the worlds instead of processes of this machine: a pool of
             concurrent.futures, `Client(...).get_executor()` of Dask, an `MPIPoolExecutor`, ... The
-            code of the world has to be in modules that its workers can import.
+            code of the world has to be in modules that its workers can import. With a function
+            that opens an executor, such as `lambda: ProcessPoolExecutor(8)`, the sweep continues
+            in a new one after the loss of a worker.
         quiet: show no progress, only failures.
 
     Returns:

@@ -100,6 +100,11 @@ class StringTrial:
     in_process: bool
     code: Sequence[object] | None = None
 
+    @property
+    def label(self) -> str:
+        """Names the run in messages."""
+        return f"seed {self.seed} of the string {self.string!s:.60}"
+
     def __call__(self, interrupted: Callable[[], bool] = never) -> Mapping[str, Any]:
         """Run and compute the fitness; returns plain data. Raises MinervaError."""
         file = prepared(self.read(AS_WRITTEN))

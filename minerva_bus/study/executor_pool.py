@@ -1,91 +1,81 @@
-"""Tasks in the workers of an executor (PEP 3148): pools of Python, Dask, MPI and others.
-
-Each worker process runs one task at a time, since user code need not be safe for threads. A task
-that is no longer wanted ends after its frame: its study has been interrupted, or killed.
-"""
+"""Tasks in the workers of an executor (PEP 3148): pools of Python, Dask, MPI and others."""
 
 from __future__ import annotations
 
-import io
 import logging
 import os
-import platform
 import threading
 import time
-from collections.abc import Generator, Sequence
+from collections import deque
+from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future
-from contextlib import ExitStack, contextmanager, redirect_stderr, suppress
-from dataclasses import dataclass
-from functools import cache
-from pathlib import Path
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import dataclass, field
 from queue import Empty, SimpleQueue
 from types import FrameType, TracebackType
-from typing import Any, Final, Self
+from typing import Any, Final, Self, TypeAlias
 
 from minerva_bus.collect.table import needed
 from minerva_bus.errors import MinervaError, MisuseError
 from minerva_bus.launch.interrupts import Handler, end_signals, handled
 from minerva_bus.launch.temporary_folder import temporary_folder
-from minerva_bus.study.sent_world import SentWorld, dask_worker
-from minerva_bus.study.worker_pool import OnResult, Result, Task, WorkerPool, failure
+from minerva_bus.study.executor_task import POLL_SECONDS, Ticket, run_sent, this_machine
+from minerva_bus.study.worker_pool import OnResult, Result, Task, WorkerPool
 
 MAX_SUBMITTED: Final = 400
 """Tasks that an executor has at a time; as many more are not yet made."""
 
-POLL_SECONDS: Final = 0.1
+MAX_REOPENED: Final = 10
+"""Executors that a study opens in place of broken ones."""
+
+MAX_NAMES: Final = 4
+"""Tasks that a message about a broken executor names."""
+
 CONNECT_SECONDS: Final = 5.0
 LEAVE_SECONDS: Final = 1.0
 """Time for running tasks to end after an interrupt."""
 
-
-@dataclass(frozen=True, slots=True)
-class Ticket:
-    """Tells a worker whether a task is still wanted.
-
-    The folder exists while the study runs in the process `pid`. A worker looks only if it has the
-    same file system and processes; a Dask worker elsewhere learns it from its scheduler.
-    """
-
-    machine: str
-    pid: int
-    folder: str
-
-    def valid(self) -> bool:
-        """Whether the task is still wanted."""
-        return (self.machine != _machine() or self._running()) and _wanted_by_dask()
-
-    def _running(self) -> bool:
-        try:
-            os.kill(self.pid, 0)
-        except ProcessLookupError:
-            return False
-        except PermissionError:
-            pass  # It runs for another user.
-        return Path(self.folder).exists()
+ExecutorSource: TypeAlias = Executor | Callable[[], Executor]
+"""An executor, or a function that opens one."""
 
 
 class ExecutorPool:
-    """The workers of an executor, which stays open; leaving the context cancels open tasks.
+    """The workers of an executor; leaving the context cancels open tasks.
 
-    `limit`: seconds that a task may take, checked between frames; 0: no limit.
+    `source` is an executor, which stays open, or a function that opens one. If a worker dies, that
+    function opens another executor. The tasks that ran then run again, one at a time: one that
+    loses its worker once more has failed.
+
+    `limit`: seconds that a task may take, checked between frames; 0: no limit. `note` is called
+    with a line for the user.
     """
 
-    def __init__(self, executor: Executor, limit: float = 0.0) -> None:
-        if not callable(getattr(executor, "submit", None)):
-            raise MisuseError(
-                f"{executor!r:.60} is no executor: give one of concurrent.futures, or"
-                " Client(...).get_executor() of Dask"
-            )
-        self._executor = executor
+    def __init__(
+        self,
+        source: ExecutorSource,
+        limit: float = 0.0,
+        note: Callable[[str], None] = lambda line: None,
+    ) -> None:
+        self._open_executor = None if _is_executor(source) or not callable(source) else source
+        self._executor: Any = source
         self._limit = limit
+        self._note = note
         self._open: dict[Future[Any], int] = {}
+        self._reopened = 0
         self._interrupted = False
         self._ticket = Ticket("", 0, "")
         self._context = ExitStack()
 
     def __enter__(self) -> Self:
+        if self._open_executor is not None:
+            self._executor = self._open_executor()
+        if not _is_executor(self._executor):
+            raise MisuseError(
+                f"{self._executor!r:.60} is no executor: give one of concurrent.futures, or"
+                " Client(...).get_executor() of Dask, or a function that opens one"
+            )
         folder = self._context.enter_context(temporary_folder("study"))
-        self._ticket = Ticket(_machine(), os.getpid(), str(folder))
+        self._ticket = Ticket(this_machine(), os.getpid(), str(folder))
         return self
 
     def __exit__(
@@ -98,6 +88,9 @@ class ExecutorPool:
         for future in self._open:
             with suppress(BaseException):
                 future.result(max(0.0, end - time.monotonic()))
+        if self._open_executor is not None:
+            # A task that has not ended by now may be stuck in one frame.
+            self._executor.shutdown(wait=all(future.done() for future in self._open))
         self._open.clear()
 
     def run(self, tasks: Sequence[Task], on_result: OnResult) -> None:
@@ -105,34 +98,123 @@ class ExecutorPool:
 
         Raises KeyboardInterrupt, and MinervaError if the workers cannot run the tasks.
         """
-        waiting = list(enumerate(tasks))[::-1]
-        done: SimpleQueue[Future[Any]] = SimpleQueue()
+        batch = _Batch(tasks, on_result, deque(range(len(tasks))))
         with _signals(self._on_signal):
-            while waiting or self._open:
-                while waiting and len(self._open) < MAX_SUBMITTED:
-                    self._submit(*waiting.pop(), done)
+            while batch.unfinished or self._open:
+                self._submit_next(batch)
                 if self._interrupted:
                     raise KeyboardInterrupt
                 with suppress(Empty):
-                    future = done.get(timeout=POLL_SECONDS)
-                    number, result = self._open.pop(future), _result(future)
-                    if result is not None:
-                        on_result(number, result)
-                    else:
-                        # The worker gave it up, as after a lost connection.
-                        waiting.append((number, tasks[number]))
+                    self._take(batch.done.get(timeout=POLL_SECONDS), batch)
 
     def _on_signal(self, number: int, _: FrameType | None) -> None:
         # Noted only: an exception could interrupt `on_result`, which writes files.
         self._interrupted = True
 
-    def _submit(self, number: int, task: Task, done: SimpleQueue[Future[Any]]) -> None:
+    def _submit_next(self, batch: _Batch) -> None:
+        """Submit as many tasks as the executor should have."""
+        if batch.lost:
+            # The executor is broken, so its other tasks end soon.
+            if self._open:
+                return
+            self._reopen(batch)
+        while len(self._open) < MAX_SUBMITTED:
+            number = batch.next(busy=bool(self._open))
+            if number is None:
+                return
+            try:
+                future = self._executor.submit(
+                    run_sent, self._ticket, number, self._limit, batch.tasks[number]
+                )
+            except BrokenExecutor as error:
+                batch.lost[number] = error
+                return
+            except Exception as error:
+                raise MinervaError(f"the executor accepts no task: {_described(error)}") from error
+            self._open[future] = number
+            future.add_done_callback(batch.done.put)
+
+    def _take(self, future: Future[Any], batch: _Batch) -> None:
+        """Take the result of a task, or note that its executor is broken."""
+        number = self._open.pop(future)
         try:
-            future = self._executor.submit(run_sent, self._ticket, number, self._limit, task)
-        except Exception as error:
-            raise MinervaError(f"the executor accepts no task: {_described(error)}") from error
-        self._open[future] = number
-        future.add_done_callback(done.put)
+            result = _result(future)
+        except BrokenExecutor as error:
+            batch.lost[number] = error
+            return
+        batch.alone.discard(number)
+        if result is not None:
+            batch.on_result(number, result)
+        else:
+            # The worker gave it up, as after a lost connection.
+            batch.waiting.appendleft(number)
+
+    def _reopen(self, batch: _Batch) -> None:
+        """Open another executor in place of a broken one. Raises MinervaError if there is none."""
+        error = next(iter(batch.lost.values()))
+        running = [number for number in sorted(batch.lost) if self._ticket.take_mark(number)]
+        names = "; ".join(batch.tasks[number].label for number in running[:MAX_NAMES])
+        what = f"a worker ended while it ran {names}" if names else _described(error)
+        if self._open_executor is None:
+            raise MinervaError(
+                f"the executor cannot go on: {type(error).__name__}: {what}; start the study again,"
+                " or give a function that opens an executor, such as"
+                " executor=lambda: ProcessPoolExecutor(4), and the study reopens it"
+            ) from error
+        if self._reopened == MAX_REOPENED:
+            raise MinervaError(
+                f"the executor cannot go on: {what}; it was reopened {MAX_REOPENED} times already"
+            ) from error
+        self._reopened += 1
+        self._note(f"{what}; reopening the executor ({self._reopened} of {MAX_REOPENED})")
+        # Its processes have ended.
+        self._executor.shutdown(wait=False)
+        self._executor = self._open_executor()
+        batch.restore(running)
+
+
+@dataclass(slots=True)
+class _Batch:
+    """The tasks of one call of `run`, by their numbers.
+
+    `lost`: those of a broken executor, with its error; `suspects`: those of them that ran, which
+    have to run alone; `alone`: the suspect that runs.
+    """
+
+    tasks: Sequence[Task]
+    on_result: OnResult
+    waiting: deque[int]
+    done: SimpleQueue[Future[Any]] = field(default_factory=lambda: SimpleQueue[Future[Any]]())
+    lost: dict[int, BrokenExecutor] = field(default_factory=dict[int, BrokenExecutor])
+    suspects: deque[int] = field(default_factory=deque[int])
+    alone: set[int] = field(default_factory=set[int])
+
+    @property
+    def unfinished(self) -> bool:
+        """Whether a task has to be submitted."""
+        return bool(self.waiting or self.lost or self.suspects)
+
+    def next(self, *, busy: bool) -> int | None:
+        """The next task to submit; None while it has to wait for others."""
+        if self.alone or (self.suspects and busy):
+            return None
+        if self.suspects:
+            number = self.suspects.popleft()
+            self.alone.add(number)
+            return number
+        return self.waiting.popleft() if self.waiting else None
+
+    def restore(self, running: Sequence[int]) -> None:
+        """Submit lost tasks again; one that has lost its worker alone has failed."""
+        for number in sorted(self.lost, reverse=True):
+            if number in running and number in self.alone:
+                self.on_result(number, Result({}, "its worker process ended, twice", 0.0))
+            elif number in running:
+                self.suspects.appendleft(number)
+            else:
+                self.waiting.appendleft(number)
+        self.lost.clear()
+        self.alone.clear()
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,14 +226,18 @@ class Workers:
 
     count: int = 0
     limit: float = 0.0
-    executor: Executor | None = None
+    executor: ExecutorSource | None = None
 
 
-def open_pool(workers: Workers) -> WorkerPool | ExecutorPool:
-    """The pool of these workers, to be entered. Raises MisuseError."""
+def open_pool(workers: Workers, note: Callable[[str], None]) -> WorkerPool | ExecutorPool:
+    """The pool of these workers, to be entered; `note` is called with lines for the user."""
     if workers.executor is None:
         return WorkerPool(workers.count, workers.limit)
-    return ExecutorPool(workers.executor, workers.limit)
+    return ExecutorPool(workers.executor, workers.limit, note)
+
+
+def _is_executor(value: object) -> bool:
+    return callable(getattr(value, "submit", None))
 
 
 @contextmanager
@@ -176,73 +262,6 @@ def dask_executor(address: str) -> Generator[Executor]:
         yield client.get_executor(pure=False)
 
 
-def run_sent(ticket: Ticket, number: int, limit: float, task: Task) -> Result | None:
-    """Run a task in a worker; returns None if it is no longer wanted.
-
-    Its `number` makes the call unlike others, of which Dask would use the same result. Raises
-    MinervaError if this worker cannot run the world.
-    """
-    with _running(ticket) as wanted:
-        if not wanted:
-            return None
-        if isinstance(task.read, SentWorld):
-            task.read.check()
-        clock = _Clock(ticket, limit)
-        # Members of the world print; the error has what matters.
-        with redirect_stderr(io.StringIO()):
-            try:
-                values, error = task(clock.over), ""
-            except Exception as raised:
-                values, error = {}, failure(raised)
-    if clock.unwanted:
-        return None  # The values are those of a part of the run.
-    if clock.late:
-        return Result({}, f"took more than {limit:g} s", clock.seconds)
-    return Result({} if error else values, error, clock.seconds)
-
-
-class _Clock:
-    """Decides between two frames whether a task goes on."""
-
-    def __init__(self, ticket: Ticket, limit: float) -> None:
-        self.late = self.unwanted = False
-        self._ticket = ticket
-        self._limit = limit
-        self._began = self._looked = time.monotonic()
-
-    @property
-    def seconds(self) -> float:
-        """Wall time since the task began."""
-        return time.monotonic() - self._began
-
-    def over(self) -> bool:
-        """Whether the task has to end."""
-        now = time.monotonic()
-        if now - self._looked < POLL_SECONDS:
-            return False
-        self._looked = now
-        self.late = bool(self._limit) and now - self._began > self._limit
-        self.unwanted = not self._ticket.valid()
-        return self.late or self.unwanted
-
-
-_one_at_a_time = threading.Lock()
-
-
-@contextmanager
-def _running(ticket: Ticket) -> Generator[bool]:
-    """Wait until this process runs no other task; whether the task is still wanted."""
-    # Not only for safety: Python runs one thread at a time anyway.
-    while not _one_at_a_time.acquire(timeout=POLL_SECONDS):
-        if not ticket.valid():
-            yield False
-            return
-    try:
-        yield ticket.valid()
-    finally:
-        _one_at_a_time.release()
-
-
 def _result(future: Future[Any]) -> Result | None:
     try:
         return future.result()
@@ -250,7 +269,9 @@ def _result(future: Future[Any]) -> Result | None:
         raise
     except KeyboardInterrupt:
         raise  # Ctrl-C in a terminal also reaches the workers of a pool.
-    except (CancelledError, BrokenExecutor, ModuleNotFoundError) as error:
+    except BrokenExecutor:
+        raise
+    except (CancelledError, ModuleNotFoundError) as error:
         # Not the failure of one task: no further one would succeed.
         raise MinervaError(
             f"the executor cannot go on: {_described(error)}; check its workers, and start the"
@@ -273,20 +294,3 @@ def _signals(handler: Handler) -> Generator[None]:
         return
     with handled(dict.fromkeys(end_signals(), handler)):
         yield
-
-
-@cache
-def _machine() -> str:
-    """The machine, and the container if its processes or files are separate."""
-    spaces = [Path("/proc/self/ns", name) for name in ("pid", "mnt")]
-    return " ".join([platform.node(), *(str(os.readlink(p)) for p in spaces if p.exists())])  # noqa: PTH115
-
-
-def _wanted_by_dask() -> bool:
-    try:
-        worker = dask_worker()
-        task = worker.state.tasks.get(worker.get_current_task())
-        # The scheduler cancels a task whose client has cancelled it, or is gone.
-        return task is None or task.state not in ("cancelled", "released", "forgotten")
-    except (ImportError, ValueError, AttributeError):
-        return True

@@ -40,6 +40,7 @@ class SweepTrial:
     collect: Collecting
     in_process: bool
     code: Sequence[object] | None = None
+    label: str = ""
 
     def __call__(self, interrupted: Callable[[], bool] = never) -> Mapping[str, Any]:
         """Run; returns plain data. Raises MinervaError."""
@@ -156,7 +157,8 @@ class Sweep:
         into = str(self.part(combination)) if self.collect.entries and self.sent is None else ""
         collect = replace(self.collect, into=into)
         if self.sent is not None:
-            return SweepTrial(self.sent, overrides, collect, in_process=True)
+            name = self._name(combination)
+            return SweepTrial(self.sent, overrides, collect, in_process=True, label=name)
         read = self.read or partial(read_world_file, self.path)
         code = self.code if self.in_process else None
         return SweepTrial(read, overrides, collect, self.in_process, code)
@@ -170,7 +172,10 @@ class Sweep:
 
     def named(self, row: Row) -> str:
         """The parameters of a run: `birds=100, seed=3`."""
-        pairs = zip(self.grid.keys, row.combination, strict=True)
+        return self._name(row.combination)
+
+    def _name(self, combination: Combination) -> str:
+        pairs = zip(self.grid.keys, combination, strict=True)
         return ", ".join(f"{key}={value}" for key, value in pairs)
 
     @property

@@ -52,6 +52,11 @@ class Task(Protocol):
         """The code of the world, whose variables a run could change; None: do not reuse it."""
         ...
 
+    @property
+    def label(self) -> str:
+        """Names the run in messages: `birds=100, seed=3`."""
+        ...
+
     def __call__(self, interrupted: Callable[[], bool] = never) -> Mapping[str, Any]: ...
 
 

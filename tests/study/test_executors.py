@@ -10,14 +10,17 @@ import threading
 import time
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from minerva_bus import Agent, World, count, each, evolve_strings, on, sweep
 from minerva_bus.errors import MinervaError, MisuseError
 from minerva_bus.settings.overrides import AS_WRITTEN
+from minerva_bus.study import executor_pool
 from minerva_bus.study.sent_world import SentWorld
 from tests.api.frogs import Frog, eTick, marsh, pond
+from tests.study.bombs import ALWAYS, MARK, NEVER, ONCE, bombs, fuse
 from tests.study.ponds import pond as pond_file
 
 
@@ -165,8 +168,9 @@ def test_a_run_that_takes_too_long_fails():
 
 
 def test_an_executor_that_cannot_work_is_explained():
+    number: Any = 3
     with pytest.raises(MisuseError, match="3 is no executor"):
-        sweep(many(), seeds=2, frames=2, executor=3, quiet=True)
+        sweep(many(), seeds=2, frames=2, executor=number, quiet=True)
     pool = ThreadPoolExecutor(1)
     pool.shutdown()
     with pytest.raises(MinervaError, match="the executor accepts no task"):
@@ -194,9 +198,72 @@ def test_a_broken_pool_is_no_result():
 
         killer = threading.Thread(target=lose)
         killer.start()
-        with pytest.raises(MinervaError, match="the executor cannot go on: BrokenProcessPool"):
+        problem = r"the executor cannot go on: BrokenProcessPool: .*executor=lambda"
+        with pytest.raises(MinervaError, match=problem):
             table_of(pool, frames=200, seeds=40)
         killer.join()
+
+
+def two_workers():
+    return ProcessPoolExecutor(2, mp_context=multiprocessing.get_context("fork"))
+
+
+@pytest.fixture
+def mark(tmp_path, monkeypatch):
+    """The file that exists after a bomb has killed its process."""
+    made = tmp_path / "mark"
+    monkeypatch.setenv(MARK, str(made))
+    return made
+
+
+def explode(fuses, **settings):
+    return sweep(bombs(), {"fuse": fuses}, seeds=3, frames=3, quiet=True, **settings)
+
+
+def test_a_study_continues_in_a_new_pool_after_a_worker_was_killed(mark, capsys):
+    table = explode([NEVER, ONCE], executor=two_workers)
+    assert mark.exists()
+    # Bombs that kill once are harmless from now on.
+    assert table["digest"].tolist() == explode([NEVER, ONCE])["digest"].tolist()
+    assert set(table["error"]) == {""}
+    (line,) = [line for line in capsys.readouterr().err.splitlines() if "reopening" in line]
+    assert "a worker ended while it ran fuse=" in line
+    assert "fuse=1, seed=" in line
+    assert line.endswith("reopening the executor (1 of 10)")
+
+
+def test_runs_that_always_kill_their_worker_fail_and_all_others_succeed(mark, capsys):
+    table = explode([NEVER, ALWAYS], executor=two_workers)
+    dead = table["fuse"] == ALWAYS
+    assert set(table["error"][dead]) == {"its worker process ended, twice"}
+    assert set(table["error"][~dead]) == {""}
+    assert table["frames"][~dead].tolist() == [3, 3, 3]
+    lines = capsys.readouterr().err.splitlines()
+    for seed in range(3):
+        assert f"bombs │ fuse=2, seed={seed}: its worker process ended, twice" in lines
+
+
+def test_a_pool_is_reopened_a_bounded_number_of_times(mark, monkeypatch):
+    monkeypatch.setattr(executor_pool, "MAX_REOPENED", 2)
+    problem = r"a worker ended while it ran fuse=2, seed=\d.*; it was reopened 2 times already"
+    with pytest.raises(MinervaError, match=problem):
+        explode([ALWAYS], executor=two_workers)
+
+
+def test_a_killed_worker_of_an_open_pool_names_its_runs(mark):
+    problem = r"while it ran fuse=2, seed=\d.*give a function that opens an executor"
+    with two_workers() as pool, pytest.raises(MinervaError, match=problem):
+        explode([ALWAYS], executor=pool)
+
+
+def test_strings_that_kill_their_worker_are_not_the_best(mark):
+    mark.touch()  # Which string would explode once depends on the order of runs.
+    given = {"population": 4, "generations": 1, "frames": 2, "mutable": ["ABomb.fuse=0:2"]}
+    here = evolve_strings(bombs(), fuse, **given, quiet=True)
+    there = evolve_strings(bombs(), fuse, **given, executor=two_workers, quiet=True)
+    assert (there.digest, there.fitness) == (here.digest, here.fitness)
+    assert there.generations["failed"].tolist() == here.generations["failed"].tolist()
+    assert there.generations["failed"].max() > 0
 
 
 def sent(**changes):
