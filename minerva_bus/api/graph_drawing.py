@@ -1,23 +1,31 @@
 """The graph of a world as SVG: generators, events in their order, agents in hosts, devices.
 
-The columns are fixed and events keep their order, so boxes only need heights: each is placed beside
-the events that it is connected to. Each event type has one colour.
+Each event type has one colour. `graph_layout.py` has the places of all boxes.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator
 from typing import Final
 
-from minerva_bus.api.graph_text import kinds_label, process_label, process_notes
-from minerva_bus.api.graphs import EventEntry, Graph, KindEntry, ProcessEntry
+from minerva_bus.api.graph_layout import (
+    LANE,
+    LETTER,
+    LINE,
+    MARGIN,
+    ROW,
+    TOP,
+    KindsRow,
+    ProcessBox,
+    event_tags,
+    layout_of,
+)
+from minerva_bus.api.graph_text import process_label
+from minerva_bus.api.graphs import Graph, ProcessEntry
 from minerva_bus.markup import xml_text
 
-MARGIN, TOP, GAP, SPACE = 28, 96, 16, 150
-ROW, LINE, PORT, LANE = 26, 16, 9, 14
-LETTER, SMALL = 7.2, 6.4
-"""Approximate widths of a letter in pixels: in names, and in notes."""
+SMALL = 6.4
+"""Approximate width of a letter in notes, in pixels."""
 
 INK, FAINT, PAPER = "#2b2b33", "#8a8e99", "#ffffff"
 FILLS: Final = {"generator": "#e9f1fa", "host": "#eaf5ea", "device": "#f3ecf8"}
@@ -32,38 +40,6 @@ _STYLE: Final = (
 )
 
 
-@dataclass(slots=True)
-class ProcessBox:
-    """A process in a column; `wanted` is the height that it would like to be centred at.
-
-    `rows` are groups of kinds of agents with their heights, relative to the top of the box.
-    """
-
-    process: ProcessEntry
-    lines: list[str]
-    width: float
-    height: float
-    wanted: float
-    rows: list[KindsRow] = field(default_factory=list["KindsRow"])
-    x: float = 0.0
-    y: float = 0.0
-
-
-@dataclass(slots=True)
-class KindsRow:
-    """A group of kinds in its host, with a port for each event type; `emits` are the last."""
-
-    label: str
-    kind: KindEntry
-    top: float
-    height: float
-
-    @property
-    def inputs(self) -> list[str]:
-        """The event types that arrive."""
-        return [*dict.fromkeys([*self.kind.receives, *self.kind.views])]
-
-
 def draw(graph: Graph) -> str:
     """The drawing as the text of an SVG file."""
     return _Drawing(graph).text()
@@ -72,126 +48,23 @@ def draw(graph: Graph) -> str:
 class _Drawing:
     def __init__(self, graph: Graph) -> None:
         self._graph = graph
-        self._ys = {each.name: TOP + 34 + ROW * (each.rank - 0.5) for each in graph.events}
+        self._layout = layout_of(graph)
         self._colors = {
             each.name: COLORS[number % len(COLORS)] for number, each in enumerate(graph.events)
         }
-        sources = [each for each in graph.processes if each.role in ("generator", "command")]
-        devices = [each for each in graph.processes if each.role == "device"]
-        hosts = [each for each in graph.processes if each.role == "host"]
-        self._sources = self._column(sources)
-        self._hosts = self._column(hosts)
-        self._devices = self._column(devices)
-        labels = [self._event_width(each) for each in graph.events]
-        self._wide = max([150.0, *labels])
-        left = MARGIN + LANE * (2 + len(self._returns) + len(self._topics))
-        self._x = left + _widest(self._sources) + (SPACE if self._sources else 0)
-        hosts_at = self._x + self._wide + SPACE * 1.2
-        devices_at = hosts_at + _widest(self._hosts) + SPACE * 0.8
-        for boxes, x in (
-            (self._sources, left),
-            (self._hosts, hosts_at),
-            (self._devices, devices_at),
-        ):
-            width = _widest(boxes)
-            for box in boxes:
-                box.x, box.width = x, width
-        self._right = max([hosts_at + _widest(self._hosts), devices_at + _widest(self._devices)])
-        boxes = [*self._sources, *self._hosts, *self._devices]
-        list_end = TOP + 34 + ROW * len(graph.events) + 12
-        self._bottom = max([list_end, *(box.y + box.height for box in boxes)])
-        self._list_end = list_end
-
-    # --- layout ---
-
-    @property
-    def _returns(self) -> list[tuple[ProcessEntry, str]]:
-        """Views that go back to a device that is drawn on the left, because it is a generator."""
-        return [
-            (process, event)
-            for process in self._graph.processes
-            if process.role == "generator"
-            for event in process.draws
-        ]
-
-    @property
-    def _topics(self) -> list[tuple[str, ProcessEntry, ProcessEntry]]:
-        """Sensor topics with their writer and reader."""
-        processes = self._graph.processes
-        return [
-            (topic, writer, reader)
-            for writer in processes
-            for topic in writer.writes
-            for reader in processes
-            if topic in reader.reads
-        ]
-
-    def _event_width(self, event: EventEntry) -> float:
-        return LETTER * (len(event.name) + len(" ".join(self._tags(event))) + 7) + 24
-
-    def _tags(self, event: EventEntry) -> list[str]:
-        graph = self._graph
-        tags = ["pub"] if event.people else []
-        tags += ["view"] if event.visual else []
-        tags += ["until"] if event.name == graph.until else []
-        return [*tags, *(["give up"] if event.name == graph.give_up else [])]
-
-    def _column(self, processes: Sequence[ProcessEntry]) -> list[ProcessBox]:
-        """Boxes from top to bottom, each near the events that it is connected to."""
-        boxes = sorted(map(self._box, processes), key=lambda box: box.wanted)
-        y = float(TOP)
-        for box in boxes:
-            box.y = max(y, box.wanted - box.height / 2)
-            y = box.y + box.height + GAP
-        # What is pushed down beyond the list of events moves up again, as far as there is room.
-        limit = TOP + 34 + ROW * len(self._graph.events) + 12
-        for box in reversed(boxes):
-            box.y = min(box.y, limit - box.height)
-            limit = box.y - GAP
-        y = float(TOP)
-        for box in boxes:
-            box.y = max(y, box.y)
-            y = box.y + box.height + GAP
-        return boxes
-
-    def _box(self, process: ProcessEntry) -> ProcessBox:
-        notes = process_notes(process)
-        lines = [", ".join(notes)] if process.role != "host" else []
-        lines += [f"publishes topic {topic}" for topic in process.writes]
-        lines += [f"subscribes to topic {topic}" for topic in process.reads]
-        top = LINE * (1 + len(lines)) + 14.0
-        rows: list[KindsRow] = []
-        for kinds in self._graph.alike(process):
-            row = KindsRow(kinds_label(kinds), kinds[0], top, 0.0)
-            row.height = max(26.0, PORT * (len(row.inputs) + len(row.kind.emits) + 1))
-            rows.append(row)
-            top += row.height + 6
-        names = [process_label(process), *lines, *(f"  {row.label}" for row in rows)]
-        used = [
-            *process.publishes,
-            *process.draws,
-            *(n for r in rows for n in (*r.inputs, *r.kind.emits)),
-        ]
-        heights = [self._ys[name] for name in used if name in self._ys]
-        if process.role == "device":
-            heights = [box.y + box.height / 2 for box in self._hosts]
-        wanted = sum(heights) / len(heights) if heights else 0.0
-        return ProcessBox(process, lines, LETTER * max(map(len, names)) + 30, top, wanted, rows)
-
-    # --- output ---
 
     def text(self) -> str:
         """The drawing."""
-        boxes = (*self._sources, *self._hosts, *self._devices)
+        layout, boxes = self._layout, self._layout.boxes
         # Edges end at the entries inside of boxes, so they are drawn between these and those.
         body = [*self._titles(), *(line for box in boxes for line in _frame(box))]
         body += [*self._edges(), *self._list()]
         for box in boxes:
             body += _inside(box)
-        lanes = LANE * (len(self._returns) + 1)
-        height = self._bottom + lanes + 64
-        body += self._legend(self._bottom + lanes + 30)
-        width = max(self._right + MARGIN * 2, MARGIN * 2 + LETTER * 112)
+        lanes = LANE * (len(layout.returns) + 1)
+        height = layout.bottom + lanes + 64
+        body += self._legend(layout.bottom + lanes + 30)
+        width = max(layout.right + MARGIN * 2, MARGIN * 2 + LETTER * 112)
         return "\n".join(
             [
                 f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width:.0f} {height:.0f}"'
@@ -206,12 +79,13 @@ class _Drawing:
         )
 
     def _titles(self) -> Iterator[str]:
+        layout = self._layout
         yield _label(MARGIN, 36, f"World {self._graph.world}", "title")
-        yield _rect(self._x, TOP, self._wide, self._list_end - TOP, "#f4f4f2")
+        yield _rect(layout.list_x, TOP, layout.list_width, layout.list_end - TOP, "#f4f4f2")
         columns = [
-            (self._sources, "generators"),
-            (self._hosts, "agents in their host processes"),
-            (self._devices, "devices"),
+            (layout.sources, "generators"),
+            (layout.hosts, "agents in their host processes"),
+            (layout.devices, "devices"),
         ]
         for boxes, name in columns:
             if boxes:
@@ -219,11 +93,12 @@ class _Drawing:
 
     def _list(self) -> Iterator[str]:
         """The event types in their order, in the coordinator."""
-        x, wide = self._x, self._wide
+        layout = self._layout
+        x, wide = layout.list_x, layout.list_width
         yield _label(x + 12, TOP + 21, "coordinator", "name")
         yield _label(x, TOP - 16, "event types, in the order of a frame", "note")
         for event in self._graph.events:
-            y, color = self._ys[event.name], self._colors[event.name]
+            y, color = layout.heights[event.name], self._colors[event.name]
             yield _rect(x + 8, y - ROW / 2 + 2, wide - 16, ROW - 4, PAPER, color)
             data = ", ".join(f"{name}: {kind}" for name, kind in event.data.items())
             yield f"<g><title>{xml_text(f'{event.name}({data})')}</title>"
@@ -234,21 +109,22 @@ class _Drawing:
             yield _label(x + 44, y + 4, event.name, "")
             yield (
                 f'<text x="{x + wide - 16:.0f}" y="{y + 4:.0f}" text-anchor="end" class="note">'
-                f"{xml_text(' '.join(self._tags(event)))}</text></g>"
+                f"{xml_text(' '.join(event_tags(self._graph, event)))}</text></g>"
             )
 
     def _edges(self) -> Iterator[str]:
-        left, right = self._x + 8, self._x + self._wide - 8
-        for box in self._sources:
+        layout = self._layout
+        left, right = layout.list_x + 8, layout.list_x + layout.list_width - 8
+        for box in layout.sources:
             names = sorted(box.process.publishes, key=self._height)
             for name, y in zip(names, _ports(box.y, box.height, len(names)), strict=True):
                 yield _curve(box.x + box.width, y, left, self._height(name), self._color(name))
-        for box in self._hosts:
+        for box in layout.hosts:
             for row in box.rows:
                 yield from self._of_agents(box, row, right)
-        for lane, (process, event) in enumerate(self._returns):
+        for lane, (process, event) in enumerate(layout.returns):
             yield from self._back(process, event, lane)
-        for lane, (topic, writer, reader) in enumerate(self._topics):
+        for lane, (topic, writer, reader) in enumerate(layout.topics):
             yield from self._between(topic, writer, reader, lane)
 
     def _of_agents(self, box: ProcessBox, row: KindsRow, right: float) -> Iterator[str]:
@@ -263,7 +139,7 @@ class _Drawing:
             else:
                 yield _curve(right, to - 4, box.x + 8, y, color)
         middle = box.y + row.top + row.height / 2
-        for device in self._devices:
+        for device in self._layout.devices:
             for name in sorted(set(device.process.draws) & set(row.kind.views)):
                 yield _curve(
                     box.x + box.width - 8, middle, device.x, device.y + device.height / 2,
@@ -272,12 +148,13 @@ class _Drawing:
 
     def _back(self, process: ProcessEntry, event: str, lane: int) -> Iterator[str]:
         """A view that goes to a device on the left, below all boxes."""
-        (target,) = (box for box in self._sources if box.process is process)
-        rows = [(box, row) for box in self._hosts for row in box.rows if event in row.kind.views]
+        layout = self._layout
+        (target,) = (box for box in layout.sources if box.process is process)
+        rows = [(box, row) for box in layout.hosts for row in box.rows if event in row.kind.views]
         if not rows:
             return
-        edge = max(box.x + box.width for box in self._hosts) + LANE * (lane + 1)
-        bottom, left = self._bottom + LANE * (lane + 1), target.x - LANE * (lane + 1)
+        edge = max(box.x + box.width for box in layout.hosts) + LANE * (lane + 1)
+        bottom, left = layout.bottom + LANE * (lane + 1), target.x - LANE * (lane + 1)
         style = _style(self._color(event), wide=True)
         starts = [box.y + row.top + row.height / 2 for box, row in rows]
         for (box, _), y in zip(rows, starts, strict=True):
@@ -292,11 +169,12 @@ class _Drawing:
         self, topic: str, writer: ProcessEntry, reader: ProcessEntry, lane: int
     ) -> Iterator[str]:
         """A sensor topic, in a lane on the left."""
-        boxes = {box.process.name: box for box in (*self._sources, *self._devices)}
+        layout = self._layout
+        boxes = {box.process.name: box for box in (*layout.sources, *layout.devices)}
         if writer.name not in boxes or reader.name not in boxes:
             return
         start, end = boxes[writer.name], boxes[reader.name]
-        x = self._sources[0].x - LANE * (len(self._returns) + lane + 1.5)
+        x = layout.sources[0].x - LANE * (len(layout.returns) + lane + 1.5)
         y, to = start.y + start.height - 12 - 5 * lane, end.y + end.height - 14
         yield (
             f'<path d="M {start.x:.0f} {y:.0f} H {x:.0f} V {to:.0f} H {end.x - 7:.0f}"'
@@ -305,7 +183,7 @@ class _Drawing:
         )
 
     def _height(self, event: str) -> float:
-        return self._ys[event]
+        return self._layout.heights[event]
 
     def _color(self, event: str) -> str:
         return self._colors[event]
@@ -317,7 +195,7 @@ class _Drawing:
         ]
         if any(process.draws for process in self._graph.processes):
             entries.append(("view", _style(INK, wide=True)))
-        if self._topics:
+        if self._layout.topics:
             entries.append(("sensor topic", _DOTTED))
         x = float(MARGIN)
         for text, style in entries:
@@ -352,10 +230,6 @@ def _inside(box: ProcessBox) -> Iterator[str]:
 def _ports(top: float, height: float, count: int) -> list[float]:
     """Heights of connections on one side of a box."""
     return [top + height * (number + 1) / (count + 1) for number in range(count)]
-
-
-def _widest(boxes: Sequence[ProcessBox]) -> float:
-    return max((box.width for box in boxes), default=0.0)
 
 
 def _curve(
