@@ -157,6 +157,11 @@ def evolve_strings(
     read = None if executor is None else sent_world(own, request.overrides, fitness)
     console = Console(quiet=quiet, world=file.world.name)
     ran = study.run(file, Workers(workers, limit, executor), console, read)
+    return _evolved(ran)
+
+
+def _evolved(ran: EvolutionRun) -> EvolvedStrings:
+    """The best string. Raises MisuseError if there is none, and KeyboardInterrupt."""
     # `minerva evolve` reports the partial result; a function either returns or raises.
     if ran.interrupted:
         raise KeyboardInterrupt

@@ -152,27 +152,43 @@ def sweep(
             kept.mkdir(parents=True, exist_ok=True)
         else:
             kept = stack.enter_context(temporary_folder("sweep"))
-        path = own.path or Path(f"{own.name}.toml")
-        given = Overrides(frames=frames, rate=0.0)
-        runs = Sweep(path, combinations, given, in_process=True, read=own.read)
-        runs.collect = Collecting(entries, str(kept))
-        tables = own.tables()
-        runs.code = named_objects(tables, path.parent)
-        runs.identity = identity(tables, own.read(given), runs.code)
+        runs = _sweep_of(own, combinations, frames, Collecting(entries, str(kept)))
         if executor is not None:
             runs.sent = sent_world(own)
         runs.check()
         console = Console(quiet=quiet)
         if run_sweep(runs, kept / "runs.journal", Workers(workers, limit, executor), console):
             raise KeyboardInterrupt
-        if runs.failures and len(runs.failures) == len(runs.rows):
-            first = runs.failures[0]
-            raise MisuseError(f"all runs failed; the first: {runs.named(first)}: {first.error}")
+        _check_any_succeeded(runs)
         if not entries:
             return _outcomes(runs)
         collected, keys = _collected(runs, combinations, plans)
     wanted = pick_table(collected, table)
     return _with_keys(combinations.keys, keys[wanted.name], wanted)
+
+
+def _sweep_of(world: World, grid: Grid, frames: int | None, collect: Collecting) -> Sweep:
+    """The runs of a world in Python, with the identity that their journal needs."""
+    path = world.path or Path(f"{world.name}.toml")
+    given, tables = Overrides(frames=frames, rate=0.0), world.tables()
+    code = named_objects(tables, path.parent)
+    return Sweep(
+        path,
+        grid,
+        given,
+        in_process=True,
+        read=world.read,
+        collect=collect,
+        identity=identity(tables, world.read(given), code),
+        code=code,
+    )
+
+
+def _check_any_succeeded(runs: Sweep) -> None:
+    """Raise MisuseError if all runs of a sweep have failed."""
+    if runs.failures and len(runs.failures) == len(runs.rows):
+        first = runs.failures[0]
+        raise MisuseError(f"all runs failed; the first: {runs.named(first)}: {first.error}")
 
 
 def _collected(
