@@ -1,24 +1,29 @@
-"""Memory and time of collecting a large population into a Parquet file.
+"""Memory and time of tables of a large population: collected while it runs, or exported later.
 
-    python -m benchmarks.collecting [--agents 1000000] [--frames 10 100]
+    python -m benchmarks.collecting [--agents 1000000] [--frames 10 100] [--export] [--json]
 
-Each number of frames runs in a new process. Peak memory must not depend on it.
+Each number of frames runs in a new process, which writes two attributes of each agent to a Parquet
+file. Peak memory must not depend on the number of frames. With --export, the world is recorded
+first, and the table is made of its record.
 """
 
 from __future__ import annotations
 
-import argparse
 import resource
-import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
-from minerva_bus import Agent, EventType, World, each, on, run
+from benchmarks.command import Option, Table, options
+from benchmarks.forked import task
+from minerva_bus import Agent, EventType, World, each, export, on, run
 
+COLUMNS = {"": "<8", "frames": ">6.0f", "s": ">7.1f", "CPU s": ">7.1f", "peak MB": ">8.0f",
+           "file MB": ">8.0f"}  # fmt: skip
 eStep = EventType("eStep")
 
 
@@ -32,32 +37,80 @@ class Walker(Agent, symbol="AWalker"):
         self.steps = self.steps + 1
 
 
-def collect(agents: int, frames: int, path: Path) -> None:
-    """Run the world, and print duration, peak memory and file size."""
-    world = World(Walker.many("w", agents, x=np.arange(agents) * 0.5), services=[each(eStep)])
-    began = time.perf_counter()
-    run(world, frames=frames, collect=[Walker.x, Walker.steps], into=path)
-    seconds = time.perf_counter() - began
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-    size = path.stat().st_size / 1e6
-    print(f"{agents:,} agents, {frames} frames: {seconds:.1f} s, {peak:.0f} MB at most,"
-          f" file {size:.0f} MB")  # fmt: skip
+ATTRIBUTES = ("x", "steps")
+
+
+def walkers(agents: int) -> World:
+    """A world of this many walkers."""
+    return World(Walker.many("w", agents, x=np.arange(agents) * 0.5), services=[each(eStep)])
+
+
+def collect(agents: int, frames: int, folder: Path) -> Path:
+    """Run the world and collect; returns the table's file."""
+    path = folder / "collected.parquet"
+    run(walkers(agents), frames=frames, collect=[Walker.x, Walker.steps], into=path)
+    return path
+
+
+def record(agents: int, frames: int, folder: Path) -> Path:
+    """Run and record the world; returns the record."""
+    path = folder / "walkers.mcap"
+    run(walkers(agents), frames=frames, record=path)
+    return path
+
+
+def make_table(agents: int, frames: int, folder: Path) -> Path:
+    """Make the table of the record; returns its file."""
+    path = folder / "exported.parquet"
+    entries = {name: f"AWalker.{name}" for name in ATTRIBUTES}
+    export(folder / "walkers.mcap", collect=entries, into=path)
+    return path
+
+
+STEPS: dict[str, Callable[[int, int, Path], Path]] = {
+    "collect": collect,
+    "record": record,
+    "export": make_table,
+}
+
+
+def measured(name: str, agents: int, frames: int, folder: Path) -> dict[str, float | str]:
+    """Time, peak memory and file of one step, in this process."""
+    began, worked = time.perf_counter(), time.process_time()
+    path = STEPS[name](agents, frames, folder)
+    return {
+        "step": name,
+        "frames": frames,
+        "seconds": time.perf_counter() - began,
+        # Depends less on other programs.
+        "cpu_seconds": time.process_time() - worked,
+        "peak_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
+        "file_mb": path.stat().st_size / 1e6,
+    }
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--agents", type=int, default=1_000_000)
-    parser.add_argument("--frames", type=int, nargs="+", default=[10, 100])
-    parser.add_argument("--here", action="store_true", help=argparse.SUPPRESS)
-    given = parser.parse_args()
+    """Print a row for each number of frames and step."""
+    given = options(
+        __doc__,
+        agents=1_000_000,
+        frames=[10, 100],
+        export=Option(False, "record the world, and make the table of its record"),
+        task=Option(str, "run one step in this process, for the benchmark itself"),
+        folder=Option(Path, "of the files of --task"),
+    )
+    if given.task:
+        Table({}, as_json=True).row(
+            measured(given.task, given.agents, given.frames[0], given.folder)
+        )
+        return
+    table = Table(COLUMNS, as_json=given.json)
     for frames in given.frames:
-        if given.here:
-            with tempfile.TemporaryDirectory() as folder:
-                collect(given.agents, frames, Path(folder) / "walkers.parquet")
-        else:
-            words = ["--agents", str(given.agents), "--frames", str(frames), "--here"]
-            subprocess.run([sys.executable, "-m", "benchmarks.collecting", *words], check=True)
+        with tempfile.TemporaryDirectory() as folder:
+            for step in ("record", "export") if given.export else ("collect",):
+                words = step, "--agents", given.agents, "--frames", frames, "--folder", folder
+                table.row(task("benchmarks.collecting", *words))
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())
