@@ -63,7 +63,9 @@ def make_table(agents: int, frames: int, folder: Path) -> Path:
     """Make the table of the record; returns its file."""
     path = folder / "exported.parquet"
     entries = {name: f"AWalker.{name}" for name in ATTRIBUTES}
-    export(folder / "walkers.mcap", collect=entries, into=path)
+    done = export(folder / "walkers.mcap", collect=entries, into=path)
+    if done.missing:
+        sys.exit(f"the record lacks {len(done.missing)} ranges of frames: the disk is too slow")
     return path
 
 
