@@ -57,16 +57,24 @@ FREE, WALL, EXIT = " ", "#", "E"
 
 PWalls = Primitive(
     "PWalls",
-    Raster("cells", CELL, colors=((0, "#f3f0e8"), (1, "#3c4450")), height=1.2),
+    Raster(
+        "cells",
+        CELL,
+        colors=((0, "#f3f0e8"), (1, "#9aa1ab")),
+        height=1.2,
+        meanings=("floor", "wall or pillar"),
+    ),
     cells=Cells,
 )
 PExit = Primitive(
     "PExit", Raster("cells", CELL, colors=((0, ""), (1, "#4f9e63")), height=0.1), cells=Cells
 )
 PBody = Primitive("PBody", Disc("radius"), radius=Metres, who=str)
-PWalker = Primitive("PWalker", Disc(RADIUS, "#37618e", heading=True, height=0.9))
-PStuck = Primitive("PStuck", Disc(RADIUS, "#d4622a", heading=True, height=0.9))
-PCount = Primitive("PCount", Label("text"), text=str)
+PWalker = Primitive("PWalker", Disc(RADIUS, "#37618e", heading=True, height=0.9, meaning="person"))
+PStuck = Primitive(
+    "PStuck", Disc(RADIUS, "#d4622a", heading=True, height=0.9, meaning="person without progress")
+)
+PCount = Primitive("PCount", Label("text", meaning="people outside and inside"), text=str)
 TPlace = Transformation(
     "TPlace", Motion("x", "y", "angle"), x=Metres, y=Metres, angle=Default(Degrees, 0.0)
 )

@@ -50,8 +50,13 @@ SIGHT = portable.cos(math.radians(35))  # an eye sees 35° to either side of its
 # --- the vocabulary -------------------------------------------------------------------------------
 
 Corners = tuple[float, ...]
-PGround = Primitive("PGround", Line("xs", "ys", "#c9c2a5", 0.12), xs=Corners, ys=Corners)
-PBody = Primitive("PBody", Disc(0.45, "#2f6f8f", heading=True), who=str)
+PGround = Primitive(
+    "PGround",
+    Line("xs", "ys", "#c9c2a5", 0.12, meaning="edge of the ground"),
+    xs=Corners,
+    ys=Corners,
+)
+PBody = Primitive("PBody", Disc(0.45, "#2f6f8f", heading=True, meaning="forager"), who=str)
 PBerry = Primitive("PBerry", Disc(0.22, "#b3205f"), who=str)
 PEye = Primitive("PEye", Disc(0.12, "#efc94c"), left=Default(float, 0.0), right=Default(float, 0.0))
 TPlace = Transformation(

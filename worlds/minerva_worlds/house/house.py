@@ -21,12 +21,16 @@ from minerva_bus import (
 HYSTERESIS = 0.5
 
 PHeater = Primitive("PHeater", on=bool)
-PWarm = Primitive("PWarm", Disc("radius", "#d4622a"), radius=Metres)
-PCool = Primitive("PCool", Disc("radius", "#5b8db8"), radius=Metres)
+PWarm = Primitive(
+    "PWarm", Disc("radius", "#d4622a", meaning="room with its heater on"), radius=Metres
+)
+PCool = Primitive(
+    "PCool", Disc("radius", "#5b8db8", meaning="room with its heater off"), radius=Metres
+)
 PWalls = Primitive(
     "PWalls", Line("xs", "ys", "#6b6259", 0.12), xs=tuple[float, ...], ys=tuple[float, ...]
 )
-PSign = Primitive("PSign", Label("text"), text=str)
+PSign = Primitive("PSign", Label("text", meaning="temperature and target of a room"), text=str)
 TRoom = Transformation("TRoom", room=str)
 TPlace = Transformation("TPlace", Motion("x", "y"), x=Metres, y=Metres)
 

@@ -48,7 +48,7 @@ def wood(name: str, color: str, width: float) -> Primitive:
 woods = [wood(*spot) for spot in WOOD]
 PLeaf = Primitive("PLeaf", Disc(0.1, "#5f9a4a"))
 PFlower = Primitive("PFlower", Disc(0.09, "#c9407f"))
-PTip = Primitive("PTip", Disc(0.06, "#9bc265"))
+PTip = Primitive("PTip", Disc(0.06, "#9bc265", meaning="growing tip"))
 PSky = Primitive("PSky", Raster("cells", 1.0, colors=((0, "#eaf2f4"),)), cells=Cells)
 PSoil = Primitive(
     "PSoil", Raster("cells", 1.0, y=-1.0, colors=((0, "#a98f6f"),), height=0.1), cells=Cells

@@ -48,13 +48,22 @@ LANES = {"east": 0, "north": 90, "west": 180, "south": 270}
 
 Points = tuple[float, ...]
 PRoad = Primitive("PRoad", Line("xs", "ys", "#c9ccd1", 9.0), xs=Points, ys=Points)
-PMark = Primitive("PMark", Line("xs", "ys", "#ffffff", 0.3, dashed=True), xs=Points, ys=Points)
-PBar = Primitive("PBar", Line("xs", "ys", "#ffffff", 0.6), xs=Points, ys=Points)
+PMark = Primitive(
+    "PMark",
+    Line("xs", "ys", "#ffffff", 0.3, dashed=True, meaning="lane marking"),
+    xs=Points,
+    ys=Points,
+)
+PBar = Primitive(
+    "PBar", Line("xs", "ys", "#ffffff", 0.6, meaning="stop line"), xs=Points, ys=Points
+)
 PCar = Primitive("PCar", Disc("radius", "#33658a", heading=True), radius=Metres)
-PWreck = Primitive("PWreck", Disc("radius", "#b3261e", heading=True), radius=Metres)
-PGreen = Primitive("PGreen", Disc("radius", "#2e9e4f"), radius=Metres)
-PYellow = Primitive("PYellow", Disc("radius", "#e6b422"), radius=Metres)
-PRed = Primitive("PRed", Disc("radius", "#d43a2f"), radius=Metres)
+PWreck = Primitive(
+    "PWreck", Disc("radius", "#b3261e", heading=True, meaning="crashed car"), radius=Metres
+)
+PGreen = Primitive("PGreen", Disc("radius", "#2e9e4f", meaning="green light"), radius=Metres)
+PYellow = Primitive("PYellow", Disc("radius", "#e6b422", meaning="yellow light"), radius=Metres)
+PRed = Primitive("PRed", Disc("radius", "#d43a2f", meaning="red light"), radius=Metres)
 PBody = Primitive("PBody", who=str, lane=str, s=Metres)
 TTurn = Transformation("TTurn", Motion(turn="angle"), angle=Degrees)
 TPlace = Transformation("TPlace", Motion("x", "y"), x=Metres, y=Metres)

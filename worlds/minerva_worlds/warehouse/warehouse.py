@@ -47,16 +47,40 @@ DESK = (1.0, 8.05)
 # --- the vocabulary: pictures and messages --------------------------------------------------------
 
 Points = tuple[float, ...]
-PFloor = Primitive("PFloor", Line("xs", "ys", "#c9c2b8", 0.12), xs=Points, ys=Points)
+PFloor = Primitive(
+    "PFloor", Line("xs", "ys", "#c9c2b8", 0.12, meaning="edge of the floor"), xs=Points, ys=Points
+)
 PShelf = Primitive("PShelf", Line("xs", "ys", "#8a7f74", 0.5), xs=Points, ys=Points)
 PDock = Primitive("PDock", Line("xs", "ys", "#2f6f8f", 0.9), xs=Points, ys=Points)
-PCharger = Primitive("PCharger", Disc("radius", "#dfe7d8"), radius=Metres)
-PCarrier = Primitive("PCarrier", Disc("radius", "#d9641e", heading=True), radius=Metres)
-PResting = Primitive("PResting", Disc("radius", "#a8adb5", heading=True), radius=Metres)
+PCharger = Primitive(
+    "PCharger", Disc("radius", "#dfe7d8", meaning="charging station"), radius=Metres
+)
+PCarrier = Primitive(
+    "PCarrier",
+    Disc("radius", "#d9641e", heading=True, meaning="carrier with a contract"),
+    radius=Metres,
+)
+PResting = Primitive(
+    "PResting",
+    Disc("radius", "#a8adb5", heading=True, meaning="carrier without a contract"),
+    radius=Metres,
+)
 PBox = Primitive("PBox", Disc("radius", "#7a4a21"), radius=Metres)
-PCharge = Primitive("PCharge", Line("xs", "ys", "#4f8049", 0.12), xs=Points, ys=Points)
-PRoute = Primitive("PRoute", Line("xs", "ys", "#e7b48f", 0.05, dashed=True), xs=Points, ys=Points)
-PSign = Primitive("PSign", Label("text", "#2b2b33"), text=str)
+PCharge = Primitive(
+    "PCharge",
+    Line("xs", "ys", "#4f8049", 0.12, meaning="charge of a carrier"),
+    xs=Points,
+    ys=Points,
+)
+PRoute = Primitive(
+    "PRoute",
+    Line("xs", "ys", "#e7b48f", 0.05, dashed=True, meaning="planned route"),
+    xs=Points,
+    ys=Points,
+)
+PSign = Primitive(
+    "PSign", Label("text", "#2b2b33", meaning="name, or the state of orders"), text=str
+)
 PJob = Primitive("PJob", source=str, target=str)
 TPlace = Transformation(
     "TPlace", Motion("x", "y", "angle"), x=Metres, y=Metres, angle=Default(Degrees, 0)
