@@ -11,7 +11,8 @@
     ├── MisuseError              the caller of the library asks for something impossible
     │   ├── StateError           an attribute of an agent has an invalid value
     │   │   └── Unsound          an attribute of one row is not finite           world.assembling
-    │   └── SignatureError       a method takes other arguments than it is called with
+    │   ├── SignatureError       a method takes other arguments than it is called with
+    │   └── NotCompilable        a method uses what cannot be compiled            compiled.origin
     ├── UserCodeError            a method of an agent or a service failed
     │   └── ActivityError        a method of an agent failed at an event         world.kinds
     ├── RecordError              a record cannot be written or read              log.errors

@@ -27,6 +27,7 @@ from typing import Any, ClassVar, Self, TypeVar
 
 import numpy as np
 
+from minerva_bus.compiled.activity import CompiledMethods
 from minerva_bus.errors import MinervaError, MisuseError, StateError, nearest
 from minerva_bus.grammar.arrays import SCALARS
 from minerva_bus.grammar.columns import Columns
@@ -37,8 +38,10 @@ from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.scene import AGENT_ID, EMPTY, AgentNode, Scene
 from minerva_bus.grammar.symbols import AgentKind
 from minerva_bus.grammar.unique_ids import no_id
+from minerva_bus.world.compiling import check_mode, marked_compiled
 from minerva_bus.world.context import Context
 from minerva_bus.world.declaring import (
+    COMPILED,
     ON,
     POPULATION,
     PROBABILITY,
@@ -63,6 +66,7 @@ def on(
     population: bool | None = None,
     together: bool = False,
     probability: float | str = 1.0,
+    compiled: bool | str = False,
 ) -> Callable[[_F], _F]:
     """Mark a method `(self, event, moment)` as the evolution λ for these event types (equation 2).
 
@@ -79,9 +83,13 @@ def on(
             the beams of a scan.
         probability: h of a^{d,h} (section 5), a number from 0 to 1 or the name of an attribute: the
             agent responds to each event of these types with that probability.
+        compiled: run the method for one agent as machine code over the columns of a population,
+            with the same results; needs minerva-bus[fast]. `"if possible"` leaves a method as it is
+            if it uses something that cannot be compiled, and warns.
 
     Raises:
         MisuseError: no event type is named, or the probability is neither.
+        NotCompilable: when the class is made: `compiled=True`, and the method cannot be.
 
     Example:
         >>> @on("eHunger", probability=0.5)
@@ -92,8 +100,17 @@ def on(
     if isinstance(probability, bool) or not isinstance(probability, float | int | str):  # pyright: ignore[reportUnnecessaryIsInstance]
         raise MisuseError("a probability is a number from 0 to 1, or the name of an attribute")
     h = probability if isinstance(probability, str) else float(probability)
-    for_population = together if population is None else population
-    return _mark(ON, event_types, for_population, together, h)
+    for_population = together and not compiled if population is None else population
+    check_mode(compiled)
+    if compiled and for_population:
+        raise MisuseError("a method with compiled=True is for one agent; leave out population=True")
+    mark = _mark(ON, event_types, for_population, together, h)
+
+    def mark_compiled(function: _F) -> _F:
+        setattr(function, COMPILED, compiled)
+        return mark(function)
+
+    return mark_compiled
 
 
 def view(*event_types: str, population: bool = False) -> Callable[[_F], _F]:
@@ -195,6 +212,8 @@ class Agent:
     population_views: ClassVar[dict[str, ViewHandler]] = {}
     batches: ClassVar[frozenset[str]] = frozenset()
     """Event types with a method for one agent that takes all events of a frame in one call."""
+    compiled: ClassVar[CompiledMethods | None] = None
+    """Methods for one agent that run as machine code on the rows of a population."""
 
     id: str
     scope: Scene
@@ -231,6 +250,7 @@ class Agent:
                 tuple(sorted(rest)),
             )
             _check_columns(cls.kind, cls.population or cls.population_views)
+            cls.compiled = marked_compiled(cls)
             expose_attributes(cls, [each.name for each in state.all if each.type.kind in SCALARS])
 
     def __init__(self, id: str, *, scope: Scene = EMPTY, **state: Any) -> None:

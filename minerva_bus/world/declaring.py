@@ -16,6 +16,7 @@ VIEW = "_minerva_view"
 POPULATION = "_minerva_population"
 TOGETHER = "_minerva_together"
 PROBABILITY = "_minerva_probability"
+COMPILED = "_minerva_compiled"
 
 
 ARGUMENTS: Final = {
@@ -67,14 +68,19 @@ def chances_of(
     """
     chances: dict[str, float | str] = {}
     for event_type, function in activities.items():
-        marked = (vars(base).get(function.__name__) for base in cls.__mro__)
-        first = next(
-            (method for method in marked if event_type in getattr(method, ON, ())), function
-        )
-        probability: float | str = getattr(first, PROBABILITY, 1.0)
+        probability: float | str = getattr(marked(cls, event_type, function), PROBABILITY, 1.0)
         if probability != 1.0:
             chances[event_type] = probability
     return tuple(sorted(chances.items()))
+
+
+def marked(cls: type, event_type: str, function: Callable[..., Any]) -> Callable[..., Any]:
+    """The method that marks a method, or the one that it overrides, for an event type."""
+    for base in cls.__mro__:
+        method = vars(base).get(function.__name__)
+        if method is not None and event_type in getattr(method, ON, ()):
+            return method
+    return function
 
 
 def state_of(cls: type, root: type) -> Fields:

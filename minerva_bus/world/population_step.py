@@ -23,6 +23,7 @@ from minerva_bus.world.addressing import Addressed, Round, narrowed, rounds
 from minerva_bus.world.agent import Agent
 from minerva_bus.world.agent_step import AgentStep, at_fault
 from minerva_bus.world.assembling import Unsound, assembled, emissions
+from minerva_bus.world.compiled_rows import CompiledRows, Turn
 from minerva_bus.world.context import BatchContext, Context, Frame, FrameStreams
 from minerva_bus.world.declaring import TOGETHER
 from minerva_bus.world.event_batch import EventBatch, joined
@@ -53,6 +54,13 @@ class PopulationStep:
         self._steps: dict[int, AgentStep] = {}
         self._sent: list[tuple[int, Sequence[Event]]] = []
         self._ran: list[tuple[Activity, AnyEvent]] = []
+        self._compiled: CompiledRows | None = None
+        if self._cls.compiled is not None:
+            self._compiled = CompiledRows(self._cls.compiled, self._state, self._streams, frame)
+        # Rows whose state is in agent objects: any after a method that is not compiled, and those
+        # of `_in_python`, which a compiled method has left to Python until the end of the frame.
+        self._in_objects = False
+        self._in_python = np.zeros(0, np.bool_)
 
     def process(self, addressed: Addressed) -> None:
         """Process a frame's events. Raises ActivityError."""
@@ -68,17 +76,20 @@ class PopulationStep:
             elif activity is not None and event_type in self._cls.batches:
                 self._run_batches(activity, list(group))
             else:
-                self._run_in_rounds(population, activity, group)
+                self._run_in_rounds(event_type, group)
 
-    def _run_in_rounds(
-        self, population: Activity | None, activity: Activity | None, items: Iterable[AnyEvent]
-    ) -> None:
+    def _run_in_rounds(self, event_type: str, items: Iterable[AnyEvent]) -> None:
+        population = self._cls.population.get(event_type)
+        activity = self._cls.activities.get(event_type)
         for event, rows in self._rounds(items):
             if population is not None:
                 given = EventBatch(event) if isinstance(event, Events) else event
                 self._run_population(population, given, event, rows)
+            elif activity is not None and self._is_compiled(event_type):
+                self._run_compiled(activity, event, rows)
             elif activity is not None:
                 self._run_rows(activity, event, rows)
+                self._in_objects = True
 
     # --- which agents an event concerns ---
 
@@ -215,10 +226,57 @@ class PopulationStep:
         # Stable, because each agent gets its events in their order.
         order = np.argsort(row, kind="stable")
         rows, begins = np.unique(row[order], return_index=True)
-        parts = [events.take(part) for part in np.split(order, begins[1:])]
+        ends = np.append(begins[1:], len(order))
+        keep = np.ones(len(rows), np.bool_)
+        if self._is_compiled(events.type):
+            events, order = events.take(order), np.arange(len(order))
+            keep = self._compiled_rows(Turn(events, rows, begins, ends))
+            self._ran.append((activity, events))
+        else:
+            self._in_objects = True
+        parts = [
+            events.take(order[begin:end])
+            for begin, end in zip(begins[keep].tolist(), ends[keep].tolist(), strict=True)
+        ]
         batches = [EventBatch(part, np.zeros(part.count, np.intp)) for part in parts]
         firsts = [part.event(0) for part in parts]
-        self._run_each(activity, events, rows, firsts, batches)
+        if parts:
+            self._run_each(activity, events, rows[keep], firsts, batches)
+
+    # --- compiled methods for one agent ---
+
+    def _is_compiled(self, event_type: str) -> bool:
+        return self._cls.compiled is not None and event_type in self._cls.compiled
+
+    def _run_compiled(self, activity: Activity, event: AnyEvent, rows: Rows | None) -> None:
+        """Run a method as machine code, and in Python for the rows that the code leaves to it."""
+        chosen = np.arange(len(self._ids)) if rows is None else rows
+        left = self._compiled_rows(Turn(event, chosen))
+        self._ran.append((activity, event))
+        if left.any():
+            rest = event.take(np.flatnonzero(left)) if isinstance(event, Events) else event
+            self._run_rows(activity, rest, chosen[left])
+
+    def _compiled_rows(self, turn: Turn) -> NDArray[np.bool_]:
+        """Which rows of a turn must run in Python, after the compiled method of its type has run.
+
+        A row stays in Python until the end of the frame: its state may be one that columns cannot
+        hold, which is an error only if it lasts.
+        """
+        assert self._compiled is not None
+        if self._in_objects:
+            self._settle(turn.event)
+            self._in_objects, self._in_python = False, np.zeros(0, np.bool_)
+        if not self._in_python.any():
+            self._adapter.forget()
+            self._in_python = np.zeros(len(self._ids), np.bool_)
+        left = self._in_python[turn.rows]
+        fast = np.flatnonzero(~left)
+        if len(fast):
+            faults = self._compiled.run(turn.event.type, self._cls, turn.take(fast))
+            left[fast[faults]] = True
+        self._in_python[turn.rows[left]] = True
+        return left
 
     def _run_each(
         self,

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from minerva_bus.errors import StateError
 from minerva_bus.grammar.columns import Columns, Rows
 from minerva_bus.grammar.scene import EMPTY
+from minerva_bus.grammar.types import Type
 from minerva_bus.world.agent import Agent
 from minerva_bus.world.population import PopulationState
 
@@ -172,6 +173,8 @@ class RowAdapter:
                 return None
             if kind is float and not np.isfinite(array).all():
                 return None
+            if not _within(field.type, array, values):
+                return None
             arrays.append(array)
         return arrays
 
@@ -182,6 +185,16 @@ class RowAdapter:
             values.append(agent.freeze().values)
         self.forget()  # temporary attributes, with names that begin with _, end here
         return list(zip(*values, strict=True))
+
+
+def _within(declared: Type, array: NDArray[Any], values: Sequence[Any]) -> bool:
+    """Whether values of the right Python type are words of their type, or in its range."""
+    if declared.words:
+        return {*values} <= {*declared.words}
+    # If the extremes are in the range, all values are.
+    return declared.range is None or all(
+        map(declared.range.holds, (array.min().item(), array.max().item()))
+    )
 
 
 _id = methodcaller("get", "id")

@@ -13,6 +13,7 @@ ORDER = [
     "portable",
     "grammar",
     "semantics",
+    "compiled",
     "world",
     "space",
     "frame",
@@ -27,7 +28,7 @@ ORDER = [
     "api",
     "cli",
 ]
-ONLY = {"zenoh": "runtime", "typer": "cli", "msgpack": "wire", "mcap": "log"}
+ONLY = {"numba": "compiled", "zenoh": "runtime", "typer": "cli", "msgpack": "wire", "mcap": "log"}
 
 
 @cache

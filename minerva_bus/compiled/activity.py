@@ -1,0 +1,59 @@
+"""Compiled methods of a class: checked when the class is made, compiled when they first run."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from minerva_bus.compiled.form import Program
+from minerva_bus.compiled.method import Checked, checked_methods
+from minerva_bus.compiled.writing import written
+
+Kernel = Callable[..., int]
+
+
+class CompiledMethods:
+    """The compiled methods of an agent class by event type.
+
+    Constants of the module are part of the machine code. If one of them has changed, the methods
+    are checked and compiled again.
+    """
+
+    def __init__(
+        self, cls: Any, methods: Mapping[str, Callable[..., Any]], together: frozenset[str]
+    ) -> None:
+        self._cls = cls
+        self._methods = dict(methods)
+        self._together = together
+        self._checked: dict[str, Checked] = checked_methods(cls, methods, together)
+        self._kernels: dict[str, Kernel] = {}
+
+    def __contains__(self, event_type: object) -> bool:
+        return event_type in self._methods
+
+    def __iter__(self) -> Any:
+        return iter(sorted(self._methods))
+
+    def __len__(self) -> int:
+        return len(self._methods)
+
+    def program(self, event_type: str) -> Program:
+        """The checked form of the method for an event type. Raises NotCompilable."""
+        if not all(checked.current for checked in self._checked.values()):
+            self._checked = checked_methods(self._cls, self._methods, self._together)
+            self._kernels = {}
+        return self._checked[event_type].program
+
+    def kernel(self, event_type: str) -> tuple[Program, Kernel]:
+        """The program and the machine code of the method for an event type.
+
+        Raises NotCompilable, and MisuseError without numba.
+        """
+        program = self.program(event_type)
+        kernel = self._kernels.get(event_type)
+        if kernel is None:
+            # Here, because numba is optional and takes a third of a second to import.
+            from minerva_bus.compiled.loading import loaded
+
+            kernel = self._kernels[event_type] = loaded(written(program), program.title)
+        return program, kernel

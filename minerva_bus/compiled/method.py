@@ -1,0 +1,140 @@
+"""The checked form of a method for one agent: from its function to a `Program`."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from types import FunctionType
+from typing import Any, Final
+
+from minerva_bus.compiled.form import Attribute, Kind, Program
+from minerva_bus.compiled.names import (
+    AgentItself,
+    EventItself,
+    Method,
+    Moment,
+    Reference,
+    Scope,
+    event_type_of,
+    kind_of,
+    limit_of,
+    slots_of,
+)
+from minerva_bus.compiled.origin import NotCompilable, Origin, lookup
+from minerva_bus.compiled.statements import Statements
+from minerva_bus.grammar.types import Type
+
+Names = dict[tuple[FunctionType, str], Any]
+
+
+@dataclass(frozen=True, slots=True)
+class Checked:
+    """A program, and the objects that names referred to when it was made."""
+
+    program: Program
+    constants: Names
+
+    @property
+    def current(self) -> bool:
+        """Whether these names still refer to the same objects."""
+        return all(lookup(*key) is value for key, value in self.constants.items())
+
+
+def checked_methods(
+    cls: Any, methods: Mapping[str, Callable[..., Any]], together: frozenset[str]
+) -> dict[str, Checked]:
+    """The programs of a class's compiled methods by event type. Raises NotCompilable.
+
+    Args:
+        cls: the agent class; its `kind` has the attributes.
+        methods: by event type.
+        together: event types whose method takes all events of an agent in a frame at once.
+
+    """
+    types = {field.name: field.type for field in cls.kind.fields.all}
+    kinds = _kinds(cls, types)
+    while True:
+        before = dict(kinds)
+        checked = {
+            event_type: _checked(cls, event_type, function, event_type in together, types, kinds)
+            for event_type, function in sorted(methods.items())
+        }
+        # A method has set a real attribute to an int: those before it must know.
+        if kinds == before:
+            return checked
+
+
+def _kinds(cls: Any, types: Mapping[str, Type]) -> dict[str, Kind]:
+    kinds: dict[str, Kind] = {}
+    for name, declared in types.items():
+        kind = kind_of(declared)
+        if kind is None:
+            raise NotCompilable(
+                f"{cls.__name__} has compiled methods, so its attributes must be numbers, bools or"
+                f" texts; {name} is a {declared}"
+            )
+        kinds[name] = kind
+    return kinds
+
+
+def _checked(
+    cls: Any,
+    event_type: str,
+    function: Callable[..., Any],
+    together: bool,
+    types: Mapping[str, Type],
+    kinds: dict[str, Kind],
+) -> Checked:
+    origin = Origin.of(function)
+    declared = event_type_of(function, event_type)
+    method = Method(cls, types, kinds, declared)
+    scope = Scope(origin, _parameters(origin, together))
+    body = Statements(method, scope).function()
+    return Checked(_program(event_type, method, scope, body), method.constants)
+
+
+def _parameters(origin: Origin, together: bool) -> dict[str, Reference]:
+    """What the parameters `(self, event, moment)` stand for, by the names of the method."""
+    names = [
+        parameter.name
+        for parameter in inspect.signature(origin.function).parameters.values()
+        if parameter.kind in (parameter.POSITIONAL_ONLY, parameter.POSITIONAL_OR_KEYWORD)
+    ]
+    if len(names) != _ARGUMENTS:
+        raise origin.problem(
+            origin.tree, "parameters other than (self, event, moment)", "take exactly these three"
+        )
+    return dict(zip(names, (AgentItself(), EventItself(together), Moment()), strict=True))
+
+
+_ARGUMENTS: Final = 3
+
+
+def _program(event_type: str, method: Method, scope: Scope, body: Any) -> Program:
+    words = {name: declared.words for name, declared in method.types.items()}
+    attributes = {
+        name: Attribute(
+            name,
+            method.kinds[name],
+            method.types[name].kind == "real",
+            limit_of(method.types[name]),
+            tuple(method.code(word) for word in words[name] if name in method.writes),
+        )
+        for name in sorted(method.reads)
+    }
+    tables = [(name, kind, key[1]) for key, (name, kind) in method.tables.items()]
+    return Program(
+        title=f"{scope.origin.name} at {event_type}",
+        body=body,
+        reads=tuple(attributes.values()),
+        writes=tuple(attributes[name] for name in sorted(method.writes)),
+        data=slots_of(method.data),
+        given=slots_of(method.given),
+        draws=method.draws,
+        outputs=tuple(method.outputs),
+        helpers=tuple(method.helpers.values()),
+        lists=tuple(scope.lists.values()),
+        tables=tuple(tables),
+        texts=tuple(method.texts),
+    )

@@ -1,0 +1,258 @@
+"""Compiled methods applied to a population: columns in, changes, newborns and events out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from minerva_bus.compiled.activity import CompiledMethods, Kernel
+from minerva_bus.compiled.form import Emission, Kind, Newborn, Output, Program
+from minerva_bus.compiled.writing import FAULT, GONE, cells
+from minerva_bus.grammar.batch import AnyEvent, Events
+from minerva_bus.grammar.column import Column
+from minerva_bus.grammar.columns import Columns, Rows
+from minerva_bus.grammar.events import Event
+from minerva_bus.grammar.ids import Ids
+from minerva_bus.world.context import Frame, FrameStreams
+from minerva_bus.world.lineage import child_ids
+from minerva_bus.world.population import Birth, PopulationState
+
+_DTYPES: Final[dict[Kind, Any]] = {
+    Kind.INT: np.int64,
+    Kind.REAL: np.float64,
+    Kind.MIXED: np.float64,
+    Kind.BOOL: np.bool_,
+    Kind.TEXT: np.int64,
+}
+_LEAST_ROWS: Final = 64
+_NOTHING: Final = np.zeros(1, np.int64)
+
+
+@dataclass(frozen=True, slots=True)
+class Turn:
+    """Rows of a population with the events that they process in one call.
+
+    Row k has the event k of the batch, or those from `begins[k]` to `ends[k]`; an event for all has
+    one row.
+    """
+
+    event: AnyEvent
+    rows: Rows
+    begins: Rows | None = None
+    ends: Rows | None = None
+
+    def take(self, places: Rows) -> Turn:
+        """The turn of some of the rows."""
+        if len(places) == len(self.rows):
+            return self
+        if self.begins is not None and self.ends is not None:
+            return Turn(self.event, self.rows[places], self.begins[places], self.ends[places])
+        event = self.event if isinstance(self.event, Event) else self.event.take(places)
+        return Turn(event, self.rows[places])
+
+
+class _Codes:
+    """Texts as ints, equal exactly if the texts are; valid during one call of a kernel."""
+
+    def __init__(self, texts: Sequence[str]) -> None:
+        self._codes = {text: code for code, text in enumerate(texts)}
+
+    def of(self, texts: Sequence[str]) -> NDArray[np.int64]:
+        codes = self._codes
+        return np.array([codes.setdefault(text, len(codes)) for text in texts], np.int64)
+
+    def texts(self, codes: NDArray[np.int64]) -> NDArray[Any]:
+        """The texts of codes, as an array of objects."""
+        known = np.empty(len(self._codes), object)
+        known[:] = list(self._codes)
+        return known[codes]
+
+
+class CompiledRows:
+    """Runs the compiled methods of a class on the rows of a population within a frame."""
+
+    def __init__(
+        self, methods: CompiledMethods, state: PopulationState, streams: FrameStreams, frame: Frame
+    ) -> None:
+        self._methods = methods
+        self._state = state
+        self._streams = streams
+        self._frame = frame
+
+    def run(self, event_type: str, cls: Any, turn: Turn) -> NDArray[np.bool_]:
+        """Process a turn; returns a mask of the rows that must run in Python, shape (rows,)."""
+        program, kernel = self._methods.kernel(event_type)
+        call = _KernelCall(program, self._state, turn)
+        if not call.fits:
+            return np.ones(len(turn.rows), np.bool_)
+        outcomes = call.run(kernel, self._streams, self._frame)
+        self._state.turn += 1
+        call.store()
+        for index, output in enumerate(program.outputs):
+            if isinstance(output, Newborn):
+                self._bear(call.cells_of(index), call, output, cls)
+            else:
+                self._send(call.cells_of(index), call, output)
+        gone = turn.rows[outcomes == GONE]
+        if len(gone):
+            self._state.leave(gone)
+        return outcomes == FAULT
+
+    def _bear(
+        self, appended: list[NDArray[Any]], call: _KernelCall, output: Newborn, cls: Any
+    ) -> None:
+        place, births, *values = appended
+        if not len(place):
+            return
+        kind = (output.symbol or cls).kind
+        parents = call.turn.rows[place]
+        given = call.decoded(output, values)
+        columns = kind.fields.columns(kind.name, given, len(place))
+        ids = child_ids(self._state.ids.take(parents), births)
+        newborn = Columns(kind.name, kind.fields.names, columns, len(place), ids)
+        self._state.born.append(Birth(parents, self._state.turn, newborn))
+
+    def _send(self, appended: list[NDArray[Any]], call: _KernelCall, output: Emission) -> None:
+        place, *values = appended
+        if not len(place):
+            return
+        rows = call.turn.rows[place]
+        given = call.decoded(output, values)
+        columns = tuple(Column(given[name]) for name in output.names)
+        receivers = None
+        if output.received:
+            receivers = Ids.of(call.codes.texts(values[-1]).tolist())
+        senders = self._state.ids.take(rows)
+        events = Events(
+            output.event_type,
+            output.names,
+            columns,
+            len(rows),
+            output.condition,
+            senders,
+            receivers,
+        )
+        self._state.sent.append((rows, events))
+
+
+class _KernelCall:
+    """The arrays of one call of a kernel."""
+
+    def __init__(self, program: Program, state: PopulationState, turn: Turn) -> None:
+        self.program = program
+        self.turn = turn
+        self.codes = _Codes(program.texts)
+        self._state = state
+        self._written = {attribute.name for attribute in program.writes}
+        self._texts: dict[str, NDArray[np.int64]] = {}
+        self._counts = np.zeros(max(1, len(program.outputs)), np.int64)
+        size = max(_LEAST_ROWS, len(turn.rows) // 8)
+        self._outputs = [_columns(output, size) for output in program.outputs]
+        data = self._data()
+        self.fits = data is not None
+        """Whether the data of the event have the types that its declaration gives them."""
+        self._given_data = data or []
+
+    def _data(self) -> list[NDArray[Any]] | None:
+        """The data that the method reads; None if they have other types than declared."""
+        event, made = self.turn.event, list[NDArray[Any]]()
+        for slot in self.program.data:
+            if slot.name not in event.names:
+                return None
+            if isinstance(event, Events):
+                array = event.data(slot.name)
+            else:
+                array = Column.of([event.values[event.names.index(slot.name)]]).array
+            wanted = np.object_ if slot.kind is Kind.TEXT else _DTYPES[slot.kind]
+            if array.dtype != wanted:
+                return None
+            if slot.kind is Kind.TEXT:
+                array = self.codes.of(array.tolist())
+            made.append(self._spread(array))
+        return made
+
+    def _spread(self, array: NDArray[Any]) -> NDArray[Any]:
+        """An array with an item for each event; an event for all has one, without a copy."""
+        if isinstance(self.turn.event, Events):
+            return array
+        return np.broadcast_to(array, len(self.turn.rows))
+
+    def run(self, kernel: Kernel, streams: FrameStreams, frame: Frame) -> NDArray[np.uint8]:
+        """Run all rows; returns their outcomes."""
+        rows = self.turn.rows
+        outcomes = np.zeros(len(rows), np.uint8)
+        words = streams.draws.batch().words if self.program.draws else np.zeros(1, np.uint64)
+        columns = [self._column(attribute.name) for attribute in self.program.reads]
+        begins = _NOTHING if self.turn.begins is None else self.turn.begins
+        ends = _NOTHING if self.turn.ends is None else self.turn.ends
+        spread = (np.broadcast_to(_NOTHING, len(rows)),) * 2
+        ranges = spread if self.turn.begins is None else (begins, ends)
+        fixed = [
+            *(rows, outcomes, self._counts, np.zeros(2), words),
+            *columns,
+            *self._given_data,
+            *(self._given(slot.name, frame) for slot in self.program.given),
+            *ranges,
+        ]
+        start = 0
+        while True:
+            flat = [array for arrays in self._outputs for array in arrays]
+            start = kernel(start, *fixed, *flat)
+            if start == len(rows):
+                return outcomes
+            self._enlarge()
+
+    def _column(self, name: str) -> NDArray[Any]:
+        state = self._state
+        if state.part.column(name).dtype == np.object_:
+            codes = self._texts[name] = self.codes.of(state.value(name).tolist())
+            return codes
+        return state.array(name) if name in self._written else state.value(name)
+
+    def _given(self, name: str, frame: Frame) -> Any:
+        if name == "id":
+            return self.codes.of(self._state.ids.texts())
+        if name == "sender":
+            return self._senders()
+        return {"dt": frame.dt, "time": frame.number * frame.dt, "number": frame.number}[name]
+
+    def _senders(self) -> NDArray[Any]:
+        event = self.turn.event
+        if not isinstance(event, Events):
+            return self._spread(self.codes.of([event.sender]))
+        if event.senders is None:
+            return np.broadcast_to(self.codes.of([""]), event.count)
+        return self.codes.of(event.senders.texts())
+
+    def _enlarge(self) -> None:
+        """Double the outputs that have no free row."""
+        for index, arrays in enumerate(self._outputs):
+            count = int(self._counts[index])
+            # Rows before the one that did not fit have filled it up to a few rows.
+            if len(arrays[0]) - count < len(arrays[0]) // 2:
+                self._outputs[index] = [np.resize(array, 2 * len(array)) for array in arrays]
+
+    def store(self) -> None:
+        """Write changed texts to the population; numbers are in its arrays already."""
+        for name in sorted(self._written & self._texts.keys()):
+            self._state.write(name, None, self.codes.texts(self._texts[name]))
+
+    def cells_of(self, index: int) -> list[NDArray[Any]]:
+        """What was appended to an output."""
+        return [array[: self._counts[index]] for array in self._outputs[index]]
+
+    def decoded(self, output: Output, values: Sequence[NDArray[Any]]) -> dict[str, NDArray[Any]]:
+        """The values of an output by name, texts decoded."""
+        pairs = zip(output.slots, values, strict=False)
+        return {
+            slot.name: self.codes.texts(array) if slot.kind is Kind.TEXT else array
+            for slot, array in pairs
+        }
+
+
+def _columns(output: Output, size: int) -> list[NDArray[Any]]:
+    return [np.empty(size, _DTYPES[kind]) for _, kind in cells(output)]

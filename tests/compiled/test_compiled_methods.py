@@ -1,0 +1,435 @@
+"""A compiled method gives the same string, events and errors as the method itself, row by row."""
+
+from __future__ import annotations
+
+import math
+import sys
+from importlib import import_module
+from typing import Literal
+
+import numpy as np
+import pytest
+
+pytest.importorskip("numba")
+
+from minerva_bus import EMPTY, Agent, EventType, on, portable
+from minerva_bus.grammar.ids import Ids
+from tests.compiled.twins import outcome, same, twins
+
+eDay = EventType("eDay", grass=float, name=str, wet=bool, count=int)
+eHit = EventType("eHit", amount=float)
+eCall = EventType("eCall", loud=float, word=str)
+eEgg = EventType("eEgg", size=int)
+LIMIT = 8
+NAMES = ("a", "b", "c")
+WEIGHTS = (1, 0.5, 2)
+
+
+def many(cls, count=50, **state):
+    return cls.many("a", count, **state)
+
+
+def day(**data):
+    return eDay(**{"grass": 1.0, "name": "x", "wet": True, "count": 3} | data)
+
+
+def test_numbers_branches_births_and_deaths():
+    def make(compiled):
+        class Sheep(Agent, symbol="ASheep"):
+            x: float = 0.0
+            energy: float = 5.0
+            births: int = 0
+
+            @on("eDay", compiled=compiled)
+            def live(self, day, moment):
+                self.x += moment.chance.normal(0, 0.5)
+                self.energy += day.grass * moment.chance.random() - 0.5
+                if self.energy < 0:
+                    return EMPTY
+                if self.energy > LIMIT:
+                    self.energy /= 2
+                    return self.string + self.child(x=self.x, energy=self.energy)
+
+        return Sheep
+
+    energy = np.linspace(0, 8, 200)
+    same(make, lambda cls: many(cls, 200, energy=energy), [[day(grass=1.2)]] * 6, parts=3)
+
+
+def test_all_draws():
+    def make(compiled):
+        class Dice(Agent, symbol="ADice"):
+            a: float = 0.0
+            b: float = 0.0
+            c: int = 0
+            d: bool = False
+            e: float = 0.0
+            f: float = 0.0
+
+            @on("eDay", compiled=compiled)
+            def roll(self, day, moment):
+                chance = moment.chance.random()
+                self.a = chance + moment.chance.uniform(1, 3)
+                self.b = moment.chance.uniform(high=self.a) + moment.chance.uniform()
+                self.c = moment.chance.integers(5) + moment.chance.integers(-3, high=9)
+                self.d = moment.chance.chance(0.5)
+                self.e = moment.chance.exponential(2) + moment.chance.exponential()
+                self.f = moment.chance.normal() + moment.chance.normal(deviation=2.5)
+                if self.d:
+                    self.a = moment.chance.random()
+
+        return Dice
+
+    same(make, lambda cls: many(cls), [[day(), day(grass=2.0)]] * 3)
+
+
+def test_emitted_events_and_their_receivers():
+    def make(compiled):
+        class Caller(Agent, symbol="ACaller"):
+            friend: str = "a1"
+            heard: float = 0.0
+
+            @on("eDay", compiled=compiled)
+            def call(self, day, moment):
+                for turn in range(day.count):
+                    if moment.chance.random() < 0.5:
+                        moment.emit(eCall(loud=1.5 * turn, word="hi", receivers=[self.friend]))
+                moment.emit(eEgg(size=day.count))
+
+            @on("eCall", compiled=compiled)
+            def answer(self, call, moment):
+                self.heard += call.loud
+                if call.word == "hi":
+                    self.friend = call.sender
+                    moment.emit(eCall(0.5, "back", receivers=[call.sender]))
+                else:
+                    moment.emit(eCall(0.25, self.id, receivers=(self.id,)))
+
+        return Caller
+
+    calls = [
+        eCall(loud=1.0, word=w, receivers=[f"a{k}"], sender=f"a{k + 1}")
+        for k in (3, 3, 3, 4, 20)
+        for w in ("hi", "no")
+    ]
+    same(make, lambda cls: many(cls), [[day()], calls, [*calls, day(count=7)]])
+
+
+def test_texts_words_and_bools():
+    def make(compiled):
+        class Person(Agent, symbol="APerson"):
+            name: str = "a"
+            health: Literal["S", "I", "R"] = "S"
+            calm: bool = True
+            met: str = ""
+
+            @on("eDay", compiled=compiled)
+            def live(self, day, moment):
+                if self.health == "S" and moment.chance.chance(0.3):
+                    self.health = "I"
+                elif self.health in ("I", "R"):
+                    self.health = "R" if moment.chance.chance(0.5) else "S"
+                self.name = NAMES[moment.chance.integers(len(NAMES))]
+                self.calm = (not self.calm and day.wet) or day.name != self.name
+                self.met = day.name if self.calm else self.met
+
+        return Person
+
+    same(make, lambda cls: many(cls), [[day(name=n, wet=w)] for n in "abü" for w in (True, False)])
+
+
+def helper(x, y=2.0, *, flip=False):
+    if flip:
+        return y - x
+    return portable.sin(x) * y
+
+
+def wander(chance, width):
+    total = 0.0
+    for _ in range(3):
+        total += chance.uniform(-width, width)
+    return total
+
+
+def test_helpers_loops_lists_and_tuples():
+    def make(compiled):
+        class Bug(Agent, symbol="ABug"):
+            x: float = 0.0
+            y: float = 1.0
+            n: int = 0
+            SPEED = 0.25
+
+            def rate(self, factor):
+                return self.SPEED * factor + self.y
+
+            def drawn(self, moment):
+                return moment.chance.random() * moment.dt + self.x
+
+            @on("eDay", compiled=compiled)
+            def live(self, day, moment):
+                """Docstrings are skipped."""
+                counts = [0] * 4
+                parts = [1.0, self.x, 2.0]
+                for i in range(1, 10, 3):
+                    counts[i % 4] += i
+                    if i == 7:
+                        continue
+                    parts[-1] += helper(self.x, flip=i > 2) + helper(day.grass)
+                while True:
+                    self.n += counts[1]
+                    if self.n > 5:
+                        break
+                    self.n += 2
+                for weight in WEIGHTS:
+                    self.y += weight * 0.5
+                best = -1e9
+                for part in parts:
+                    best = max(best, part)
+                a, b = best, parts[2]
+                a, b = b, a
+                self.x = a - b + wander(moment.chance, 0.5) + self.rate(2) + self.drawn(moment)
+                self.y = min(self.y, 3, best) + moment.time + moment.number
+                self.n = self.n * 3 // 2 - self.n % 7 + abs(-self.n) + int(self.x) + round(self.y)
+                self.n = (self.n & 255) ^ (3 << 2) | ~self.n & 1
+
+        return Bug
+
+    x = np.linspace(-3, 3, 50)
+    same(make, lambda cls: many(cls, x=x), [[day()]] * 4)
+
+
+def test_several_events_per_agent_in_order():
+    def make(compiled):
+        class Target(Agent, symbol="ATarget"):
+            life: float = 3.0
+            log: float = 0.0
+            births: int = 0
+
+            @on("eHit", compiled=compiled)
+            def hit(self, hit, moment):
+                self.life -= hit.amount
+                self.log = self.log * 2 + hit.amount + moment.chance.random()
+                if self.life <= 0:
+                    return EMPTY
+                if self.life < 1:
+                    return self.string + self.child(log=self.log) + self.child(life=0.5)
+
+        return Target
+
+    rng = np.random.default_rng(3)
+    to = Ids.numbered("a", rng.integers(0, 50, 300))
+    hits = [eHit(amount=rng.random(300), receivers=to), eHit(amount=0.25), eHit(amount=0.5)]
+    same(make, lambda cls: many(cls), [hits, hits[:1], hits])
+    few = [eHit(amount=0.5, condition="life > 1"), eHit(amount=0.1, receivers=["a7"])]
+    same(make, lambda cls: many(cls), [few * 3])
+
+
+def test_all_events_of_a_type_in_one_call():
+    def make(compiled):
+        class Ear(Agent, symbol="AEar"):
+            sum: float = 0.0
+            last: str = ""
+            calls: int = 0
+
+            @on("eCall", together=True, population=False, compiled=compiled)
+            def hear(self, calls, moment):
+                self.calls += len(calls)
+                for call in calls:
+                    if call.loud > 0.9:
+                        continue
+                    self.sum += call.loud * moment.chance.random()
+                    self.last = call.word
+                moment.emit(eEgg(size=len(calls)))
+
+        return Ear
+
+    calls = [eCall(loud=k / 10, word=f"w{k}", receivers=[f"a{k * 7 % 20}"]) for k in range(40)]
+    same(make, lambda cls: many(cls), [calls, calls[5:], [eCall(loud=0.1, word="all"), *calls]])
+
+
+def test_probabilities():
+    def make(compiled):
+        class Shy(Agent, symbol="AShy"):
+            h: float = 0.5
+            n: int = 0
+
+            @on("eDay", probability="h", compiled=compiled)
+            def live(self, day, moment):
+                self.n += moment.chance.integers(10)
+
+            @on("eHit", probability=0.3, compiled=compiled)
+            def hit(self, hit, moment):
+                self.h = min(1.0, self.h + hit.amount)
+
+        return Shy
+
+    same(make, lambda cls: many(cls), [[day(), day(), eHit(amount=0.25), eHit(amount=0.5)]] * 3)
+
+
+def test_a_litter_and_a_child_of_another_kind():
+    def make(compiled):
+        class Egg(Agent, symbol="AEgg"):
+            size: float = 1.0
+
+        class Hen(Agent, symbol="AHen"):
+            age: int = 0
+            births: int = 0
+
+            @on("eDay", compiled=compiled)
+            def live(self, day, moment):
+                self.age += 1
+                litter = EMPTY
+                for k in range(moment.chance.integers(4)):
+                    litter += self.child(age=-k)
+                if self.age > 2:
+                    return litter
+                if self.age == 2:
+                    return self.string + litter + self.child(Egg, size=0.5)
+                return EMPTY if self.age == -1 else self.string + litter
+
+        return Hen
+
+    same(make, lambda cls: many(cls, 20), [[day()]] * 4)
+
+
+CASES = {
+    "division by zero": "self.x = 1 / self.x",
+    "remainder by zero": "self.n = 5 % self.n",
+    "root of a negative": "self.x = math.sqrt(self.x - 1.0)",
+    "log of zero": "self.x = math.log(self.x)",
+    "int of nan": "self.n = int(math.inf * self.x)",
+    "not finite": "self.x = 1e308 * (10 + self.x)",
+    "too large an int": "self.n = 2**62 + 2**62 + self.n",
+    "index out of range": "self.x = 1.0 * WEIGHTS[self.n + 3]",
+    "empty range of integers": "self.n = moment.chance.integers(self.n, 0)",
+    "an error of its own": "if self.n == 0:\n    raise ValueError('no number')",
+    "an assertion": "assert self.n > 0, 'a number'",
+    "a range": "self.y -= 2",
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_errors_are_those_of_the_method(case, tmp_path, monkeypatch):
+    lines = "\n".join(f"                {line}" for line in CASES[case].split("\n"))
+    (tmp_path / "odd_world.py").write_text(
+        f"""
+import math
+import sys
+from importlib import import_module
+from typing import Annotated
+from minerva_bus import Agent, EventType, on
+WEIGHTS = (1, 0.5, 2)
+eDay = EventType("eDay", grass=float, name=str, wet=bool, count=int)
+
+def make(compiled):
+    class Odd(Agent, symbol="AOdd"):
+        x: float = 0.0
+        n: int = 0
+        y: Annotated[float, Range(least=0)] = 1.0
+
+        @on("eDay", compiled=compiled)
+        def live(self, day, moment):
+            moment.chance.random()
+            if self.x != 2:
+{lines}
+    return Odd
+"""
+    )
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.delitem(sys.modules, "odd_world", raising=False)
+    odd_world = import_module("odd_world")
+
+    x = np.full(40, 2.0)
+    x[[17, 30]] = 0.0
+    result = same(odd_world.make, lambda cls: many(cls, 40, x=x), [[day()]])
+    assert result[0] == "ActivityError"
+    assert "AOdd#a17" in result[1]
+    assert "frame 0" in result[1]
+
+
+def test_a_state_that_columns_cannot_hold_may_pass_within_a_frame():
+    def make(compiled):
+        class Wave(Agent, symbol="AWave"):
+            x: float = 1.0
+            n: int = 0
+
+            @on("eHit", compiled=compiled)
+            def hit(self, hit, moment):
+                self.n += 1
+                if self.n == 2 or hit.amount == 5:
+                    self.x = math.inf * hit.amount
+                elif self.x > 10:
+                    self.x = moment.chance.random()
+                moment.emit(eEgg(size=self.n))
+
+        return Wave
+
+    same(
+        make,
+        lambda cls: many(cls),
+        [[eHit(amount=0.5)] * 3, [eHit(amount=5.0, receivers=["a3"]), eHit(amount=1.0)]],
+    )
+
+
+def test_ints_beyond_64_bits_within_a_method():
+    def make(compiled):
+        class Hash(Agent, symbol="AHash"):
+            n: int = 1
+
+            @on("eDay", compiled=compiled)
+            def live(self, day, moment):
+                self.n = (self.n * 6364136223846793005 + 1442695040888963407) % 2**31
+
+        return Hash
+
+    plain, compiled = twins(make)
+    scene = many(plain, 40, n=np.arange(40))
+    from minerva_bus.world.context import Frame
+
+    assert str(outcome(scene, [day()], [plain], Frame())[0]) == str(
+        outcome(scene, [day()], [compiled], Frame())[0]
+    )
+
+
+def test_an_int_in_a_real_attribute_stays_an_int_until_the_end_of_the_frame():
+    def make(compiled):
+        class Zero(Agent, symbol="AZero"):
+            x: float = 1.0
+            y: float = 0.0
+
+            @on("eDay", compiled=compiled)
+            def live(self, day, moment):
+                self.x = 0 if day.wet else self.x * 0.5
+                total = 0
+                for _ in range(day.count):
+                    total += self.x * -1.0
+                self.y = max(0, total) + self.x / 2
+
+        return Zero
+
+    same(make, lambda cls: many(cls, 40), [[day(), day(wet=False)], [day(wet=False, count=0)]])
+
+
+def test_a_changed_constant_is_compiled_again():
+    def make(compiled):
+        class Step(Agent, symbol="AStep"):
+            x: float = 0.0
+
+            @on("eDay", compiled=compiled)
+            def live(self, day, moment):
+                self.x += LIMIT
+
+        return Step
+
+    global LIMIT
+    _, compiled = twins(make)
+    from minerva_bus.world.context import Frame
+
+    first = outcome(many(compiled, 3), [day()], [compiled], Frame())[0]
+    LIMIT = 9
+    try:
+        assert [node.values for node in first.nodes] == [(8.0,)] * 3
+        second = outcome(first, [day()], [compiled], Frame())[0]
+        assert [node.values for node in second.nodes] == [(17.0,)] * 3
+    finally:
+        LIMIT = 8
