@@ -17,6 +17,7 @@ from minerva_bus.cli.output import FAILED, print_json, print_message
 from minerva_bus.cli.places import identity, place
 from minerva_bus.errors import KeysError, UnknownOption, WorldFileError, nearest
 from minerva_bus.frame.member import Member, WorldRestarted
+from minerva_bus.launch.compiling import compile_agents, no_progress
 from minerva_bus.launch.installed import find_world
 from minerva_bus.launch.interrupts import end_signals
 from minerva_bus.launch.reading import read_world_file
@@ -141,4 +142,6 @@ def _of_file(spec: str, process: str, name: str, options: dict[str, str]) -> Mem
         )
     if known[process].command:
         raise WorldFileError(f"{process} is a command: run it itself, with MINERVA_CONNECT set")
+    # Before it joins, because the world waits for its members in each frame.
+    compile_agents([replace(known[process], elsewhere=False)], no_progress)
     return replace(known[process], name=name or process).participant()

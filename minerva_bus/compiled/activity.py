@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from minerva_bus.compiled.form import Program
-from minerva_bus.compiled.method import Checked, checked_methods
+from minerva_bus.compiled.method import CheckedMethod, checked_methods
 from minerva_bus.compiled.writing import written
 
 Kernel = Callable[..., int]
@@ -25,7 +25,7 @@ class CompiledMethods:
         self._cls = cls
         self._methods = dict(methods)
         self._together = together
-        self._checked: dict[str, Checked] = checked_methods(cls, methods, together)
+        self._checked: dict[str, CheckedMethod] = checked_methods(cls, methods, together)
         self._kernels: dict[str, Kernel] = {}
 
     def __contains__(self, event_type: object) -> bool:
@@ -53,7 +53,7 @@ class CompiledMethods:
         kernel = self._kernels.get(event_type)
         if kernel is None:
             # Here, because numba is optional and takes a third of a second to import.
-            from minerva_bus.compiled.loading import loaded
+            from minerva_bus.compiled.loading import load_kernel
 
-            kernel = self._kernels[event_type] = loaded(written(program), program.title)
+            kernel = self._kernels[event_type] = load_kernel(written(program))
         return program, kernel

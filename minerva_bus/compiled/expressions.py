@@ -8,15 +8,15 @@ from types import FunctionType, ModuleType
 from typing import Any, Final, cast
 
 from minerva_bus.compiled.form import (
-    Binary,
+    BinaryOperation,
     Call,
     Choice,
     Constant,
     Expression,
     Item,
-    Kind,
     Logic,
-    Unary,
+    UnaryOperation,
+    ValueKind,
     Variable,
 )
 from minerva_bus.compiled.functions import DISTRIBUTIONS, FUNCTIONS, Distribution
@@ -29,10 +29,10 @@ from minerva_bus.compiled.names import (
     Chance,
     EventItself,
     Known,
+    LocalNames,
     Method,
     Moment,
     Reference,
-    Scope,
     joined,
     kind_of,
 )
@@ -45,16 +45,16 @@ _EXACT: Final = 2**53
 _INT_BITS: Final = 2**63
 _TABLE: Final = 10_000
 
-_WITH_FAULTS: Final[dict[type[ast.operator], tuple[str, Kind]]] = {
-    ast.Add: ("add", Kind.INT),
-    ast.Sub: ("subtract", Kind.INT),
-    ast.Mult: ("multiply", Kind.INT),
-    ast.Div: ("divide_ints", Kind.REAL),
-    ast.FloorDiv: ("floor_divide", Kind.INT),
-    ast.Mod: ("modulo", Kind.INT),
-    ast.Pow: ("power_of_ints", Kind.INT),
-    ast.LShift: ("shift_left", Kind.INT),
-    ast.RShift: ("shift_right", Kind.INT),
+_WITH_FAULTS: Final[dict[type[ast.operator], tuple[str, ValueKind]]] = {
+    ast.Add: ("add", ValueKind.INT),
+    ast.Sub: ("subtract", ValueKind.INT),
+    ast.Mult: ("multiply", ValueKind.INT),
+    ast.Div: ("divide_ints", ValueKind.REAL),
+    ast.FloorDiv: ("floor_divide", ValueKind.INT),
+    ast.Mod: ("modulo", ValueKind.INT),
+    ast.Pow: ("power_of_ints", ValueKind.INT),
+    ast.LShift: ("shift_left", ValueKind.INT),
+    ast.RShift: ("shift_right", ValueKind.INT),
 }
 """Operators of two ints: a function of `library`, and the kind of its result."""
 
@@ -100,7 +100,7 @@ REFUSED: Final[Mapping[type[ast.AST], tuple[str, str]]] = {
 class Expressions:
     """Checks the expressions of one function."""
 
-    def __init__(self, method: Method, scope: Scope) -> None:
+    def __init__(self, method: Method, scope: LocalNames) -> None:
         self.method = method
         self.scope = scope
         self._checks: dict[type[ast.AST], Callable[[Any], Expression]] = {
@@ -133,21 +133,21 @@ class Expressions:
             operator = "and" if isinstance(node.op, ast.And) else "or"
             return Logic(operator, tuple(map(self.truth, node.values)))
         if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Not):
-            return Unary(Kind.BOOL, "not", self.truth(node.operand))
+            return UnaryOperation(ValueKind.BOOL, "not", self.truth(node.operand))
         return self.as_truth(self.value(node))
 
     def as_truth(self, value: Expression) -> Expression:
         """Whether a value counts as true."""
-        if value.kind is Kind.BOOL:
+        if value.kind is ValueKind.BOOL:
             return value
-        empty = Constant(value.kind, 0 if value.kind is Kind.INT else 0.0)
-        if value.kind is Kind.TEXT:
+        empty = Constant(value.kind, 0 if value.kind is ValueKind.INT else 0.0)
+        if value.kind is ValueKind.TEXT:
             empty = self.text("")
-        return Binary(Kind.BOOL, "!=", value, empty)
+        return BinaryOperation(ValueKind.BOOL, "!=", value, empty)
 
     def text(self, text: str) -> Constant:
         """A constant text as its code."""
-        return Constant(Kind.TEXT, self.method.code(text))
+        return Constant(ValueKind.TEXT, self.method.code(text))
 
     # --- names ---
 
@@ -162,7 +162,7 @@ class Expressions:
             if isinstance(base, Moment) and node.attr == "chance":
                 return Chance()
             if isinstance(base, Known) and self._has_names(base.value):
-                inner: Any = getattr(base.value, node.attr, MISSING)
+                inner = self.method.attribute_of(base.value, node.attr)
                 if inner is MISSING:
                     raise self.problem(node, f"{ast.unparse(node)} does not exist")
                 return Known(inner)
@@ -198,12 +198,10 @@ class Expressions:
         """A constant or a method of the agent's class."""
         if node.attr in self.method.types or node.attr in ("id", "scope", "string", "child"):
             return None
-        bases: tuple[type, ...] = self.method.cls.__mro__
-        for base in bases:
-            if node.attr in vars(base):
-                value = vars(base)[node.attr]
-                return BoundMethod(value) if isinstance(value, FunctionType) else Known(value)
-        return None
+        value = self.method.attribute_of(self.method.cls, node.attr)
+        if value is MISSING:
+            return None
+        return BoundMethod(value) if isinstance(value, FunctionType) else Known(value)
 
     def _name(self, node: ast.Name) -> Expression:
         reference = self.reference(node)
@@ -227,7 +225,7 @@ class Expressions:
                 f"assign {name} before the branch or loop that sets it",
             )
         # Not known yet in the first pass over a loop.
-        return Variable(scope.kinds.get(name, Kind.INT), f"v_{name}")
+        return Variable(scope.kinds.get(name, ValueKind.INT), f"v_{name}")
 
     def _frozen(self, node: ast.expr, value: Any) -> Expression:
         """A constant of the module or class."""
@@ -243,11 +241,11 @@ class Expressions:
     def constant_of(self, value: Any) -> Constant | None:
         """A Python object as a constant; None if it is no number, bool or text."""
         if isinstance(value, bool):
-            return Constant(Kind.BOOL, value)
+            return Constant(ValueKind.BOOL, value)
         if type(value) is int and -_INT_BITS <= value < _INT_BITS:
-            return Constant(Kind.INT, value)
+            return Constant(ValueKind.INT, value)
         if type(value) is float:
-            return Constant(Kind.REAL, value)
+            return Constant(ValueKind.REAL, value)
         return self.text(value) if type(value) is str else None
 
     def _constant(self, node: ast.Constant) -> Expression:
@@ -285,7 +283,7 @@ class Expressions:
         if name in self.method.types:
             return self.attribute(name)
         if name == "id":
-            return self.given("id", Kind.TEXT)
+            return self.given("id", ValueKind.TEXT)
         if name == "scope":
             raise self.problem(node, "self.scope", "agents with scopes evolve agent by agent")
         if name in ("string", "child"):
@@ -310,7 +308,7 @@ class Expressions:
         self.method.reads[name] = None
         return self._passed(Variable(self.method.kinds[name], f"a_{name}"))
 
-    def given(self, name: str, kind: Kind) -> Expression:
+    def given(self, name: str, kind: ValueKind) -> Expression:
         """A value that the kernel is passed."""
         self.method.given[name] = kind
         return self._passed(Variable(kind, f"g_{name}"))
@@ -322,9 +320,9 @@ class Expressions:
     def _of_moment(self, node: ast.Attribute) -> Expression:
         name = node.attr
         if name in ("dt", "time"):
-            return self.given(name, Kind.REAL)
+            return self.given(name, ValueKind.REAL)
         if name == "number":
-            return self.given(name, Kind.INT)
+            return self.given(name, ValueKind.INT)
         if name == "random":
             raise self.problem(node, "moment.random", "draw from moment.chance")
         raise self.problem(node, f"moment.{name} as a value", "use dt, time, number and chance")
@@ -336,8 +334,8 @@ class Expressions:
                 node, "an array with the data of all events", "loop over them: for each in events"
             )
         if name == "sender":
-            self.method.given["sender"] = Kind.TEXT
-            return Item(Kind.TEXT, "g_sender", 0, event.place)
+            self.method.given["sender"] = ValueKind.TEXT
+            return Item(ValueKind.TEXT, "g_sender", 0, event.place)
         declared = self.method.event_type
         if declared is None:
             raise self.problem(
@@ -365,33 +363,33 @@ class Expressions:
 
     # --- arithmetic ---
 
-    def fault(self, kind: Kind, function: str, *arguments: Expression) -> Expression:
+    def fault(self, kind: ValueKind, function: str, *arguments: Expression) -> Expression:
         """A call of a function of `library` that marks the row if Python has no such result."""
         return Call(kind, function, (STATE, *arguments))
 
     def as_number(self, node: ast.expr, value: Expression) -> Expression:
         """A number; a bool counts as 0 or 1, as in Python."""
-        if value.kind is Kind.BOOL:
-            return Call(Kind.INT, "int", (value,))
-        if value.kind is Kind.TEXT:
+        if value.kind is ValueKind.BOOL:
+            return Call(ValueKind.INT, "int", (value,))
+        if value.kind is ValueKind.TEXT:
             raise self.problem(node, "arithmetic with a text", "compare texts with == or != only")
         return value
 
     def as_real(self, value: Expression) -> Expression:
         """A number as Python converts it to a real."""
-        if value.kind is not Kind.INT:
+        if value.kind is not ValueKind.INT:
             return value
         if isinstance(value, Constant):
-            return Constant(Kind.REAL, float(value.value))
-        return Call(Kind.REAL, "float", (value,))
+            return Constant(ValueKind.REAL, float(value.value))
+        return Call(ValueKind.REAL, "float", (value,))
 
     def as_mixed(self, value: Expression) -> Expression:
         """A number held as a real, of which an int has no other digits."""
-        if value.kind is not Kind.INT:
+        if value.kind is not ValueKind.INT:
             return value
         if isinstance(value, Constant) and abs(value.value) <= _EXACT:
-            return Constant(Kind.MIXED, float(value.value))
-        return self.fault(Kind.MIXED, "exact", value)
+            return Constant(ValueKind.MIXED, float(value.value))
+        return self.fault(ValueKind.MIXED, "exact", value)
 
     def _operation(self, node: ast.BinOp) -> Expression:
         left = self.as_number(node.left, self.value(node.left))
@@ -405,25 +403,31 @@ class Expressions:
         kinds = {left.kind, right.kind}
         if isinstance(operator, ast.MatMult):
             raise self.problem(node, "the operator @", "write the products")
-        if kinds == {Kind.INT}:
+        if kinds == {ValueKind.INT}:
             return self._of_ints(node, operator, left, right)
-        if Kind.REAL not in kinds and not isinstance(operator, ast.Div):
-            raise self.mixed(node)
+        if ValueKind.REAL not in kinds and not isinstance(operator, ast.Div):
+            raise self.mixed(node, left, right)
         return self._of_reals(node, operator, left, right)
 
-    def mixed(self, node: ast.AST) -> NotCompilable:
+    def mixed(self, node: ast.AST, *values: Expression) -> NotCompilable:
         """The error of arithmetic whose result depends on whether a number is an int."""
+        lines = {**self.method.int_lines, **self.scope.int_lines}
+        known = [
+            f"{value.name[2:]} is set to an int in line {lines[value.name]}; "
+            for value in values
+            if isinstance(value, Variable) and value.name in lines
+        ]
         return self.problem(
             node,
             "a number here is an int in one case and a real in another",
-            "make it a real everywhere: write 0.0 for 0, or use float(...)",
+            f"{''.join(known[:1])}make it a real everywhere: write 0.0 for 0, or use float(...)",
         )
 
     def _of_ints(
         self, node: ast.AST, operator: ast.operator, left: Expression, right: Expression
     ) -> Expression:
         if type(operator) in _BITS:
-            return Binary(Kind.INT, _BITS[type(operator)], left, right)
+            return BinaryOperation(ValueKind.INT, _BITS[type(operator)], left, right)
         if isinstance(operator, ast.Pow) and not (isinstance(right, Constant) and right.value >= 0):
             raise self.problem(
                 node,
@@ -437,15 +441,15 @@ class Expressions:
         self, node: ast.AST, operator: ast.operator, left: Expression, right: Expression
     ) -> Expression:
         # Python rounds an int to a real for + - * and //; a quotient of two ints is rounded once.
-        quotient = isinstance(operator, ast.Div) and Kind.REAL not in (left.kind, right.kind)
+        quotient = isinstance(operator, ast.Div) and ValueKind.REAL not in (left.kind, right.kind)
         convert = self.as_mixed if quotient else self.as_real
         left, right = convert(left), convert(right)
         if type(operator) in _PLAIN:
-            return Binary(Kind.REAL, _PLAIN[type(operator)], left, right)
+            return BinaryOperation(ValueKind.REAL, _PLAIN[type(operator)], left, right)
         function = _OF_REALS.get(type(operator))
         if function is None:
             raise self.problem(node, "an operator on bits of a real", "convert with int(...)")
-        return self.fault(Kind.REAL, function, left, right)
+        return self.fault(ValueKind.REAL, function, left, right)
 
     def _unary(self, node: ast.UnaryOp) -> Expression:
         if isinstance(node.op, ast.Not):
@@ -454,9 +458,9 @@ class Expressions:
         if isinstance(node.op, ast.UAdd):
             return operand
         if isinstance(node.op, ast.Invert):
-            if operand.kind is not Kind.INT:
+            if operand.kind is not ValueKind.INT:
                 raise self.problem(node, "~ of a real", "convert with int(...)")
-            return Binary(Kind.INT, "^", operand, Constant(Kind.INT, -1))
+            return BinaryOperation(ValueKind.INT, "^", operand, Constant(ValueKind.INT, -1))
         return self.negative(node, operand)
 
     def negative(self, node: ast.AST, operand: Expression) -> Expression:
@@ -464,17 +468,17 @@ class Expressions:
         if isinstance(operand, Constant) and operand.value > -_INT_BITS:
             return Constant(operand.kind, -operand.value)
         # -0 is 0 for an int and -0.0 for a real.
-        if operand.kind is Kind.MIXED:
-            raise self.mixed(node)
-        if operand.kind is Kind.INT:
-            return self.fault(Kind.INT, "subtract", Constant(Kind.INT, 0), operand)
-        return Unary(Kind.REAL, "-", operand)
+        if operand.kind is ValueKind.MIXED:
+            raise self.mixed(node, operand)
+        if operand.kind is ValueKind.INT:
+            return self.fault(ValueKind.INT, "subtract", Constant(ValueKind.INT, 0), operand)
+        return UnaryOperation(ValueKind.REAL, "-", operand)
 
     # --- conditions ---
 
     def _logic(self, node: ast.BoolOp) -> Expression:
         values = [self.value(value) for value in node.values]
-        if any(value.kind is not Kind.BOOL for value in values):
+        if any(value.kind is not ValueKind.BOOL for value in values):
             raise self.problem(
                 node,
                 "`and` or `or` of values that are no bools, as a value",
@@ -487,15 +491,17 @@ class Expressions:
         kind, (yes, no) = self.alike(node, [yes, no])
         return Choice(kind, test, yes, no)
 
-    def alike(self, node: ast.AST, values: Sequence[Expression]) -> tuple[Kind, list[Expression]]:
+    def alike(
+        self, node: ast.AST, values: Sequence[Expression]
+    ) -> tuple[ValueKind, list[Expression]]:
         """Values converted to one kind."""
-        kind: Kind | None = values[0].kind
+        kind: ValueKind | None = values[0].kind
         for value in values[1:]:
             kind = joined(kind, value.kind) if kind is not None else None
         if kind is None:
             kinds = " and ".join(sorted({value.kind.value for value in values}))
             raise self.problem(node, f"{kinds} in one place", "use one type")
-        return kind, [self.as_mixed(each) if kind is Kind.MIXED else each for each in values]
+        return kind, [self.as_mixed(each) if kind is ValueKind.MIXED else each for each in values]
 
     def _comparison(self, node: ast.Compare) -> Expression:
         if len(node.ops) == 1 and isinstance(node.ops[0], ast.In | ast.NotIn):
@@ -522,21 +528,21 @@ class Expressions:
         sign = _COMPARISONS.get(type(operator))
         if sign is None:
             raise self.problem(node, "`is`", "compare with ==, or use a bool attribute")
-        texts = (left.kind is Kind.TEXT) + (right.kind is Kind.TEXT)
+        texts = (left.kind is ValueKind.TEXT) + (right.kind is ValueKind.TEXT)
         if texts == 1:
             raise self.problem(node, "a text compared with a number", "compare equal types")
         if texts:
             if sign not in ("==", "!="):
                 raise self.problem(node, "the order of texts", "compare texts with == or != only")
-            return Binary(Kind.BOOL, sign, left, right)
+            return BinaryOperation(ValueKind.BOOL, sign, left, right)
         left, right = (
-            Call(Kind.INT, "int", (each,)) if each.kind is Kind.BOOL else each
+            Call(ValueKind.INT, "int", (each,)) if each.kind is ValueKind.BOOL else each
             for each in (left, right)
         )
         # Python compares an int with a real exactly, without rounding it.
         if left.kind is not right.kind:
             left, right = self.as_mixed(left), self.as_mixed(right)
-        return Binary(Kind.BOOL, sign, left, right)
+        return BinaryOperation(ValueKind.BOOL, sign, left, right)
 
     def _membership(self, node: ast.Compare) -> Expression:
         members = node.comparators[0]
@@ -551,7 +557,11 @@ class Expressions:
             )
         parts = [self.compared(node, ast.Eq(), value, self.value(each)) for each in members.elts]
         either = parts[0] if len(parts) == 1 else Logic("or", tuple(parts))
-        return Unary(Kind.BOOL, "not", either) if isinstance(node.ops[0], ast.NotIn) else either
+        return (
+            UnaryOperation(ValueKind.BOOL, "not", either)
+            if isinstance(node.ops[0], ast.NotIn)
+            else either
+        )
 
     # --- items of sequences ---
 
@@ -569,11 +579,11 @@ class Expressions:
         if isinstance(node.slice, ast.Slice | ast.Tuple):
             raise self.problem(node, "a slice", "write a for loop over the index")
         index = self.value(node.slice)
-        if index.kind is not Kind.INT:
+        if index.kind is not ValueKind.INT:
             raise self.problem(node.slice, f"{index.kind.value} as an index", "use an int")
-        return self.fault(Kind.INT, "place", index, Constant(Kind.INT, length))
+        return self.fault(ValueKind.INT, "place", index, Constant(ValueKind.INT, length))
 
-    def sequence(self, node: ast.expr) -> tuple[str, Kind, int] | None:
+    def sequence(self, node: ast.expr) -> tuple[str, ValueKind, int] | None:
         """The variable, kind of items and length of a local list or a constant tuple."""
         if isinstance(node, ast.Name) and node.id in self.scope.lists:
             known = self.scope.lists[node.id]
@@ -584,7 +594,7 @@ class Expressions:
             return None
         return self._table(node, cast("tuple[Any, ...]", constant))
 
-    def _table(self, node: ast.expr, values: tuple[Any, ...]) -> tuple[str, Kind, int]:
+    def _table(self, node: ast.expr, values: tuple[Any, ...]) -> tuple[str, ValueKind, int]:
         items = [self.constant_of(value) for value in values]
         known = [item for item in items if item is not None]
         if not known or len(known) != len(items) or len(items) > _TABLE:
@@ -649,7 +659,7 @@ class Expressions:
                 return self.count_of_events(node)
             sequence = self.sequence(node.args[0])
             if sequence is not None:
-                return Constant(Kind.INT, sequence[2])
+                return Constant(ValueKind.INT, sequence[2])
         raise self.problem(node, "the length of this value", "use a constant tuple or a list")
 
     def count_of_events(self, node: ast.AST) -> Expression:
@@ -657,7 +667,9 @@ class Expressions:
         event = next(r for r in self.scope.references.values() if isinstance(r, EventItself))
         if not event.batch:
             raise self.problem(node, "the length of an event", "an event has data only")
-        return Binary(Kind.INT, "-", Variable(Kind.INT, "e_end"), Variable(Kind.INT, "e_begin"))
+        return BinaryOperation(
+            ValueKind.INT, "-", Variable(ValueKind.INT, "e_end"), Variable(ValueKind.INT, "e_begin")
+        )
 
     def _draw(self, node: ast.Call, name: str) -> Expression:
         distribution = DISTRIBUTIONS.get(name)
@@ -674,7 +686,7 @@ class Expressions:
         return Call(distribution.kind, f"draw_{name}", (STATE, WORDS, ROW, *given))
 
     def _bound(self, value: Expression) -> Expression:
-        return self.fault(Kind.INT, "bound", value)
+        return self.fault(ValueKind.INT, "bound", value)
 
     def _arguments(self, node: ast.Call, distribution: Distribution) -> list[Expression]:
         given: dict[str, ast.expr] = dict(zip(distribution.names, node.args, strict=False))
@@ -685,13 +697,13 @@ class Expressions:
         values = {
             name: self.as_number(argument, self.value(argument)) for name, argument in given.items()
         }
-        if distribution.kind is Kind.INT:
-            if any(value.kind is not Kind.INT for value in values.values()):
+        if distribution.kind is ValueKind.INT:
+            if any(value.kind is not ValueKind.INT for value in values.values()):
                 raise self.problem(node, "bounds that are no ints", "convert with int(...)")
             if "high" not in values and "low" in values:
-                values = {"low": Constant(Kind.INT, 0), "high": values["low"]}
+                values = {"low": Constant(ValueKind.INT, 0), "high": values["low"]}
         for name, default in distribution.defaults.items():
-            values.setdefault(name, Constant(Kind.REAL, default))
+            values.setdefault(name, Constant(ValueKind.REAL, default))
         missing = [name for name in distribution.names if name not in values]
         if missing:
             raise self.problem(node, f"the argument {missing[0]} is missing")

@@ -13,7 +13,7 @@ from enum import Enum
 from typing import Any, TypeAlias
 
 
-class Kind(Enum):
+class ValueKind(Enum):
     """Kinds of values. MIXED: an int in one case and a real in another, held as a real."""
 
     INT = "an int"
@@ -25,10 +25,15 @@ class Kind(Enum):
     @property
     def number(self) -> bool:
         """Whether it is an int or a real."""
-        return self in (Kind.INT, Kind.REAL, Kind.MIXED)
+        return self in (ValueKind.INT, ValueKind.REAL, ValueKind.MIXED)
 
 
-DECLARED = {"int": Kind.INT, "real": Kind.REAL, "bool": Kind.BOOL, "text": Kind.TEXT}
+DECLARED = {
+    "int": ValueKind.INT,
+    "real": ValueKind.REAL,
+    "bool": ValueKind.BOOL,
+    "text": ValueKind.TEXT,
+}
 """Kinds by the declared kind of a type (grammar/types.py)."""
 
 
@@ -39,7 +44,7 @@ DECLARED = {"int": Kind.INT, "real": Kind.REAL, "bool": Kind.BOOL, "text": Kind.
 class Constant:
     """A number or bool, or the code of a text."""
 
-    kind: Kind
+    kind: ValueKind
     value: float | int | bool
 
 
@@ -47,7 +52,7 @@ class Constant:
 class Variable:
     """A variable of the generated function."""
 
-    kind: Kind
+    kind: ValueKind
     name: str
 
 
@@ -55,26 +60,26 @@ class Variable:
 class Call:
     """A call of a function of `library`, or of a helper."""
 
-    kind: Kind
+    kind: ValueKind
     function: str
     arguments: tuple[Expression, ...]
 
 
 @dataclass(frozen=True, slots=True)
-class Binary:
+class BinaryOperation:
     """An operator between two values of one machine type."""
 
-    kind: Kind
+    kind: ValueKind
     operator: str
     left: Expression
     right: Expression
 
 
 @dataclass(frozen=True, slots=True)
-class Unary:
+class UnaryOperation:
     """`-` of a real, or `not`."""
 
-    kind: Kind
+    kind: ValueKind
     operator: str
     operand: Expression
 
@@ -85,14 +90,14 @@ class Logic:
 
     operator: str
     operands: tuple[Expression, ...]
-    kind: Kind = Kind.BOOL
+    kind: ValueKind = ValueKind.BOOL
 
 
 @dataclass(frozen=True, slots=True)
 class Choice:
     """`yes if test else no`."""
 
-    kind: Kind
+    kind: ValueKind
     test: Expression
     yes: Expression
     no: Expression
@@ -102,13 +107,15 @@ class Choice:
 class Item:
     """An item of a sequence of fixed length; an index out of range is a fault."""
 
-    kind: Kind
+    kind: ValueKind
     sequence: str
     length: int
     index: Expression
 
 
-Expression: TypeAlias = Constant | Variable | Call | Binary | Unary | Logic | Choice | Item
+Expression: TypeAlias = (
+    Constant | Variable | Call | BinaryOperation | UnaryOperation | Logic | Choice | Item
+)
 
 
 # --- statements ---
@@ -211,7 +218,7 @@ class Slot:
     """A named value with its kind: an attribute, a datum, a parameter or a cell of an output."""
 
     name: str
-    kind: Kind
+    kind: ValueKind
 
 
 @dataclass(frozen=True, slots=True)
@@ -222,7 +229,7 @@ class Attribute:
     """
 
     name: str
-    kind: Kind
+    kind: ValueKind
     finite: bool
     limit: Limit
     words: tuple[int, ...] = ()
@@ -258,7 +265,7 @@ class Helper:
 
     name: str
     parameters: tuple[Slot, ...]
-    kind: Kind
+    kind: ValueKind
     body: Sequence[Statement]
     lists: tuple[ListSlot, ...] = ()
 
@@ -268,7 +275,7 @@ class ListSlot:
     """A list of fixed length in a local variable."""
 
     name: str
-    kind: Kind
+    kind: ValueKind
     length: int
 
 
@@ -290,5 +297,5 @@ class Program:
     outputs: tuple[Output, ...]
     helpers: tuple[Helper, ...]
     lists: tuple[ListSlot, ...]
-    tables: tuple[tuple[str, Kind, tuple[Any, ...]], ...]
+    tables: tuple[tuple[str, ValueKind, tuple[Any, ...]], ...]
     texts: tuple[str, ...]

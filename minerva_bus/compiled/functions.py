@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
 from minerva_bus import portable
-from minerva_bus.compiled.form import Binary, Call, Constant, Expression, Kind
+from minerva_bus.compiled.form import BinaryOperation, Call, Constant, Expression, ValueKind
 
 if TYPE_CHECKING:
     from minerva_bus.compiled.expressions import Expressions
@@ -25,18 +25,18 @@ Checked: TypeAlias = Callable[["Expressions", ast.Call, Sequence[Expression]], E
 class Distribution:
     """A method of `moment.chance`: its arguments, their defaults, and the kind of its results."""
 
-    kind: Kind
+    kind: ValueKind
     names: tuple[str, ...] = ()
     defaults: Mapping[str, float] = field(default_factory=dict[str, float])
 
 
 DISTRIBUTIONS: Final = {
-    "random": Distribution(Kind.REAL),
-    "uniform": Distribution(Kind.REAL, ("low", "high"), {"low": 0.0, "high": 1.0}),
-    "integers": Distribution(Kind.INT, ("low", "high")),
-    "chance": Distribution(Kind.BOOL, ("probability",)),
-    "exponential": Distribution(Kind.REAL, ("mean",), {"mean": 1.0}),
-    "normal": Distribution(Kind.REAL, ("mean", "deviation"), {"mean": 0.0, "deviation": 1.0}),
+    "random": Distribution(ValueKind.REAL),
+    "uniform": Distribution(ValueKind.REAL, ("low", "high"), {"low": 0.0, "high": 1.0}),
+    "integers": Distribution(ValueKind.INT, ("low", "high")),
+    "chance": Distribution(ValueKind.BOOL, ("probability",)),
+    "exponential": Distribution(ValueKind.REAL, ("mean",), {"mean": 1.0}),
+    "normal": Distribution(ValueKind.REAL, ("mean", "deviation"), {"mean": 0.0, "deviation": 1.0}),
 }
 
 
@@ -55,8 +55,8 @@ def _reals(count: int, function: str, *, faults: bool = True) -> Checked:
     def checked(check: Expressions, node: ast.Call, arguments: Sequence[Expression]) -> Expression:
         reals = map(check.as_real, _numbers(check, node, arguments, count, count))
         if faults:
-            return check.fault(Kind.REAL, function, *reals)
-        return Call(Kind.REAL, function, tuple(reals))
+            return check.fault(ValueKind.REAL, function, *reals)
+        return Call(ValueKind.REAL, function, tuple(reals))
 
     return checked
 
@@ -64,7 +64,9 @@ def _reals(count: int, function: str, *, faults: bool = True) -> Checked:
 def _times(factor: float) -> Checked:
     def checked(check: Expressions, node: ast.Call, arguments: Sequence[Expression]) -> Expression:
         (value,) = _numbers(check, node, arguments, 1, 1)
-        return Binary(Kind.REAL, "*", check.as_real(value), Constant(Kind.REAL, factor))
+        return BinaryOperation(
+            ValueKind.REAL, "*", check.as_real(value), Constant(ValueKind.REAL, factor)
+        )
 
     return checked
 
@@ -74,7 +76,7 @@ def _whole(function: str) -> Checked:
 
     def checked(check: Expressions, node: ast.Call, arguments: Sequence[Expression]) -> Expression:
         (value,) = _numbers(check, node, arguments, 1, 1)
-        return value if value.kind is Kind.INT else check.fault(Kind.INT, function, value)
+        return value if value.kind is ValueKind.INT else check.fault(ValueKind.INT, function, value)
 
     return checked
 
@@ -89,8 +91,8 @@ def _round(check: Expressions, node: ast.Call, arguments: Sequence[Expression]) 
 
 def _real(check: Expressions, node: ast.Call, arguments: Sequence[Expression]) -> Expression:
     (value,) = _numbers(check, node, arguments, 1, 1)
-    if value.kind is Kind.MIXED:
-        return Call(Kind.REAL, "float", (value,))
+    if value.kind is ValueKind.MIXED:
+        return Call(ValueKind.REAL, "float", (value,))
     return check.as_real(value)
 
 
@@ -102,8 +104,8 @@ def _bool(check: Expressions, node: ast.Call, arguments: Sequence[Expression]) -
 
 def _absolute(check: Expressions, node: ast.Call, arguments: Sequence[Expression]) -> Expression:
     (value,) = _numbers(check, node, arguments, 1, 1)
-    if value.kind is Kind.INT:
-        return check.fault(Kind.INT, "absolute", value)
+    if value.kind is ValueKind.INT:
+        return check.fault(ValueKind.INT, "absolute", value)
     return Call(value.kind, "absolute_real", (value,))
 
 
@@ -127,7 +129,7 @@ def _extreme(function: str) -> Checked:
 def _test(function: str) -> Checked:
     def checked(check: Expressions, node: ast.Call, arguments: Sequence[Expression]) -> Expression:
         (value,) = _numbers(check, node, arguments, 1, 1)
-        return Call(Kind.BOOL, function, (check.as_real(value),))
+        return Call(ValueKind.BOOL, function, (check.as_real(value),))
 
     return checked
 

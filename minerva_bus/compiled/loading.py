@@ -1,9 +1,9 @@
 """Generated modules as files, imported and compiled by numba, whose machine code is kept there.
 
 A generated module is written to a file named by the hash of its text and of all versions, and
-imported as any other module: no text is executed that is not a file whose content was checked. The
-folder belongs to this user, and nobody else can write to it, because numba reads its machine code
-from there.
+imported like any other module: the project evaluates no text. The folder must belong to this user
+and be writable by nobody else, because the modules run, and numba unpickles its machine code from
+files beside them.
 """
 
 from __future__ import annotations
@@ -15,23 +15,19 @@ from collections.abc import Callable
 from functools import cache
 from hashlib import blake2b
 from pathlib import Path
-from tempfile import mkdtemp
+from tempfile import TemporaryDirectory
 
 from minerva_bus.errors import MisuseError
+from minerva_bus.wording import install
 
 Kernel = Callable[..., int]
 
 
-def loaded(text: str, title: str) -> Kernel:
-    """The kernel of a generated module. Raises MisuseError without numba."""
-    return _loaded(text)
-
-
 @cache
-def _loaded(text: str) -> Kernel:
-    versions = _versions()
-    name = "minerva_" + blake2b(f"{versions}\n{text}".encode(), digest_size=16).hexdigest()
-    path = _written(_folder() / f"{name}.py", text)
+def load_kernel(text: str) -> Kernel:
+    """The kernel of a generated module. Raises MisuseError without numba."""
+    name = "minerva_" + blake2b(f"{_versions()}\n{text}".encode(), digest_size=16).hexdigest()
+    path = _written(cache_folder() / f"{name}.py", text)
     spec = importlib.util.spec_from_file_location(name, path)
     assert spec is not None
     assert spec.loader is not None
@@ -49,29 +45,28 @@ def _versions() -> str:
     try:
         import numba  # pyright: ignore[reportMissingTypeStubs]
     except ImportError:
-        raise MisuseError(
-            "compiled methods need numba, which is not installed; install minerva-bus[fast], or"
-            " leave out compiled=True"
-        ) from None
+        raise MisuseError(f"compiled methods need numba: {install('fast')}") from None
     import numpy as np
 
-    return f"{sys.version} numba {numba.__version__} numpy {np.__version__} {_sources()}"
+    import minerva_bus
+
+    versions = (sys.version, numba.__version__, np.__version__, minerva_bus.__version__)
+    return "\n".join([*versions, _sources()])
 
 
 def _sources() -> str:
-    """A hash of the functions that generated modules use."""
+    """A hash of the functions that generated modules use, which change between two versions."""
     from minerva_bus import portable
 
-    folders = (Path(__file__).parent, Path(portable.__file__).parent)
     digest = blake2b(digest_size=16)
-    for folder in folders:
+    for folder in (Path(__file__).parent, Path(portable.__file__).parent):
         for path in sorted(folder.glob("*.py")):
             digest.update(path.read_bytes())
     return digest.hexdigest()
 
 
 def _written(path: Path, text: str) -> Path:
-    """The file with this text; written at once, so that processes may do so at the same time."""
+    """The file with this text; replaced at once, because several processes may write it."""
     if not path.exists() or path.read_text(encoding="utf-8") != text:
         temporary = path.with_suffix(f".{os.getpid()}.tmp")
         temporary.write_text(text, encoding="utf-8")
@@ -80,15 +75,22 @@ def _written(path: Path, text: str) -> Path:
 
 
 @cache
-def _folder() -> Path:
-    """The folder of generated modules of this user; a temporary one if that is not usable."""
-    base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    folder = Path(base) / "minerva-bus" / "compiled"
+def cache_folder() -> Path:
+    """The user's folder of generated modules; a temporary one if it cannot be used or trusted."""
+    named = os.environ.get("XDG_CACHE_HOME")
     try:
+        base = Path(named) if named else Path.home() / ".cache"
+        folder = base / "minerva-bus" / "compiled"
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-        state = folder.lstat()
-        if state.st_uid == os.getuid() and not state.st_mode & 0o022 and not folder.is_symlink():
+        status = folder.lstat()
+        own = status.st_uid == os.getuid() and not status.st_mode & 0o022
+        if own and not folder.is_symlink() and os.access(folder, os.W_OK | os.X_OK):
             return folder
-    except OSError:
+    except (OSError, RuntimeError):  # RuntimeError: this user has no home
         pass
-    return Path(mkdtemp(prefix="minerva-compiled-"))
+    _temporary.append(TemporaryDirectory(prefix="minerva-compiled-"))
+    return Path(_temporary[-1].name)
+
+
+_temporary: list[TemporaryDirectory[str]] = []
+"""Kept, because such a folder is removed with its object."""

@@ -8,28 +8,28 @@ from dataclasses import dataclass
 from types import FunctionType
 from typing import Any, Final
 
-from minerva_bus.compiled.form import Attribute, Kind, Program
+from minerva_bus.compiled.form import Attribute, Program, ValueKind
 from minerva_bus.compiled.names import (
     AgentItself,
     EventItself,
+    LocalNames,
     Method,
     Moment,
     Reference,
-    Scope,
     event_type_of,
     kind_of,
     limit_of,
     slots_of,
 )
-from minerva_bus.compiled.origin import NotCompilable, Origin, lookup
+from minerva_bus.compiled.origin import MISSING, NotCompilable, Origin, lookup
 from minerva_bus.compiled.statements import Statements
 from minerva_bus.grammar.types import Type
 
-Names = dict[tuple[FunctionType, str], Any]
+Names = dict[tuple[Any, str], Any]
 
 
 @dataclass(frozen=True, slots=True)
-class Checked:
+class CheckedMethod:
     """A program, and the objects that names referred to when it was made."""
 
     program: Program
@@ -38,12 +38,19 @@ class Checked:
     @property
     def current(self) -> bool:
         """Whether these names still refer to the same objects."""
-        return all(lookup(*key) is value for key, value in self.constants.items())
+        return all(_now(owner, name) is value for (owner, name), value in self.constants.items())
+
+
+def _now(owner: Any, name: str) -> Any:
+    """The object of a name in a function's module, or of an attribute of a module or class."""
+    if isinstance(owner, FunctionType):
+        return lookup(owner, name)
+    return getattr(owner, name, MISSING)
 
 
 def checked_methods(
     cls: Any, methods: Mapping[str, Callable[..., Any]], together: frozenset[str]
-) -> dict[str, Checked]:
+) -> dict[str, CheckedMethod]:
     """The programs of a class's compiled methods by event type. Raises NotCompilable.
 
     Args:
@@ -53,11 +60,13 @@ def checked_methods(
 
     """
     types = {field.name: field.type for field in cls.kind.fields.all}
-    kinds = _kinds(cls, types)
+    kinds, int_lines = _kinds(cls, types), dict[str, int]()
     while True:
         before = dict(kinds)
         checked = {
-            event_type: _checked(cls, event_type, function, event_type in together, types, kinds)
+            event_type: _checked(
+                cls, event_type, function, event_type in together, types, kinds, int_lines
+            )
             for event_type, function in sorted(methods.items())
         }
         # A method has set a real attribute to an int: those before it must know.
@@ -65,8 +74,8 @@ def checked_methods(
             return checked
 
 
-def _kinds(cls: Any, types: Mapping[str, Type]) -> dict[str, Kind]:
-    kinds: dict[str, Kind] = {}
+def _kinds(cls: Any, types: Mapping[str, Type]) -> dict[str, ValueKind]:
+    kinds: dict[str, ValueKind] = {}
     for name, declared in types.items():
         kind = kind_of(declared)
         if kind is None:
@@ -84,14 +93,15 @@ def _checked(
     function: Callable[..., Any],
     together: bool,
     types: Mapping[str, Type],
-    kinds: dict[str, Kind],
-) -> Checked:
+    kinds: dict[str, ValueKind],
+    int_lines: dict[str, int],
+) -> CheckedMethod:
     origin = Origin.of(function)
     declared = event_type_of(function, event_type)
-    method = Method(cls, types, kinds, declared)
-    scope = Scope(origin, _parameters(origin, together))
+    method = Method(cls, types, kinds, declared, int_lines=int_lines)
+    scope = LocalNames(origin, _parameters(origin, together))
     body = Statements(method, scope).function()
-    return Checked(_program(event_type, method, scope, body), method.constants)
+    return CheckedMethod(_program(event_type, method, scope, body), method.constants)
 
 
 def _parameters(origin: Origin, together: bool) -> dict[str, Reference]:
@@ -111,7 +121,7 @@ def _parameters(origin: Origin, together: bool) -> dict[str, Reference]:
 _ARGUMENTS: Final = 3
 
 
-def _program(event_type: str, method: Method, scope: Scope, body: Any) -> Program:
+def _program(event_type: str, method: Method, scope: LocalNames, body: Any) -> Program:
     words = {name: declared.words for name, declared in method.types.items()}
     attributes = {
         name: Attribute(

@@ -11,23 +11,23 @@ from minerva_bus.compiled.form import (
     DECLARED,
     Emission,
     Helper,
-    Kind,
     Limit,
     ListSlot,
     Newborn,
     Output,
     Slot,
+    ValueKind,
     Variable,
 )
-from minerva_bus.compiled.origin import Origin, lookup
+from minerva_bus.compiled.origin import MISSING, Origin, lookup
 from minerva_bus.grammar.symbols import EventType
 from minerva_bus.grammar.types import Type
 
-STATE: Final = Variable(Kind.REAL, "state")
+STATE: Final = Variable(ValueKind.REAL, "state")
 """A small array of the kernel: whether the row has a fault, and a 0 that the optimizer ignores."""
-WORDS: Final = Variable(Kind.INT, "words")
-ROW: Final = Variable(Kind.INT, "i")
-PLACE: Final = Variable(Kind.INT, "k")
+WORDS: Final = Variable(ValueKind.INT, "words")
+ROW: Final = Variable(ValueKind.INT, "i")
+PLACE: Final = Variable(ValueKind.INT, "k")
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,23 +81,23 @@ class Method:
 
     cls: Any
     types: Mapping[str, Type]
-    kinds: dict[str, Kind]
+    kinds: dict[str, ValueKind]
     event_type: EventType | None
     texts: dict[str, int] = field(default_factory=dict[str, int])
     reads: dict[str, None] = field(default_factory=dict[str, None])
     writes: dict[str, None] = field(default_factory=dict[str, None])
-    data: dict[str, Kind] = field(default_factory=dict[str, Kind])
-    given: dict[str, Kind] = field(default_factory=dict[str, Kind])
+    data: dict[str, ValueKind] = field(default_factory=dict[str, ValueKind])
+    given: dict[str, ValueKind] = field(default_factory=dict[str, ValueKind])
     outputs: list[Output] = field(default_factory=list[Output])
     helpers: dict[Any, Helper] = field(default_factory=dict[Any, Helper])
-    tables: dict[tuple[Any, ...], tuple[str, Kind]] = field(
-        default_factory=dict[tuple[Any, ...], tuple[str, Kind]]
+    tables: dict[tuple[Any, ...], tuple[str, ValueKind]] = field(
+        default_factory=dict[tuple[Any, ...], tuple[str, ValueKind]]
     )
-    constants: dict[tuple[FunctionType, str], Any] = field(
-        default_factory=dict[tuple[FunctionType, str], Any]
-    )
+    constants: dict[tuple[Any, str], Any] = field(default_factory=dict[tuple[Any, str], Any])
     """Objects that names referred to; a later change of one makes the compiled code outdated."""
     calling: list[FunctionType] = field(default_factory=list[FunctionType])
+    int_lines: dict[str, int] = field(default_factory=dict[str, int])
+    """Lines that set a real attribute to an int, by variable, for errors."""
     draws: bool = False
 
     def code(self, text: str) -> int:
@@ -108,6 +108,12 @@ class Method:
         """The object of a name outside a function, recorded; MISSING if there is none."""
         value = lookup(origin.function, name)
         self.constants[origin.function, name] = value
+        return value
+
+    def attribute_of(self, owner: Any, name: str) -> Any:
+        """The attribute of a module or class, recorded; MISSING if there is none."""
+        value: Any = getattr(owner, name, MISSING)
+        self.constants[owner, name] = value
         return value
 
     def emission(self, emission: Emission) -> int | None:
@@ -123,13 +129,9 @@ class Method:
         self.outputs.append(newborn)
         return len(self.outputs) - 1
 
-    def fresh(self) -> Method:
-        """An empty collection for the same method, with the kinds of attributes known so far."""
-        return Method(self.cls, self.types, self.kinds, self.event_type)
-
 
 @dataclass(slots=True)
-class Scope:
+class LocalNames:
     """The names within one function: of the method, or of a helper.
 
     `assigned` are variables that certainly have a value; None where the code is not reached.
@@ -137,29 +139,38 @@ class Scope:
 
     origin: Origin
     references: dict[str, Reference]
-    kinds: dict[str, Kind] = field(default_factory=dict[str, Kind])
+    kinds: dict[str, ValueKind] = field(default_factory=dict[str, ValueKind])
     lists: dict[str, ListSlot] = field(default_factory=dict[str, ListSlot])
-    lines: dict[tuple[str, Kind], int] = field(default_factory=dict[tuple[str, Kind], int])
+    lines: dict[tuple[str, ValueKind], int] = field(
+        default_factory=dict[tuple[str, ValueKind], int]
+    )
     assigned: set[str] | None = field(default_factory=set[str])
     reads: dict[str, Variable] = field(default_factory=dict[str, Variable])
     """Variables of the row that a helper is passed, by name."""
     helper: bool = False
-    result: Kind | None = None
+    result: ValueKind | None = None
     litters: dict[str, list[int]] = field(default_factory=dict[str, list[int]])
     """Newborns collected in a variable: their outputs."""
     loops: int = 0
     names: Iterator[int] = field(default_factory=lambda: iter(range(1_000_000)))
+
+    @property
+    def int_lines(self) -> dict[str, int]:
+        """Lines that set a local variable to an int, by variable, for errors."""
+        return {
+            f"v_{name}": line for (name, kind), line in self.lines.items() if kind is ValueKind.INT
+        }
 
     def temporary(self) -> str:
         """The name of a new variable of the generated function."""
         return f"t_{next(self.names)}"
 
 
-def joined(first: Kind, second: Kind) -> Kind | None:
+def joined(first: ValueKind, second: ValueKind) -> ValueKind | None:
     """The kind of a variable that has values of both kinds; None if there is none."""
     if first is second:
         return first
-    return Kind.MIXED if first.number and second.number else None
+    return ValueKind.MIXED if first.number and second.number else None
 
 
 def limit_of(declared: Type) -> Limit:
@@ -187,11 +198,11 @@ def _filled(cell: Any) -> bool:
         return False
 
 
-def slots_of(names: Mapping[str, Kind]) -> tuple[Slot, ...]:
+def slots_of(names: Mapping[str, ValueKind]) -> tuple[Slot, ...]:
     """Names with kinds, sorted by name."""
     return tuple(Slot(name, kind) for name, kind in sorted(names.items()))
 
 
-def kind_of(declared: Type) -> Kind | None:
+def kind_of(declared: Type) -> ValueKind | None:
     """The kind of values of a declared type; None if a column cannot hold them."""
     return DECLARED.get(declared.kind)

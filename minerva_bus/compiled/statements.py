@@ -12,7 +12,7 @@ from minerva_bus.compiled.expressions import REFUSED, Expressions, is_empty
 from minerva_bus.compiled.form import (
     Append,
     Assign,
-    Binary,
+    BinaryOperation,
     Call,
     Constant,
     Count,
@@ -23,7 +23,6 @@ from minerva_bus.compiled.form import (
     If,
     Item,
     Jump,
-    Kind,
     ListSlot,
     Logic,
     Newborn,
@@ -31,6 +30,7 @@ from minerva_bus.compiled.form import (
     SetItem,
     Slot,
     Statement,
+    ValueKind,
     Variable,
     While,
 )
@@ -42,10 +42,10 @@ from minerva_bus.compiled.names import (
     BoundMethod,
     EventItself,
     Known,
+    LocalNames,
     Method,
     Moment,
     Reference,
-    Scope,
     joined,
     kind_of,
     limit_of,
@@ -80,7 +80,7 @@ _STATEMENTS: Final[Mapping[type[ast.AST], tuple[str, str]]] = {
 class Statements(Expressions):
     """Checks the statements of one function."""
 
-    def __init__(self, method: Method, scope: Scope) -> None:
+    def __init__(self, method: Method, scope: LocalNames) -> None:
         super().__init__(method, scope)
         self._breaks: list[set[str] | None] = []
         """Of each loop around a statement, the variables that have a value at its breaks."""
@@ -237,7 +237,7 @@ class Statements(Expressions):
         scope.kinds[name] = kind
         if scope.assigned is not None:
             scope.assigned.add(name)
-        return Assign(f"v_{name}", self.as_mixed(value) if kind is Kind.MIXED else value)
+        return Assign(f"v_{name}", self.as_mixed(value) if kind is ValueKind.MIXED else value)
 
     def _store_attribute(self, target: ast.Attribute, value: Expression) -> Statement:
         name, method = target.attr, self.method
@@ -260,20 +260,24 @@ class Statements(Expressions):
         """A value of an attribute's kind; the attribute is MIXED once it is set to an int."""
         kind = self.method.kinds[name]
         if kind.number and declared.kind == "real" and value.kind.number:
-            if value.kind is not Kind.REAL:
+            if value.kind is not ValueKind.REAL:
                 # Python keeps the int until the end of the frame.
-                self.method.kinds[name] = Kind.MIXED
+                self.method.kinds[name] = ValueKind.MIXED
+                line: int = getattr(node, "lineno", 0)
+                self.method.int_lines.setdefault(f"a_{name}", line)
             return self.as_mixed(value)
         return self.declared(node, name, declared, value)
 
     def declared(self, node: ast.AST, name: str, declared: Type, value: Expression) -> Expression:
         """A value converted to a declared type, as where a string is made."""
         kind = kind_of(declared)
-        if kind is Kind.REAL and value.kind.number:
+        if kind is ValueKind.REAL and value.kind.number:
             return self.as_real(value)
         if kind is not value.kind:
-            instead = "write int(...)" if kind is Kind.INT and value.kind.number else "convert it"
-            if kind is Kind.BOOL:
+            instead = (
+                "write int(...)" if kind is ValueKind.INT and value.kind.number else "convert it"
+            )
+            if kind is ValueKind.BOOL:
                 instead = "compare: x != 0"
             raise self.problem(
                 node, f"{name} is declared as {declared}, and this is {value.kind.value}", instead
@@ -325,7 +329,11 @@ class Statements(Expressions):
         items, times = node, 1
         if isinstance(node, ast.BinOp):
             count = self.value(node.right)
-            if not isinstance(count, Constant) or count.kind is not Kind.INT or count.value < 1:
+            if (
+                not isinstance(count, Constant)
+                or count.kind is not ValueKind.INT
+                or count.value < 1
+            ):
                 raise self.problem(
                     node.right, "a list whose length is not a constant", "use a constant length"
                 )
@@ -338,7 +346,7 @@ class Statements(Expressions):
                 node, f"a list of {len(elements) * times} items", f"use 1 to {MAX_ITEMS} items"
             )
         kind, values = self.alike(node, [self.value(each) for each in elements])
-        if kind is Kind.MIXED:
+        if kind is ValueKind.MIXED:
             raise self.mixed(node)
         name, length = target.id, len(elements) * times
         slot = ListSlot(name, kind, length)
@@ -348,7 +356,7 @@ class Statements(Expressions):
         made = [statement for _, statement in held]
         for index in range(length):
             value = held[index % len(held)][0]
-            made.append(SetItem(f"l_{name}", length, Constant(Kind.INT, index), value))
+            made.append(SetItem(f"l_{name}", length, Constant(ValueKind.INT, index), value))
         return made
 
     # --- control flow ---
@@ -411,7 +419,7 @@ class Statements(Expressions):
             sequence = self.sequence(node.iter)
         if sequence is None:
             self._refuse_iteration(node)
-        return self._for_items(node, cast("tuple[str, Kind, int]", sequence))
+        return self._for_items(node, cast("tuple[str, ValueKind, int]", sequence))
 
     def _refuse_iteration(self, node: ast.For) -> None:
         if isinstance(node.iter, ast.Call):
@@ -426,15 +434,15 @@ class Statements(Expressions):
         if call.keywords or not 1 <= len(call.args) <= 3:
             raise self.problem(call, "these arguments of range", "write range(start, stop, step)")
         values = [self.value(argument) for argument in call.args]
-        if any(value.kind is not Kind.INT for value in values):
+        if any(value.kind is not ValueKind.INT for value in values):
             raise self.problem(call, "a range of numbers that are no ints", "write int(...)")
-        step = values[2] if len(values) == 3 else Constant(Kind.INT, 1)
+        step = values[2] if len(values) == 3 else Constant(ValueKind.INT, 1)
         if not isinstance(step, Constant) or step.value == 0:
             raise self.problem(call, "a step that is not a constant", "write a number, such as 2")
-        start, stop = (Constant(Kind.INT, 0), values[0]) if len(values) == 1 else values[:2]
+        start, stop = (Constant(ValueKind.INT, 0), values[0]) if len(values) == 1 else values[:2]
         counter = self.scope.temporary()
         return self._counted(
-            node, counter, start, stop, int(step.value), Variable(Kind.INT, counter)
+            node, counter, start, stop, int(step.value), Variable(ValueKind.INT, counter)
         )
 
     def _counted(
@@ -460,11 +468,11 @@ class Statements(Expressions):
             raise self.problem(node.target, "a loop over several names", "use one name")
         return node.target
 
-    def _for_items(self, node: ast.For, sequence: tuple[str, Kind, int]) -> list[Statement]:
+    def _for_items(self, node: ast.For, sequence: tuple[str, ValueKind, int]) -> list[Statement]:
         name, kind, length = sequence
         counter = self.scope.temporary()
-        item = Item(kind, name, length, Variable(Kind.INT, counter))
-        start, stop = Constant(Kind.INT, 0), Constant(Kind.INT, length)
+        item = Item(kind, name, length, Variable(ValueKind.INT, counter))
+        start, stop = Constant(ValueKind.INT, 0), Constant(ValueKind.INT, length)
         return self._counted(node, counter, start, stop, 1, item)
 
     def _for_events(self, node: ast.For) -> list[Statement]:
@@ -476,11 +484,11 @@ class Statements(Expressions):
         if target.id in self.scope.kinds or target.id in self.scope.references:
             raise self.problem(target, f"another value for {target.id}", "use another variable")
         counter = self.scope.temporary()
-        place = Variable(Kind.INT, counter)
+        place = Variable(ValueKind.INT, counter)
         self.scope.references[target.id] = EventItself(False, place)
         body = self._loop(node.body)
         del self.scope.references[target.id]
-        start, stop = (Variable(Kind.INT, name) for name in ("e_begin", "e_end"))
+        start, stop = (Variable(ValueKind.INT, name) for name in ("e_begin", "e_end"))
         return [Count(counter, start, stop, 1, body)]
 
     # --- calls as statements ---
@@ -525,7 +533,7 @@ class Statements(Expressions):
         receiver = self._receiver(receivers)
         if receiver is not None:
             held, statement = self._held(receiver)
-            empty = Binary(Kind.BOOL, "==", held, self.text(""))
+            empty = BinaryOperation(ValueKind.BOOL, "==", held, self.text(""))
             made += [statement, If(empty, (Jump.FAULT,), ())]
             values.append(held)
         fields = event_type.fields
@@ -555,7 +563,7 @@ class Statements(Expressions):
         if not node.elts:
             return None
         value = self.value(node.elts[0])
-        if value.kind is not Kind.TEXT:
+        if value.kind is not ValueKind.TEXT:
             raise self.problem(node.elts[0], f"{value.kind.value} as a receiver", "use an id")
         return value
 
@@ -600,16 +608,19 @@ class Statements(Expressions):
     def fits(self, declared: Type, value: Variable) -> Expression | None:
         """Whether a value fits its declared type; None if every value does."""
         if declared.words:
-            words = [Binary(Kind.BOOL, "==", value, self.text(word)) for word in declared.words]
+            words = [
+                BinaryOperation(ValueKind.BOOL, "==", value, self.text(word))
+                for word in declared.words
+            ]
             return words[0] if len(words) == 1 else Logic("or", tuple(words))
         limit = limit_of(declared)
         if declared.kind == "real":
-            ends = (Constant(Kind.REAL, limit.least), Constant(Kind.REAL, limit.most))
-            return Call(Kind.BOOL, "within", (value, *ends))
+            ends = (Constant(ValueKind.REAL, limit.least), Constant(ValueKind.REAL, limit.most))
+            return Call(ValueKind.BOOL, "within", (value, *ends))
         if declared.range is not None:
-            ends = (Constant(Kind.REAL, limit.least), Constant(Kind.REAL, limit.most))
-            real = self.fault(Kind.MIXED, "exact", value)
-            return Call(Kind.BOOL, "within", (real, *ends))
+            ends = (Constant(ValueKind.REAL, limit.least), Constant(ValueKind.REAL, limit.most))
+            real = self.fault(ValueKind.MIXED, "exact", value)
+            return Call(ValueKind.BOOL, "within", (real, *ends))
         return None
 
     # --- the result ---
@@ -640,7 +651,7 @@ class Statements(Expressions):
         if result is None:
             raise self.problem(node, "results of different types", "return one type")
         self.scope.result, self.scope.assigned = result, None
-        return [Return(self.as_mixed(value) if result is Kind.MIXED else value)]
+        return [Return(self.as_mixed(value) if result is ValueKind.MIXED else value)]
 
     def _result(
         self, node: ast.Return, value: ast.expr | None
@@ -740,8 +751,8 @@ class Statements(Expressions):
         named.pop("kind", None)
         made, values = self._bound_values(node, kind.name, kind.fields, named)
         self.method.reads["births"] = self.method.writes["births"] = None
-        births = Variable(Kind.INT, "a_births")
-        more = self.fault(Kind.INT, "add", births, Constant(Kind.INT, 1))
+        births = Variable(ValueKind.INT, "a_births")
+        more = self.fault(ValueKind.INT, "add", births, Constant(ValueKind.INT, 1))
         slots = tuple(
             Slot(name, value.kind) for name, value in zip(kind.fields.names, values, strict=True)
         )
@@ -786,7 +797,7 @@ class Statements(Expressions):
         name = slot.name.removeprefix("v_")
         if slot.name.startswith("v_") and name in given:
             value: Expression = given[name]
-            return self.as_mixed(value) if slot.kind is Kind.MIXED else value
+            return self.as_mixed(value) if slot.kind is ValueKind.MIXED else value
         return self._passed(Variable(slot.kind, slot.name))
 
     def _argument(self, node: ast.expr) -> Any:
@@ -824,13 +835,13 @@ class Statements(Expressions):
         references = {n: v for n, v in given.items() if isinstance(v, Reference)}
         kinds = {n: v.kind for n, v in given.items() if not isinstance(v, Reference)}
         origin = Origin.of(function)
-        scope = Scope(origin, references, dict(kinds), assigned=set(kinds), helper=True)
+        scope = LocalNames(origin, references, dict(kinds), assigned=set(kinds), helper=True)
         body = Statements(method, scope).function()
         method.calling.remove(function)
         slots = [Slot(f"v_{name}", scope.kinds[name]) for name in kinds]
         slots += [Slot(name, each.kind) for name, each in sorted(scope.reads.items())]
         name = f"h{len(method.helpers)}_{function.__name__}"
-        made = Helper(name, tuple(slots), scope.result or Kind.INT, body)
+        made = Helper(name, tuple(slots), scope.result or ValueKind.INT, body)
         method.helpers[key] = made
         return made
 

@@ -18,7 +18,7 @@ from minerva_bus.compiled.form import (
     Append,
     Assign,
     Attribute,
-    Binary,
+    BinaryOperation,
     Call,
     Choice,
     Constant,
@@ -29,7 +29,6 @@ from minerva_bus.compiled.form import (
     If,
     Item,
     Jump,
-    Kind,
     Logic,
     Newborn,
     Output,
@@ -37,7 +36,8 @@ from minerva_bus.compiled.form import (
     Return,
     SetItem,
     Statement,
-    Unary,
+    UnaryOperation,
+    ValueKind,
     Variable,
     While,
 )
@@ -52,11 +52,11 @@ MOST_TURNS: Final = 10_000_000
 """Turns of loops in a row after which it runs in Python, which Ctrl-C can interrupt."""
 
 _TYPES: Final = {
-    Kind.INT: "int64",
-    Kind.REAL: "float64",
-    Kind.MIXED: "float64",
-    Kind.BOOL: "boolean",
-    Kind.TEXT: "int64",
+    ValueKind.INT: "int64",
+    ValueKind.REAL: "float64",
+    ValueKind.MIXED: "float64",
+    ValueKind.BOOL: "boolean",
+    ValueKind.TEXT: "int64",
 }
 _STEP: Final = "    "
 _GUARD: Final = "state[0] != 0.0"
@@ -98,13 +98,13 @@ def arguments(program: Program) -> list[Argument]:
     return made
 
 
-def cells(output: Output) -> list[tuple[str, Kind]]:
+def cells(output: Output) -> list[tuple[str, ValueKind]]:
     """The columns of an output: the place of the row in the round, and what was appended."""
     named = [(f"v_{slot.name}", slot.kind) for slot in output.slots]
     if isinstance(output, Newborn):
-        return [("place", Kind.INT), ("births", Kind.INT), *named]
-    received = [("receiver", Kind.TEXT)] if output.received else []
-    return [("place", Kind.INT), *named, *received]
+        return [("place", ValueKind.INT), ("births", ValueKind.INT), *named]
+    received = [("receiver", ValueKind.TEXT)] if output.received else []
+    return [("place", ValueKind.INT), *named, *received]
 
 
 def _read(kind: str) -> str:
@@ -124,7 +124,7 @@ def written(program: Program) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _numpy(kind: Kind) -> str:
+def _numpy(kind: ValueKind) -> str:
     return _TYPES[kind].replace("boolean", "bool_")
 
 
@@ -132,7 +132,7 @@ def _helper(helper: Helper) -> Iterator[str]:
     names = ["state", "words", "i", *(slot.name for slot in helper.parameters)]
     yield "@inlined"
     yield f"def {helper.name}({', '.join(names)}):"
-    zero = "False" if helper.kind is Kind.BOOL else _number(helper.kind, 0)
+    zero = "False" if helper.kind is ValueKind.BOOL else _number(helper.kind, 0)
     writer = _Writer(f"return {zero}")
     yield f"{_STEP}turns = 0"
     yield from writer.block(helper.body, 1)
@@ -280,7 +280,7 @@ class _Writer:
 def _check(attribute: Attribute) -> Iterator[str]:
     """The lines that leave a row whose attribute has a value that its type does not allow."""
     name, limit = f"a_{attribute.name}", attribute.limit
-    least, most = (_number(Kind.REAL, end) for end in (limit.least, limit.most))
+    least, most = (_number(ValueKind.REAL, end) for end in (limit.least, limit.most))
     if attribute.words:
         tests = " and ".join(f"{name} != {code}" for code in attribute.words)
         yield f"if {tests}:"
@@ -288,7 +288,7 @@ def _check(attribute: Attribute) -> Iterator[str]:
     elif attribute.finite:
         yield f"if not within({name}, {least}, {most}):"
         yield f"{_STEP}return {FAULT}"
-    elif attribute.kind is Kind.INT and (limit.least, limit.most) != (-_INFINITY, _INFINITY):
+    elif attribute.kind is ValueKind.INT and (limit.least, limit.most) != (-_INFINITY, _INFINITY):
         yield f"if not within(exact(state, {name}), {least}, {most}):"
         yield f"{_STEP}return {FAULT}"
 
@@ -296,11 +296,11 @@ def _check(attribute: Attribute) -> Iterator[str]:
 _INFINITY: Final = float("inf")
 
 
-def _number(kind: Kind, value: float) -> str:
+def _number(kind: ValueKind, value: float) -> str:
     """A constant. Reals in hexadecimal keep every bit; infinity and nan have no literal."""
-    if kind is Kind.BOOL:
+    if kind is ValueKind.BOOL:
         return "True" if value else "False"
-    if kind in (Kind.INT, Kind.TEXT):
+    if kind in (ValueKind.INT, ValueKind.TEXT):
         # The literal of the least int would be the negative of a number beyond 64 bits.
         return f"({int(value)})" if int(value) != -(2**63) else "LEAST_INT"
     number = float(value)
@@ -319,9 +319,9 @@ def _text(value: Expression) -> str:
             return "own_id" if name == "g_id" else name
         case Call(_, function, arguments):
             return f"{function}({', '.join(map(_text, arguments))})"
-        case Binary(_, operator, left, right):
+        case BinaryOperation(_, operator, left, right):
             return f"({_text(left)} {operator} {_text(right)})"
-        case Unary(_, operator, operand):
+        case UnaryOperation(_, operator, operand):
             return f"({operator} {_text(operand)})"
         case Logic(operator, operands):
             return "(" + f" {operator} ".join(map(_text, operands)) + ")"

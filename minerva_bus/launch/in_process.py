@@ -18,6 +18,7 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.member import Member, Unready
 from minerva_bus.launch.collecting import CollectSink, collect_sink
+from minerva_bus.launch.compiling import compile_agents
 from minerva_bus.launch.console import Console, live_line
 from minerva_bus.launch.exporting import exported
 from minerva_bus.launch.free_running import FreeRunning, close_services
@@ -98,6 +99,7 @@ class InProcessRun:
     def open(self) -> None:
         """Let all members join. Raises MinervaError if one cannot, or if user code fails."""
         with self._questions.deferred(), printed(self._print):
+            compile_agents(self._file.processes, self._console.progress)
             members = _members(self._file)
             runner, record = self._prepare(members)
             self._parts = _Parts(runner, members, record, FreeRunning(runner, members))

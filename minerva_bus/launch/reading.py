@@ -10,6 +10,7 @@ from typing import Any, Final, cast
 from minerva_bus.errors import MisuseError, WorldFileError
 from minerva_bus.launch.access import read_access
 from minerva_bus.launch.collecting import read_collecting
+from minerva_bus.launch.compiling import apply_mode
 from minerva_bus.launch.description import read_description
 from minerva_bus.launch.norms import read_norms
 from minerva_bus.launch.options import filled, read_options
@@ -106,6 +107,7 @@ def _read(top: Table, text: str, path: Path) -> WorldFile:
     record = _record_settings(top)
     settings = top.read(WorldSettings)
     world = read_description(top, settings, path, options, processes)
+    compiled = apply_mode(processes, settings.compiled, path)
     names = [process.name for process in processes]
     norms = read_norms(top.table("norm"), world.vocabulary, world.scene, names)
     watch = top.read(WatchSettings)
@@ -123,7 +125,7 @@ def _read(top: Table, text: str, path: Path) -> WorldFile:
         access,
         waiting,
         options,
-        _notes(settings.notes, options, path),
+        (*_notes(settings.notes, options, path), *compiled),
         record,
         text,
         watch,

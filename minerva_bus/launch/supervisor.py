@@ -10,6 +10,7 @@ from typing import Any, Final
 from minerva_bus.launch import forking
 from minerva_bus.launch.capacity import check_capacity
 from minerva_bus.launch.collecting import check_tables, complete_tables
+from minerva_bus.launch.compiling import compile_agents
 from minerva_bus.launch.console import Console, live_line, starting_line
 from minerva_bus.launch.forking import FAILED, how_ended
 from minerva_bus.launch.interrupts import caught
@@ -112,6 +113,8 @@ class Supervisor:
         # first.
         lock = WorldLock(self._file.world.name)
         try:
+            # Before the first fork, too: the children inherit the machine code.
+            compile_agents(self._file.processes, self._console.progress)
             self._context.shared = self._shares_memory()
             self._startup.end("imports and checks")
             with caught(self._context.pipes, self._on_interrupt):

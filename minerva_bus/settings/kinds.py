@@ -165,6 +165,18 @@ def choice(*words: str) -> Kind:
     return Kind(", ".join(f'`"{word}"`' for word in words), convert, schema={"enum": list(words)})
 
 
+def switch(*words: str) -> Kind:
+    """True, false, or one of these words."""
+
+    def convert(value: Any) -> bool | str:
+        if isinstance(value, bool) or value in words:
+            return value
+        raise MisuseError(f"must be {', '.join(('true', 'false', *words[:-1]))} or {words[-1]}")
+
+    phrase = ", ".join(["boolean", *(f'`"{word}"`' for word in words)])
+    return Kind(phrase, convert, bool, schema={"enum": [True, False, *words]})
+
+
 _BY_TYPE: Final = {
     bool: (BOOLEAN, "true or false"),
     int: (whole(-MAX_WHOLE - 1), "a whole number"),

@@ -25,6 +25,7 @@ from minerva_bus.settings.kinds import (
     choice,
     number,
     single,
+    switch,
     whole,
 )
 
@@ -123,6 +124,15 @@ class WorldSettings:
         "How to read equation 3 if an agent receives several events in a frame, or none.",
         choice("sequential", "literal"),
         more="See [The letter of equation 3](#the-letter-of-equation-3).",
+    )
+    compiled: bool | str = _world(
+        False,
+        "Run the methods of agents as machine code, with the same results.",
+        switch("if possible"),
+        option="compiled",
+        more="It needs the extra `fast`. `true`: a method that cannot be compiled is an error;"
+        ' `"if possible"`: it runs agent by agent, and the start lists it. See'
+        " [Run methods as machine code](howto/compile.md).",
     )
     until: str = _world(
         "",

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minerva_bus.compiled.activity import CompiledMethods, Kernel
-from minerva_bus.compiled.form import Emission, Kind, Newborn, Output, Program
+from minerva_bus.compiled.form import Emission, Newborn, Output, Program, ValueKind
 from minerva_bus.compiled.writing import FAULT, GONE, cells
 from minerva_bus.grammar.batch import AnyEvent, Events
 from minerva_bus.grammar.column import Column
@@ -21,12 +21,12 @@ from minerva_bus.world.context import Frame, FrameStreams
 from minerva_bus.world.lineage import child_ids
 from minerva_bus.world.population import Birth, PopulationState
 
-_DTYPES: Final[dict[Kind, Any]] = {
-    Kind.INT: np.int64,
-    Kind.REAL: np.float64,
-    Kind.MIXED: np.float64,
-    Kind.BOOL: np.bool_,
-    Kind.TEXT: np.int64,
+_DTYPES: Final[dict[ValueKind, Any]] = {
+    ValueKind.INT: np.int64,
+    ValueKind.REAL: np.float64,
+    ValueKind.MIXED: np.float64,
+    ValueKind.BOOL: np.bool_,
+    ValueKind.TEXT: np.int64,
 }
 _LEAST_ROWS: Final = 64
 _NOTHING: Final = np.zeros(1, np.int64)
@@ -167,10 +167,10 @@ class _KernelCall:
                 array = event.data(slot.name)
             else:
                 array = Column.of([event.values[event.names.index(slot.name)]]).array
-            wanted = np.object_ if slot.kind is Kind.TEXT else _DTYPES[slot.kind]
+            wanted = np.object_ if slot.kind is ValueKind.TEXT else _DTYPES[slot.kind]
             if array.dtype != wanted:
                 return None
-            if slot.kind is Kind.TEXT:
+            if slot.kind is ValueKind.TEXT:
                 array = self.codes.of(array.tolist())
             made.append(self._spread(array))
         return made
@@ -249,7 +249,7 @@ class _KernelCall:
         """The values of an output by name, texts decoded."""
         pairs = zip(output.slots, values, strict=False)
         return {
-            slot.name: self.codes.texts(array) if slot.kind is Kind.TEXT else array
+            slot.name: self.codes.texts(array) if slot.kind is ValueKind.TEXT else array
             for slot, array in pairs
         }
 

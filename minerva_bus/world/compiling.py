@@ -13,9 +13,8 @@ from minerva_bus.world.declaring import COMPILED, POPULATION, marked, takes_batc
 
 IF_POSSIBLE: Final = "if possible"
 
-
-class NotCompiled(UserWarning):
-    """A method runs agent by agent, because it cannot be compiled."""
+Mode = bool | str
+"""False, True, or "if possible"."""
 
 
 def check_mode(compiled: object) -> None:
@@ -26,27 +25,50 @@ def check_mode(compiled: object) -> None:
 
 def marked_compiled(cls: Any) -> CompiledMethods | None:
     """The methods of a class that are marked as compiled. Raises NotCompilable."""
-    modes: dict[str, bool | str] = {
-        event_type: getattr(marked(cls, event_type, function), COMPILED, False)
-        for event_type, function in cls.activities.items()
-        if not hasattr(function, "__wrapped__")
-        or not getattr(function.__wrapped__, POPULATION, False)
-    }
-    return _compiled(cls, {event_type: mode for event_type, mode in modes.items() if mode})
+    methods, reasons = _compiled(cls, _modes(cls, False))
+    for reason in reasons:
+        warnings.warn(reason, UserWarning, stacklevel=4)
+    return methods
 
 
-def _compiled(cls: Any, modes: Mapping[str, bool | str]) -> CompiledMethods | None:
+def compile_all(cls: Any, mode: Mode) -> list[str]:
+    """Compile all methods of a class for one agent, beside those marked.
+
+    Returns why methods are not compiled, for `mode` "if possible". Raises NotCompilable for True.
+    """
+    modes = _modes(cls, mode)
+    if {event_type for event_type, each in modes.items() if each} == set(cls.compiled or ()):
+        return []
+    cls.compiled, reasons = _compiled(cls, modes)
+    return reasons
+
+
+def _modes(cls: Any, default: Mode) -> dict[str, Mode]:
+    """How each method for one agent is to be compiled, by event type."""
+    modes: dict[str, Mode] = {}
+    for event_type, function in cls.activities.items():
+        # Methods for populations are activities of one agent by a wrapper.
+        if not getattr(getattr(function, "__wrapped__", None), POPULATION, False):
+            modes[event_type] = (
+                getattr(marked(cls, event_type, function), COMPILED, False) or default
+            )
+    return modes
+
+
+def _compiled(cls: Any, modes: Mapping[str, Mode]) -> tuple[CompiledMethods | None, list[str]]:
     chosen: dict[str, Callable[..., Any]] = {}
+    reasons: list[str] = []
     for event_type, mode in sorted(modes.items()):
         function = cls.activities[event_type]
         if mode == IF_POSSIBLE:
             try:
                 _made(cls, {event_type: function})
             except NotCompilable as error:
-                warnings.warn(NotCompiled(str(error)), stacklevel=4)
+                reasons.append(str(error))
                 continue
-        chosen[event_type] = function
-    return _made(cls, chosen) if chosen else None
+        if mode:
+            chosen[event_type] = function
+    return (_made(cls, chosen) if chosen else None), reasons
 
 
 def _made(cls: Any, methods: Mapping[str, Callable[..., Any]]) -> CompiledMethods:

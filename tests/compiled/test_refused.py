@@ -74,7 +74,7 @@ REFUSED = {
     ),
     "two types": ("y = 1\ny = self.name", "y", "a text here and an int in line", "two variables"),
     "int or real": ("y = 0\nif self.calm:\n    y = 0.5\nself.x = -y", "-y", "an int in one case",
-                    "0.0"),
+                    "y is set to an int in line"),
     "real in an int": ("self.n = self.x", "self.n", "n is declared as int", "int(...)"),
     "number in a bool": ("self.calm = self.n", "self.calm", "calm is declared as bool", "compare"),
     "order of texts": ("self.calm = self.name < 'b'", "self.name < 'b'", "order of texts", "=="),

@@ -28,7 +28,7 @@ ORDER = [
     "api",
     "cli",
 ]
-ONLY = {"numba": "compiled", "zenoh": "runtime", "typer": "cli", "msgpack": "wire", "mcap": "log"}
+ONLY = {"zenoh": "runtime", "typer": "cli", "msgpack": "wire", "mcap": "log"}
 
 
 @cache

@@ -35,7 +35,7 @@ def run(
     overrides: Annotated[
         Overrides,
         Takes(
-            *("seed", "rate", "frames", "view", "set_", "name", "until"),
+            *("seed", "rate", "frames", "view", "set_", "name", "until", "compiled"),
             *("record", "record_topics", "flush", "durable", "journal", "collect", "into"),
             *("listen", "connect", "keys", "insecure", "audit", "coordinator_only"),
             *("metrics", "log_format"),

@@ -1,0 +1,66 @@
+"""Compiled methods of a world's agents: `[world] compiled`, and compiling before the start."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+
+from minerva_bus.compiled.origin import NotCompilable
+from minerva_bus.errors import WorldFileError
+from minerva_bus.launch.worldfile import Process
+from minerva_bus.wording import counted
+from minerva_bus.world.agent import Agent
+from minerva_bus.world.compiling import IF_POSSIBLE, Mode, compile_all
+
+
+def apply_mode(processes: Sequence[Process], mode: Mode, path: Path) -> list[str]:
+    """Mark the methods of all agent classes as `[world] compiled` asks; returns lines to print.
+
+    Raises WorldFileError if a method cannot be compiled and `mode` is True.
+    """
+    notes: list[str] = []
+    for cls in _classes(processes):
+        try:
+            notes += [f"not compiled: {_first(reason)}" for reason in compile_all(cls, mode)]
+        except NotCompilable as error:
+            raise WorldFileError(
+                f'{path}: [world] compiled = true: {error}\n  or: compiled = "{IF_POSSIBLE}"'
+            ) from None
+    if mode == IF_POSSIBLE:
+        compiled = sum(len(cls.compiled or ()) for cls in _classes(processes))
+        notes.insert(0, f"compiled {counted(compiled, 'method')} of agents")
+    return notes
+
+
+def compile_agents(
+    processes: Iterable[Process], progress: Callable[[str, int, int, str], None]
+) -> None:
+    """Compile the methods of the agents that run on this machine.
+
+    Before the launcher starts processes, so that they inherit the machine code. Raises MisuseError
+    without numba.
+    """
+    local = [process for process in processes if not process.elsewhere]
+    methods = [
+        (cls.compiled, event_type) for cls in _classes(local) for event_type in cls.compiled or ()
+    ]
+    for done, (compiled, event_type) in enumerate(methods):
+        if compiled is not None:
+            title = compiled.program(event_type).title
+            progress("compiling", done, len(methods), title)
+            compiled.kernel(event_type)
+
+
+def no_progress(name: str, done: int, total: int, rest: str) -> None:
+    """Show no progress."""
+
+
+def _classes(processes: Iterable[Process]) -> list[type[Agent]]:
+    """The agent classes of processes, each once."""
+    return list(dict.fromkeys(cls for process in processes for cls in process.agents))
+
+
+def _first(reason: str) -> str:
+    """The problem of a method and its place, on one line."""
+    problem, *place = reason.split("\n")
+    return f"{problem} ({place[0].strip()})" if place else problem
