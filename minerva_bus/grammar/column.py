@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.joining import Joinable
-from minerva_bus.grammar.row_delta import RowDelta
 from minerva_bus.grammar.scene import Value
 
 CHUNK: Final = 4096
@@ -109,14 +108,14 @@ class Column(Joinable):
         column._base = ref(self), rows
         return column
 
-    def turned(self, turnover: RowDelta, born: Column | None) -> Column:
-        """The values after a turnover, with those of added rows."""
+    def moved(self, source: Rows, rows: Rows, others: Column | None) -> Column:
+        """The values of the rows `source`, then those of another column in `rows`."""
         if self.ids is not None:
-            kept = self.take(turnover.source)
-            return kept if born is None else kept.with_rows(turnover.born, born)
-        array = self.array[turnover.source]
-        if born is not None:
-            array[turnover.born] = born.array
+            taken = self.take(source)
+            return taken if others is None else taken.with_rows(rows, others)
+        array = self.array[source]
+        if others is not None:
+            array[rows] = others.array
         return Column(array)
 
     def with_rows(self, rows: Rows, others: Column) -> Column:

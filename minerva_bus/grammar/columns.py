@@ -149,7 +149,8 @@ class Columns(Digested):
         """These agents after a turnover: without those removed, and with newborns inserted."""
         born = [None] * len(self.columns) if newborn is None else newborn.columns
         pairs = zip(self.columns, born, strict=True)
-        columns = tuple([column.turned(turnover, added) for column, added in pairs])
+        rows = turnover.source, turnover.born
+        columns = tuple([column.moved(*rows, added) for column, added in pairs])
         newborn_ids = None if newborn is None else newborn.ids
         ids = None if self.ids is None else self.ids.turned(turnover, newborn_ids)
         return Columns(self.symbol, self.names, columns, turnover.after, ids)

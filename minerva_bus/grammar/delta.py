@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Final, cast
 
@@ -171,19 +171,30 @@ def patched(old: Piece, delta: Delta) -> Columns:
     # A delta may come from a remote member.
     columnar = check(old, delta)
     turned = columnar if delta.turnover is None else _turned(columnar, delta.turnover, delta.born)
-    # Rows first: the row numbers of changes are those after the turnover.
-    columns = [list(level.columns) for level in turned.levels()]
+    changes: dict[tuple[int, int], list[Change]] = {}
     for change in delta.changes:
-        before = columns[change.level][change.place]
-        columns[change.level][change.place] = (
-            change.column if change.rows is None else before.with_rows(change.rows, change.column)
-        )
-    return turned.with_columns([column for level in columns for column in level])
+        changes.setdefault((change.level, change.place), []).append(change)
+    return turned.with_columns([
+        _patched_column(column, changes.get((number, place), []), delta.turnover)
+        for number, level in enumerate(columnar.levels())
+        for place, column in enumerate(level.columns)
+    ])  # fmt: skip
+
+
+def _patched_column(old: Column, changes: Sequence[Change], turnover: RowDelta | None) -> Column:
+    """A column after its changes, whose row numbers are those after the turnover."""
+    if turnover is not None and (not changes or changes[0].rows is not None):
+        first, changes = changes[:1], changes[1:]
+        rows, values = (first[0].rows, first[0].column) if first else (None, None)
+        old = old.moved(turnover.source, np.empty(0, np.intp) if rows is None else rows, values)
+    for change in changes:
+        old = change.column if change.rows is None else old.with_rows(change.rows, change.column)
+    return old
 
 
 def _turned(old: Columns, turnover: RowDelta, born: Ids | None) -> Columns:
-    """The rows after a turnover; added rows have values of other rows until the changes apply."""
-    turned = old.changed(lambda column: column.take(turnover.source), turnover.after)
+    """The ids and number of rows after a turnover; the columns are still the old ones."""
+    turned = old.changed(lambda column: column, turnover.after)
     if old.ids is None:
         return turned
     ids = old.ids.turned(turnover, born)
