@@ -258,7 +258,7 @@ def start(world: World, *, bus: bool = False, **settings: Any) -> Live:
     given: dict[str, Any] = {"frames": 0, "until": ""}
     given |= {name: settings.pop(name) for name in own if name in settings}
     request = request_of(world, settings, **given)
-    if not bus and given.get("processes") is None:
+    if not request.needs_bus(bus, given.get("processes")):
         here = InProcessRun(request.file, Console(quiet=True), time.monotonic())
         try:
             here.open()

@@ -5,19 +5,23 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 from minerva_bus.api.world import World, own_options
 from minerva_bus.collect.plans import plans_of, read_entries
 from minerva_bus.collect.writers import check_ending
 from minerva_bus.errors import MisuseError
 from minerva_bus.launch.collecting import Collecting
+from minerva_bus.launch.distribution import several_hosts
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.settings.overrides import Overrides
 
 if TYPE_CHECKING:
     from minerva_bus.launch.replaying import Replay
     from minerva_bus.launch.resuming import WorldSource
+
+Processes: TypeAlias = int | Literal["auto"] | None
+"""Number of processes for each kind of agents; None: as the world says, without a bus."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,6 +58,12 @@ class Request:
     file: WorldFile
     past: Past | None = None
 
+    def needs_bus(self, bus: bool, processes: Processes) -> bool:
+        """Whether the run starts processes, by the arguments `bus` and `processes` of `run`."""
+        if processes == "auto":
+            return bus or several_hosts(self.file.processes)
+        return bus or processes is not None
+
 
 def request_of(
     world: World,
@@ -61,7 +71,7 @@ def request_of(
     *,
     collect: Any = None,
     into: str | Path = "",
-    processes: int | None = None,
+    processes: Processes = None,
     record: str | Path = "",
     past: Past | None = None,
     **values: Any,
@@ -80,12 +90,12 @@ def request_of(
     return Request(world, overrides, file, past)
 
 
-def _processes(world: World, count: int | None) -> tuple[str, ...]:
+def _processes(world: World, count: Processes) -> tuple[str, ...]:
     """The settings for this number of processes for each kind of agents."""
     if count is None:
         return ()
-    if count < 1:
-        raise MisuseError(f"processes is {count}; expected at least 1")
+    if isinstance(count, int) and count < 1:
+        raise MisuseError(f'processes is {count}; expected at least 1, or "auto"')
     # Settings name a table of the world file, which may stand for several processes.
     hosts = [process.table for process in world.read().processes if process.agents]
     return tuple(dict.fromkeys(f"{name}.processes={count}" for name in hosts))

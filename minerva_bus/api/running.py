@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from minerva_bus.api.processes import Launched
-from minerva_bus.api.requests import Request, request_of
+from minerva_bus.api.requests import Processes, Request, request_of
 from minerva_bus.api.run_result import Interrupted, Run
 from minerva_bus.api.world import World, world_of
 from minerva_bus.api.world_views import views_of
@@ -40,7 +40,7 @@ def run(
     collect: Any = None,
     into: str | Path = "",
     bus: bool = False,
-    processes: int | None = None,
+    processes: Processes = None,
     record: str | Path = "",
     until: str | None = None,
     rate: float = 0.0,
@@ -60,7 +60,8 @@ def run(
             memory; several tables go into several files, `FILE-TABLE.parquet`.
         bus: start a process for each process of the world, connected by Zenoh. Strings and digests
             are the same. Its code must be in modules that these processes can import.
-        processes: the number of processes for each kind of agents; implies `bus`.
+        processes: the number of processes for each kind of agents; implies `bus`. "auto": by the
+            number of agents and of cores; a world too small for several runs in this process.
         record: record the run in this file, .mcap.
         until: the event type that ends the world, see docs/worlds.md.
         rate: frames per second; 0: as fast as possible.
@@ -97,7 +98,7 @@ def run(
     # An endless run has to be asked for: a call that never returns is usually a mistake.
     if not request.file.world.frames and not request.file.world.until and frames is None:
         raise MisuseError(f"{request.world.name} has no end: run(world, frames=300); 0: no limit")
-    return run_request(request, bus=bus or processes is not None, quiet=quiet, film=film)
+    return run_request(request, bus=request.needs_bus(bus, processes), quiet=quiet, film=film)
 
 
 def run_request(request: Request, *, bus: bool, quiet: bool, film: int = 0) -> Run:

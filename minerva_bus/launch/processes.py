@@ -13,6 +13,7 @@ from minerva_bus.errors import WorldFileError, nearest
 from minerva_bus.frame.compatibility import incompatibility
 from minerva_bus.frame.member import Member
 from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.launch.distribution import names_of
 from minerva_bus.launch.options import beside
 from minerva_bus.launch.specs import bind, find_agent, find_service
 from minerva_bus.launch.table import Table
@@ -20,6 +21,7 @@ from minerva_bus.launch.typed import by_process, read_view
 from minerva_bus.launch.worldfile import Process
 from minerva_bus.runtime.waiting import Patience
 from minerva_bus.settings.declaring import settings_of
+from minerva_bus.settings.kinds import AUTO
 from minerva_bus.settings.tables import PatienceSettings, ProcessSettings
 from minerva_bus.wire.keys import COORDINATOR
 from minerva_bus.world.services import Service
@@ -69,15 +71,13 @@ class _Reader:
             speaks_for=own.speaks_for,
             patience=self._patience(table),
         )
-        count = own.processes
-        names = [checked] if count == 1 else [f"{checked}-{i + 1}" for i in range(count)]
         if sum(map(bool, (own.agents, own.command, own.service))) != 1:
             raise WorldFileError(
                 f"{self.path}: [process.{name}] needs exactly one of service, agents and command"
             )
         if own.agents and own.speaks_for:
             table.wrong("speaks_for", "is for generators: agents speak for themselves")
-        folder = self.path.parent
+        folder, names = self.path.parent, self._names(checked, table, own)
         if own.service:
             options = {key: beside(value, folder) for key, value in table.rest().items()}
             with table.loading("service"):
@@ -94,8 +94,22 @@ class _Reader:
                 table.wrong("command", f"names {program!r}, which is not an executable file")
         with table.loading("agents"):
             classes = tuple(find_agent(spec, folder) for spec in own.agents)
-        plain = replace(plain, agents=classes, command=own.command, folder=folder)
+        automatic = own.processes == AUTO and not own.elsewhere
+        plain = replace(
+            plain, agents=classes, command=own.command, folder=folder, automatic=automatic
+        )
         return [replace(plain, name=each) for each in names]
+
+    def _names(self, name: str, table: Table, own: ProcessSettings) -> list[str]:
+        """The names of the processes of a table; one name if their number is automatic."""
+        count = own.processes
+        if not own.agents:
+            # The option of the command line is for agents: two clocks would be another world.
+            declared = settings_of(ProcessSettings)["processes"]
+            count = table.get(declared.key, declared.kind, declared.default)
+            if count == AUTO:
+                table.wrong("processes", '"auto" is for agents; expected a whole number')
+        return names_of(name, max(count, 1))
 
     def maker(
         self, name: str, cls: type[Service], options: dict[str, Any]

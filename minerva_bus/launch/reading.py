@@ -12,6 +12,7 @@ from minerva_bus.launch.access import read_access
 from minerva_bus.launch.collecting import read_collecting
 from minerva_bus.launch.compiling import apply_mode
 from minerva_bus.launch.description import read_description
+from minerva_bus.launch.distribution import distributed
 from minerva_bus.launch.norms import read_norms
 from minerva_bus.launch.options import filled, read_options
 from minerva_bus.launch.processes import check_members, read_patience, read_processes
@@ -131,6 +132,7 @@ def _read(top: Table, text: str, path: Path) -> WorldFile:
         watch,
         collect,
     )
+    file = distributed(file)
     interactive = any(each.service is not None and each.service.interactive for each in members)
     return _interactive(file, overrides) if interactive else file
 

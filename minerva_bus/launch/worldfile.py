@@ -36,7 +36,8 @@ class Process:
     `elsewhere`: the world waits for it, but it is started on another machine, by hand or by a
     service manager: `minerva attach WORLD --process NAME`. `speaks_for`: kinds and `#id`s of agents
     in whose name a generator may send events. `table`: the name of its table in the
-    world file, empty for a view of the command line.
+    world file, empty for a view of the command line. `automatic`: it stands for as many processes
+    as `distribution` chooses.
     """
 
     name: str
@@ -50,6 +51,7 @@ class Process:
     table: str = ""
     speaks_for: tuple[str, ...] = ()
     patience: Patience | None = None
+    automatic: bool = False
 
     def participant(self) -> Member:
         """The member that this process runs."""

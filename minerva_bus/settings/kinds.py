@@ -137,6 +137,28 @@ def whole(least: int = 0, most: int = MAX_WHOLE) -> Kind:
     return Kind(phrase, convert, int, schema={"type": "integer", "minimum": least, "maximum": most})
 
 
+AUTO: Final = 0
+"""The number for which the word "auto" stands: the program chooses."""
+
+
+def whole_or_auto(least: int, most: int) -> Kind:
+    """Whole numbers from `least` to `most`, above `AUTO`, or the word "auto"."""
+    numbers = whole(least, most)
+
+    def convert(value: Any) -> int:
+        if value == "auto":
+            return AUTO
+        # Options of a command line are texts.
+        given = int(value) if isinstance(value, str) and value.isdecimal() else value
+        try:
+            return numbers.convert(given)
+        except MisuseError as error:
+            raise MisuseError(f'{error}, or "auto"') from None
+
+    schema = {"anyOf": [numbers.schema, {"enum": ["auto"]}]}
+    return Kind(f'{numbers.phrase}, or `"auto"`', convert, schema=schema)
+
+
 def number(least: float = 0.0, unit: str = "") -> Kind:
     """Finite numbers from `least`, in a unit: `seconds`."""
     of_unit = f" of {unit}" if unit else ""

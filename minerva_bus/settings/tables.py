@@ -27,6 +27,7 @@ from minerva_bus.settings.kinds import (
     single,
     switch,
     whole,
+    whole_or_auto,
 )
 
 MODULE: Final = '`"module:function"`'
@@ -316,9 +317,12 @@ class ProcessSettings:
     )
     processes: int = _process(
         1,
-        "Number of processes: `NAME-1`, `NAME-2`, ...",
-        whole(1, MAX_PROCESSES),
-        more="Agents are distributed among the processes that offer their kind.",
+        "Number of processes for each table of agents: `NAME-1`, `NAME-2`, ...; auto: by their"
+        " number and the cores.",
+        whole_or_auto(1, MAX_PROCESSES),
+        option="processes",
+        more="Agents are distributed among the processes that offer their kind; see"
+        " [Distribute agents](howto/processes.md).",
     )
     on_failure: str = _process(
         "restart",

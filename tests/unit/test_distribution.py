@@ -1,0 +1,148 @@
+"""The number of processes for agents with `processes = "auto"`."""
+
+from __future__ import annotations
+
+import pytest
+
+from minerva_bus import Agent, EventType, Generator, Vocabulary, World, on, run
+from minerva_bus.api.requests import request_of
+from minerva_bus.errors import MisuseError, WorldFileError
+from minerva_bus.launch import distribution
+from minerva_bus.launch.distribution import AGENT_SECONDS, HOST_SECONDS, ROW_SECONDS, hosts_for
+from minerva_bus.launch.reading import read_world_text
+from minerva_bus.settings.overrides import Overrides
+
+eStep = EventType("eStep")
+SPEC = f"{__name__}:{{}}".format
+TEXT = f"""
+[world]
+scene = "{SPEC("many")}"
+vocabulary = "{SPEC("vocabulary")}"
+frames = 3
+
+[process.walkers]
+agents = ["{SPEC("Walker")}", "{SPEC("Rower")}"]
+
+[process.rocks]
+agents = "{SPEC("Rock")}"
+
+[process.steps]
+service = "{SPEC("Steps")}"
+"""
+
+
+class Walker(Agent, symbol="AWalker"):
+    x: float = 0.0
+
+    @on("eStep")
+    def step(self, step, moment):
+        self.x += 1.0
+
+
+class Rower(Agent, symbol="ARower"):
+    x: float = 0.0
+
+    @on("eStep", population=True)
+    def step(self, step, moment):
+        self.x += 1.0
+
+
+class Rock(Agent, symbol="ARock"):
+    """Has no activity."""
+
+
+class Steps(Generator, events=("eStep",)):
+    def generate(self, tick):
+        return (eStep(),)
+
+
+vocabulary = Vocabulary.of(eStep, Walker, Rower, Rock)
+counts = {Walker: 3, Rower: 3, Rock: 1_000_000}
+
+
+def many(options):
+    parts = [cls.many(cls.__name__.lower(), count) for cls, count in counts.items()]
+    return parts[0] + parts[1] + parts[2]
+
+
+def names(tmp_path, old="", new="", **values):
+    text = TEXT.replace(old, new) if old else TEXT
+    file = read_world_text(text, tmp_path / "w.toml", Overrides(**values))
+    assert file.world.expected == {process.name for process in file.processes}
+    return [process.name for process in file.processes]
+
+
+# --- the rule ---
+
+
+@pytest.mark.parametrize(("work", "most", "hosts"), [
+    (0.0, 8, 1), (1.9 * HOST_SECONDS, 8, 1), (2.1 * HOST_SECONDS, 8, 2), (2.1 * HOST_SECONDS, 1, 1),
+    (5.9 * HOST_SECONDS, 8, 2), (6.1 * HOST_SECONDS, 8, 3), (1.0, 8, 8), (1.0, 100, 26),
+])  # fmt: skip
+def test_another_host_starts_if_it_saves_more_than_it_costs(work, most, hosts):
+    assert hosts_for(work, most) == hosts
+
+
+# --- in a world file, on a command line, from Python ---
+
+ONE = ["walkers", "rocks", "steps"]
+TWO = ["walkers-1", "walkers-2", "rocks", "steps"]
+AUTO = ("[process.rocks]", 'processes = "auto"\n[process.rocks]')
+
+
+@pytest.mark.parametrize(("walkers", "rowers", "cores_here", "expected"), [
+    (3, 3, 4, ONE), (round(3 * HOST_SECONDS / AGENT_SECONDS), 3, 4, TWO),
+    (3, round(3 * HOST_SECONDS / ROW_SECONDS), 4, TWO), (9_000, 3, 1, ONE),
+])  # fmt: skip
+def test_agents_get_as_many_hosts_as_they_pay_for(
+    tmp_path, monkeypatch, walkers, rowers, cores_here, expected
+):
+    monkeypatch.setattr(distribution, "cores", lambda: cores_here)
+    monkeypatch.setitem(counts, Walker, walkers)
+    monkeypatch.setitem(counts, Rower, rowers)
+    # Agents without activities take no time, however many they are.
+    assert names(tmp_path, processes="auto") == names(tmp_path, *AUTO) == expected
+    assert names(tmp_path, *AUTO, processes="1") == ONE
+    assert names(tmp_path, processes="2") == [*TWO[:2], "rocks-1", "rocks-2", "steps"]
+
+
+def test_the_choice_is_among_the_notes_of_the_run(tmp_path):
+    file = read_world_text(TEXT, tmp_path / "w.toml", Overrides(processes="auto"))
+    assert file.notes == ("walkers: 1 process (auto)", "rocks: 1 process (auto)")
+    assert not read_world_text(TEXT, tmp_path / "w.toml").notes
+
+
+@pytest.mark.parametrize(("old", "new", "message"), [
+    ("[process.rocks]", 'processes = "many"\n[process.rocks]', 'whole number, or "auto"'),
+    ("[process.rocks]", 'processes = 0\n[process.rocks]', 'at least 1, or "auto"'),
+    ("[process.steps]", '[process.steps]\nprocesses = "auto"', '"auto" is for agents'),
+])  # fmt: skip
+def test_other_words_are_refused(tmp_path, old, new, message):
+    with pytest.raises(WorldFileError, match=message):
+        names(tmp_path, old, new)
+
+
+def test_a_wrong_option_is_named(tmp_path):
+    with pytest.raises(WorldFileError, match="--processes must be at least 1"):
+        names(tmp_path, processes="0")
+
+
+def test_a_world_too_small_for_several_hosts_runs_in_this_process():
+    world = World(many({}), agents=[Walker, Rower, Rock], symbols=[eStep], services=[Steps])
+    small = request_of(world, {}, processes="auto")
+    assert not small.needs_bus(bus=False, processes="auto")
+    assert small.needs_bus(bus=True, processes="auto")
+    assert request_of(world, {}, processes=1).needs_bus(bus=False, processes=1)
+    assert run(world, frames=3, processes="auto").digest == run(world, frames=3).digest
+
+
+def test_a_large_world_runs_in_several(monkeypatch):
+    monkeypatch.setattr(distribution, "cores", lambda: 4)
+    world = World(Walker.many("w", 9_000), agents=[Walker], symbols=[eStep], services=[Steps])
+    assert request_of(world, {}, processes="auto").needs_bus(bus=False, processes="auto")
+
+
+def test_a_wrong_number_is_refused():
+    world = World(Walker("w").string, agents=[Walker], symbols=[eStep])
+    with pytest.raises(MisuseError, match='at least 1, or "auto"'):
+        request_of(world, {}, processes=0)
