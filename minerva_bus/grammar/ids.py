@@ -376,6 +376,9 @@ class Ids(Joinable):
             return np.full(len(others), -1, np.intp)
         known = others._pool is pool
         entries = others._raw if known else pool.find(others.spelled, others.hashes)
+        # The usual case of newborns: no table of all rows is needed.
+        if (entries < 0).all():
+            return entries
         rows = self._row_of_entry
         # The last one is -1, for entries that are newer than this table.
         return rows[np.minimum(entries, len(rows) - 1)]
