@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+import math
+from typing import Any, Final, NamedTuple
 
 from minerva_bus.space.kernels import kernel
-from minerva_bus.space.occupancy import FIRST, NEXT, move_to, span
+from minerva_bus.space.occupancy import FIRST, NEXT, move_to
+
+MARGIN: Final = 1e-9
 
 
 class FieldGrid(NamedTuple):
@@ -43,14 +46,6 @@ def wrapped(number: float, size: float) -> float:
 
 
 @kernel
-def shorter(difference: float, size: float) -> float:
-    """A difference of coordinates in a periodic field, by the shorter way."""
-    if difference > 0.5 * size:
-        return difference - size
-    return difference + size if difference < -0.5 * size else difference
-
-
-@kernel
 def go_to(table: Any, i: int, x: float, y: float) -> None:
     """Move row i to a position; beyond a periodic edge it enters on the other side."""
     field = table.field
@@ -69,23 +64,44 @@ def near(table: Any, x: float, y: float, radius: float, other_than: int) -> int:
     sums over them have the same bits everywhere.
     """
     field = table.field
-    home = cell_of(field, x, y)
-    row, column = home // field.across, home % field.across
-    # One more cell on both sides, because the position is anywhere in its own.
-    left = int(radius / field.width * field.across) + 1
-    up = int(radius / field.height * field.down) + 1
-    first_u, last_u = span(column, left, field.across, field.periodic)
-    first_v, last_v = span(row, up, field.down, field.periodic)
-    count, square = 0, radius * radius
-    for v in range(first_v, last_v):
-        for u in range(first_u, last_u):
-            j = table.places[FIRST, v % field.down * field.across + u % field.across]
+    # A little more than the radius, so that rounding cannot exclude a cell at its edge.
+    u, columns = cells_between(x - radius, x + radius, field.width, field.across, field.periodic)
+    top, rows = cells_between(y - radius, y + radius, field.height, field.down, field.periodic)
+    half_width, half_height, square = 0.5 * field.width, 0.5 * field.height, radius * radius
+    count = 0
+    for _ in range(columns):
+        v = top
+        for _ in range(rows):
+            j = table.places[FIRST, v * field.across + u]
             while j >= 0:
                 dx, dy = table.x[j] - x, table.y[j] - y
                 if field.periodic:
-                    dx, dy = shorter(dx, field.width), shorter(dy, field.height)
+                    if dx > half_width:
+                        dx -= field.width
+                    elif dx < -half_width:
+                        dx += field.width
+                    if dy > half_height:
+                        dy -= field.height
+                    elif dy < -half_height:
+                        dy += field.height
                 if j != other_than and dx * dx + dy * dy <= square:
                     table.nearby[count], table.dx[count], table.dy[count] = j, dx, dy
                     count += 1
                 j = table.links[NEXT, j]
+            v = v + 1 if v + 1 < field.down else 0
+        u = u + 1 if u + 1 < field.across else 0
     return count
+
+
+@kernel
+def cells_between(
+    low: float, high: float, size: float, cells: int, periodic: bool
+) -> tuple[int, int]:
+    """The first of the cells that an interval of coordinates meets, and their number."""
+    first = math.floor(low / size * cells - MARGIN)
+    last = math.floor(high / size * cells + MARGIN)
+    if periodic:
+        return first % cells, min(last - first + 1, cells)
+    # Positions outside the field are in the cells at its edge.
+    first, last = min(max(first, 0), cells - 1), min(max(last, 0), cells - 1)
+    return first, last - first + 1
