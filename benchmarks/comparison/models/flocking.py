@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from benchmarks.comparison.figures import of_flock
@@ -38,7 +40,7 @@ def fly(
             vy -= separate * dy
     vx = birds.vx[i] + vx / max(count, 1)
     vy = birds.vy[i] + vy / max(count, 1)
-    length = (vx * vx + vy * vy) ** 0.5
+    length = math.sqrt(vx * vx + vy * vy)
     birds.vx[i], birds.vy[i] = vx / length, vy / length
     go_to(birds, i, birds.x[i] + speed * birds.vx[i], birds.y[i] + speed * birds.vy[i])
 
