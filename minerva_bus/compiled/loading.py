@@ -16,6 +16,8 @@ from functools import cache
 from hashlib import blake2b
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from types import ModuleType
+from typing import Any
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.wording import install
@@ -26,7 +28,12 @@ Kernel = Callable[..., int]
 @cache
 def load_kernel(text: str) -> Kernel:
     """The kernel of a generated module. Raises MisuseError without numba."""
-    name = "minerva_" + blake2b(f"{_versions()}\n{text}".encode(), digest_size=16).hexdigest()
+    return generated(f"{_versions()}\n{text}", text).run
+
+
+def generated(key: str, text: str) -> ModuleType:
+    """A module with this text, in a file named by the hash of `key`; imported in each call."""
+    name = "minerva_" + blake2b(key.encode(), digest_size=16).hexdigest()
     path = _written(cache_folder() / f"{name}.py", text)
     spec = importlib.util.spec_from_file_location(name, path)
     assert spec is not None
@@ -35,17 +42,23 @@ def load_kernel(text: str) -> Kernel:
     # The kept machine code refers to its module by name.
     sys.modules[name] = module
     spec.loader.exec_module(module)
-    return module.run
+    return module
 
 
-def _versions() -> str:
-    """Everything besides the module's text that the machine code depends on. Raises MisuseError."""
+def numba_library(purpose: str) -> Any:
+    """The library numba, for a purpose such as "compiled methods". Raises MisuseError."""
     # SVML has other last bits than the C library. numba reads the variable when it is imported.
     os.environ.setdefault("NUMBA_DISABLE_INTEL_SVML", "1")
     try:
         import numba  # pyright: ignore[reportMissingTypeStubs]
     except ImportError:
-        raise MisuseError(f"compiled methods need numba: {install('fast')}") from None
+        raise MisuseError(f"{purpose} need numba: {install('fast')}") from None
+    return numba
+
+
+def _versions() -> str:
+    """Everything besides the module's text that the machine code depends on. Raises MisuseError."""
+    numba = numba_library("compiled methods")
     import numpy as np
 
     import minerva_bus

@@ -6,7 +6,6 @@ with + - * / and the square root: other functions of `math` have other last bits
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Generator, Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -16,8 +15,7 @@ from typing import Any, Final, Generic, ParamSpec, TypeVar, cast
 
 import numpy as np
 
-from minerva_bus.errors import MisuseError
-from minerva_bus.wording import install
+from minerva_bus.compiled.loading import numba_library
 
 _P = ParamSpec("_P")
 _R = TypeVar("_R")
@@ -70,13 +68,7 @@ def kernel(function: Callable[_P, _R]) -> Kernel[_P, _R]:
 
 def numba() -> Any:
     """The library numba. Raises MisuseError if it is not installed."""
-    # Intel's vector functions have other last bits than the scalar ones.
-    os.environ.setdefault("NUMBA_DISABLE_INTEL_SVML", "1")
-    try:
-        import numba as library
-    except ImportError:
-        raise MisuseError(f"rules of a space need numba: {install('fast')}") from None
-    return library
+    return numba_library("rules of a space")
 
 
 def rebound(function: FunctionType) -> FunctionType:
