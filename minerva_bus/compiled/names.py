@@ -24,7 +24,7 @@ from minerva_bus.grammar.symbols import EventType
 from minerva_bus.grammar.types import Type
 
 STATE: Final = Variable(ValueKind.REAL, "state")
-"""A small array of the kernel: whether the row has a fault, and a 0 that the optimizer ignores."""
+"""An array of the kernel: a fault of the row, a 0 that no optimizer knows, turns of loops."""
 WORDS: Final = Variable(ValueKind.INT, "words")
 ROW: Final = Variable(ValueKind.INT, "i")
 PLACE: Final = Variable(ValueKind.INT, "k")

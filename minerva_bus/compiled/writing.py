@@ -51,6 +51,9 @@ FULL: Final = 3
 MOST_TURNS: Final = 10_000_000
 """Turns of loops in a row after which it runs in Python, which Ctrl-C can interrupt."""
 
+MOST_IN_CALL: Final = 50_000_000
+"""Turns of loops, a fraction of a second, after which a kernel returns, so that Ctrl-C works."""
+
 _TYPES: Final = {
     ValueKind.INT: "int64",
     ValueKind.REAL: "float64",
@@ -187,6 +190,9 @@ def _kernel(program: Program) -> Iterator[str]:
     yield f"{_STEP * 3}if outcome == {FULL}:"
     yield f"{_STEP * 4}return k"
     yield f"{_STEP * 2}outcomes[k] = outcome"
+    yield f"{_STEP * 2}if state[2] > {MOST_IN_CALL}:"
+    yield f"{_STEP * 3}state[2] = 0.0"
+    yield f"{_STEP * 3}return k + 1"
     yield f"{_STEP}return len(rows)"
 
 
@@ -220,6 +226,7 @@ class _Writer:
             case Finish():
                 yield from self._finish(statement)
             case Return(value):
+                yield "state[2] += turns"
                 yield f"return {_text(value)}"
             case Jump.FAULT:
                 yield "state[0] = 1.0"
@@ -268,6 +275,7 @@ class _Writer:
                 yield from _check(attribute)
         yield f"if {_GUARD}:"
         yield f"{_STEP}return {FAULT}"
+        yield "state[2] += turns"
         if end.stays:
             for attribute in self._program.writes:
                 yield f"c_{attribute.name}[i] = a_{attribute.name}"

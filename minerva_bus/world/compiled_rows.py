@@ -87,7 +87,8 @@ class CompiledRows:
         """Process a turn; returns a mask of the rows that must run in Python, shape (rows,)."""
         program, kernel = self._methods.kernel(event_type)
         call = _KernelCall(program, self._state, turn)
-        if not call.fits:
+        # A duration that is an int would give an int, which the kernel does not have.
+        if not call.fits or type(self._frame.dt) is not float:
             return np.ones(len(turn.rows), np.bool_)
         outcomes = call.run(kernel, self._streams, self._frame)
         self._state.turn += 1
@@ -192,13 +193,14 @@ class _KernelCall:
         spread = (np.broadcast_to(_NOTHING, len(rows)),) * 2
         ranges = spread if self.turn.begins is None else (begins, ends)
         fixed = [
-            *(rows, outcomes, self._counts, np.zeros(2), words),
+            *(rows, outcomes, self._counts, np.zeros(3), words),
             *columns,
             *self._given_data,
             *(self._given(slot.name, frame) for slot in self.program.given),
             *ranges,
         ]
         start = 0
+        # The kernel returns early if an output is full, and after long loops, for signals.
         while True:
             flat = [array for arrays in self._outputs for array in arrays]
             start = kernel(start, *fixed, *flat)
@@ -209,13 +211,21 @@ class _KernelCall:
     def _column(self, name: str) -> NDArray[Any]:
         state = self._state
         if state.part.column(name).dtype == np.object_:
-            codes = self._texts[name] = self.codes.of(state.value(name).tolist())
-            return codes
+            # Of the rows of this turn only: one event may concern one of many agents.
+            values = state.value(name)[self.turn.rows]
+            self._texts[name] = self._in_rows(self.codes.of(values.tolist()))
+            return self._texts[name]
         return state.array(name) if name in self._written else state.value(name)
+
+    def _in_rows(self, codes: NDArray[np.int64]) -> NDArray[np.int64]:
+        """An array for all agents with these codes in the rows of the turn."""
+        made = np.zeros(self._state.part.count, np.int64)
+        made[self.turn.rows] = codes
+        return made
 
     def _given(self, name: str, frame: Frame) -> Any:
         if name == "id":
-            return self.codes.of(self._state.ids.texts())
+            return self._in_rows(self.codes.of(self._state.ids.take(self.turn.rows).texts()))
         if name == "sender":
             return self._senders()
         return {"dt": frame.dt, "time": frame.number * frame.dt, "number": frame.number}[name]
@@ -238,8 +248,10 @@ class _KernelCall:
 
     def store(self) -> None:
         """Write changed texts to the population; numbers are in its arrays already."""
+        rows = self.turn.rows
         for name in sorted(self._written & self._texts.keys()):
-            self._state.write(name, None, self.codes.texts(self._texts[name]))
+            every = None if len(rows) == self._state.part.count else rows
+            self._state.write(name, every, self.codes.texts(self._texts[name][rows]))
 
     def cells_of(self, index: int) -> list[NDArray[Any]]:
         """What was appended to an output."""

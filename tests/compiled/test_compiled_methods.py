@@ -247,6 +247,30 @@ def test_all_events_of_a_type_in_one_call():
     same(make, lambda cls: many(cls), [calls, calls[5:], [eCall(loud=0.1, word="all"), *calls]])
 
 
+def test_loops_that_are_longer_than_a_call_of_the_kernel(monkeypatch):
+    from minerva_bus.compiled import writing
+
+    monkeypatch.setattr(writing, "MOST_IN_CALL", 20)
+    monkeypatch.setattr(writing, "MOST_TURNS", 60)
+
+    def make(compiled):
+        class Slow(Agent, symbol="ASlow"):
+            n: int = 0
+            births: int = 0
+
+            @on("eDay", compiled=compiled)
+            def live(self, day, moment):
+                for turn in range(self.n):
+                    moment.emit(eEgg(size=turn))
+                    moment.chance.random()
+                self.n += moment.chance.integers(5)
+                return self.string + self.child(n=self.n)
+
+        return Slow
+
+    same(make, lambda cls: many(cls, n=np.arange(50) * 2), [[day()]] * 2)
+
+
 def test_probabilities():
     def make(compiled):
         class Shy(Agent, symbol="AShy"):
