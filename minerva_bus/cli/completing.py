@@ -123,6 +123,22 @@ def new_kinds(ctx: typer.Context, incomplete: str) -> Choices:
 
 
 @completer
+def conformance_roles(ctx: typer.Context, incomplete: str) -> Choices:
+    """Roles of members in the conformance suite."""
+    from minerva_bus.testing.conformance.world import MemberRole
+
+    return [(role.value, "") for role in MemberRole]
+
+
+@completer
+def conformance_cases(ctx: typer.Context, incomplete: str) -> Choices:
+    """Cases of the conformance suite."""
+    from minerva_bus.testing.conformance.cases import CASES
+
+    return [(case.id, case.title) for case in CASES]
+
+
+@completer
 def members_to_attach(ctx: typer.Context, incomplete: str) -> Choices:
     """Services and agents, or world files with --process."""
     from minerva_bus.launch.installed import AGENTS, SERVICES, entries

@@ -35,7 +35,7 @@ GROUPS: Final = {
         *("conversation", "recover", "map"),
     ),
     "Studies": ("sweep", "evolve"),
-    "Set up": ("new", "schema", "doctor", "keys", "version"),
+    "Set up": ("new", "schema", "doctor", "keys", "conformance", "version"),
 }
 """The commands by topic, in the order of the help."""
 

@@ -294,7 +294,9 @@ class Agent:
         # Names are compared only if their number differs: this runs for every agent and event.
         if len(state) != len(values) + len(_OWN) or len(values) != len(fields.names):
             self._check_names()
-        stayed = old is not None and self.scope is old.scope and old.names is fields.names
+        # Nodes that arrived from the bus have the names of the world's vocabulary, not the class's.
+        named = old is not None and (old.names is fields.names or old.names == fields.names)
+        stayed = old is not None and self.scope is old.scope and named
         # The same node again is how the rest of the frame knows that the agent has not changed: it
         # is neither sent, nor hashed, nor visualized.
         if old is not None and stayed and all(map(is_, values, old.values)):
