@@ -43,6 +43,16 @@ def test_a_member_that_passes(tmp_path: Path) -> None:
     assert len(suite) == int(suite.get("tests", "0")) > 5
 
 
+def test_the_python_member_as_a_program() -> None:
+    program = (sys.executable, "-m", "minerva_bus.testing.conformance")
+    done = conformance("--role", "coupled", "--case", "coupled", "--", *program)
+    assert done.returncode == 0, done.stderr
+    alone = subprocess.run(program, capture_output=True, text=True, timeout=60, env={})
+    assert alone.returncode == 1
+    assert "MINERVA_WORLD is not set" in alone.stderr
+    assert "Traceback" not in alone.stderr
+
+
 def test_a_member_that_fails(tmp_path: Path) -> None:
     file = tmp_path / "card.xml"
     words = ("--role", "ahead", "--case", "tick.ahead", "--case", "join.hello")
