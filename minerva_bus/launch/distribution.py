@@ -20,7 +20,7 @@ from minerva_bus.wording import counted
 from minerva_bus.world.agent import Agent
 
 HOST_SECONDS: Final = 1.5e-3
-"""Time that another host adds to a frame, of the coordinator and of messages."""
+"""Time that another host adds to a frame: CPU time of the coordinator, 1.4 to 1.7 ms measured."""
 
 AGENT_SECONDS: Final = 0.65e-6
 """Time of an agent's short method, one by one."""
