@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import inspect
 from collections.abc import Callable, Mapping, Sequence
 from types import FunctionType, ModuleType
 from typing import Any, Final, cast
@@ -201,7 +202,10 @@ class Expressions:
         value = self.method.attribute_of(self.method.cls, node.attr)
         if value is MISSING:
             return None
-        return BoundMethod(value) if isinstance(value, FunctionType) else Known(value)
+        # Found on the class, a static method is a plain function, too, but takes no agent.
+        static = isinstance(inspect.getattr_static(self.method.cls, node.attr), staticmethod)
+        bound = isinstance(value, FunctionType) and not static
+        return BoundMethod(value) if bound else Known(value)
 
     def _name(self, node: ast.Name) -> Expression:
         reference = self.reference(node)
@@ -367,7 +371,7 @@ class Expressions:
         """A call of a function of `library` that marks the row if Python has no such result."""
         return Call(kind, function, (STATE, *arguments))
 
-    def as_number(self, node: ast.expr, value: Expression) -> Expression:
+    def as_number(self, node: ast.AST, value: Expression) -> Expression:
         """A number; a bool counts as 0 or 1, as in Python."""
         if value.kind is ValueKind.BOOL:
             return Call(ValueKind.INT, "int", (value,))
@@ -392,9 +396,18 @@ class Expressions:
         return self.fault(ValueKind.MIXED, "exact", value)
 
     def _operation(self, node: ast.BinOp) -> Expression:
-        left = self.as_number(node.left, self.value(node.left))
-        right = self.as_number(node.right, self.value(node.right))
-        return self.operation(node, node.op, left, right)
+        return self.of_values(node, node.op, self.value(node.left), self.value(node.right))
+
+    def of_values(
+        self, node: ast.AST, operator: ast.operator, left: Expression, right: Expression
+    ) -> Expression:
+        """The result of an operator between two values."""
+        both = left.kind is right.kind is ValueKind.BOOL
+        if both and type(operator) in _BITS:  # a bool in Python, and an int here
+            raise self.problem(node, "an operator on bits of bools", "write and, or, or !=")
+        return self.operation(
+            node, operator, self.as_number(node, left), self.as_number(node, right)
+        )
 
     def operation(
         self, node: ast.AST, operator: ast.operator, left: Expression, right: Expression

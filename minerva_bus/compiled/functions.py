@@ -117,6 +117,8 @@ def _extreme(function: str) -> Checked:
             raise check.problem(
                 node, f"{function} of one value", "write a for loop, or name two values or more"
             )
+        if any(argument.kind is ValueKind.BOOL for argument in arguments):
+            raise check.problem(node, f"{function} of bools", "write `and` or `or`")
         kind, values = check.alike(node, _numbers(check, node, arguments, 2, 100))
         chosen = values[0]
         for value in values[1:]:

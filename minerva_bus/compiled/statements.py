@@ -199,8 +199,7 @@ class Statements(Expressions):
 
     def _sum(self, node: ast.AugAssign, old: Expression) -> Expression:
         """The new value of `target += value`, or with another operator."""
-        right = self.as_number(node.value, self.value(node.value))
-        return self.operation(node, node.op, self.as_number(node.target, old), right)
+        return self.of_values(node, node.op, old, self.value(node.value))
 
     def _augmented_item(self, node: ast.AugAssign, target: ast.Subscript) -> list[Statement]:
         known = self._own_list(target)

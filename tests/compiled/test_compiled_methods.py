@@ -162,6 +162,10 @@ def test_helpers_loops_lists_and_tuples():
             def rate(self, factor):
                 return self.SPEED * factor + self.y
 
+            @staticmethod
+            def fixed(first, second=0.5):
+                return second
+
             def drawn(self, moment):
                 return moment.chance.random() * moment.dt + self.x
 
@@ -188,7 +192,7 @@ def test_helpers_loops_lists_and_tuples():
                 a, b = best, parts[2]
                 a, b = b, a
                 self.x = a - b + wander(moment.chance, 0.5) + self.rate(2) + self.drawn(moment)
-                self.y = min(self.y, 3, best) + moment.time + moment.number
+                self.y = min(self.y, 3, best) + self.fixed(4) + moment.time + moment.number
                 self.n = self.n * 3 // 2 - self.n % 7 + abs(-self.n) + int(self.x) + round(self.y)
                 self.n = (self.n & 255) ^ (3 << 2) | ~self.n & 1
 

@@ -80,6 +80,8 @@ REFUSED = {
     "order of texts": ("self.calm = self.name < 'b'", "self.name < 'b'", "order of texts", "=="),
     "text plus text": ("self.name = self.name + 'b'", "self.name", "arithmetic with a text", "=="),
     "text and number": ("self.calm = self.name == 1", "self.name == 1", "compared with", "equal"),
+    "bits of bools": ("self.calm &= self.x > 0", "self.calm &=", "bits of bools", "and"),
+    "greatest bool": ("self.n = max(self.calm, 0)", "max(self.calm, 0)", "max of bools", "and"),
     "is": ("self.calm = self.calm is True", "self.calm is True", "`is`", "=="),
     "power": ("self.n = 2 ** self.n", "2 ** self.n", "a power of ints", "float(n)"),
     "round digits": ("self.x = round(self.x, 2)", "round(self.x, 2)", "digits", "100"),
