@@ -95,7 +95,7 @@ def test_columns_are_the_agents_they_stand_for():
 
 
 def draw(record, output):
-    plot_file(record, output, (), "", "", bars=False)
+    plot_file(record, output, (), "", "", bars=False, as_json=False)
 
 
 @pytest.mark.parametrize("name", ["meadow", "flock", "robot"])
