@@ -11,6 +11,8 @@ from typing import Any, Final, cast
 
 from minerva_agents.robot.deciding import PLANNERS
 from minerva_agents.robot.grids import MapError
+from minerva_agents.robot.ground import room_of
+from minerva_agents.robot.knowledge import Mask
 from minerva_agents.robot.maps import load_map
 from minerva_agents.robot.occupancy import MapPose, Marker, OccupancyMap
 from minerva_agents.robot.placing import free_component, roomiest, spread
@@ -90,7 +92,7 @@ class RobotOptions:
         chosen = [(x, y)]
         least = _SPACING * self.radius
         # Listing all free cells takes long, and a single robot needs none of them.
-        others = component.nonzero() if self.robots > 1 else ()
+        others = self._clear_of_walls(component).nonzero() if self.robots > 1 else ()
         cells = [(int(row), int(column)) for row, column in zip(*others, strict=True)]
         free = [self.floor.centre_of(cell) for cell in cells]
         for place in sorted(free, key=lambda position: (portable.dist(position, (x, y)), position)):
@@ -104,6 +106,10 @@ class RobotOptions:
                 f" requested; use fewer, or a radius smaller than {self.radius} m"
             )
         return tuple([(*place, angle) for place in chosen])
+
+    def _clear_of_walls(self, component: Mask) -> Mask:
+        """Cells of the component where a robot touches no part of an obstacle cell."""
+        return component & (self.floor.room > room_of(self.radius, self.floor.resolution))
 
     @cached_property
     def goal(self) -> str:
