@@ -35,11 +35,11 @@ def seeking(grid, **state):
 
 def drive(scene, frames):
     """The robot after the given number of decisions, and the cells it has visited."""
-    places = []
-    for frame in range(frames):
-        now = after(scene, eDecide(), frame=frame)
+    now = after(scene, eDecide(), frame=0)
+    places = [now.position]
+    for frame in range(1, frames):
+        now = after(now.string, eDecide(), frame=frame)
         places.append(now.position)
-        scene = now.string
     return now, places
 
 
@@ -107,7 +107,7 @@ def test_it_turns_on_the_spot_until_it_faces_its_way():
         assert 0 < move.turn <= TURNING * 0.1
         pose, turns = pose.after(move, 0.1), turns + 1
     assert turns == 4
-    assert move == Move(pytest.approx(18.0), 0.05)
+    assert (move.turn, move.dist) == (pytest.approx(18.0), 0.05)
 
 
 def test_it_stops_where_it_wants_to_be():
@@ -214,6 +214,21 @@ def test_then_it_makes_way_and_stands_still():
     assert move_of(now.action) == STAY
     again = after(now.string, eObjective("store"), eDecide())
     assert again.objective == "store"
+
+
+@pytest.mark.parametrize("approach", [45.0, 20.0, 70.0])
+def test_in_a_corner_it_makes_way_to_the_side(approach):
+    """Behind the marker is no space, and in front of it the robot would hide it from others."""
+    grid = with_marker(floor((28, 39, 0, 39), (0, 39, 28, 39)), 23, 23)
+    slope = math.radians(approach)
+    begin = {"row": 23.5 - 12.0 * math.cos(slope), "column": 23.5 - 12.0 * math.sin(slope)}
+    now, places = drive(seeking(grid, **begin), 120)
+    assert now.objective == ""
+    down, across = now.row - 23.5, now.column - 23.5
+    aside = abs(down * math.sin(slope) - across * math.cos(slope))
+    assert aside > 2 * now.radius / now.cell
+    assert 5 < math.hypot(down, across) < 12
+    assert places[-1] == places[-10]
 
 
 def test_it_looks_for_a_marker_that_it_has_not_seen():

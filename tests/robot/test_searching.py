@@ -32,6 +32,13 @@ def known(grid, row=40.5, column=40.5, angle=0.0, **more):
     )
 
 
+def goal_of(state):
+    """The next goal of a search that has one."""
+    goal = next_goal(state)
+    assert goal is not None
+    return goal
+
+
 def test_an_empty_view():
     assert next_goal(known(room())) is None
 
@@ -39,7 +46,7 @@ def test_an_empty_view():
 def test_a_turn_reveals_the_area_behind():
     grid = room(code=FREE)
     look(grid, GridPose(40.5, 40.5, 0.0), 60.0, 50.0)
-    goal = next_goal(known(grid))
+    goal = goal_of(known(grid))
     assert goal.cells == ()
     assert abs(goal.heading) > 30
     assert goal.news > 3
@@ -48,7 +55,7 @@ def test_a_turn_reveals_the_area_behind():
 def test_agents_move_towards_targets_out_of_reach():
     grid = room(200, 40)
     grid[150:199, 1:-1] = FREE
-    goal = next_goal(known(grid, row=20.5, column=20.5))
+    goal = goal_of(known(grid, row=20.5, column=20.5))
     assert goal.cells[0] == (20, 20)
     assert goal.cells[-1][0] > 90
     assert goal.news > 3
@@ -65,9 +72,9 @@ def test_the_own_cell_is_no_place_to_go_to():
     """A robot on the frontier has to move on, not to stay."""
     grid = np.full((200, 200), UNKNOWN, np.int16)
     grid[60:100, 60:140] = SEEN
-    goal = next_goal(known(grid, row=99.5, column=100.5, angle=180.0))
+    goal = goal_of(known(grid, row=99.5, column=100.5, angle=180.0))
     assert goal.cells == () or len(goal.cells) > 1
-    dull = next_goal(known(grid, row=99.5, column=100.5, angle=180.0, dull=[(99, 100)]))
+    dull = goal_of(known(grid, row=99.5, column=100.5, angle=180.0, dull=[(99, 100)]))
     assert len(dull.cells) > 1
 
 
@@ -86,7 +93,7 @@ def test_a_corner_waits_until_nothing_larger_is_left():
     grid = room(200, 60)
     grid[30:37, 1:8] = FREE
     grid[120:199, 1:-1] = FREE
-    assert next_goal(known(grid, row=60.5, column=30.5, angle=0.0)).cells[-1][0] > 60
+    assert goal_of(known(grid, row=60.5, column=30.5, angle=0.0)).cells[-1][0] > 60
     grid[120:199, 1:-1] = SEEN
     assert next_goal(known(grid, row=60.5, column=30.5, angle=0.0)) is not None
 
@@ -120,6 +127,56 @@ def test_a_goal_is_reached_by_steps_that_cut_no_corner(seed, share):
         assert not what.closed[down, across]
         assert not what.closed[down, column] or (down, column) == (35, 35)
         assert not what.closed[row, across] or (row, across) == (35, 35)
+
+
+def with_narrow_shadow(random, width):
+    """A seen room with another robot in it, and an unseen strip of `width` columns across it."""
+    grid = room(60, 60)
+    row, column = random.integers(6, 54, 2)
+    angle = random.uniform(0.0, 2.0 * math.pi)
+    for dist in np.arange(0.0, 80.0, 0.5):
+        down, across = row + dist * math.cos(angle), column + dist * math.sin(angle)
+        if 1 <= down < 59 and 1 <= across < 60 - width:
+            grid[int(down), int(across) : int(across) + width] = FREE
+    rows, columns = np.ogrid[:60, :60]
+    grid[(rows - row) ** 2 + (columns - column) ** 2 <= 4] = 9
+    return grid
+
+
+def search(grid, pose, **more):
+    """Drive and turn to the goals of a search until there are none; the grid shows what is seen."""
+    been, dull = [], []
+    while goal := next_goal(known(grid, *pose, been=been, dull=dull, **more)):
+        if goal.cells:
+            row, column = goal.cells[-1]
+            been.append((row, column))
+            pose = row + 0.5, column + 0.5, pose[2]
+        else:
+            pose = pose[0], pose[1], goal.heading
+        look(grid, GridPose(*pose), 60.0, 50.0)
+        here = math.floor(pose[0]), math.floor(pose[1])
+        # A turn that reveals too little is not repeated, as in `astar`.
+        if not goal.cells and news_ahead(known(grid, **more), here, goal.heading) > goal.news / 2:
+            dull.append(here)
+
+
+@pytest.mark.parametrize("width", [1, 2])
+@settings(max_examples=20, deadline=None)
+@given(seed=st.integers(0, 10**6))
+def test_a_thorough_search_leaves_nothing_unseen(width, seed):
+    """A marker may stand in the narrow shadow of another robot."""
+    random = np.random.default_rng(seed)
+    grid = with_narrow_shadow(random, width)
+    rows, columns = np.nonzero(~known(grid).closed)
+    index = random.integers(len(rows))
+    search(grid, (rows[index] + 0.5, columns[index] + 0.5, 0.0), is_thorough=True)
+    assert not (grid == FREE).any()
+
+
+def test_a_first_search_ignores_specks():
+    grid = with_narrow_shadow(np.random.default_rng(0), 2)
+    assert next_goal(known(grid)) is None
+    assert next_goal(known(grid, is_thorough=True)) is not None
 
 
 @settings(max_examples=30, deadline=None)

@@ -5,7 +5,8 @@ may hang on a wall, or another robot may block it. Where 0.5 m is impossible, th
 as closely as it can and has arrived where its path ends or is blocked, at most 1.2 m away.
 
 After arriving, a robot clears the way: it moves behind the marker, as seen from its approach, so
-that it blocks neither the door nor the marker.
+that it blocks neither the door nor the marker. Where walls leave no space behind, as in a corner,
+it moves to the side: a robot that stays in front also hides the marker from the cameras of others.
 """
 
 from __future__ import annotations
@@ -89,10 +90,12 @@ def make_way(robot: ARobot, place: Cell) -> None:
     down, across = place[0] + 0.5 - robot.row, place[1] + 0.5 - robot.column
     rows, columns = (cells - place).T
     behind = rows * down + columns * across
+    # Beside the marker, up to half way back to the robot, a cell of the ring lies off the approach.
+    least = -0.5 * (down * down + across * across)
     for index in np.argsort(-behind, kind="stable")[:_MAX_TRIES].tolist():
         row, column = cells[index].tolist()
         path = shortest_path(closed, cell_of(robot.position), (row, column))
-        if behind[index] > 0 and path is not None and path.length * robot.cell <= _MAX_DISTANCE:
+        if behind[index] > least and path is not None and path.length * robot.cell <= _MAX_DISTANCE:
             way = straightened(grid, robot.position, path.cells, room)
             return robot.set_way(way, MAKE_WAY)
     return None

@@ -1,7 +1,8 @@
 """The A* planner: drives to a known objective, otherwise searches for it.
 
 A search proceeds from one viewpoint to the next (see `searching`). Viewpoints already visited and
-turns that revealed nothing are not chosen again; when no candidate is left, the search starts over.
+turns that revealed nothing are not chosen again; when no candidate is left, the search starts over
+and is thorough from then on.
 
 A plan is kept until it ends or a new observation contradicts it, so most frames need no planning.
 If no path exists, the planner tries paths with minimal clearance (see `narrows`). If that fails
@@ -185,6 +186,7 @@ def _search_state(robot: ARobot) -> SearchState:
         robot.sight,
         [divmod(cell, wide) for cell in robot.been],
         [divmod(cell, wide) for cell in robot.dull],
+        robot.searches > 0,
     )
 
 

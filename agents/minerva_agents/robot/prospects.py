@@ -2,8 +2,8 @@
 
 A ray has the camera's range, ends at known obstacles and passes a limited depth of unknown space,
 because shadows end at the next wall. It counts free ground that the camera has not seen, and
-unknown ground. Specks of both, which lie between beams, do not count, and gaps of up to two cells
-between obstacles are closed: beams that far apart hit one wall.
+unknown ground. Specks of both, which lie between beams, do not count unless the search is thorough,
+and gaps of up to two cells between obstacles are closed: beams that far apart hit one wall.
 
 All counts are integers, so they are identical on every machine.
 """
@@ -36,12 +36,18 @@ Kinds = NDArray[np.uint8]
 Counts = NDArray[np.int64]
 
 
-def kinds_of(grid: Cells) -> Kinds:
-    """Class of each cell for ray casting: nothing, news, dark (unknown) or wall."""
+def kinds_of(grid: Cells, is_thorough: bool = False) -> Kinds:
+    """Class of each cell for ray casting: nothing, news, dark (unknown) or wall.
+
+    Free and unknown specks are nothing, or, if `is_thorough`, news.
+    """
     walls = obstacles(grid)
     kinds = np.zeros(grid.shape, np.uint8)
-    kinds[expanses(grid == FREE)] = NEWS
-    kinds[_all_expanses(grid == UNKNOWN)] = DARK
+    kinds[grid == FREE if is_thorough else expanses(grid == FREE)] = NEWS
+    dark = _all_expanses(grid == UNKNOWN)
+    kinds[dark] = DARK
+    if is_thorough:
+        kinds[(grid == UNKNOWN) & ~dark] = NEWS
     kinds[_closed(walls)] = WALL
     return kinds
 

@@ -81,7 +81,7 @@ class SearchState:
     `grid` has the codes of `knowledge`; `closed` marks cells that the robot must not enter. `been`
     are viewpoints already visited, `dull` cells where a turn revealed nothing new; neither is
     chosen again. `fov` and `sight` are the camera's field of view (degrees) and range (metres);
-    `cell` is the cell side in metres.
+    `cell` is the cell side in metres. A thorough search does not ignore specks of unseen ground.
     """
 
     grid: Cells
@@ -92,12 +92,20 @@ class SearchState:
     sight: float = 5.0
     been: Sequence[Cell] = ()
     dull: Sequence[Cell] = ()
+    is_thorough: bool = False
 
 
 def next_goal(state: SearchState) -> Goal | None:
-    """Next viewpoint or turn, or None if nothing unseen is visible from anywhere."""
+    """Next viewpoint or turn, or None if nothing unseen is visible from anywhere.
+
+    A robot that stands near a marker leaves only a narrow strip unseen: the part of its shadow that
+    is common to all viewpoints. So a thorough search ends with single cells.
+    """
     choice = _Choice(state)
-    return choice.best(LARGE_NEWS) or choice.best(MIN_NEWS)
+    goal = choice.best(LARGE_NEWS) or choice.best(MIN_NEWS)
+    if goal is None and state.is_thorough:
+        return choice.best(state.cell * state.cell)
+    return goal
 
 
 def news_at(state: SearchState, cell: Cell) -> float:
@@ -114,7 +122,8 @@ def _views_at(state: SearchState, cell: Cell) -> Numbers:
     reach = math.ceil(state.sight / state.cell) + 3
     top, left = max(0, cell[0] - reach), max(0, cell[1] - reach)
     window = state.grid[top : cell[0] + reach + 1, left : cell[1] + reach + 1]
-    prospects = Prospects(kinds_of(window), state.sight / state.cell, state.cell)
+    kinds = kinds_of(window, state.is_thorough)
+    prospects = Prospects(kinds, state.sight / state.cell, state.cell)
     return prospects.views(np.array([cell[0] - top]), np.array([cell[1] - left]))[0]
 
 
@@ -144,7 +153,7 @@ class _Choice:
         window = np.s_[self._top : bottom, self._left : right]
         grid = state.grid[window]
         self._here = here[0] - self._top, here[1] - self._left
-        kinds = kinds_of(grid)
+        kinds = kinds_of(grid, state.is_thorough)
         self._prospects = Prospects(kinds, state.sight / state.cell, state.cell)
         self._bounds = _bounds(kinds, self._side, state)
         # Specks of unknown cells, which lie between beams, are passable.
