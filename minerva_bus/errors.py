@@ -105,10 +105,8 @@ class UnknownOption(WorldFileError):
         self, world: str, name: str, options: list[str], others: tuple[str, ...] = ()
     ) -> None:
         self._parts = world, name, options
-        super().__init__(
-            f"{world} has no option {name}{nearest(name, [*options, *others])};"
-            f" it has {', '.join(options) or 'none'}"
-        )
+        known = f"it has {', '.join(options) or 'none'}"
+        super().__init__(f"{world} has no option {name}{nearest(name, [*options, *others], known)}")
 
     def beside(self, others: tuple[str, ...]) -> UnknownOption:
         """The same error of a command with options of its own."""
@@ -201,10 +199,12 @@ def _locate(text: str, offset: int) -> tuple[int, int, str]:
     return text.count("\n", 0, offset) + 1, at + 1, f"\n  {left}{shown}{right}\n  {caret}"
 
 
-def nearest(word: str, words: list[str]) -> str:
-    """The hint `; did you mean 'x'?` with the closest of the words, or an empty string."""
+def nearest(word: str, words: list[str], otherwise: str = "") -> str:
+    """The hint `; did you mean 'x'?` with the closest of the words, else `; OTHERWISE` if any."""
     # Imported here, because only errors need it.
     from difflib import get_close_matches
 
     close = get_close_matches(word, words, n=1, cutoff=0.6)
-    return f"; did you mean {close[0]!r}?" if close else ""
+    if close:
+        return f"; did you mean {close[0]!r}?"
+    return f"; {otherwise}" if otherwise else ""

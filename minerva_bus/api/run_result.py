@@ -153,7 +153,7 @@ def pick_table(tables: Mapping[str, DataTable], name: str, into: str = "") -> Da
             return table
     names = ", ".join(tables)
     raise MisuseError(
-        f"there is no table {name!r}{nearest(name, [*tables])}; there are {names}"
+        f"there is no table {name!r}{nearest(name, [*tables], f'there are {names}')}"
         if name
         else f"which table: {names}"
     )

@@ -422,9 +422,9 @@ def own_options(world: World, options: Mapping[str, Any]) -> Mapping[str, str]:
     known = world.read().options
     for name in options:
         if name not in known:
+            names = f"it has {', '.join(known) or 'none'}"
             raise WorldFileError(
-                f"{world.name} has no option {name!r}{nearest(name, list(known))}; it has"
-                f" {', '.join(known) or 'none'}"
+                f"{world.name} has no option {name!r}{nearest(name, list(known), names)}"
             )
     return {name: option_text(value) for name, value in options.items()}
 

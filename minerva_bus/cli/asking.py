@@ -85,10 +85,8 @@ def echo_type(type_: str, target: WorldTarget, count: int, as_json: bool) -> Non
         declared = vocabulary.events.get(type_)
         if type_ and declared is None and type_ not in vocabulary.kinds:
             known = [*vocabulary.events, *vocabulary.kinds]
-            raise MinervaError(
-                f"{world} has no event type or agent kind {type_!r}{nearest(type_, known)};"
-                f" it has {', '.join(known)}"
-            )
+            hint = nearest(type_, known, f"it has {', '.join(known)}")
+            raise MinervaError(f"{world} has no event type or agent kind {type_!r}{hint}")
         # Records of frames have events and changed agents. Views reach devices only, so for a
         # visual type this command joins as one.
         if declared is None or not declared.visual:

@@ -136,10 +136,8 @@ def _of_file(spec: str, process: str, name: str, options: dict[str, str]) -> Mem
     file = read_world_file(find_world(spec), Overrides(options=options))
     known = {each.name: each for each in file.processes}
     if process not in known:
-        raise WorldFileError(
-            f"{file.path}: there is no process {process!r}{nearest(process, list(known))};"
-            f" there are {', '.join(known)}"
-        )
+        hint = nearest(process, list(known), f"there are {', '.join(known)}")
+        raise WorldFileError(f"{file.path}: there is no process {process!r}{hint}")
     if known[process].command:
         raise WorldFileError(f"{process} is a command: run it itself, with MINERVA_CONNECT set")
     # Before it joins, because the world waits for its members in each frame.

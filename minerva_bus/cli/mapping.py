@@ -72,10 +72,8 @@ def _opener(file: Path, passed: PassOver) -> Callable[[], Recording]:
 def _installed(group: str, name: str, what: str) -> str:
     known = entries(group)
     if name not in known:
-        there = ", ".join(sorted(known)) or "none"
-        raise WorldFileError(
-            f"{what}: none for {name!r} is installed{nearest(name, list(known))}; there are {there}"
-        )
+        hint = nearest(name, list(known), f"there are {', '.join(sorted(known)) or 'none'}")
+        raise WorldFileError(f"{what}: none for {name!r} is installed{hint}")
     return known[name].value
 
 

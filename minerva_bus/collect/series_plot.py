@@ -135,10 +135,8 @@ def _histograms(table: DataTable) -> dict[str, list[str]]:
 def _check(table: DataTable, name: str, allowed: Sequence[str]) -> None:
     if name not in allowed:
         what = "is a text" if name in table.columns else "does not exist"
-        raise MisuseError(
-            f"{table.name}: the column {name!r} {what}{nearest(name, list(allowed))};"
-            f" there are {', '.join(allowed)}"
-        )
+        hint = nearest(name, list(allowed), f"there are {', '.join(allowed)}")
+        raise MisuseError(f"{table.name}: the column {name!r} {what}{hint}")
 
 
 def _lines(table: DataTable, x: str, name: str, unit: str) -> list[_Line]:

@@ -66,10 +66,8 @@ class DataTable:
     def __getitem__(self, column: str) -> NDArray[Any]:
         """The values of a column, shape (rows,). Raises MisuseError for an unknown one."""
         if column not in self._columns:
-            raise MisuseError(
-                f"the table {self.name} has no column {column!r}{nearest(column, [*self.columns])};"
-                f" it has {', '.join(self.columns)}"
-            )
+            hint = nearest(column, [*self.columns], f"it has {', '.join(self.columns)}")
+            raise MisuseError(f"the table {self.name} has no column {column!r}{hint}")
         return self._columns[column]
 
     def rows(self) -> Iterator[tuple[Any, ...]]:

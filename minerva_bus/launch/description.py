@@ -157,11 +157,9 @@ def _placement(table: Table, vocabulary: Vocabulary) -> PlacementRules:
     for kind, hosts in table.rest().items():
         if kind not in vocabulary.kinds:
             known = list(vocabulary.kinds)
-            table.wrong(
-                kind,
-                f"is not an agent kind of this world{nearest(kind, [*known, 'agents_per_host'])};"
-                f" it has {', '.join(known) or 'none'}",
-            )
+            listed = f"it has {', '.join(known) or 'none'}"
+            hint = nearest(kind, [*known, "agents_per_host"], listed)
+            table.wrong(kind, f"is not an agent kind of this world{hint}")
         rules[kind] = _rule(table, kind, hosts)
     return PlacementRules(rules, limit)
 

@@ -52,10 +52,9 @@ def find_world(spec: str) -> Path:
         raise WorldFileError(f"the world {spec!r} is installed without its file {name}")
     if path.suffix == ".toml" or "/" in spec:
         raise WorldFileError(f"there is no world file {spec}")
-    raise WorldFileError(
-        f"there is no world {spec!r}{nearest(spec, list(known))}; installed are"
-        f" {', '.join(sorted(known)) or 'none'}; or give a world file, NAME.toml"
-    )
+    there = ", ".join(sorted(known)) or "none"
+    hint = nearest(spec, list(known), f"installed are {there}; or give a world file, NAME.toml")
+    raise WorldFileError(f"there is no world {spec!r}{hint}")
 
 
 def installed_worlds() -> dict[str, str]:

@@ -28,10 +28,8 @@ class Profiling:
             return
         known = {process.name: process for process in file.processes}
         if self.member not in known:
-            raise MisuseError(
-                f"--profile-member: there is no process {self.member!r}"
-                f"{nearest(self.member, list(known))}; there are {', '.join(known)}"
-            )
+            hint = nearest(self.member, list(known), f"there are {', '.join(known)}")
+            raise MisuseError(f"--profile-member: there is no process {self.member!r}{hint}")
         if known[self.member].command:
             raise MisuseError(
                 f"--profile-member: {self.member} is a command; only members that run Python code"

@@ -51,10 +51,8 @@ def scaffold(kind: str, name: str, folder: Path) -> Path:
     valid for a Python package and a service, or already taken.
     """
     if kind not in KINDS:
-        raise MisuseError(
-            f"cannot create the kind {kind!r}{nearest(kind, list(KINDS))};"
-            f" expected {', '.join(KINDS)}"
-        )
+        hint = nearest(kind, list(KINDS), f"expected {', '.join(KINDS)}")
+        raise MisuseError(f"cannot create the kind {kind!r}{hint}")
     _check_name(name)
     return _create(folder / name, lambda root: _fill(TEMPLATES / kind, root, name))
 

@@ -104,10 +104,9 @@ def _installed(group: str, name: str) -> Any:
     known = entries(group)
     if name not in known:
         kind = group.split(".")[1]
-        raise WorldFileError(
-            f"no {kind[:-1]} {name!r} is installed{nearest(name, list(known))}; there are"
-            f" {', '.join(sorted(known)) or 'none'}; or write module:Class"
-        )
+        there = ", ".join(sorted(known)) or "none"
+        hint = nearest(name, list(known), f"there are {there}; or write module:Class")
+        raise WorldFileError(f"no {kind[:-1]} {name!r} is installed{hint}")
     return load(known[name].value)
 
 
@@ -141,10 +140,8 @@ def bind(cls: type[Service], options: Mapping[str, Any], owner: str) -> Callable
     names = [name for name in parameters if name not in ("self", "args", "kwargs")]
     for name, value in options.items():
         if name not in names:
-            raise WorldFileError(
-                f"{owner}: {cls.__name__} has no option {name!r}{nearest(name, names)}; it has"
-                f" {', '.join(names) or 'none'}"
-            )
+            hint = nearest(name, names, f"it has {', '.join(names) or 'none'}")
+            raise WorldFileError(f"{owner}: {cls.__name__} has no option {name!r}{hint}")
         _check_option(owner, name, value, hints.get(name))
     for name in names:
         if parameters[name].default is inspect.Parameter.empty and name not in options:

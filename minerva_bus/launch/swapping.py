@@ -163,10 +163,8 @@ def _replaced(file: WorldFile, member: str) -> list[Process]:
     ]
     if not processes:
         known = [process.name for process in file.processes]
-        raise MisuseError(
-            f"swap {member}: {file.path.name} has no process {member!r}{nearest(member, known)};"
-            f" it has {', '.join(known)}"
-        )
+        hint = nearest(member, known, f"it has {', '.join(known)}")
+        raise MisuseError(f"swap {member}: {file.path.name} has no process {member!r}{hint}")
     return processes
 
 

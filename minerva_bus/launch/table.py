@@ -121,9 +121,9 @@ class Table:
         """Raise WorldFileError if the table has an unknown key."""
         for key in self.data:
             if key not in self._known:
-                known = ", ".join(self._known)
                 where = f"[{self.name}]" if self.name else "a world file"
-                self.wrong(key, f"is unknown{nearest(key, self._known)}; {where} has {known}")
+                known = f"{where} has {', '.join(self._known)}"
+                self.wrong(key, f"is unknown{nearest(key, self._known, known)}")
 
     @contextmanager
     def loading(self, key: str) -> Generator[None]:

@@ -254,10 +254,8 @@ class KeyFolder:
         issued, name = self.issued(), name.removesuffix(FAMILY)
         if name not in issued:
             there = ", ".join(made.rights.name for made in issued.values()) or "none"
-            raise KeysError(
-                f"{self.folder} has no certificate of {name!r}{nearest(name, list(issued))};"
-                f" there are {there}"
-            )
+            hint = nearest(name, list(issued), f"there are {there}")
+            raise KeysError(f"{self.folder} has no certificate of {name!r}{hint}")
         return issued[name]
 
     def _check(self, name: str, wanted: Wanted) -> None:
@@ -267,10 +265,8 @@ class KeyFolder:
             raise KeysError(str(error)) from None
         for role in wanted.roles:
             if role not in ROLES:
-                raise KeysError(
-                    f"--role: there is no role {role!r}{nearest(role, list(ROLES))}; there are"
-                    f" {', '.join(ROLES)}"
-                )
+                hint = nearest(role, list(ROLES), f"there are {', '.join(ROLES)}")
+                raise KeysError(f"--role: there is no role {role!r}{hint}")
         if not wanted.roles:
             raise KeysError(f"--role is missing; roles are {', '.join(ROLES)}")
         if (name == COORDINATOR) != (HUB in wanted.roles) or name in (_AUTHORITY, _REVOKED):

@@ -96,9 +96,9 @@ class MapChoice:
         if not math.isfinite(self.time_offset):
             raise MisuseError(f"the time offset is {self.time_offset:g} s; expected seconds")
         if self.poses not in POSES:
+            known = f"expected {', '.join(POSES)}"
             raise MisuseError(
-                f"there are no poses {self.poses!r}{nearest(self.poses, [*POSES])}; expected"
-                f" {', '.join(POSES)}"
+                f"there are no poses {self.poses!r}{nearest(self.poses, [*POSES], known)}"
             )
 
 

@@ -130,10 +130,8 @@ class RobotOptions:
     def _named(self, option: str, name: str) -> Marker:
         markers = {marker.name: marker for marker in self.places}
         if name not in markers:
-            raise WorldFileError(
-                f"option {option}: unknown marker {name!r}"
-                f"{nearest(name, list(markers))}; available: {', '.join(markers)}"
-            )
+            hint = nearest(name, list(markers), f"available: {', '.join(markers)}")
+            raise WorldFileError(f"option {option}: unknown marker {name!r}{hint}")
         return markers[name]
 
     def _farthest(self) -> str:

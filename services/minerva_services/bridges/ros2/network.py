@@ -60,10 +60,8 @@ class Ros2Network:
 
     def __post_init__(self) -> None:
         if self.layout not in LAYOUTS:
-            raise MisuseError(
-                f"ros2: layout is {self.layout!r}{nearest(self.layout, list(LAYOUTS))};"
-                f" expected {' or '.join(LAYOUTS)}"
-            )
+            hint = nearest(self.layout, list(LAYOUTS), f"expected {' or '.join(LAYOUTS)}")
+            raise MisuseError(f"ros2: layout is {self.layout!r}{hint}")
         protocol, _, address = self.router.partition("/")
         if protocol not in ENDPOINTS or not address:
             raise MisuseError(f"ros2: {self.router!r} is not an endpoint; expected tcp/HOST:7447")

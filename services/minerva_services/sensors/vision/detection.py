@@ -41,10 +41,9 @@ def dictionary_of(name: str) -> str:
     # AprilTag's own names, such as tag36h11, are accepted as well.
     match = known.get(short) or known.get(f"april{short.replace('tag', 'tag_', 1)}")
     if match is None:
-        raise MisuseError(
-            f"vision: unknown dictionary {name!r}{nearest(name, list(DICTIONARIES))}; expected that"
-            f" of the markers: 4X4_50 to 7X7_1000, {', '.join(DICTIONARIES[16:])}"
-        )
+        there = f"4X4_50 to 7X7_1000, {', '.join(DICTIONARIES[16:])}"
+        hint = nearest(name, list(DICTIONARIES), f"expected that of the markers: {there}")
+        raise MisuseError(f"vision: unknown dictionary {name!r}{hint}")
     return match
 
 

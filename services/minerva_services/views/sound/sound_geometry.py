@@ -69,9 +69,10 @@ def _known(world: WorldInfo, option: str, names: Collection[str]) -> frozenset[s
     for name in names:
         symbol = name.partition("#")[0]
         if symbol not in known:
+            hint = nearest(symbol, list(known), f"it has {', '.join(sorted(known))}")
             raise MisuseError(
                 f"sound: {option} is {name!r}, but the world {world.world!r} has no such"
-                f" primitive{nearest(symbol, list(known))}; it has {', '.join(sorted(known))}"
+                f" primitive{hint}"
             )
     return frozenset(names)
 
