@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 from collections.abc import Callable, Iterable
@@ -15,7 +16,7 @@ from minerva_bus.frame.member import Member
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.launch.distribution import names_of
 from minerva_bus.launch.options import beside
-from minerva_bus.launch.specs import bind, find_agent, find_service
+from minerva_bus.launch.specs import bind, find_agent, find_service, find_view
 from minerva_bus.launch.table import Table
 from minerva_bus.launch.typed import by_process, read_view
 from minerva_bus.launch.worldfile import Process
@@ -39,7 +40,7 @@ def read_processes(top: Table, path: Path) -> tuple[Process, ...]:
         processes += reader.processes(name, table.table(name), settings.pop(name, {}))
     for view in top.overrides.views:
         spec, name, options = read_view(view)
-        cls = find_service(spec, path.parent)
+        cls = find_view(spec, path.parent)
         make = reader.maker(name, cls, options | settings.pop(name, {}))
         processes.append(Process(name, make, on_failure="ignore"))
     if settings:
@@ -91,7 +92,9 @@ class _Reader:
             program = own.command[0]
             path = str(folder / program) if os.sep in program else program
             if shutil.which(path) is None:
-                table.wrong("command", f"names {program!r}, which is not an executable file")
+                words = program.split()
+                hint = f"; write its words as a list: {json.dumps(words)}" if words[1:] else ""
+                table.wrong("command", f"names {program!r}, which is not an executable file{hint}")
         with table.loading("agents"):
             classes = tuple(find_agent(spec, folder) for spec in own.agents)
         automatic = own.processes == AUTO and not own.elsewhere

@@ -6,6 +6,7 @@ import importlib
 import inspect
 import re
 from collections.abc import Callable, Mapping
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, cast, get_type_hints
 
@@ -82,6 +83,20 @@ def find_service(spec: str, folder: Path | None = None) -> type[Service]:
     if not inspect.isclass(cls) or not issubclass(cls, Service):
         raise WorldFileError(f"{spec!r} is not a Generator or Device class")
     return cls
+
+
+def find_view(spec: str, folder: Path) -> type[Service]:
+    """The service class that `--view` names. Raises WorldFileError.
+
+    A module that is not beside the world file is searched in the current folder: the command line
+    may name an installed world.
+    """
+    module = spec.partition(":")[0]
+    if ":" in spec and module:
+        search(folder)
+        if find_spec(module.partition(".")[0]) is None:
+            folder = Path.cwd()
+    return find_service(spec, folder)
 
 
 def find_agent(spec: str, folder: Path | None = None) -> type[Agent]:

@@ -54,3 +54,32 @@ def test_installed_modules_beside_a_world_file_keep_their_compiled_files(tmp_pat
     words = [sys.executable, "-c", INSTALLED, str(tmp_path), str(packages)]
     done = subprocess.run(words, capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "SourceFileLoader"
+
+
+VIEW = """
+import sys
+from pathlib import Path
+from minerva_bus.launch.specs import find_view
+print(find_view("plain_view:Plain", Path(sys.argv[1])).__doc__)
+"""
+PLAIN = """
+from minerva_bus import Device
+
+class Plain(Device, draws=("ePicture",)):
+    "{place}"
+"""
+
+
+@pytest.mark.parametrize("place", ["world", "current"])
+def test_a_view_is_beside_the_world_file_or_in_the_current_folder(tmp_path, place):
+    world, current = tmp_path / "world", tmp_path / "current"
+    for folder in (world, current):
+        folder.mkdir()
+    (current / "plain_view.py").write_text(PLAIN.format(place="current"), encoding="utf-8")
+    if place == "world":
+        (world / "plain_view.py").write_text(PLAIN.format(place="world"), encoding="utf-8")
+    script = tmp_path / "script.py"  # `-c` would search the current folder anyway.
+    script.write_text(VIEW, encoding="utf-8")
+    words = [sys.executable, str(script), str(world)]
+    done = subprocess.run(words, capture_output=True, text=True, check=True, cwd=current)
+    assert done.stdout.strip() == place
