@@ -187,7 +187,12 @@ class Fields:
                 raise Unfit(f"{count} values, not {len(value)}")
             return fit_array(field.type, value)
         except Unfit as unfit:
-            raise Unfit(f"{owner}: {field.name} must be {unfit}") from None
+            hint = (
+                f"; for {count} different values use an array"
+                if isinstance(value, list | tuple)
+                else ""
+            )
+            raise Unfit(f"{owner}: {field.name} must be {unfit}{hint}") from None
 
     def merged(
         self, owner: str, args: tuple[Any, ...], kwargs: Mapping[str, Any]

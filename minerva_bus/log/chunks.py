@@ -141,7 +141,7 @@ class Chunks:
         known = begin.startswith(MAGIC) or b"minerva-bus" in begin or self._file.read() == MAGIC
         # Zeros may be the beginning of a record that never reached the disk.
         if not known and (begin.strip(b"\0") or not begin):
-            raise RecordError(f"{self.path}: this is no MCAP file")
+            raise RecordError(f"{self.path}: this is no MCAP file; expected a record of a run")
 
     def _topics(self) -> dict[int, str]:
         """Channels are in the first chunk and in the summary; ours always have the same ids."""

@@ -132,7 +132,7 @@ class Monitor:
         late = sorted(self._algorithm.waiting_for())
         within = HURRIED_REPORTS_WITHIN if self._is_hurried else self._waits.for_output(late)
         left = within - self._meter.waited
-        waiting = f"the world has ended; waiting for {{}} for {left:.0f} s"
+        waiting = f"the world has ended; waiting for {{}} for up to {left:.0f} s"
         self._warn_of(self._waits.reportable(now), waiting, "its last output", "the last output")
         if left > 0:
             return

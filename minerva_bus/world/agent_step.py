@@ -269,7 +269,10 @@ def checked(result: object) -> Scene | None:
     if isinstance(result, Agent):
         raise TypeError(f"an activity returns None or a string: self.string, not {result!r:.60}")
     if result is not None and not isinstance(result, Scene):
-        raise TypeError(f"an activity returns None or a string, not {result!r:.200}")
+        raise TypeError(
+            f"an activity returns None or a string, not {result!r:.200}; assign attributes of self"
+            " and return nothing"
+        )
     return result
 
 

@@ -39,7 +39,9 @@ def url(world):
 
 
 def url_in(line):
-    return re.search(r"http://\S+(?=/metrics)", line)[0]
+    match = re.search(r"http://\S+(?=/metrics)", line)
+    assert match is not None, line
+    return match[0]
 
 
 def apart(world):

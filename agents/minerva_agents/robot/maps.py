@@ -30,6 +30,10 @@ _MAX_CELLS = 100_000_000
 _MAX_IMAGE_BYTES = 800_000_000
 _MAX_YAML_BYTES = 1_000_000
 _YAML_SUFFIXES = (".yaml", ".yml", ".json")
+_REQUIRED = (
+    "map files need image, resolution, origin, negate, occupied_thresh (usually 0.65)"
+    " and free_thresh (0.196)"
+)
 _INSTALL = f"install it with: {install('maps')}"
 
 
@@ -75,7 +79,7 @@ class _Keys:
 
     def of(self, key: str) -> object:
         if key not in self.values:
-            raise MapError(f"{self.source}: key {key} is missing; add it, map files require it")
+            raise MapError(f"{self.source}: key {key} is missing; add it: {_REQUIRED}")
         return self.values[key]
 
     def text(self, key: str) -> str:
