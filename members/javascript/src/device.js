@@ -1,0 +1,84 @@
+/** A device: it draws the views of visual events. */
+
+import { readString } from "./scene.js";
+
+/**
+ * A device that `run` can start.
+ *
+ * `draw({type, frame, nodes, halted})` draws a view; `nodes` is the whole string. A `coupled` device
+ * draws every frame, any other one may miss some. `every` > 0: a view each so many frames; `rate` > 0:
+ * as many per second. `report()` returns figures for the summary.
+ */
+export function device({ service = "device", draws, draw, every = 0, rate = 0, coupled = false, report = () => ({}) }) {
+  return (member) => new Device(member, { service, draws, draw, every, rate, coupled, report });
+}
+
+class Device {
+  constructor(member, spec) {
+    this.member = member;
+    this.spec = spec;
+    this.subscriptions = spec.coupled ? ["tick"] : spec.draws.map((type) => `view/${type}`);
+    this.publishes = [];
+    this.views = new Map(spec.draws.map((type) => [type, new View()]));
+  }
+
+  hello() {
+    const { service, draws, every, rate, coupled } = this.spec;
+    return { service, draws, every: BigInt(every), rate, coupled };
+  }
+
+  welcome() {
+    for (const view of this.views.values()) view.sequence = -1n;
+  }
+
+  report() {
+    return this.spec.report();
+  }
+
+  onTick(frame) {
+    this.member.send("ticked", frame, [], null);
+  }
+
+  onView(type, frame, sequence, parts, skeleton, halted) {
+    const view = this.views.get(type);
+    if (view === undefined) return;
+    const read = (string) => readString(string, this.member.vocabulary);
+    const newParts = new Map([...parts].map(([id, part]) => [id, read(part)]));
+    const newSkeleton = skeleton === null ? null : read(skeleton);
+    if (view.misses(sequence, newSkeleton)) this.member.send("resync", type);
+    else if (view.accept(sequence, newParts, newSkeleton)) {
+      this.member.own(() => this.spec.draw({ type, frame, nodes: view.nodes(), halted }));
+    }
+  }
+}
+
+/** What is known of the views of one type. */
+class View {
+  sequence = -1n;
+  skeleton = null;
+  parts = new Map();
+
+  misses(sequence, skeleton) {
+    return skeleton === null && (this.skeleton === null || sequence > this.sequence + 1n);
+  }
+
+  /** Takes a view; whether it was not an old one. */
+  accept(sequence, parts, skeleton) {
+    if (skeleton === null ? sequence !== this.sequence + 1n : sequence < this.sequence) return false;
+    this.sequence = sequence;
+    if (skeleton !== null) [this.skeleton, this.parts] = [skeleton, new Map()];
+    for (const [id, part] of parts) this.parts.set(id, part);
+    return true;
+  }
+
+  nodes() {
+    return this.#filled(this.skeleton);
+  }
+
+  #filled(nodes) {
+    return nodes.flatMap((node) => {
+      if (node.values === null) return this.parts.get(node.id) ?? [];
+      return node.scope === undefined ? [node] : [{ ...node, scope: this.#filled(node.scope) }];
+    });
+  }
+}

@@ -1,0 +1,128 @@
+"""The member in JavaScript: its own tests, the conformance suite, and the garden of the README."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from minerva_bus.testing.conformance import report
+from minerva_bus.testing.conformance.case import Tier
+from minerva_bus.testing.conformance.suite import run_suite
+from minerva_bus.testing.conformance.world import MemberRole
+
+ROOT = Path(__file__).parents[2]
+PACKAGE = ROOT / "members" / "javascript"
+EXAMPLES = PACKAGE / "examples"
+OLDEST = 18
+
+
+def major() -> int:
+    """The version of node; 0 if there is none."""
+    node = shutil.which("node")
+    if node is None:
+        return 0
+    text = subprocess.run([node, "--version"], capture_output=True, text=True).stdout
+    return int(text.strip().removeprefix("v").split(".")[0])
+
+
+pytestmark = pytest.mark.skipif(major() < OLDEST, reason=f"needs node {OLDEST} or newer")
+
+
+def test_its_own_tests_pass() -> None:
+    tests = [str(path) for path in sorted((PACKAGE / "test").glob("*.test.js"))]
+    done = subprocess.run(["node", "--test", *tests], capture_output=True, text=True, timeout=100)
+    assert done.returncode == 0, done.stdout[-4000:] + done.stderr[-1000:]
+    count = re.search(r"^(?:#|ℹ) pass (\d+)", done.stdout, re.M)
+    assert count is not None
+    assert int(count[1]) > 200
+
+
+@pytest.mark.parametrize("role", MemberRole)
+def test_it_passes_the_conformance_suite(role: MemberRole) -> None:
+    card = run_suite(["node", str(EXAMPLES / "conformance.js")], roles=[role.value])
+    assert "\n".join(report.problems(card)) == ""
+    assert report.blocked(card) == 0
+    assert card.reached is Tier.ROBUST
+
+
+def test_it_needs_no_other_package() -> None:
+    package = json.loads((PACKAGE / "package.json").read_text(encoding="utf-8"))
+    assert not {"dependencies", "peerDependencies", "optionalDependencies"} & set(package)
+    sources = [*PACKAGE.glob("src/*.js"), *EXAMPLES.glob("*.js")]
+    imports = {
+        name
+        for path in sources
+        for name in re.findall(r'(?:from|import\() ?"([^"]+)"', path.read_text(encoding="utf-8"))
+    }
+    assert all(name.startswith(("./", "../src/", "node:")) for name in imports), imports
+
+
+def garden(folder: Path, processes: str) -> dict:
+    """The summary of the garden with these processes, each in a world file of its own."""
+    shutil.copy(EXAMPLES / "garden.py", folder)
+    text = (EXAMPLES / "garden.toml").read_text(encoding="utf-8")
+    file = folder / "garden.toml"
+    file.write_text(text[: text.index("[process.")] + processes)
+    done = subprocess.run(
+        [sys.executable, "-m", "minerva_bus.cli.main", "run", str(file), "--json"],
+        env={**os.environ, "MINERVA_RUNTIME_DIR": str(folder)},
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+    assert done.returncode == 0, done.stderr
+    assert "Error" not in done.stderr
+    return json.loads(done.stdout)
+
+
+def scripts(*names: str) -> str:
+    return "".join(
+        f'[process.{name}]\ncommand = ["node", "{EXAMPLES / name}.js"]\non_failure = "stop"\n'
+        for name in names
+    )
+
+
+def test_the_garden_has_the_digest_of_the_readme(tmp_path: Path) -> None:
+    """Every member is in JavaScript; the README's run is in Python, in one process."""
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    code = next(
+        block for block in re.findall(r"```python\n(.*?)```", readme, re.S) if "Snail" in block
+    )
+    names: dict = {"__name__": "readme"}
+    exec(compile(code, "README.md", "exec"), names)
+    summary = garden(tmp_path, scripts("snails", "sun", "rain", "picture"))
+    assert summary["digest"] == names["done"].digest
+    assert summary["frames"] == 60
+    assert "4 snails" in (tmp_path / "garden.svg").read_text(encoding="utf-8")
+
+
+def test_snails_in_both_languages_are_the_same(tmp_path: Path) -> None:
+    """Two hosts share the snails, one of them in Python."""
+    python = '[process.more]\nagents = "garden:Snail"\n'
+    alone = garden(tmp_path, scripts("sun", "rain") + python)
+    shared = garden(tmp_path, scripts("sun", "rain", "snails") + python)
+    assert shared["digest"] == alone["digest"]
+
+
+def test_without_a_world_it_says_what_is_missing() -> None:
+    environment = {name: value for name, value in os.environ.items() if "MINERVA" not in name}
+    script = str(EXAMPLES / "sun.js")
+    done = subprocess.run(["node", script], env=environment, capture_output=True, text=True)
+    assert done.returncode == 1
+    assert "MINERVA_WORLD is not set" in done.stderr
+    environment |= {
+        "MINERVA_WORLD": "w",
+        "MINERVA_NAME": "sun",
+        "MINERVA_CONNECT": "tcp/127.0.0.1:9",
+    }
+    done = subprocess.run(["node", script], env=environment, capture_output=True, text=True)
+    assert done.returncode == 1
+    assert "no world at tcp/127.0.0.1:9" in done.stderr
+    assert len(done.stderr.splitlines()) == 1
