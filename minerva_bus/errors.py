@@ -24,7 +24,9 @@
     ├── BusError                 a session, an endpoint or a world cannot be reached
     │   └── Followed             another coordinator runs the world now
     ├── KeysError                a key or a certificate is missing or does not fit
-    └── WorldStopped             a running world ended prematurely
+    ├── WorldStopped             a running world ended prematurely
+    ├── CaseFailure              a member violates a requirement          testing.conformance.player
+    └── NotJoined                a member has not joined for a case       testing.conformance.player
 
 A module name at the end of a line says where a class is defined; the others are defined here.
 tests/unit/test_errors.py compares the tree with the classes. An error message says who failed,

@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final, cast
 
-from minerva_bus.errors import MisuseError, WorldFileError
+from minerva_bus.errors import MisuseError, SceneError, WorldFileError
 from minerva_bus.launch.access import read_access
 from minerva_bus.launch.collecting import read_collecting
 from minerva_bus.launch.compiling import apply_mode
@@ -67,7 +67,14 @@ def _parsed(text: str, path: Path, overrides: Overrides) -> Table:
     try:
         return _opened(Table(read_toml(text), "", text, str(path), overrides))
     except TomlError as error:
-        raise WorldFileError(f"{path}: {error}") from None
+        place = SceneError(
+            f"not TOML: {error}",
+            text=text,
+            offset=error.offset,
+            expected=error.expected,
+            source=str(path),
+        )
+        raise WorldFileError(str(place)) from None
 
 
 def _opened(top: Table) -> Table:

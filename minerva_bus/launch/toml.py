@@ -21,8 +21,25 @@ _PART: Final = r"[ \t]*+\.[ \t]*+[\w-]++"
 _LONG_KEY: Final = re.compile(rf"(?<![\w-])[\w-]++(?:{_PART}){{{MAX_KEY_PARTS},}}")
 
 
+_POSITION: Final = re.compile(r" \((?:at line (\d+), column (\d+)|at end of document)\)$")
+
+_EXPECTED: Final = {
+    "Invalid value": 'a text in quotes ("..."), a number, true, false, a [list] or a {table}',
+    "Invalid statement": "`key = value`, [table] or a comment (#)",
+}
+"""What is expected where the parser names only what is wrong."""
+
+
 class TomlError(MinervaError):
-    """A text is not TOML, or exceeds the limits of a world file."""
+    """A text is not TOML, or exceeds the limits of a world file.
+
+    `offset`: its index in the text, -1 if unknown. `expected`: a phrase, empty if unknown.
+    """
+
+    def __init__(self, problem: str, offset: int = -1, expected: str = "") -> None:
+        super().__init__(problem)
+        self.offset = offset
+        self.expected = expected
 
 
 def read_toml(text: str) -> dict[str, Any]:
@@ -35,7 +52,21 @@ def read_toml(text: str) -> dict[str, Any]:
     except RecursionError:
         raise TomlError("arrays or tables are nested too deeply") from None
     except ValueError as error:  # Invalid TOML, or a number with thousands of digits.
-        raise TomlError(str(error)) from None
+        raise _located(str(error), text) from None
+
+
+def _located(message: str, text: str) -> TomlError:
+    """The error of a message of the parser, which ends with the position."""
+    match = _POSITION.search(message)
+    if match is None:
+        return TomlError(message)
+    problem = message[: match.start()]
+    if match[1] is None:
+        # The caret points behind the last character, not into an empty last line.
+        return TomlError(f"the file ends too early: {problem}", len(text.rstrip()))
+    lines = text.split("\n")[: int(match[1]) - 1]
+    offset = sum(len(line) + 1 for line in lines) + int(match[2]) - 1
+    return TomlError(problem, offset, _EXPECTED.get(problem, ""))
 
 
 def toml_value_text(value: Any) -> str:

@@ -20,7 +20,7 @@ from minerva_bus.wire.keys import COORDINATOR, Keys
 _BLOCK: Final = zenoh.CongestionControl.BLOCK
 
 
-class ScriptInterrupted(Exception):
+class ScriptInterrupted(KeyboardInterrupt):
     """The user has interrupted the scripts of a hub."""
 
 

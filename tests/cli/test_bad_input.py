@@ -81,7 +81,7 @@ def test_the_world_itself_is_right(folder):
         ("frames = 5", 'frames = "many"', "world.frames must be a whole number"),
         ("frames = 5", "frames = -1", "world.frames must be at least 0"),
         ("frames = 5", f"frames = {10**40}", "world.frames must be at most 9223372036854775807"),
-        ("frames = 5", "frames = ", "Invalid value"),
+        ("frames = 5", "frames = ", ":5:10: not TOML: Invalid value; expected "),
         ("AWalker#w", "AWolker#w", "did you mean 'AWalker'?"),
         ("AWalker#w", "AWalker#w<y=1>", "AWalker#w has no y"),
         ("AWalker#w", "AWalker#w<x=1s>", "x must be a number in m"),

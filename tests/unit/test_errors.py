@@ -21,7 +21,7 @@ def drawn(text):
     for match in filter(None, map(LINE.match, text.splitlines())):
         depth = len(match["indent"]) // 4
         del above[depth:]
-        home = re.search(r"(?<= )[a-z]\w+\.\w+$", match["rest"])
+        home = re.search(r"(?<= )[a-z]\w+(\.\w+)+$", match["rest"])
         tree[match["name"]] = (above[-1] if above else "Exception", home[0] if home else "errors")
         above.append(match["name"])
     return tree

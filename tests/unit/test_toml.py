@@ -27,6 +27,24 @@ def test_an_unreadable_file_is_rejected_with_a_reason(text, problem):
         read_toml(text)
 
 
+@pytest.mark.parametrize("newline", ["\n", "\r\n"])
+@pytest.mark.parametrize(
+    ("lines", "line", "column"),
+    [
+        (["[world]", "frames = = 5", ""], 2, 10),
+        (["frames = = 5"], 1, 10),
+        (["[world]", "", "scene = dots:scene", "x = 1"], 3, 9),
+        (["[world]", "frames = [1, 2", "", ""], 2, 15),
+    ],
+)
+def test_an_error_has_the_offset_of_its_character(lines, line, column, newline):
+    text = newline.join(lines)
+    with pytest.raises(TomlError) as caught:
+        read_toml(text)
+    before = text[: caught.value.offset]
+    assert (before.count("\n") + 1, len(before.rpartition("\n")[2]) + 1) == (line, column)
+
+
 def test_dots_in_strings_and_comments_are_no_keys():
     dots = ".".join(["PDot"] * 500)
     text = f'# {dots}\na = "{dots}"\nb = """\n{dots}\n"""\nc = \'{dots}\'\n'

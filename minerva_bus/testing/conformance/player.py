@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
-from minerva_bus.errors import ProtocolError, SceneError
+from minerva_bus.errors import MinervaError, ProtocolError, SceneError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame.instructions import plain_form
 from minerva_bus.frame.member import Member, Refusal
@@ -60,7 +60,7 @@ class TimeLimits:
     end: float = 30.0
 
 
-class CaseFailure(Exception):
+class CaseFailure(MinervaError):
     """The member has violated a requirement."""
 
     def __init__(self, problem: str, expected: Sequence[str] = (), received: Sequence[str] = ()):
@@ -69,12 +69,8 @@ class CaseFailure(Exception):
         self.received = tuple(received)
 
 
-class NotJoined(Exception):
+class NotJoined(MinervaError):
     """The member has not come as far as the case begins."""
-
-
-class _Ended(Exception):
-    """The member has ended, as the case allows."""
 
 
 def play(
@@ -166,6 +162,8 @@ class _Player:
         self._capabilities = capabilities
         self._epoch = FIRST_EPOCH
         self._present = False
+        # As a step of the case allows.
+        self._ended = False
         self._member: Member = reference(self.role)
         self._states = KnownState(), KnownState()
         self._saved: list[m.Saved] = [None, None]
@@ -191,11 +189,10 @@ class _Player:
             self._join(self.case.frame)
         else:
             self._await_token(self._limits.join)
-        try:
-            for step in self.case.steps:
-                self._step(step)
-        except _Ended:
-            return
+        for step in self.case.steps:
+            self._step(step)
+            if self._ended:
+                return
 
     # --- joining ---
 
@@ -325,8 +322,8 @@ class _Player:
             answer = self._next_message(self._limits.answer)
             if isinstance(answer, m.Failed):
                 self._await_end(failed=True)
-                raise _Ended
-            if not isinstance(answer, m.Hello):
+                self._ended = True
+            elif not isinstance(answer, m.Hello):
                 shown = "nothing" if answer is None else self._text(answer)
                 raise CaseFailure("it answered a message that it must drop", (), [shown])
             return
