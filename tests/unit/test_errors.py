@@ -64,7 +64,7 @@ def test_the_classes_are_in_the_modules_of_the_tree(home):
         if place == home:
             cls = getattr(module, name)
             assert issubclass(cls, errors.MinervaError) or name == "MinervaError"
-            assert cls.__base__.__name__ == base
+            assert cls.__mro__[1].__name__ == base
 
 
 def test_a_class_outside_the_tree_is_noticed(tmp_path):
