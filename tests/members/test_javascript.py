@@ -20,6 +20,7 @@ from minerva_bus.testing.conformance.world import MemberRole
 ROOT = Path(__file__).parents[2]
 PACKAGE = ROOT / "members" / "javascript"
 EXAMPLES = PACKAGE / "examples"
+PAGE = ROOT / "docs" / "howto" / "javascript.md"
 OLDEST = 18
 
 
@@ -100,7 +101,20 @@ def test_the_garden_has_the_digest_of_the_readme(tmp_path: Path) -> None:
     summary = garden(tmp_path, scripts("snails", "sun", "rain", "picture"))
     assert summary["digest"] == names["done"].digest
     assert summary["frames"] == 60
+    assert f"digest {summary['digest']}  (seed 7)" in PAGE.read_text(encoding="utf-8")
     assert "4 snails" in (tmp_path / "garden.svg").read_text(encoding="utf-8")
+
+
+def test_the_generator_of_the_guide_runs(tmp_path: Path) -> None:
+    (program,) = re.findall(r"```js\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.S)
+    shutil.copytree(PACKAGE / "src", tmp_path / "src")
+    shutil.copy(PACKAGE / "package.json", tmp_path)
+    folder = tmp_path / "examples"
+    folder.mkdir()
+    (folder / "dew.js").write_text(program)
+    dew = '[process.dew]\ncommand = ["node", "dew.js"]\non_failure = "stop"\n'
+    summary = garden(folder, scripts("snails", "sun", "rain") + dew)
+    assert summary["drops"] > 0
 
 
 def test_snails_in_both_languages_are_the_same(tmp_path: Path) -> None:
