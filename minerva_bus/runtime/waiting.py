@@ -86,7 +86,6 @@ class Deadlines:
 @dataclass(slots=True)
 class _Wait:
     since: float
-    reported_at: float = 0.0
     done: bool = False
 
 
@@ -103,6 +102,8 @@ class Waits:
         self._waits: dict[str, _Wait] = {}
         self._queued = set(queued)
         self._starting: dict[str, float] = {}
+        # Per member: a member that is restarted in this step is not reported from the beginning.
+        self._reported: dict[str, float] = {}
         self._slowest = 0.0
         self._last_report = float("-inf")
 
@@ -129,7 +130,7 @@ class Waits:
         self._in_frame = in_frame
         # A new step has requests of its own, so earlier waiting does not count.
         if step != self._step:
-            self._step, self._waits = step, {}
+            self._step, self._waits, self._reported = step, {}, {}
         names = sorted(set(waiting) - self._queued)
         self._waits = {
             name: self._waits.get(name) or _Wait(self._starting.get(name, now)) for name in names
@@ -174,8 +175,8 @@ class Waits:
         names: list[str] = []
         for name, wait in self._waits.items():
             waited = now - wait.since
-            if waited >= self.patience(name).soft and waited >= 2 * wait.reported_at:
-                wait.reported_at = waited
+            if waited >= self.patience(name).soft and waited >= 2 * self._reported.get(name, 0.0):
+                self._reported[name] = waited
                 names.append(name)
         self._last_report = now if names else self._last_report
         return names

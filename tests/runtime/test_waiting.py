@@ -28,6 +28,18 @@ def test_no_frame_waits_for_a_member_still_to_be_started():
     assert waiting.overdue(1e9) == [("a", "restart")]
 
 
+def test_a_member_that_is_restarted_in_a_step_is_not_reported_from_the_beginning():
+    waiting = waits()
+    waiting.update(FRAME, True, ["a"], 0.0)
+    assert waiting.reportable(1.5) == ["a"]
+    waiting.restart("a", 2.0)
+    waiting.update(FRAME, True, ["a"], 3.5)
+    assert waiting.reportable(3.5) == []
+    waiting.update("frame 4", True, ["a"], 4.0)
+    waiting.update("frame 4", True, ["a"], 5.5)
+    assert waiting.reportable(5.5) == ["a"]
+
+
 def test_a_member_is_waited_for_since_its_process_was_started():
     waiting = waits()
     waiting.update(GATHERING, False, ["a"], 0.0)
