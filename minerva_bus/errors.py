@@ -177,7 +177,14 @@ class KeysError(MinervaError):
 
 
 class WorldStopped(MinervaError):
-    """A running world ended prematurely."""
+    """A running world ended prematurely.
+
+    `rest`: the text for a reader of the log, which has the cause already; otherwise empty.
+    """
+
+    def __init__(self, problem: str, rest: str = "") -> None:
+        super().__init__(problem)
+        self.rest = rest
 
 
 _EXCERPT_WIDTH = 76

@@ -52,7 +52,7 @@ def run_world(file: WorldFile, began: float, options: RunOptions) -> None:
             summary = supervisor.run()
             failure = supervisor.failure
     except WorldStopped as stopped:
-        console.problem(str(stopped))
+        console.problem(stopped.rest or str(stopped))
         raise typer.Exit(FAILED) from None
     except MinervaError as error:
         # Someone who reads JSON lines finds every error among them; otherwise `main` prints it.

@@ -17,10 +17,14 @@ from pathlib import Path
 from typing import Final
 
 from minerva_bus.errors import MinervaError
+from minerva_bus.frame.member import Unready
 from minerva_bus.launch import traces
 
 FAILED: Final = os.EX_SOFTWARE
 """The exit code of a child that ended by an exception that is not a MinervaError."""
+
+UNREADY: Final = os.EX_CONFIG
+"""The exit code of a child whose service cannot run in its world, as the child has printed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,6 +64,7 @@ def fork(body: Callable[[], int], keep: Collection[int], lifeline: int) -> Child
         code = body()
     except MinervaError as error:
         print(error, file=sys.stderr)  # noqa: T201
+        code = UNREADY if isinstance(error, Unready) else code
     except BaseException:
         import traceback
 

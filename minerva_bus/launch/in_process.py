@@ -240,7 +240,8 @@ class InProcessRun:
         record.said(member, f"{text}\n{whole(error)}")
         what = problem.partition("\n")[0]
         hint = "" if self._console.traceback else " (--traceback shows all frames)"
-        return WorldStopped(f"{member} failed in frame {frame}: {what}; the world stops{hint}")
+        failed, stops = f"{member} failed in frame {frame}", f"the world stops{hint}"
+        return WorldStopped(f"{failed}: {what}; {stops}", f"{failed}; {stops}")
 
     def _print(self, text: str) -> None:
         self._console.frame = self.algorithm.frame

@@ -33,13 +33,17 @@ MAX_RESTART_SECONDS: Final = 5.0
 FAILURE_REPORT: Final = re.compile(r"failed(?: in frame \d+)?: ")
 """Beginning of a member's report about an error in its user code."""
 
+GONE: Final = re.compile(r"is gone\b")
+"""Beginning of the coordinator's line about a member whose process has ended."""
+
 
 @dataclass(slots=True)
 class SupervisedProcess:
     """A process of the world file with its state; times are of the monotonic clock.
 
     `restarting`: an operator requested a restart. `exited_at`: when an exit with code 0 counts as
-    a failure unless the world has ended. `cause`: its report about its failure. `stacks`: lines of
+    a failure unless the world has ended. `cause`: its report about its failure. `blocked`: why it
+    is killed, if the line of code that blocks it was logged before. `stacks`: lines of
     its stacks, None if they were not requested. `joined_at`, `joined_in`: time and frame of its
     `hello`. `waited`: seconds that frames have waited for it.
     """
@@ -55,6 +59,7 @@ class SupervisedProcess:
     restart_at: float | None = None
     exited_at: float | None = None
     cause: str = ""
+    blocked: str = ""
     restarting: bool = False
     abandoned: bool = False
     stacks: list[str] | None = None
@@ -84,7 +89,7 @@ class SupervisedProcess:
     def started(self, child: ChildProcess) -> None:
         """Note a start or restart."""
         self.child, self.restart_at, self.joined_at = child, None, None
-        self.cause, self.waited = "", 0.0
+        self.cause, self.blocked, self.waited = "", "", 0.0
 
     def joined(self, frame: int) -> None:
         """Note its `hello`."""
@@ -170,7 +175,8 @@ class ProcessTable:
         return process
 
     def _read(self, process: SupervisedProcess, line: str) -> None:
-        if process.stacks is not None and is_stack(line):
+        # An empty line separates the stacks of two threads.
+        if process.stacks is not None and (is_stack(line) or not line):
             process.stacks.append(line)
         else:
             self._on_line(process.name, line)
@@ -220,9 +226,11 @@ class FailureLog:
     """The failures of user code in a run: the reports shown, and the causes.
 
     A process that is restarted several times would otherwise print the same report each time.
+    `explained`: processes that have not joined again since the log named the reason for their end.
     """
 
     def __init__(self) -> None:
+        self.explained: set[str] = set()
         self._shown: set[str] = set()
         self._before: set[tuple[str, str]] = set()
 
@@ -234,6 +242,12 @@ class FailureLog:
         if first in seen and rest in seen:
             return ""
         return f"{first} (as above)" if rest and rest in seen else text
+
+    def is_new(self, place: str) -> bool:
+        """Whether a line of code was not logged before; from now on it counts as logged."""
+        known = place in self._shown
+        self._shown.add(place)
+        return not known
 
     def repeated(self, process: Process, code: int, cause: str) -> bool:
         """Whether this process, or another host, has failed for the same cause before.

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import isfinite
-from typing import Any
+from typing import Any, Final
 
 from minerva_bus.frame.description import World
 from minerva_bus.wording import counted
 
 Profile = Mapping[str, Mapping[str, float]]
+
+_FAILURE: Final = re.compile(r"\S+ failed(?: in frame \d+)?(?=: )")
 
 
 @dataclass(slots=True)
@@ -129,13 +132,13 @@ class RunSummary:
         return own | {name: value for name, value in figures.items() if name not in own}
 
     def lines(self) -> list[str]:
-        """The summary as text."""
+        """The summary as text, without what the log has said about a failure of user code."""
         earlier = f" ({self.before} before)" if self.before else ""
         first = self.first_frame_seconds
         began = "no frame was completed" if first is None else f"first frame after {first:.2f} s"
         parts = ", ".join(f"{name} {value:.2f}" for name, value in self.startup.items())
         shown = [
-            f"{self.world}: {self.ended}",
+            f"{self.world}: {_brief(self.ended)}",
             f"  {counted(self.frames, 'frame')}{earlier} in {self.wall_seconds:.1f} s"
             f" ({self.frames_per_second:.0f} per second), {counted(self.members, 'member')}",
             f"  {began}" + (f" ({parts})" if parts else ""),
@@ -145,6 +148,12 @@ class RunSummary:
             shown.append(f"  {name.replace('_', ' ')}: {text}")
         digest = f"  digest {self.digest}  (seed {self.seed})"
         return [*shown, digest, *_profile_lines(self.profile)]
+
+
+def _brief(ended: str) -> str:
+    """The reason of an end without the error's own text, which the log has with its location."""
+    match = _FAILURE.match(ended)
+    return match[0] if match else ended
 
 
 def _profile_lines(profile: Profile) -> list[str]:

@@ -12,13 +12,14 @@ from minerva_bus.launch.capacity import check_capacity
 from minerva_bus.launch.collecting import check_tables, complete_tables
 from minerva_bus.launch.compiling import compile_agents
 from minerva_bus.launch.console import Console, live_line, starting_line
-from minerva_bus.launch.forking import FAILED, how_ended
+from minerva_bus.launch.forking import FAILED, UNREADY, how_ended
 from minerva_bus.launch.interrupts import caught
 from minerva_bus.launch.journaling import journal_path
 from minerva_bus.launch.machine import REAL, LaunchContext, Machine
 from minerva_bus.launch.memory import prepare, remove_orphans
 from minerva_bus.launch.process_table import (
     FAILURE_REPORT,
+    GONE,
     REPORT_SECONDS,
     ProcessTable,
     SupervisedProcess,
@@ -200,6 +201,8 @@ class Supervisor:
 
     def _on_listening(self, endpoint: str, listens_at: str) -> None:
         """Local processes connect to `endpoint`, others to the endpoint it `listens_at`."""
+        if self._last_line and not self._context.endpoint:
+            self._console.log(COORDINATOR, self._last_line)
         self._context.endpoint, self._coordinator.listens_at = endpoint, listens_at
         self._publish(endpoint)
         # A successor: the members run already, and their endpoint is the same.
@@ -231,9 +234,12 @@ class Supervisor:
                 self._coordinator.command(f"started {process.name}")
 
     def _on_log(self, member: str, text: str, details: str = "") -> None:
+        process = self._processes.get(member)
+        if member in self._processes.failures.explained and GONE.match(text):
+            return  # The reason and the line about its restart say more.
         if FAILURE_REPORT.match(text):
-            process = self._processes.get(member)
             if process is not None:
+                self._processes.failures.explained.add(member)
                 # The cause explains the exit that follows, and `repeated` compares it with earlier
                 # ones.
                 process.cause = text
@@ -253,9 +259,11 @@ class Supervisor:
             return
         total = len(self._file.processes)
         text = starting_line(status, total)
+        # The lines about the members that frame 0 waits for, and about restarts, say more.
+        is_reported = int(status["members"]) >= total or any(p.failures for p in self._processes)
         if console.terminal:
             console.progress(world.name, min(int(status["members"]), total), total, text)
-        else:
+        elif not is_reported:
             console.periodic(f"{world.name}: {text}", self._machine.monotonic())
 
     def _on_first_frame(self, frame: int, at: float) -> None:
@@ -265,6 +273,7 @@ class Supervisor:
         process = self._processes.get(member)
         if process is not None:
             process.joined(self._coordinator.frame)
+            self._processes.failures.explained.discard(member)
             self._processes.queue.free(member)
 
     def _on_timed_out(self, member: str, waited: float) -> None:
@@ -275,18 +284,24 @@ class Supervisor:
                 self._log(member, f"{silence}: restart it on its machine")
         elif process.child is not None:
             process.waited = waited
+            self._processes.failures.explained.add(member)
             # Before it is killed: this is the only trace of its activity.
-            self._log_stacks(process, f"{silence}: killing it")
+            self._log_stacks(process, waited)
             self._machine.kill(process.child.pid)
 
-    def _log_stacks(self, process: SupervisedProcess, text: str) -> None:
-        """Log that a process does not respond, with the line of user code that it executes."""
+    def _log_stacks(self, process: SupervisedProcess, waited: float) -> None:
+        """Log that a process does not respond, with the line of user code that it executes.
+
+        If this line was logged before, the line about the restart is enough.
+        """
         name, stacks = process.name, self._processes.stacks(process)
         place = blocked_at(stacks, forking.__file__)
-        if place is not None:
-            shown = "\n".join([f"{text}; it is blocked in", *place.lines()])
-            text = self._processes.failures.abbreviate(shown) or f"{text} (as above)"
-        self._log(name, text)
+        if place is not None and not self._processes.failures.is_new("\n".join(place.lines())):
+            process.blocked = f"did not answer for {waited:.0f} s (blocked as above)"
+        else:
+            text = f"no answer for {waited:.0f} s: killing it"
+            shown = [text] if place is None else [f"{text}; it is blocked in", *place.lines()]
+            self._log(name, "\n".join(shown))
         if stacks:
             self._console.details(name, "\n".join(stacks))
             self._keep(name, "\n".join(stacks), "warning")
@@ -314,8 +329,11 @@ class Supervisor:
         ending.deadline = self._machine.monotonic() + seconds
 
     def _on_last_line(self, line: str) -> None:
-        self._last_line = line
-        self._console.log(COORDINATOR, line)
+        # Until it listens, the last line is the error that ends the run, which the summary names.
+        listens = bool(self._context.endpoint)
+        shown, self._last_line = line if listens else self._last_line, line
+        if shown:
+            self._console.log(COORDINATOR, shown)
 
     # --- processes that end ---
 
@@ -331,6 +349,8 @@ class Supervisor:
         if process is None:
             return
         if self._ending.begun:
+            if code == UNREADY:  # Its output says why.
+                self._ending.failure = self._ending.failure or f"{process.name} cannot take part"
             # A successor must not wait for it; the first coordinator was notified that it left.
             if self._coordinator.count:
                 self._abandon(process)
@@ -366,7 +386,8 @@ class Supervisor:
         if code in (RAISED, RAISED_BY_CHANCE):
             self._await_cause(process)
         # The report has been shown and is more specific than the exit code.
-        how = "failed" if process.cause else how_ended(code)
+        unready = "cannot take part" if code == UNREADY else ""
+        how = "failed" if process.cause else process.blocked or unready or how_ended(code)
         delay = process.fail(self._coordinator.frame)
         if delay is not None and self._processes.failures.repeated(spec, code, process.cause):
             # `fail` has set the time of a restart.
@@ -376,7 +397,8 @@ class Supervisor:
         elif delay is not None:
             number = f"restart {process.failures} of {spec.restarts} in {delay:.2f} s"
             self._log(name, f"{how}; {number}")
-        elif spec.on_failure == "ignore":
+        # A view that never starts is a wrong request, unlike one that fails later.
+        elif spec.on_failure == "ignore" and not unready:
             self._log(name, f"{how}; continuing without it")
             process.abandoned = True
             self._abandon(process)

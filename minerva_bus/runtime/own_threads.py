@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from minerva_bus.errors import MinervaError, UserCodeError
-from minerva_bus.frame.member import Unready
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.runtime.system import System, Timer
 from minerva_bus.source import handler_name
@@ -134,7 +133,7 @@ class OwnThreads:
                 self._put(ReportFigures())
                 self._put(Leave())
         except MinervaError as error:
-            self._put(Unready(f"{self._name} cannot continue: {error}"))
+            self._put(MinervaError(f"{self._name} cannot continue: {error}"))
         # Raised in the main thread, which reports failures. SystemExit would end only this thread.
         except (Exception, SystemExit) as error:
             failure = UserCodeError(handler_name(service.run), service.run)

@@ -194,7 +194,21 @@ def test_a_port_in_use(folder):
         endpoint = f"tcp/127.0.0.1:{taken.getsockname()[1]}"
         done = minerva(folder, "run", "world.toml", "--listen", endpoint)
     assert done.returncode == 1
-    assert f"cannot listen at {endpoint}" in done.stderr
+    assert done.stderr.count(f"cannot listen at {endpoint}") == 1
+    assert len(done.stderr.splitlines()) == 1
+
+
+@pytest.mark.parametrize("options", [(), ("--in-process",)])
+def test_an_error_in_a_method_is_reported_once_in_ten_lines(folder, options):
+    words = (folder / "words.py").read_text(encoding="utf-8")
+    (folder / "words.py").write_text(words.replace("self.x += 1", "self.x += wheels"))
+    done = minerva(folder, "run", "world.toml", *options)
+    assert done.returncode == 1
+    assert done.stderr.count("NameError") == 1
+    assert "NameError" not in done.stdout
+    assert "words.py:" in done.stderr
+    assert " is gone" not in done.stderr
+    assert len([line for line in done.stderr.splitlines() if "walkers" in line]) <= 10
 
 
 def test_versions_and_help(folder):

@@ -63,11 +63,23 @@ def test_a_blocked_member_is_killed_with_its_line(blocked, member, tmp_path):
         world.says(f"{member} │ no answer for", "killing it; it is blocked in")
         world.says(f"{member} │", "blocking.py:10, in waits")
         world.says(f"{member} │     time.sleep(60)")
-        world.says(f"{member} │ no answer for", "killing it (as above)")
-        world.says(f"{member} │ was killed by SIGKILL, 2 times in a row")
+        world.says(f"{member} │ did not answer for", "(blocked as above)", "2 times in a row")
         assert world.ends() == 1
     assert "most recent call first" not in world.text
-    assert len(world.lines) <= 25
+    assert world.text.count("time.sleep(60)") == 1
+    assert not re.search(rf"{member} │ *$", world.text, re.M)
+    assert len(world.lines) <= 16
+
+
+def test_a_blocked_member_takes_one_line_per_restart(tmp_path):
+    path = blocking_world(tmp_path, "walk")
+    path.write_text(path.read_text().replace("restarts = 1", "restarts = 3"))
+    with World(path) as world:
+        assert world.ends() == 1
+    lines = world.text.splitlines()
+    first = next(n for n, line in enumerate(lines) if "restart 1 of 3" in line)
+    again = [line for line in lines[first + 1 :] if line.startswith("walkers │")]
+    assert len(again) == 3, again
 
 
 def test_the_log_has_all_frames_and_so_has_the_terminal_on_demand(tmp_path):

@@ -3,6 +3,7 @@
 import os
 import re
 import signal
+import socket
 
 import pytest
 from running import ALL_KINDS, MEMBERS, STRING, World, eventually, minerva, summary, write_world
@@ -93,6 +94,19 @@ def test_the_world_file_decides_about_failures(tmp_path, policy, code, line):
         assert line in world.text
         shown = "\n".join(world.output)
     assert ("30 frames" in shown) is (policy == "ignore")
+
+
+@pytest.mark.parametrize("options", [("--rate", "0"), ("--frames", "0"), ("--in-process",)])
+def test_a_view_whose_port_is_in_use_fails_the_run(tmp_path, options):
+    # A world with shapes, which this view needs.
+    minerva(tmp_path, "new", "world", "dots")
+    path = tmp_path / "dots" / "dots.toml"
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        done = minerva(tmp_path, "run", path, "--view", f"web:port={port}", *options)
+    assert done.returncode == 1
+    assert (done.stdout + done.stderr).count(str(port)) == 1, done.stderr
+    assert f"port {port} of 127.0.0.1 is in use; use another one" in done.stderr
 
 
 def test_in_the_end_a_world_stops_when_one_fails_again_and_again(tmp_path):
