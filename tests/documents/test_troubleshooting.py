@@ -57,6 +57,8 @@ def test_each_quoted_message_is_provoked():
 
 def test_no_error_class_is_left_out():
     assert len(CLASSES) > 20
-    assert [name for name in CLASSES if f"`{name}`" not in PAGE] == []
+    # The conformance suite turns these into results of its cases, so no user meets them.
+    shown = set(CLASSES) - {"CaseFailure", "NotJoined"}
+    assert [name for name in sorted(shown) if f"`{name}`" not in PAGE] == []
     # Only SceneError is never raised itself.
-    assert set(CLASSES) - set(ROWS.values()) == {"SceneError"}
+    assert shown - set(ROWS.values()) == {"SceneError"}
