@@ -224,9 +224,10 @@ def _step(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
     frames = as_int(asked.get("frames", 1), "frames", 1)
     if frames > MAX_STEPS:
         raise ProtocolError(f"frames must be a whole number up to {MAX_STEPS}, not {frames}")
+    last = running.schedule.pauses_before + frames
     running.pace.step(frames)
     running.schedule.repace()
-    return {"frame": running.schedule.pauses_before}
+    return {"frame": last}
 
 
 def _rate(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
