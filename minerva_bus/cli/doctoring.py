@@ -27,6 +27,7 @@ EXTRAS: Final = {
     "record": (("mcap",), "records of runs"),
     "plot": (("matplotlib",), "plots of records"),
     "neighbours": (("scipy",), "the service neighbours"),
+    "fast": (("numba",), "compiled methods and spaces"),
     "tls": (("cryptography",), "certificates for remote members"),
     "profile": (("pyinstrument",), "flame graphs of members"),
     "metrics": (("prometheus_client",), "figures for Prometheus"),
