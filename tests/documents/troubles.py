@@ -199,6 +199,15 @@ def no_library(_: Path) -> object:
         return Sprites(path="a.png")
 
 
+def not_compilable(_: Path) -> object:
+    class Printer(Agent, symbol="APrinter"):
+        @on("eTick", compiled=True)
+        def show(self, tick: Any, moment: Any) -> None:
+            print(tick)
+
+    return Printer
+
+
 def no_display(_: Path) -> object:
     with patch.dict(os.environ):
         for name in ("DISPLAY", "WAYLAND_DISPLAY", "SDL_VIDEODRIVER"):
@@ -378,6 +387,8 @@ RAISED: Final[Mapping[str, Callable[[Path], object]]] = {
     ),
     "the world 'yard' has restarted, at frame 0": restarted,
     "this is no msgpack": no_message,
+    # --- slow worlds ---
+    "cannot be compiled: the function print": not_compilable,
     # --- pictures ---
     "sprites: it needs a library": no_library,
     "there is no display to open a window on": no_display,
