@@ -129,7 +129,7 @@ def test_a_record_has_them(tmp_path):
         ('when = "x > 1"\nper = 0', "norm.n.per must be at least 1"),
         (
             'when = "x > 1"\nwhenn = "x > 1"',
-            "has applies, on, when, where, most, per, then, event, data, in_force",
+            "norm.n.whenn is unknown; did you mean 'when'",
         ),
         ('when = "x > 1"\nin_force = 1', "norm.n.in_force must be true or false"),
     ],
