@@ -28,11 +28,16 @@ Kernel = Callable[..., int]
 @cache
 def load_kernel(text: str) -> Kernel:
     """The kernel of a generated module. Raises MisuseError without numba."""
-    return generated(f"{_versions()}\n{text}", text).run
+    return generated(text, versions("compiled methods")).run
 
 
-def generated(key: str, text: str) -> ModuleType:
-    """A module with this text, in a file named by the hash of `key`; imported in each call."""
+def generated(text: str, *parts: str) -> ModuleType:
+    """A module with this text, imported in each call.
+
+    `parts` are what its machine code depends on besides the text. The name of its file is a hash of
+    all.
+    """
+    key = "\n".join([*parts, text])
     name = "minerva_" + blake2b(key.encode(), digest_size=16).hexdigest()
     path = _written(cache_folder() / f"{name}.py", text)
     spec = importlib.util.spec_from_file_location(name, path)
@@ -56,17 +61,23 @@ def numba_library(purpose: str) -> Any:
     return numba
 
 
-def _versions() -> str:
-    """Everything besides the module's text that the machine code depends on. Raises MisuseError."""
-    numba = numba_library("compiled methods")
+def versions(purpose: str) -> str:
+    """The versions that machine code depends on. Raises MisuseError without numba.
+
+    Args:
+        purpose: what needs numba, for the message.
+
+    """
+    numba = numba_library(purpose)
     import numpy as np
 
     import minerva_bus
 
-    versions = (sys.version, numba.__version__, np.__version__, minerva_bus.__version__)
-    return "\n".join([*versions, _sources()])
+    made = (sys.version, numba.__version__, np.__version__, minerva_bus.__version__)
+    return "\n".join([*made, _sources()])
 
 
+@cache
 def _sources() -> str:
     """A hash of the functions that generated modules use, which change between two versions."""
     from minerva_bus import portable

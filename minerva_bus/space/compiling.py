@@ -6,17 +6,16 @@ the file is a digest of everything that the machine code consists of.
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from types import ModuleType
 from typing import Any, Final
 
 import numpy as np
 
-from minerva_bus import __version__
-from minerva_bus.compiled.loading import generated
+from minerva_bus.compiled.loading import generated, versions
 from minerva_bus.errors import MisuseError
-from minerva_bus.space.kernels import OPTIONS, Kernel, interpreting, key, numba
+from minerva_bus.space.kernels import OPTIONS, PURPOSE, Kernel, interpreting, key, numba
 
 Function = Callable[..., Any]
 _SHOWN: Final = 6
@@ -40,13 +39,16 @@ class RuleLoop:
     scope: Mapping[str, Any]
     signature: str
     _compiled: Function | None = field(default=None, repr=False)
+    _interpreted: Function | None = field(default=None, repr=False)
 
     def __call__(self, *arguments: Any) -> Any:
         """Run it, compiled or, within `interpreted`, as Python. Raises MisuseError."""
         if interpreting():
+            if self._interpreted is None:
+                self._interpreted = _with_globals(generated(self.source), self.scope)
             # Products of words exceed 64 bits on purpose.
             with np.errstate(over="ignore"):
-                return self._function(self.scope)(*arguments)
+                return self._interpreted(*arguments)
         if self._compiled is None:
             self._compiled = self._compile()
         return self._compiled(*arguments)
@@ -57,7 +59,8 @@ class RuleLoop:
             name: value.compiled if isinstance(value, Kernel) else value
             for name, value in self.scope.items()
         }
-        function = self._function(scope)
+        module = generated(self.source, versions(PURPOSE), self.signature, *self._keys())
+        function = _with_globals(module, scope)
         try:
             return library.njit(self.signature, cache=True, **OPTIONS)(function)
         except library.core.errors.NumbaError as error:
@@ -66,17 +69,17 @@ class RuleLoop:
                 "\n  ".join([f"{self.name} cannot be compiled:", *lines[:_SHOWN]])
             ) from None
 
-    def _function(self, scope: Mapping[str, Any]) -> Function:
-        """The function of the generated module, with these objects as its globals."""
-        parts = [__version__, numba().__version__, np.__version__, sys.version, self.signature]
+    def _keys(self) -> Iterator[str]:
+        """Digests of the objects in the scope, by name."""
         for name, value in sorted(self.scope.items()):
-            parts += [
-                name,
-                key(value.function) if isinstance(value, Kernel) else str(value._fields),
-            ]
-        module = generated("\n".join([*parts, self.source]), self.source)
-        vars(module).update(scope)
-        return module.drive
+            yield name
+            yield key(value.function) if isinstance(value, Kernel) else str(value._fields)
+
+
+def _with_globals(module: ModuleType, scope: Mapping[str, Any]) -> Function:
+    """The function `drive` of a generated module, with these objects as its globals."""
+    vars(module).update(scope)
+    return module.drive
 
 
 def around(kernel: Kernel[..., Any], types: Sequence[str]) -> RuleLoop:

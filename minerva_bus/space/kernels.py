@@ -27,6 +27,9 @@ OPTIONS: Final[Mapping[str, Any]] = {
 }
 """Python's errors, such as ZeroDivisionError, and sums in the order of the source."""
 
+PURPOSE: Final = "rules of a space"
+"""What needs numba, in messages."""
+
 _FROZEN: Final = (int, float, tuple, np.generic)
 """Objects of a module whose values become part of the compiled code."""
 
@@ -68,7 +71,7 @@ def kernel(function: Callable[_P, _R]) -> Kernel[_P, _R]:
 
 def numba() -> Any:
     """The library numba. Raises MisuseError if it is not installed."""
-    return numba_library("rules of a space")
+    return numba_library(PURPOSE)
 
 
 def rebound(function: FunctionType) -> FunctionType:

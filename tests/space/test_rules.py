@@ -1,5 +1,7 @@
 """Rules of spaces: activation, births and deaths, draws, searches, and messages of errors."""
 
+import sys
+
 import numpy as np
 import pytest
 from space.worlds import (
@@ -16,6 +18,7 @@ from space.worlds import (
 )
 
 from minerva_bus import MinervaError, Reals, evolve
+from minerva_bus.compiled.loading import generated
 from minerva_bus.grammar.scene import agents
 from minerva_bus.space import (
     ORDERED,
@@ -25,6 +28,7 @@ from minerva_bus.space import (
     Draws,
     OnLattice,
     Space,
+    compiling,
     copy,
     integers,
     interpreted,
@@ -61,6 +65,36 @@ def test_compiled_rules_give_the_same_string_as_interpreted_ones(make):
     with interpreted():
         assert after(make(), 6).digest == compiled.digest
     assert compiled.digest != make().string.digest
+
+
+def test_an_interpreted_rule_is_imported_once_and_does_not_need_numba(as_python, monkeypatch):
+    @rule(ORDERED)
+    def fatten(i: int, sheep: Sheep):
+        sheep.energy[i] += 1
+
+    imported = []
+
+    def counted(text, *parts):
+        imported.append(text)
+        return generated(text, *parts)
+
+    monkeypatch.setitem(sys.modules, "numba", None)
+    monkeypatch.setattr(compiling, "generated", counted)
+    space = meadow(sheep=3, wolves=0)
+    space.run(moment(), fatten)
+    space.run(moment(), fatten)
+    assert imported.count(fatten.drive.source) == 1
+
+
+def test_compiled_rules_without_numba_name_the_extra(monkeypatch):
+    monkeypatch.setitem(sys.modules, "numba", None)
+
+    @rule(ORDERED)
+    def fatten(i: int, sheep: Sheep):
+        sheep.energy[i] += 1
+
+    with pytest.raises(MinervaError, match=r"rules of a space need numba: .*minerva-bus\[fast\]"):
+        fatten.drive()
 
 
 def test_draws_are_those_of_the_moment(as_python):
