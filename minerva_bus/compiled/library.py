@@ -22,10 +22,10 @@ from numba import (  # pyright: ignore[reportMissingTypeStubs]
     uint64,
 )
 
+from minerva_bus.compiled.loading import NUMBA_OPTIONS
 from minerva_bus.portable import arcs, circle, exponentials, lengths, logarithms, powers
 
-# Without `fastmath`, and with Python's checks, machine code gives the bits that Python gives.
-compiled: Any = njit(error_model="python", fastmath=False)
+compiled: Any = njit(**NUMBA_OPTIONS)
 
 _LEAST = -(2**63)
 _EXACT = 2**53
@@ -481,7 +481,7 @@ def draw_normal(state: Any, words: Any, i: int, mean: float, deviation: float) -
 
 # --- names of generated modules ---
 
-inlined: Any = njit(error_model="python", fastmath=False, forceinline=True)
+inlined: Any = njit(**NUMBA_OPTIONS, forceinline=True)
 NAN = math.nan
 INFINITY = math.inf
 LEAST_INT = _LEAST
@@ -492,4 +492,4 @@ READ_BOOL = types.Array(boolean, 1, "A", readonly=True)
 
 def kernel(signature: Any) -> Any:
     """Compile a kernel for one signature, and keep the machine code beside its module."""
-    return njit(signature, error_model="python", fastmath=False, cache=True)
+    return njit(signature, cache=True, **NUMBA_OPTIONS)

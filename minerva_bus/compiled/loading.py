@@ -11,18 +11,22 @@ from __future__ import annotations
 import importlib.util
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import cache
 from hashlib import blake2b
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from types import ModuleType
-from typing import Any
+from typing import Any, Final
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.wording import install
 
 Kernel = Callable[..., int]
+
+NUMBA_OPTIONS: Final[Mapping[str, Any]] = {"error_model": "python", "fastmath": False}
+"""Python's errors, such as ZeroDivisionError, and sums in the order of the source, so that machine
+code has the bits of Python."""
 
 
 @cache

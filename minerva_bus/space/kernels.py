@@ -15,17 +15,13 @@ from typing import Any, Final, Generic, ParamSpec, TypeVar, cast
 
 import numpy as np
 
-from minerva_bus.compiled.loading import numba_library
+from minerva_bus.compiled.loading import NUMBA_OPTIONS, numba_library
 
 _P = ParamSpec("_P")
 _R = TypeVar("_R")
 
-OPTIONS: Final[Mapping[str, Any]] = {
-    "error_model": "python",
-    "fastmath": False,
-    "boundscheck": True,
-}
-"""Python's errors, such as ZeroDivisionError, and sums in the order of the source."""
+OPTIONS: Final[Mapping[str, Any]] = {**NUMBA_OPTIONS, "boundscheck": True}
+"""Indices are checked, because a rule computes its own."""
 
 PURPOSE: Final = "rules of a space"
 """What needs numba, in messages."""
