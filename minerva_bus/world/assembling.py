@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,14 +11,17 @@ from numpy.typing import NDArray
 from minerva_bus.errors import StateError
 from minerva_bus.grammar.batch import AnyEvent, Events
 from minerva_bus.grammar.column import Column, Rows, bits
-from minerva_bus.grammar.columns import Columns, packed
+from minerva_bus.grammar.columns import Columns, packed, shape_of
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.row_delta import RowDelta
-from minerva_bus.grammar.scene import EMPTY, Piece, Scene
+from minerva_bus.grammar.scene import EMPTY, AgentNode, Piece, Scene
 from minerva_bus.world.population import Birth, PopulationState
 
 _FEW = 0.25
 """Up to this part, changed values are put into the old column, which keeps its digests."""
+
+_TYPES: Final[dict[str, type]] = {"f": float, "i": int, "b": bool, "O": str}
+"""The type of a column's values, by the kind of its dtype."""
 
 
 class Unsound(StateError):
@@ -34,12 +37,67 @@ def assembled(state: PopulationState, lives: Mapping[int, Scene]) -> Scene:
 
     `lives` has the strings of the agents that have left the arrays, by row.
     """
+    lives = _unlike(state, lives)
     part = _changed(state)
-    if state.away is None and not state.born:
+    if (state.away is None or not state.away.any()) and not state.born:
         return Scene((part,))
     if not lives and all(birth.newborn.symbol == part.symbol for birth in state.born):
         return _in_columns(part, state)
     return packed(_in_pieces(part, state, lives))
+
+
+def _unlike(state: PopulationState, lives: Mapping[int, Scene]) -> Mapping[int, Scene]:
+    """The strings that are not rows of the population; the others are written to `state`.
+
+    A string between the rows would split the columns, and a host sends split columns as a whole.
+    """
+    unlike: dict[int, Scene] = {}
+    staying: dict[int, AgentNode] = {}
+    young: list[tuple[int, AgentNode]] = []
+    for row, scene in lives.items():
+        nodes = _like_rows(scene, state.part)
+        own = nodes is not None and bool(nodes) and nodes[0].id == state.ids[row]
+        # A newborn before its parent has no place among the newborns of a row.
+        if nodes is None or (not own and any(node.id == state.ids[row] for node in nodes)):
+            unlike[row] = scene
+            continue
+        if own:
+            staying[row] = nodes[0]
+        young += [(row, node) for node in nodes[own:]]
+    if staying:
+        _keep_rows(state, staying)
+    if young:
+        newborn = Columns.of([node for _, node in young])
+        rows = np.array([row for row, _ in young], np.intp)
+        # The last turn of the frame: these newborns are the closest to their parents.
+        state.born.append(Birth(rows, state.turn + 1, newborn))
+    return unlike
+
+
+def _like_rows(scene: Scene, part: Columns) -> list[AgentNode] | None:
+    """The nodes of a string if all of them could be rows of these columns."""
+    types = [_TYPES[column.dtype.kind] for column in part.columns]
+    nodes: list[AgentNode] = []
+    for node in scene.nodes:
+        if not isinstance(node, AgentNode) or shape_of(node) != part.shape:
+            return None
+        # numpy would convert a value of another type.
+        if list(map(type, node.values)) != types:
+            return None
+        nodes.append(node)
+    return nodes
+
+
+def _keep_rows(state: PopulationState, staying: Mapping[int, AgentNode]) -> None:
+    """Return agents to their rows with their present values."""
+    rows = np.array([*staying], np.intp)
+    columns = Columns.of([*staying.values()]).columns
+    for name, column in zip(state.part.names, columns, strict=True):
+        # An attribute that has not changed keeps its column.
+        if (bits(state.value(name)[rows]) != bits(column.array)).any():
+            state.write(name, rows, column.array)
+    if state.away is not None:
+        state.away[rows] = False
 
 
 def _changed(state: PopulationState) -> Columns:

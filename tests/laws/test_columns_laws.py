@@ -362,6 +362,48 @@ def test_a_patch_makes_the_new_of_the_old(frame):
     assert Scene((patched(old, patch),)) == new
 
 
+class Returning(State, symbol="AFish"):
+    """An activity that returns a string of each form, by the agent's number of hits."""
+
+    @on("eHit")
+    def hit(self, hit, moment):
+        self.x += hit.amount
+        before = self.string
+        young = self.child(x=self.x / 2), self.child(hits=2)
+        strings = [EMPTY, before, before + young[0], young[0] + young[1],
+                   young[0] + before + young[1]]  # fmt: skip
+        return strings[self.hits]
+
+    @on("eStep")
+    def step(self, step, moment):
+        self.x += step.dist
+
+    meet = Many.meet
+
+
+@given(frames())
+def test_a_returned_string_is_the_same_in_columns(frame):
+    w, events, moment = frame
+    in_columns, separate = (eta(string, events, [Returning], moment) for string in (w, plain(w)))
+    assert str(in_columns.scene) == str(separate.scene)
+    assert in_columns.scene == separate.scene
+
+
+@pytest.mark.parametrize(("hits", "others"), [(0, 2), (1, 1), (2, 2), (3, 3)])
+def test_a_returned_string_changes_only_its_row(hits, others):
+    hit = np.ones(100, int)
+    hit[50] = hits
+    w = Returning.many("f", 100, x=np.arange(100.0), hits=hit)
+    now = eta(w, [eHit(1.0, receivers=["f50"])], [Returning]).scene
+    assert len(now.pieces) == 1
+    patch = difference(w.pieces[0], now.pieces[0])
+    assert (
+        sum(len(change.rows) for change in patch.changes if change.rows is not None) <= 5 * others
+    )
+    assert all(change.rows is not None for change in patch.changes)
+    assert Scene((patched(w.pieces[0], patch),)) == now
+
+
 @given(st.data())
 def test_each_event_counts_once_in_columns_as_well(data):
     ids = Ids.numbered("f", range(5))
