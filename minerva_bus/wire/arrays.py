@@ -91,7 +91,12 @@ def plain_ids(ids: Ids | None) -> Any:
         return [ids.stem, int(ids.data[0]), len(ids)]
     if ids.stem is not None:
         return [ids.stem, plain_array(ids.data)]
-    return [None, ids.data.dtype.itemsize, ids.data.tobytes()]
+    # Equal ids have equal bytes, even if their array was wide enough for longer ids before.
+    width = ids.data.dtype.itemsize
+    cells = np.ascontiguousarray(ids.data).view(np.uint8).reshape(len(ids), width)
+    while width > 1 and not cells[:, width - 1].any():
+        width -= 1
+    return [None, width, cells[:, :width].tobytes()]
 
 
 def are_ids(plain: Any) -> bool:

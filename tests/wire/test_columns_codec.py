@@ -24,6 +24,7 @@ from minerva_bus.frame import messages as m
 from minerva_bus.grammar.batch import Events
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.delta import Delta, difference
+from minerva_bus.wire.arrays import plain_ids
 from minerva_bus.wire.codec import Decoder, encode
 from minerva_bus.wire.columns import plain_columns, plain_events, plain_patch
 from minerva_bus.wire.limits import Limits
@@ -52,6 +53,12 @@ wholes = st.one_of(
 reals = st.floats(allow_nan=False, allow_infinity=False)
 letters = st.text("abcé\n\0", max_size=4)
 id_texts = st.text("ab01", min_size=1, max_size=4)
+
+
+def test_equal_ids_have_equal_bytes_even_if_taken_from_longer_ones():
+    short, long = ["a", "b"], ["a", "b", "abcdefgh"]
+    assert plain_ids(Ids.of(long).take(slice(0, 2))) == plain_ids(Ids.of(short)) == [None, 1, b"ab"]
+    assert plain_ids(Ids.of(long).take(slice(0, 0)))[2] == b""
 
 
 def column(draw, values, count, dtype):
