@@ -11,6 +11,13 @@ def counted(number: int, noun: str) -> str:
     return f"{number:,} {noun}{ending}"
 
 
+def duration(seconds: float) -> str:
+    """A duration in words: `0.4 s`, `30 s`, `5 min`."""
+    if seconds < 1:
+        return f"{seconds:.1f} s"
+    return f"{seconds:.0f} s" if seconds < 100 else f"{seconds / 60:.0f} min"
+
+
 def named_some(names: Sequence[str], most: int) -> str:
     """The first names and the number of the others: `a, b and 7 more`."""
     more = f" and {len(names) - most:,} more" if len(names) > most else ""

@@ -36,7 +36,7 @@ from minerva_bus.runtime.member import RAISED, RAISED_BY_CHANCE
 from minerva_bus.runtime.monitor import MORE_TIME
 from minerva_bus.runtime.session import POOL_BYTES, expect_links
 from minerva_bus.wire.keys import COORDINATOR
-from minerva_bus.wording import counted
+from minerva_bus.wording import counted, duration
 
 STOP_SECONDS: Final = 1.0
 """Time for a world to stop on request before its processes are killed.
@@ -277,7 +277,7 @@ class Supervisor:
             self._processes.queue.free(member)
 
     def _on_timed_out(self, member: str, waited: float) -> None:
-        process, silence = self._processes.get(member), f"no answer for {waited:.0f} s"
+        process, silence = self._processes.get(member), f"no answer for {duration(waited)}"
         if process is None:
             known = any(spec.name == member for spec in self._file.processes)
             if known and self._ending.reason is None:
@@ -297,9 +297,9 @@ class Supervisor:
         name, stacks = process.name, self._processes.stacks(process)
         place = blocked_at(stacks, forking.__file__)
         if place is not None and not self._processes.failures.is_new("\n".join(place.lines())):
-            process.blocked = f"did not answer for {waited:.0f} s (blocked as above)"
+            process.blocked = f"did not answer for {duration(waited)} (blocked as above)"
         else:
-            text = f"no answer for {waited:.0f} s: killing it"
+            text = f"no answer for {duration(waited)}: killing it"
             shown = [text] if place is None else [f"{text}; it is blocked in", *place.lines()]
             self._log(name, "\n".join(shown))
         if stacks:

@@ -12,7 +12,7 @@ from minerva_bus.frame.members import MemberState
 from minerva_bus.runtime.waiting import MAX_NAMED, Waits
 from minerva_bus.security.credentials import covers
 from minerva_bus.wire.keys import COORDINATOR
-from minerva_bus.wording import named_some
+from minerva_bus.wording import duration, named_some
 
 if TYPE_CHECKING:
     from minerva_bus.runtime.coordinator import Coordinator
@@ -132,7 +132,7 @@ class Monitor:
         late = sorted(self._algorithm.waiting_for())
         within = HURRIED_REPORTS_WITHIN if self._is_hurried else self._waits.for_output(late)
         left = within - self._meter.waited
-        waiting = f"the world has ended; waiting for {{}} for up to {left:.0f} s"
+        waiting = f"the world has ended; waiting for {{}} for up to {duration(left)}"
         self._warn_of(self._waits.reportable(now), waiting, "its last output", "the last output")
         if left > 0:
             return
@@ -168,7 +168,7 @@ class Monitor:
             self._watchers.stalled(name, waited)
             # Nothing restarts a guest, so it is excluded; it may join again.
             if not self._algorithm.members.get(name).expected:
-                reason = f"it did not answer for {waited:.0f} s"
+                reason = f"it did not answer for {duration(waited)}"
                 self._runner.handle(s.Violation(name, reason))
 
     def _give_up_guests(self, waiting: Sequence[str], now: float) -> None:

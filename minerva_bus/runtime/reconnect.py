@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from minerva_bus.runtime.system import REAL, System, Timer
+from minerva_bus.wording import duration
 
 QUIET_SECONDS: Final = 1.0
 """Seconds before the loss is reported: a killed coordinator has a successor by then."""
@@ -72,7 +73,7 @@ class ReconnectMonitor:
     def restored(self) -> None:
         """Note that the connection is restored."""
         if self._reported:
-            self._notify(f"{self._subject} is reachable again after {_duration(self._elapsed())}")
+            self._notify(f"{self._subject} is reachable again after {duration(self._elapsed())}")
         self.close()
 
     def close(self) -> None:
@@ -87,9 +88,7 @@ class ReconnectMonitor:
             return True
         elapsed = self._elapsed()
         if elapsed >= self._patience:
-            self._notify(
-                f"{self._subject} has been unreachable for {_duration(elapsed)}; giving up"
-            )
+            self._notify(f"{self._subject} has been unreachable for {duration(elapsed)}; giving up")
             return False
         if not self._reported:
             self._reported = True
@@ -105,19 +104,14 @@ class ReconnectMonitor:
     def diagnosed(self, diagnosis: Diagnosed) -> None:
         """Report the obstacle to the connection."""
         if self._since is not None:
-            state = f"has been unreachable for {_duration(self._elapsed())}"
+            state = f"has been unreachable for {duration(self._elapsed())}"
             self._notify(f"{self._subject} {state}: {diagnosis.obstacle}; {self._outlook()}")
 
     def _outlook(self) -> str:
-        return f"reconnecting for another {_duration(max(0.0, self._patience - self._elapsed()))}"
+        return f"reconnecting for another {duration(max(0.0, self._patience - self._elapsed()))}"
 
     def _elapsed(self) -> float:
         return 0.0 if self._since is None else self._system.monotonic() - self._since
 
     def _check_in(self, seconds: float) -> None:
         self._timer = self._system.later(seconds, lambda: self._put(CheckConnection()))
-
-
-def _duration(seconds: float) -> str:
-    """A duration as text for the user."""
-    return f"{seconds:.0f} s" if seconds < 100 else f"{seconds / 60:.0f} min"

@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
-from minerva_bus.wording import named_some
+from minerva_bus.wording import duration, named_some
 
 THEN: Final = {
     "restart": "it will be restarted",
@@ -153,7 +153,7 @@ class Waits:
     def outlook(self, member: str, waited: float, guest: bool) -> str:
         """The end of a log line: the next action for a member and its time; empty without one."""
         patience, deadlines = self.patience(member), self._deadlines
-        left = f"{max(0.0, patience.hard - waited):.0f} s"
+        left = duration(max(0.0, patience.hard - waited))
         action = THEN[patience.then]
         if patience.then == "restart":
             if member in deadlines.elsewhere:

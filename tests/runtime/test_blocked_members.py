@@ -78,8 +78,9 @@ def test_a_blocked_member_takes_one_line_per_restart(tmp_path):
         assert world.ends() == 1
     lines = world.text.splitlines()
     first = next(n for n, line in enumerate(lines) if "restart 1 of 3" in line)
-    again = [line for line in lines[first + 1 :] if line.startswith("walkers │")]
-    assert len(again) == 3, again
+    again = [line for line in lines[first + 1 :] if line.startswith("walkers │ did not answer")]
+    assert len(again) == 3, world.text
+    assert world.text.count("it is blocked in") == 1
 
 
 def test_the_log_has_all_frames_and_so_has_the_terminal_on_demand(tmp_path):

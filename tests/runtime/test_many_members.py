@@ -1,6 +1,7 @@
 """Worlds of many members: they start in batches, get time to start, and end together."""
 
 import os
+import re
 import resource
 import shutil
 import signal
@@ -130,10 +131,10 @@ def test_a_member_that_stops_in_every_frame_is_given_up(tmp_path):
         capture_output=True, text=True, timeout=60, check=False,
     )  # fmt: skip
     assert done.returncode == 1
-    assert (
-        "stops │ did not answer for 0 s (blocked as above), 3 times in a row; the world stops"
-        in done.stderr
+    pattern = (
+        r"stops │ did not answer for \S+ s \(blocked as above\), 3 times in a row; the world stops"
     )
+    assert re.search(pattern, done.stderr), done.stderr
 
 
 @pytest.mark.slow

@@ -16,6 +16,7 @@ from textual.widgets import DataTable, Footer, RichLog, Sparkline, Static
 from minerva_bus.cli.top import texts
 from minerva_bus.cli.top.charts import SeriesCharts
 from minerva_bus.errors import MinervaError
+from minerva_bus.wording import duration
 from minerva_bus.world.operator import CollectedSeries, LogEntry, LogLine, Operator, WorldStatus
 
 REFRESH_SECONDS: Final = 0.25
@@ -145,7 +146,7 @@ class Dashboard(App[None]):
         if self._is_gone():
             return
         silent = time.monotonic() - self._answered
-        self._static("trouble").update(f"no answer for {silent:.0f} s: {problem}")
+        self._static("trouble").update(f"no answer for {duration(silent)}: {problem}")
 
     def _show_members(self, status: WorldStatus) -> None:
         table = self._members()

@@ -14,6 +14,7 @@ from minerva_bus.grammar.scene import AgentNode, Scene, Value
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.semantics.legend import Legend, LegendEntry
 from minerva_bus.semantics.picture import rgb
+from minerva_bus.wording import duration
 from minerva_bus.world.operator import LogEntry, WorldStatus
 
 _MAX_CHARACTERS = 44
@@ -90,7 +91,7 @@ def _css_color(color: str, opacity: float) -> str:
 
 def _state(status: WorldStatus) -> str:
     if status.waiting and status.waited > 0.5:
-        return f"waiting for {', '.join(status.waiting)}, {status.waited:.0f} s"
+        return f"waiting for {', '.join(status.waiting)}, {duration(status.waited)}"
     return "paused" if status.paused else "running"
 
 
