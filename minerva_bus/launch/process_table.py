@@ -30,6 +30,9 @@ STACK_GAP_SECONDS: Final = 0.05
 MIN_RESTART_SECONDS: Final = 0.05
 MAX_RESTART_SECONDS: Final = 5.0
 
+CANNOT_TAKE_PART: Final = "cannot take part"
+"""Beginning, after its name, of the last line of a process that this world does not suit."""
+
 FAILURE_REPORT: Final = re.compile(r"failed(?: in frame \d+)?: ")
 """Beginning of a member's report about an error in its user code."""
 
@@ -178,6 +181,12 @@ class ProcessTable:
         # An empty line separates the stacks of two threads.
         if process.stacks is not None and (is_stack(line) or not line):
             process.stacks.append(line)
+            return
+        refusal = line.removeprefix(f"{process.name} ")
+        if refusal.startswith(CANNOT_TAKE_PART):
+            process.cause = refusal
+            if self.failures.is_new(line):
+                self._on_line(process.name, refusal)
         else:
             self._on_line(process.name, line)
 

@@ -18,6 +18,7 @@ from minerva_bus.launch.journaling import journal_path
 from minerva_bus.launch.machine import REAL, LaunchContext, Machine
 from minerva_bus.launch.memory import prepare, remove_orphans
 from minerva_bus.launch.process_table import (
+    CANNOT_TAKE_PART,
     FAILURE_REPORT,
     GONE,
     REPORT_SECONDS,
@@ -350,7 +351,9 @@ class Supervisor:
             return
         if self._ending.begun:
             if code == UNREADY:  # Its output says why.
-                self._ending.failure = self._ending.failure or f"{process.name} cannot take part"
+                self._ending.failure = (
+                    self._ending.failure or f"{process.name} {process.cause or CANNOT_TAKE_PART}"
+                )
             # A successor must not wait for it; the first coordinator was notified that it left.
             if self._coordinator.count:
                 self._abandon(process)
@@ -386,8 +389,9 @@ class Supervisor:
         if code in (RAISED, RAISED_BY_CHANCE):
             self._await_cause(process)
         # The report has been shown and is more specific than the exit code.
-        unready = "cannot take part" if code == UNREADY else ""
-        how = "failed" if process.cause else process.blocked or unready or how_ended(code)
+        unready = code == UNREADY
+        how = "failed" if process.cause else process.blocked or how_ended(code)
+        how = CANNOT_TAKE_PART if unready else how
         delay = process.fail(self._coordinator.frame)
         if delay is not None and self._processes.failures.repeated(spec, code, process.cause):
             # `fail` has set the time of a restart.
@@ -413,7 +417,8 @@ class Supervisor:
         """Stop the world because of a process; the summary has the cause in one line."""
         cause = process.cause.partition("\n")[0]
         self._stop(f"{process.name} {cause or why}")
-        more = " (--traceback shows all frames)" if cause and not self._console.traceback else ""
+        raised = FAILURE_REPORT.match(cause) and not self._console.traceback
+        more = " (--traceback shows all frames)" if raised else ""
         self._console.log(process.name, f"{why}; the world stops{more}", "error")
 
     def _await_cause(self, process: SupervisedProcess) -> None:

@@ -1,5 +1,6 @@
 """Members that are killed, raise, hang or leave, on a real bus; the result is the same."""
 
+import json
 import os
 import re
 import signal
@@ -105,7 +106,9 @@ def test_a_view_whose_port_is_in_use_fails_the_run(tmp_path, options):
         port = taken.getsockname()[1]
         done = minerva(tmp_path, "run", path, "--view", f"web:port={port}", *options)
     assert done.returncode == 1
-    assert (done.stdout + done.stderr).count(str(port)) == 1, done.stderr
+    # Once in the log, and once in the summary.
+    assert done.stderr.count(str(port)) == 1, done.stderr
+    assert done.stdout.count(str(port)) <= 1, done.stdout
     assert f"port {port} of 127.0.0.1 is in use; use another one" in done.stderr
 
 
@@ -138,9 +141,9 @@ def test_one_that_hangs_is_named_killed_and_started_again(tmp_path, deed):
         text = world.text
     assert re.search(
         r"rascal │ frame 5 \(events\) has been waiting for it for 0\.\d s;"
-        r" it will be restarted in [01] s", text
+        r" it will be restarted in \d(\.\d)? s", text
     )  # fmt: skip
-    assert "rascal │ no answer for 1 s: killing it" in text
+    assert re.search(r"rascal │ no answer for \d s: killing it", text)
     assert "rascal │ was killed by SIGKILL; restart 1 of 5" in text
     assert "│ no answer" in text
     assert text.count("killing it") == 1
@@ -164,7 +167,8 @@ def test_one_that_hangs_for_good_is_killed_again_and_again_until_the_world_stops
     path = write_world(tmp_path, rascal("loops", "restarts = 1"), bus="soft = 0.1\nhard = 0.5")
     with World(path) as world:
         assert world.ends() == 1
-        assert "rascal │ was killed by SIGKILL, 2 times in a row; the world stops" in world.text
+        # The line that it executes, and so whether it is the same one, differs between runs.
+        assert re.search(r"rascal │ .*, 2 times in a row; the world stops", world.text)
         world.gone()
 
 
@@ -174,3 +178,20 @@ def test_output_of_members_is_shown_completely_with_names(tmp_path):
         assert world.ends() == 0
         lines = [line for line in world.lines if line.startswith("rascal │ line ")]
     assert [int(line.split()[3]) for line in lines] == list(range(3000))
+
+
+def test_a_member_that_cannot_take_part_names_the_reason_in_the_summary(tmp_path):
+    (tmp_path / "unready.py").write_text(
+        "from minerva_bus import Generator\nfrom minerva_bus.errors import MisuseError\n"
+        "class Lidar(Generator):\n    def joined(self, info):\n"
+        "        raise MisuseError('the vocabulary has no eScan')\n"
+        "    def generate(self, tick):\n        return ()\n"
+    )
+    lidar = '[process.lidar]\nservice = "unready:Lidar"\nrestarts = 1\n'
+    path = write_world(tmp_path, lidar)
+    done = minerva(tmp_path, "run", path, "--json")
+    reason = "cannot take part: the vocabulary has no eScan"
+    assert done.returncode == 1
+    assert json.loads(done.stdout)["ended"] == f"lidar {reason}"
+    assert done.stderr.count(reason) == 1
+    assert "lidar │ cannot take part, 2 times in a row; the world stops" in done.stderr
