@@ -1,6 +1,7 @@
 """Functions about records give what the commands give: strings, tables, differences."""
 
 import json
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -20,7 +21,7 @@ from minerva_bus import (
     run,
 )
 from minerva_bus.errors import MisuseError, WorldFileError
-from tests.runtime.running import here, summary
+from tests.runtime.running import here, minerva, summary
 
 pytest.importorskip("mcap", reason="pip install 'minerva-bus[record]'")
 
@@ -109,10 +110,12 @@ def test_wrong_settings_of_a_resumed_run_are_named(copy, settings, problem):
         resume(copy, frames=20, **settings)
 
 
-def test_a_record_is_shown_in_a_view_as_by_the_command(folder, tmp_path):
+def test_a_record_is_shown_in_a_view_as_by_the_command(folder, tmp_path, monkeypatch):
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
     own, other = tmp_path / "own.svg", tmp_path / "other.svg"
     words = "--view", PAPER.format(other), "--speed", 0, "--json"
-    command = summary(here(folder, "replay", folder / "run.mcap", *words))
+    # Its processes are forked, which must not happen after this process has used Zenoh.
+    command = summary(minerva(folder, "replay", folder / "run.mcap", *words))
     done = replay_views(folder / "run.mcap", PAPER.format(own), speed=0, quiet=True)
     assert (done.frames, done.ended) == (10, "the record is over")
     assert (done.digest, done.ended) == (command["digest"], command["ended"])

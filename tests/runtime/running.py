@@ -19,6 +19,7 @@ import zenoh
 
 from minerva_bus.cli.main import main
 from minerva_bus.errors import BusError
+from minerva_bus.launch import forking
 from minerva_bus.runtime.client import Client
 
 MINERVA = [sys.executable, "-m", "minerva_bus.cli.main"]
@@ -98,8 +99,12 @@ def here(folder, *words):
     """Run the command in this process, if it starts no others: fifty times as fast."""
     out, err = StringIO(), StringIO()
     handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
-    told = patch.object(sys, "argv", ["minerva", *map(str, words)])
-    with chdir(folder), patch.dict(os.environ, environment(folder), clear=True), told:
+    arguments = patch.object(sys, "argv", ["minerva", *map(str, words)])
+    # A child of a process that has used Zenoh cannot use it.
+    reason = "this command starts processes: call `minerva` instead of `here`"
+    no_fork = patch.object(forking, "fork", side_effect=AssertionError(reason))
+    environ = patch.dict(os.environ, environment(folder), clear=True)
+    with chdir(folder), environ, arguments, no_fork:
         try:
             with redirect_stdout(out), redirect_stderr(err):
                 main()
