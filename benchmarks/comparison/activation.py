@@ -9,7 +9,6 @@ flock as it was before the step.
 
 from __future__ import annotations
 
-import math
 import statistics
 from collections.abc import Iterator
 from contextlib import ExitStack
@@ -19,7 +18,7 @@ from unittest.mock import patch
 
 from benchmarks.command import Option, Table, options
 from benchmarks.comparison.models import flocking
-from benchmarks.comparison.models.flocking import Bird
+from benchmarks.comparison.models.flocking import Bird, steer
 from benchmarks.comparison.models.forest_fire import BURNT, FIRE, TREE
 from benchmarks.comparison.parameters import PARAMETERS
 from minerva_bus import Cells
@@ -29,8 +28,6 @@ from minerva_bus.space import (
     Activation,
     CellGrid,
     beside,
-    go_to,
-    near,
     rule,
 )
 from minerva_bus.space.rules import SpaceRule
@@ -42,20 +39,7 @@ COLUMNS = {"model": "<12", "activation": "<13", "statistic": "<9", "mean": ">9.3
 @rule(SIMULTANEOUS, births=0)
 def fly_at_once(i: int, birds: Bird, before: Bird, sight: float, separation: float, cohere: float,
                 separate: float, match: float, speed: float):  # fmt: skip
-    vx = vy = 0.0
-    count = near(before, before.x[i], before.y[i], sight, i)
-    for k in range(count):
-        j, dx, dy = before.nearby[k], before.dx[k], before.dy[k]
-        vx += cohere * dx + match * before.vx[j]
-        vy += cohere * dy + match * before.vy[j]
-        if dx * dx + dy * dy < separation * separation:
-            vx -= separate * dx
-            vy -= separate * dy
-    vx = birds.vx[i] + vx / max(count, 1)
-    vy = birds.vy[i] + vy / max(count, 1)
-    length = math.sqrt(vx * vx + vy * vy)
-    birds.vx[i], birds.vy[i] = vx / length, vy / length
-    go_to(birds, i, birds.x[i] + speed * birds.vx[i], birds.y[i] + speed * birds.vy[i])
+    steer(i, birds, before, sight, separation, cohere, separate, match, speed)
 
 
 @rule(ORDERED)

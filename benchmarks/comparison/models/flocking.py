@@ -10,7 +10,7 @@ from benchmarks.comparison.figures import of_flock
 from benchmarks.comparison.parameters import Flocking
 from benchmarks.comparison.stepping import stepped
 from minerva_bus import Reals, on
-from minerva_bus.space import SHUFFLED, Column, InField, Space, go_to, near, rule
+from minerva_bus.space import SHUFFLED, Column, InField, Space, go_to, kernel, near, rule
 
 
 class Bird(InField):
@@ -19,22 +19,19 @@ class Bird(InField):
 
 
 @rule(SHUFFLED, births=0)
-def fly(
-    i: int,
-    birds: Bird,
-    sight: float,
-    separation: float,
-    cohere: float,
-    separate: float,
-    match: float,
-    speed: float,
-):
+def fly(i: int, birds: Bird, sight: float, separation: float, cohere: float, separate: float,
+        match: float, speed: float):  # fmt: skip
+    steer(i, birds, birds, sight, separation, cohere, separate, match, speed)
+
+
+@kernel
+def steer(i, birds, seen, sight, separation, cohere, separate, match, speed):
     vx = vy = 0.0
-    count = near(birds, birds.x[i], birds.y[i], sight, i)
+    count = near(seen, seen.x[i], seen.y[i], sight, i)
     for k in range(count):
-        j, dx, dy = birds.nearby[k], birds.dx[k], birds.dy[k]
-        vx += cohere * dx + match * birds.vx[j]
-        vy += cohere * dy + match * birds.vy[j]
+        j, dx, dy = seen.nearby[k], seen.dx[k], seen.dy[k]
+        vx += cohere * dx + match * seen.vx[j]
+        vy += cohere * dy + match * seen.vy[j]
         if dx * dx + dy * dy < separation * separation:
             vx -= separate * dx
             vy -= separate * dy
