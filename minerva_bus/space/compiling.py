@@ -15,7 +15,7 @@ import numpy as np
 
 from minerva_bus.compiled.loading import generated, versions
 from minerva_bus.errors import MisuseError
-from minerva_bus.space.kernels import OPTIONS, PURPOSE, Kernel, interpreting, key, numba
+from minerva_bus.space.kernels import ALLOCATING, OPTIONS, PURPOSE, Kernel, interpreting, key, numba
 
 Function = Callable[..., Any]
 _SHOWN: Final = 6
@@ -59,10 +59,19 @@ class RuleLoop:
             name: value.compiled if isinstance(value, Kernel) else value
             for name, value in self.scope.items()
         }
-        module = generated(self.source, versions(PURPOSE), self.signature, *self._keys())
-        function = _with_globals(module, scope)
+        options = repr(sorted(OPTIONS.items()))
+        parts = versions(PURPOSE), options, self.signature, *self._keys()
+        function = _with_globals(generated(self.source, *parts), scope)
         try:
             return library.njit(self.signature, cache=True, **OPTIONS)(function)
+        except library.core.errors.NumbaError:
+            # The rule may create arrays; if that is not the reason, the error is the same again.
+            return self._compile_allocating(function)
+
+    def _compile_allocating(self, function: Function) -> Function:
+        library = numba()
+        try:
+            return library.njit(self.signature, cache=True, **ALLOCATING)(function)
         except library.core.errors.NumbaError as error:
             lines = [line for line in str(error).splitlines() if line.strip()]
             raise MisuseError(

@@ -20,8 +20,13 @@ from minerva_bus.compiled.loading import NUMBA_OPTIONS, numba_library
 _P = ParamSpec("_P")
 _R = TypeVar("_R")
 
-OPTIONS: Final[Mapping[str, Any]] = {**NUMBA_OPTIONS, "boundscheck": True}
-"""Indices are checked, because a rule computes its own."""
+OPTIONS: Final[Mapping[str, Any]] = {**NUMBA_OPTIONS, "boundscheck": True, "_nrt": False}
+"""Indices are checked, because a rule computes its own. Without numba's runtime (NRT), references
+to arrays are not counted: each inlined kernel counted those to all arrays of its table, which took
+up to six times as long as the rule."""
+
+ALLOCATING: Final[Mapping[str, Any]] = {**OPTIONS, "_nrt": True}
+"""For rules that create arrays, which the runtime has to release."""
 
 PURPOSE: Final = "rules of a space"
 """What needs numba, in messages."""

@@ -12,6 +12,7 @@ from space.worlds import (
     count_near,
     eStep,
     flock,
+    grow,
     meadow,
     moment,
     town,
@@ -306,6 +307,29 @@ def test_a_rule_that_cannot_be_compiled_is_explained():
     with pytest.raises(MinervaError, match="texts cannot be compiled") as error:
         meadow().run(moment(), texts)
     assert len(str(error.value).splitlines()) <= 10
+
+
+def test_a_rule_may_create_arrays():
+    @rule(ORDERED)
+    def average(i: int, sheep: Sheep):
+        recent = np.zeros(2)
+        recent[0] = sheep.energy[i]
+        sheep.energy[i] = recent.mean()
+
+    compiled = meadow()
+    compiled.run(moment(), average)
+    with interpreted():
+        slow = meadow()
+        slow.run(moment(), average)
+    assert compiled.string == slow.string != meadow().string
+
+
+def test_running_a_rule_keeps_no_references_to_its_arrays():
+    grass, cells, draws = np.ones(16, np.int16), np.arange(16), np.zeros(1, np.uint64)
+    before = sys.getrefcount(grass), sys.getrefcount(cells)
+    for _ in range(10):
+        grow.drive(0, cells, draws, grass)
+    assert (sys.getrefcount(grass), sys.getrefcount(cells)) == before
 
 
 def test_tables_explain_wrong_names():
