@@ -49,15 +49,15 @@ class JupyterLab:
             stderr=subprocess.PIPE, text=True,
         )  # fmt: skip
         assert self.process.stderr is not None
-        self.url = announced(self.process.stderr, re.compile(r"http://127\.0\.0\.1:\d+"))
-        self.query = f"?reset&token={token}"
+        url = announced(self.process.stderr, re.compile(r"http://127\.0\.0\.1:\d+"))
+        self.address = f"{url}/lab?token={token}"
         # A full pipe would stop the server.
         Thread(target=self.process.stderr.read, daemon=True).start()
 
-    def address(self, notebook: str) -> str:
-        return f"{self.url}/lab/tree/{notebook}{self.query}"
+    def __enter__(self) -> "JupyterLab":
+        return self
 
-    def close(self):
+    def __exit__(self, *_: object):
         """End the server, which ends its kernels."""
         self.process.terminate()
         self.process.wait()
@@ -74,24 +74,29 @@ def announced(log: IO[str], pattern: re.Pattern[str]) -> str:
 
 
 class OpenNotebook:
-    """A notebook in JupyterLab; `page` is a page of Playwright."""
+    """A notebook in a tab of JupyterLab; `page` is a page of Playwright that shows JupyterLab."""
 
-    def __init__(self, page, lab: JupyterLab, name: str):
+    def __init__(self, page, name: str):
         self.page = page
-        page.goto(lab.address(name))
-        self.panel = page.locator(".jp-NotebookPanel")
+        page.locator(".jp-DirListing-item", has_text=name).dblclick()
+        tab = page.locator(f'.lm-TabBar-tab.lm-mod-current[title*="Path: {name}"]')
+        # Panels of notebooks that were opened before stay in the document, hidden.
+        self.panel = page.locator(f"#{tab.get_attribute('data-id')}")
         self._idle()
 
     def _idle(self):
-        self.page.locator("#jp-main-statusbar").get_by_text("| Idle").wait_for()
+        """Wait until the kernel is connected and has run everything."""
+        # Without a kernel yet, the indicator in the notebook's toolbar is idle, too.
+        self.page.locator("#jp-main-statusbar").get_by_text("(ipykernel) | Idle").wait_for()
 
     def run_all(self):
-        """Choose Run All Cells in the menu and wait until each cell has its number."""
+        """Choose Run All Cells in the menu; wait until the last cell has its number, or an error."""
         self.page.get_by_role("menuitem", name="Run", exact=True).click()
         self.page.get_by_role("menuitem", name="Run All Cells", exact=True).click()
-        self.panel.locator(".jp-CodeCell").last.locator(
+        last = self.panel.locator(".jp-CodeCell").last.locator(
             ".jp-InputPrompt", has_text=re.compile(r"\[\d+\]:")
-        ).wait_for()
+        )
+        last.or_(self._errors()).first.wait_for()
         self._idle()
 
     def cell(self, code: str):
@@ -113,7 +118,13 @@ class OpenNotebook:
 
     def errors(self) -> list[str]:
         """Texts of outputs that report an error."""
-        return self.outputs("application/vnd.jupyter.error").all_inner_texts()
+        return self._errors().all_inner_texts()
+
+    def _errors(self):
+        # JupyterLab shows errors as it shows stderr, which may also have warnings.
+        return self.outputs("application/vnd.jupyter.stderr").filter(
+            has_text=re.compile(r"Error\b")
+        )
 
     def outputs(self, kind: str):
         """Outputs of a type, such as text/html."""

@@ -24,30 +24,20 @@ pytestmark = [
 
 
 @pytest.fixture(scope="module")
-def lab(tmp_path_factory):
+def page(tmp_path_factory):
+    """JupyterLab in one page for all tests: it takes longer to load than most notebooks to run."""
     lab = JupyterLab(tmp_path_factory.mktemp("lab"), sorted(FOLDER.glob("*.ipynb")))
-    yield lab
-    lab.close()
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with playwright.sync_playwright() as player:
+    with lab, playwright.sync_playwright() as player:
         browser = player.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
-        yield browser
+        page = browser.new_page(viewport={"width": 1280, "height": 1000})
+        page.set_default_timeout(1000 * PATIENCE)
+        page.goto(lab.address)
+        yield page
         browser.close()
 
 
-@pytest.fixture
-def page(browser):
-    page = browser.new_page(viewport={"width": 1280, "height": 1000})
-    page.set_default_timeout(1000 * PATIENCE)
-    yield page
-    page.close()
-
-
-def test_the_live_notebook_runs_and_its_buttons_work(lab, page):
-    notebook = OpenNotebook(page, lab, LIVE)
+def test_the_live_notebook_runs_and_its_buttons_work(page):
+    notebook = OpenNotebook(page, LIVE)
     notebook.run_all()
     assert notebook.errors() == []
     steps = notebook.panel.get_by_role("button", name="Step", exact=True)
@@ -78,10 +68,9 @@ def test_the_live_notebook_runs_and_its_buttons_work(lab, page):
     assert notebook.errors() == []
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", OTHERS)
-def test_a_notebook_runs_and_shows_its_outputs(lab, page, name):
-    notebook = OpenNotebook(page, lab, name)
+def test_a_notebook_runs_and_shows_its_outputs(page, name):
+    notebook = OpenNotebook(page, name)
     notebook.run_all()
     assert notebook.errors() == []
     plots = (FOLDER / name).read_text(encoding="utf-8").count("plt.show()")
