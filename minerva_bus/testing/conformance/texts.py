@@ -95,7 +95,7 @@ def text_of(message: m.FromMember | m.Readings, state: KnownState, figures: Iter
             readings = [plain_reading(reading) for reading in message.readings]
             return f"readings {message.topic} {message.frame}: {readings}"
         case m.Report():
-            shown = {name: message.figures.get(name) for name in sorted(figures)}
+            shown = {name: _figure(message.figures.get(name)) for name in sorted(figures)}
             return f"report {shown}"
         case m.Resync():
             return f"resync {message.event_type}"
@@ -103,6 +103,11 @@ def text_of(message: m.FromMember | m.Readings, state: KnownState, figures: Iter
             return f"failed in frame {message.frame}: {message.problem[:200]}"
         case _:
             return type(message).WIRE.name
+
+
+def _figure(value: float | str | bool | None) -> float | str | bool | None:
+    """A figure; a whole number as an integer, because both stand for the same number (P8.6)."""
+    return int(value) if isinstance(value, float) and value.is_integer() else value
 
 
 def _hello(hello: m.Hello) -> str:

@@ -61,7 +61,7 @@ _PART_VIEW: Final = Deliver(
 
 _DRAWN: Final = (
     _case("draw.key", "draws a key view", "P10.1 P10.2", key_view(3, 1, a=1.0, b=2.5)),
-    _case("draw.empty", "draws an empty view", "P10.1 P10.2", key_view(3, 1)),
+    _case("draw.empty", "draws an empty view", "P10.1 P10.2 P8.6", key_view(3, 1)),
     _case(
         "draw.delta", "replaces the parts of a delta", "P10.3",
         key_view(0, 1, a=1.0, b=2.5), delta_view(1, 2, b=4.0), delta_view(2, 3, a=0.5),
