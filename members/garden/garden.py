@@ -1,0 +1,72 @@
+"""The garden of the README: its vocabulary for members in all languages, snails and a picture."""
+
+from pathlib import Path
+
+from minerva_bus import (
+    EMPTY,
+    Agent,
+    Default,
+    Device,
+    EventType,
+    Primitive,
+    View,
+    Vocabulary,
+    on,
+    view,
+)
+
+PShell = Primitive("PShell", size=float)
+eRain = EventType("eRain")
+eSun = EventType("eSun", heat=Default(float, 0.2))
+eShow = EventType("eShow", visual=True)
+
+
+class Snail(Agent, symbol="ASnail"):
+    """A snail drinks in the rain, divides when it is full, and dies when it is dry."""
+
+    water: float = 3.0
+    births: int = 0
+
+    @on("eRain")
+    def drink(self, rain, moment):
+        """Drink, and divide."""
+        self.water += moment.chance.random()
+        if self.water > 5:
+            self.water /= 2
+            return self.string + self.child(water=self.water)
+
+    @on("eSun")
+    def dry(self, sun, moment):
+        """Dry, and die."""
+        self.water -= sun.heat
+        if self.water <= 0:
+            return EMPTY
+
+    @view("eShow")
+    def show(self, show):
+        """A shell as large as the snail is wet."""
+        return PShell(self.water)
+
+
+class Picture(Device, draws=("eShow",)):
+    """Writes the sizes of all shells to garden.txt, a line for each view."""
+
+    every = 10
+
+    def __init__(self) -> None:
+        self.shells = 0
+
+    def show(self, view: View) -> None:
+        """Write a line."""
+        sizes = [node.values[0] for node in view.scene.nodes]
+        self.shells = len(sizes)
+        line = f"{view.frame}: {' '.join(f'{size:.3f}' for size in sizes)}\n"
+        with Path("garden.txt").open("a", encoding="utf-8") as file:
+            file.write(line)
+
+    def report(self) -> dict:
+        """Number of shells in the last view."""
+        return {"shells": self.shells}
+
+
+vocabulary = Vocabulary.of(PShell, eRain, eSun, eShow, Snail)
