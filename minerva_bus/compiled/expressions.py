@@ -696,7 +696,9 @@ class Expressions:
             arguments = [self.negative(node, arguments[0])]
         convert = self._bound if name == "integers" else self.as_mixed
         given = [convert(argument) for argument in arguments]
-        return Call(distribution.kind, f"draw_{name}", (STATE, WORDS, ROW, *given))
+        if name == "integers":
+            return self.fault(distribution.kind, "draw_integers", WORDS, ROW, *given)
+        return Call(distribution.kind, f"draw_{name}", (WORDS, ROW, *given))
 
     def _bound(self, value: Expression) -> Expression:
         return self.fault(ValueKind.INT, "bound", value)

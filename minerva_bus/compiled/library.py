@@ -8,7 +8,6 @@ only generated modules import this one.
 from __future__ import annotations
 
 import math
-from types import FunctionType
 from typing import Any
 
 import numpy as np
@@ -19,11 +18,20 @@ from numba import (  # pyright: ignore[reportMissingTypeStubs]
     njit,  # pyright: ignore[reportUnknownVariableType]
     types,
     uint8,  # noqa: F401  # pyright: ignore[reportUnusedImport]
-    uint64,
+    uint64,  # noqa: F401  # pyright: ignore[reportUnusedImport]
 )
 
 from minerva_bus.compiled.loading import NUMBA_OPTIONS
-from minerva_bus.portable import arcs, circle, exponentials, lengths, logarithms, powers
+from minerva_bus.compiled.sources import PortableForms
+from minerva_bus.portable import (
+    arcs,
+    circle,
+    distributions,
+    exponentials,
+    lengths,
+    logarithms,
+    powers,
+)
 
 compiled: Any = njit(**NUMBA_OPTIONS)
 
@@ -344,21 +352,7 @@ def _never(x: float) -> tuple[int, float, float]:
     return 0, x, x
 
 
-_made: dict[FunctionType, Any] = {circle.far: compiled(_never)}
-
-
-def _from_source(function: FunctionType) -> Any:
-    """A function of `portable`, with the functions of `portable` that it calls, compiled."""
-    if function not in _made:
-        scope = dict(function.__globals__)
-        for name in function.__code__.co_names:
-            used = scope.get(name)
-            if isinstance(used, FunctionType) and used.__module__.startswith(
-                "minerva_bus.portable"
-            ):
-                scope[name] = _from_source(used)
-        _made[function] = compiled(FunctionType(function.__code__, scope, function.__name__))
-    return _made[function]
+_from_source = PortableForms(compiled, _never).of
 
 
 def _portable(function: Any, least: float, most: float) -> Any:
@@ -377,11 +371,9 @@ def _portable(function: Any, least: float, most: float) -> Any:
 
 _FAR = 1.6e6
 _BIG = 1.7e308
-_log = _from_source(logarithms.log_one)  # pyright: ignore[reportArgumentType]
-_cos_turns = _from_source(circle.cos_turns_one)  # pyright: ignore[reportArgumentType]
-_atan2 = _from_source(arcs.atan2_one)  # pyright: ignore[reportArgumentType]
-_hypot = _from_source(lengths.hypot_one)  # pyright: ignore[reportArgumentType]
-_power = _from_source(powers.power_one)  # pyright: ignore[reportArgumentType]
+_atan2 = _from_source(arcs.atan2_one)
+_hypot = _from_source(lengths.hypot_one)
+_power = _from_source(powers.power_one)
 
 _ONE = math.nextafter(1.0, 2.0)
 portable_acos = _portable(arcs.acos_one, -_ONE, _ONE)
@@ -426,28 +418,14 @@ def portable_power(state: Any, base: float, exponent: float) -> float:
     return _power(base, exponent)
 
 
-# --- draws: SplitMix64, as in world/rng.py ---
+# --- draws ---
 
-
-@compiled
-def _unit(words: Any, i: int) -> float:
-    word = words[i] + uint64(0x9E3779B97F4A7C15)
-    words[i] = word
-    word = (word ^ (word >> uint64(30))) * uint64(0xBF58476D1CE4E5B9)
-    word = (word ^ (word >> uint64(27))) * uint64(0x94D049BB133111EB)
-    return ((word ^ (word >> uint64(31))) >> uint64(11)) * 2.0**-53
-
-
-@compiled
-def draw_random(state: Any, words: Any, i: int) -> float:
-    """Uniform in [0, 1)."""
-    return _unit(words, i)
-
-
-@compiled
-def draw_uniform(state: Any, words: Any, i: int, low: float, high: float) -> float:
-    """Uniform in [low, high)."""
-    return low + (high - low) * _unit(words, i)
+draw_random = _from_source(distributions.draw_random)
+draw_uniform = _from_source(distributions.draw_uniform)
+draw_chance = _from_source(distributions.draw_chance)
+draw_exponential = _from_source(distributions.draw_exponential)
+draw_normal = _from_source(distributions.draw_normal)
+_integers = _from_source(distributions.draw_integers)
 
 
 @compiled
@@ -456,27 +434,7 @@ def draw_integers(state: Any, words: Any, i: int, low: int, high: int) -> int:
     if high <= low:
         state[0] = 1.0
         return 0
-    return low + int(float(high - low) * _unit(words, i))
-
-
-@compiled
-def draw_chance(state: Any, words: Any, i: int, probability: float) -> bool:
-    """True with a probability."""
-    return _unit(words, i) < probability
-
-
-@compiled
-def draw_exponential(state: Any, words: Any, i: int, minus_mean: float) -> float:
-    """Exponentially distributed."""
-    return minus_mean * _log(1.0 - _unit(words, i))
-
-
-@compiled
-def draw_normal(state: Any, words: Any, i: int, mean: float, deviation: float) -> float:
-    """Normally distributed, by the steps of `portable.normal`."""
-    first = _unit(words, i)
-    second = _unit(words, i)
-    return mean + deviation * (math.sqrt(-2.0 * _log(1.0 - first)) * _cos_turns(second))
+    return _integers(words, i, low, high)
 
 
 # --- names of generated modules ---

@@ -69,6 +69,8 @@ def _named(function: Callable[..., Any], scalar: Callable[..., Any]) -> Callable
         "_"
     )
     function.__doc__, function.__module__ = scalar.__doc__, scalar.__module__
+    # The form that compiled code calls.
+    vars(function)["one"] = scalar
     return function
 
 

@@ -1,6 +1,15 @@
 """Spaces: lattices and fields whose inhabitants follow compiled rules; see `Space` and `rule`."""
 
-from minerva_bus.space.draws import Draws, chance, integers, random, shuffle, uniform
+from minerva_bus.space.draws import (
+    Draws,
+    chance,
+    exponential,
+    integers,
+    normal,
+    random,
+    shuffle,
+    uniform,
+)
 from minerva_bus.space.field import FieldGrid, go_to, near
 from minerva_bus.space.kernels import interpreted, kernel
 from minerva_bus.space.lattice import CellGrid, beside, next_cell
@@ -24,6 +33,7 @@ __all__ = [
     "beside",
     "chance",
     "copy",
+    "exponential",
     "go_to",
     "integers",
     "interpreted",
@@ -31,6 +41,7 @@ __all__ = [
     "move_to",
     "near",
     "next_cell",
+    "normal",
     "random",
     "random_at",
     "random_free",

@@ -11,8 +11,6 @@ from dataclasses import dataclass, field
 from types import ModuleType
 from typing import Any, Final
 
-import numpy as np
-
 from minerva_bus.compiled.loading import generated, versions
 from minerva_bus.errors import MisuseError
 from minerva_bus.space.kernels import ALLOCATING, OPTIONS, PURPOSE, Kernel, interpreting, key, numba
@@ -46,9 +44,7 @@ class RuleLoop:
         if interpreting():
             if self._interpreted is None:
                 self._interpreted = _with_globals(generated(self.source), self.scope)
-            # Products of words exceed 64 bits on purpose.
-            with np.errstate(over="ignore"):
-                return self._interpreted(*arguments)
+            return self._interpreted(*arguments)
         if self._compiled is None:
             self._compiled = self._compile()
         return self._compiled(*arguments)

@@ -1,4 +1,4 @@
-"""Random numbers in rules: those of `moment.chance`, in the same order (`minerva_bus.world.rng`).
+"""Random numbers in rules: the methods of `moment.chance` as functions, with the same numbers.
 
 All rules of a frame continue one stream, that of (seed, id of the space, frame).
 """
@@ -10,46 +10,60 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from minerva_bus.portable.distributions import (
+    draw_chance,
+    draw_exponential,
+    draw_integers,
+    draw_normal,
+    draw_random,
+    draw_uniform,
+)
 from minerva_bus.space.kernels import kernel
 
 Draws: TypeAlias = NDArray[np.uint64]
 """A random stream, shape (1,); the parameter of a rule with this annotation."""
 
-# The constants of SplitMix64, as in `minerva_bus.world.rng`.
-GAMMA = np.uint64(0x9E3779B97F4A7C15)
-FIRST = np.uint64(0xBF58476D1CE4E5B9)
-SECOND = np.uint64(0x94D049BB133111EB)
-UNIT = 2.0**-53
-R11, R27, R30, R31 = np.uint64(11), np.uint64(27), np.uint64(30), np.uint64(31)
-
 
 @kernel
 def random(draws: Draws) -> float:
     """Uniform in [0, 1)."""
-    draws[0] += GAMMA
-    word = draws[0]
-    word = (word ^ (word >> R30)) * FIRST
-    word = (word ^ (word >> R27)) * SECOND
-    word = word ^ (word >> R31)
-    return float(word >> R11) * UNIT
+    return draw_random(draws, 0)
 
 
 @kernel
-def integers(draws: Draws, low: int, high: int) -> int:
-    """An int in [low, high)."""
-    return low + int((high - low) * random(draws))
+def uniform(draws: Draws, low: float = 0.0, high: float = 1.0) -> float:
+    """Uniform in [low, high)."""
+    return draw_uniform(draws, 0, low, high)
+
+
+@kernel
+def integers(draws: Draws, low: int, high: int | None = None) -> int:
+    """An int in [low, high), or in [0, low) without `high`. Raises ValueError if there is none."""
+    if high is None:
+        least, below = 0, low
+    else:
+        least, below = low, high
+    if below <= least:
+        raise ValueError(EMPTY_RANGE)
+    return draw_integers(draws, 0, least, below)
 
 
 @kernel
 def chance(draws: Draws, probability: float) -> bool:
     """True with this probability."""
-    return random(draws) < probability
+    return draw_chance(draws, 0, probability)
 
 
 @kernel
-def uniform(draws: Draws, low: float, high: float) -> float:
-    """Uniform in [low, high)."""
-    return low + (high - low) * random(draws)
+def exponential(draws: Draws, mean: float = 1.0) -> float:
+    """Exponentially distributed, with this mean."""
+    return draw_exponential(draws, 0, -mean)
+
+
+@kernel
+def normal(draws: Draws, mean: float = 0.0, deviation: float = 1.0) -> float:
+    """Normally distributed; takes two draws."""
+    return draw_normal(draws, 0, mean, deviation)
 
 
 @kernel
@@ -60,3 +74,6 @@ def shuffle(draws: Draws, rows: NDArray[np.int64]) -> None:
         row = rows[last]
         rows[last] = rows[other]
         rows[other] = row
+
+
+EMPTY_RANGE = "integers: no int is in this range; expected low < high"

@@ -1,21 +1,25 @@
 """Functions that numba compiles when a rule needs them, and that Python can run as they are.
 
-A kernel calls only kernels that are names of its module, uses its module's numbers, and computes
-with + - * / and the square root: other functions of `math` have other last bits on other machines.
+A kernel calls kernels that are names of its module and functions of `portable`, and uses its
+module's numbers. Functions of `math`, except the square root, have other last bits on other
+machines.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Iterator, Mapping
+from collections.abc import Callable, Collection, Generator, Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
+from functools import cache
 from hashlib import blake2b
-from types import CodeType, FunctionType
+from types import CodeType, FunctionType, ModuleType
 from typing import Any, Final, Generic, ParamSpec, TypeVar, cast
 
 import numpy as np
 
+from minerva_bus import portable
 from minerva_bus.compiled.loading import NUMBA_OPTIONS, numba_library
+from minerva_bus.compiled.sources import PortableForms, is_portable
 
 _P = ParamSpec("_P")
 _R = TypeVar("_R")
@@ -31,7 +35,7 @@ ALLOCATING: Final[Mapping[str, Any]] = {**OPTIONS, "_nrt": True}
 PURPOSE: Final = "rules of a space"
 """What needs numba, in messages."""
 
-_FROZEN: Final = (int, float, tuple, np.generic)
+_FROZEN: Final = (int, float, str, tuple, np.generic)
 """Objects of a module whose values become part of the compiled code."""
 
 _interpreting: ContextVar[bool] = ContextVar("interpreting", default=False)
@@ -75,11 +79,34 @@ def numba() -> Any:
     return numba_library(PURPOSE)
 
 
+@cache
+def _portable_forms() -> PortableForms:
+    return PortableForms(numba().njit(**OPTIONS), _too_far)
+
+
+def _too_far(x: float) -> tuple[int, float, float]:
+    raise ValueError("rules of a space take angles up to 1.6 million radians")
+
+
+def _of_portable(used: Collection[str]) -> ModuleType:
+    """The module `portable` with compiled forms of those of its functions that are used."""
+    module = ModuleType(portable.__name__)
+    for name in sorted(set(portable.__all__) & set(used)):
+        setattr(module, name, _portable_forms().of(getattr(portable, name)))
+    return module
+
+
 def rebound(function: FunctionType) -> FunctionType:
-    """The same function, with its kernels replaced by compiled ones."""
-    scope = dict(function.__globals__)
+    """The same function; its kernels and functions of `portable` replaced by compiled ones."""
+    scope, used = dict(function.__globals__), function.__code__.co_names
     for name, helper in _helpers(function):
         scope[name] = helper.compiled
+    for name in used:
+        value = scope.get(name)
+        if value is portable:
+            scope[name] = _of_portable(used)
+        elif is_portable(value):
+            scope[name] = _portable_forms().of(value)
     return FunctionType(function.__code__, scope, function.__name__, function.__defaults__)
 
 
@@ -106,7 +133,8 @@ def _code(function: FunctionType, known: dict[CodeType, bytes]) -> list[bytes]:
         numbers = [
             (name, repr(cast("Any", each))) for name, each in named if isinstance(each, _FROZEN)
         ]
-        parts = (code.co_code, code.co_consts, code.co_names, code.co_varnames, numbers)
+        defaults = repr(function.__defaults__)
+        parts = (code.co_code, code.co_consts, code.co_names, code.co_varnames, numbers, defaults)
         known[code] = repr(parts).encode()
         for _, helper in _helpers(function):
             _code(helper.function, known)

@@ -1,8 +1,8 @@
 """Random streams, keyed by (seed, id, frame): draws do not depend on where an agent runs.
 
 `Rng` draws for one agent, `RngBatch` a number for each agent of a population. Both have the same
-interface and draw the same numbers: SplitMix64 (Steele, Lea and Flood 2014), seeded for each agent
-with a hash of the key. numpy's generators cannot be seeded for a million streams per frame.
+interface and draw the same numbers: SplitMix64 (`portable.splitmix`), seeded for each agent with a
+hash of the key. numpy's generators cannot be seeded for a million streams per frame.
 `stream` is a numpy Generator with all of numpy's distributions.
 
 Normal and exponential draws use `minerva_bus.portable`, because numpy's logarithm depends on the
@@ -15,7 +15,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import lru_cache
 from hashlib import blake2b
-from math import floor
 from typing import Any, Final, Generic, TypeVar
 
 import numpy as np
@@ -23,19 +22,19 @@ from numpy.typing import NDArray
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.ids import Ids
-from minerva_bus.portable import log
-from minerva_bus.portable.normal import standard_normal
+from minerva_bus.portable.distributions import between, exponential, normally, whole_between
+from minerva_bus.portable.splitmix import (
+    GAMMA,
+    MASK,
+    Words,
+    mixed_many,
+    mixed_one,
+    unit_many,
+    unit_one,
+)
 
-Words = NDArray[np.uint64]
 Numbers = NDArray[np.float64]
 Rows = NDArray[np.intp]
-
-# The constants of SplitMix64. `_GAMMA` is odd, so a stream has a period of 2^64.
-_GAMMA: Final = 0x9E3779B97F4A7C15
-_FIRST: Final = 0xBF58476D1CE4E5B9
-_SECOND: Final = 0x94D049BB133111EB
-_UNIT: Final = 2.0**-53
-_MASK: Final = (1 << 64) - 1
 
 _BEGIN_ALL: Final = 16
 """Once one in this many agents has drawn singly, seeding all streams is cheaper."""
@@ -54,7 +53,7 @@ def hash_of(agent: str) -> int:
     """Polynomial hash of an id's bytes, modulo 2^64; equal to `Ids.hashes`."""
     value = 0
     for letter in agent.encode():
-        value = (value * _GAMMA + letter) & _MASK
+        value = (value * GAMMA + letter) & MASK
     return value
 
 
@@ -89,7 +88,7 @@ class _Distributions(Generic[_B, _I, _R]):
         """Uniform in [0, 1)."""
         raise NotImplementedError
 
-    def _floored(self, least: Any, number: _R) -> _I:
+    def _whole(self, unit: _R, least: Any, below: Any) -> _I:
         raise NotImplementedError
 
     def _typed(self, number: Any) -> _R:
@@ -97,7 +96,7 @@ class _Distributions(Generic[_B, _I, _R]):
 
     def uniform(self, low: Any = 0.0, high: Any = 1.0) -> _R:
         """Uniform in [low, high)."""
-        return low + (high - low) * self.random()
+        return between(self.random(), low, high)
 
     def integers(self, low: Any, high: Any = None) -> _I:
         """An int in [low, high), or in [0, low) without `high`; bounds below 2^53.
@@ -110,7 +109,7 @@ class _Distributions(Generic[_B, _I, _R]):
         none = below <= least
         if none is True or (none is not False and np.any(none)):
             raise MisuseError(f"no integer is in [{least}, {below}); expected low < high")
-        return self._floored(least, (below - least) * self.random())
+        return self._whole(self.random(), least, below)
 
     def chance(self, probability: Any) -> _B:
         """True with this probability."""
@@ -118,12 +117,11 @@ class _Distributions(Generic[_B, _I, _R]):
 
     def exponential(self, mean: Any = 1.0) -> _R:
         """Exponentially distributed, with this mean."""
-        # 1 - u is in (0, 1], so the logarithm is finite.
-        return self._typed(-mean * log(1.0 - self.random()))
+        return self._typed(exponential(self.random(), -mean))
 
     def normal(self, mean: Any = 0.0, deviation: Any = 1.0) -> _R:
         """Normally distributed, by the method of Box and Muller (1958); takes two draws."""
-        return self._typed(mean + deviation * standard_normal(self.random(), self.random()))
+        return self._typed(normally(self.random(), self.random(), mean, deviation))
 
 
 class Rng(_Distributions[bool, int, float]):
@@ -137,17 +135,16 @@ class Rng(_Distributions[bool, int, float]):
     @staticmethod
     def of(agent: int, key: int) -> Rng:
         """The stream of an agent with this hash under a frame's key."""
-        # Mixed: hashes of similar ids may differ by `_GAMMA`, the step of a stream, and one stream
+        # Mixed: hashes of similar ids may differ by `GAMMA`, the step of a stream, and one stream
         # would then be a shifted copy of the other.
-        return Rng(_mixed_int(agent ^ key))
+        return Rng(mixed_one(agent ^ key))
 
     def random(self) -> float:
-        self.word = (self.word + _GAMMA) & _MASK
-        # The upper 53 bits of the word are what a float64 in [0, 1) holds exactly.
-        return (_mixed_int(self.word) >> 11) * _UNIT
+        self.word = (self.word + GAMMA) & MASK
+        return unit_one(self.word)
 
-    def _floored(self, least: int, number: float) -> int:
-        return least + floor(number)
+    def _whole(self, unit: float, least: int, below: int) -> int:
+        return whole_between(unit, least, below)
 
     def _typed(self, number: Any) -> float:
         return float(number)
@@ -165,7 +162,7 @@ class RngBatch(_Distributions[NDArray[np.bool_], NDArray[np.int64], Numbers]):
     @staticmethod
     def begin(agents: Words, key: int) -> Words:
         """Initial states of the streams of agents with these hashes."""
-        return _mixed(agents ^ np.uint64(key))
+        return mixed_many(agents ^ np.uint64(key))
 
     def of(self, rows: Rows | None) -> RngBatch:
         """Draws of a selection of these rows; the other streams do not advance."""
@@ -175,15 +172,15 @@ class RngBatch(_Distributions[NDArray[np.bool_], NDArray[np.int64], Numbers]):
 
     def random(self) -> Numbers:
         if self._rows is None:
-            self.words += np.uint64(_GAMMA)
+            self.words += np.uint64(GAMMA)
             words = self.words
         else:
-            words = self.words[self._rows] + np.uint64(_GAMMA)
+            words = self.words[self._rows] + np.uint64(GAMMA)
             self.words[self._rows] = words
-        return (_mixed(words) >> np.uint64(11)).astype(np.float64) * _UNIT
+        return unit_many(words)
 
-    def _floored(self, least: Any, number: Numbers) -> NDArray[np.int64]:
-        return least + number.astype(np.int64)
+    def _whole(self, unit: Numbers, least: Any, below: Any) -> NDArray[np.int64]:
+        return least + ((below - least) * unit).astype(np.int64)
 
     def _typed(self, number: Numbers) -> Numbers:
         return number
@@ -238,20 +235,3 @@ class Streams:
                 words = np.array(begun, np.uint64)
             self._batch = RngBatch(words)
         return self._batch
-
-
-def _mixed(words: Words) -> Words:
-    # One new array; all other steps are in place, because a frame may have a million words.
-    mixed = words >> np.uint64(30)
-    mixed ^= words
-    mixed *= np.uint64(_FIRST)
-    mixed ^= mixed >> np.uint64(27)
-    mixed *= np.uint64(_SECOND)
-    mixed ^= mixed >> np.uint64(31)
-    return mixed
-
-
-def _mixed_int(word: int) -> int:
-    word = ((word ^ (word >> 30)) * _FIRST) & _MASK
-    word = ((word ^ (word >> 27)) * _SECOND) & _MASK
-    return word ^ (word >> 31)

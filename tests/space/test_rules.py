@@ -1,6 +1,7 @@
 """Rules of spaces: activation, births and deaths, draws, searches, and messages of errors."""
 
 import sys
+from contextlib import nullcontext
 
 import numpy as np
 import pytest
@@ -18,9 +19,10 @@ from space.worlds import (
     town,
 )
 
-from minerva_bus import MinervaError, Reals, evolve
+from minerva_bus import MinervaError, Reals, evolve, portable
 from minerva_bus.compiled.loading import generated
 from minerva_bus.grammar.scene import agents
+from minerva_bus.portable import cos
 from minerva_bus.space import (
     ORDERED,
     SHUFFLED,
@@ -29,15 +31,20 @@ from minerva_bus.space import (
     Draws,
     OnLattice,
     Space,
+    chance,
     compiling,
     copy,
+    exponential,
     integers,
     interpreted,
+    normal,
     random,
     random_at,
     remove,
     rule,
+    uniform,
 )
+from minerva_bus.space.kernels import key
 from minerva_bus.space.occupancy import move_to
 from minerva_bus.world.context import Frame
 
@@ -98,25 +105,59 @@ def test_compiled_rules_without_numba_name_the_extra(monkeypatch):
         fatten.drive()
 
 
-def test_draws_are_those_of_the_moment(as_python):
-    class Line(Space, symbol="ALine"):
-        table: Reals
-        drawn: float = 0.0
+class Dots(OnLattice):
+    value: Column
 
-    class Dots(OnLattice):
-        value: Column
 
-    @rule(ORDERED, births=0)
-    def draw(i: int, table: Dots, draws: Draws):
-        table.value[i] = random(draws) + integers(draws, 2, 9)
+class Line(Space, symbol="ALine"):
+    table: Reals
 
-    line = Line("l", births=3, table=Dots.many(3, cell=0, value=0))
+
+@rule(ORDERED, births=0)
+def draw_all(i: int, table: Dots, draws: Draws):
+    drawn = random(draws) + uniform(draws) + uniform(draws, -1, 3.5) + integers(draws, 5)
+    drawn += integers(draws, 2, 9) + chance(draws, 0.3) + exponential(draws)
+    drawn += exponential(draws, 2.5) + normal(draws) + normal(draws, 1.0, 0.5)
+    table.value[i] = drawn + portable.sin(drawn) + cos(drawn)
+
+
+def drawn_by(rng):
+    drawn = rng.random() + rng.uniform() + rng.uniform(-1, 3.5) + rng.integers(5)
+    drawn += rng.integers(2, 9) + rng.chance(0.3) + rng.exponential()
+    drawn += rng.exponential(2.5) + rng.normal() + rng.normal(1.0, 0.5)
+    return drawn + portable.sin(drawn) + cos(drawn)
+
+
+@pytest.mark.parametrize("context", [nullcontext, interpreted])
+def test_draws_are_those_of_the_moment(context):
+    line = Line("l", births=50, table=Dots.many(50, cell=0, value=0))
     here, same = moment(5), moment(5)
-    line.run(here, draw)
-    expected = [same.chance.random() + same.chance.integers(2, 9) for _ in range(3)]
-    assert Dots.read(line.table).value.tolist() == expected
+    with context():
+        line.run(here, draw_all)
+    assert Dots.read(line.table).value.tolist() == [drawn_by(same.chance) for _ in range(50)]
     # The stream continues after the rule.
     assert here.chance.random() == same.chance.random()
+
+
+@pytest.mark.parametrize("context", [nullcontext, interpreted])
+def test_an_int_of_an_empty_range_is_an_error(context):
+    @rule(ORDERED, births=0)
+    def none(i: int, table: Dots, draws: Draws):
+        table.value[i] = integers(draws, 3, 3)
+
+    line = Line("l", births=1, table=Dots.many(1, cell=0, value=0))
+    with context(), pytest.raises(ValueError, match="expected low < high"):
+        line.run(moment(), none)
+
+
+def test_the_key_of_a_kernel_has_its_defaults():
+    def of(value):
+        def helper(i, step=value):
+            return i + step
+
+        return key(helper)
+
+    assert of(1) != of(2)
 
 
 @pytest.mark.parametrize("births", [0, 1])

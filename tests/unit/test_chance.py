@@ -3,6 +3,7 @@
 import numpy as np
 
 from minerva_bus import Agent, EventType, Frame, Vocabulary, evolve, on
+from minerva_bus.portable import splitmix
 from minerva_bus.world.rng import stream
 
 eRoll = EventType("eRoll")
@@ -39,6 +40,19 @@ def test_any_other_key_gives_others():
 def test_the_numbers_are_those_of_every_platform():
     """A change here invalidates existing records."""
     assert stream(7, "#a", 0).integers(0, 1000, 4).tolist() == [41, 149, 316, 979]
+
+
+def test_words_are_those_of_the_published_generator():
+    """Reference values of Vigna's splitmix64.c for the seed 1234567."""
+    published = [6457827717110365317, 3203168211198807973, 9817491932198370423]
+    states = [(1234567 + (step + 1) * splitmix.GAMMA) & splitmix.MASK for step in range(3)]
+    assert [splitmix.mixed_one(state) for state in states] == published
+    words = np.array(states, np.uint64)
+    assert splitmix.mixed_many(words).tolist() == published
+    units = [splitmix.unit_one(state) for state in states]
+    assert (
+        splitmix.unit_many(words).tolist() == units == [(word >> 11) / 2**53 for word in published]
+    )
 
 
 def test_agents_roll_the_same_alone_and_in_company_and_in_any_order():

@@ -158,7 +158,7 @@ EXACT = {
     "math": "copysign floor frexp inf isfinite isinf ldexp nan pow sqrt tau",
     "np": "abs any arange array asarray broadcast_arrays clip copysign empty errstate flatnonzero"
     " float64 floor frexp inf int32 int64 isfinite isnan ldexp maximum minimum nan ndarray"
-    " ones power random rint searchsorted sqrt where zeros",
+    " ones power random rint searchsorted sqrt uint64 where zeros",
 }
 
 
