@@ -17,7 +17,7 @@ from minerva_bus.cli.output import FAILED, print_json, print_message
 from minerva_bus.cli.places import identity, place
 from minerva_bus.errors import KeysError, UnknownOption, WorldFileError, nearest
 from minerva_bus.frame.member import Member, WorldRestarted
-from minerva_bus.launch.compiling import compile_agents, no_progress
+from minerva_bus.launch.compiling import compile_agents, compile_classes, no_progress
 from minerva_bus.launch.installed import find_world
 from minerva_bus.launch.interrupts import end_signals
 from minerva_bus.launch.reading import read_world_file
@@ -121,7 +121,9 @@ def _participant(spec: str, name: str, options: dict[str, str]) -> Member:
     if names_agents(spec, folder):
         if options:
             raise WorldFileError(f"{spec} names agents, which have no options")
-        return Member(name, None, [find_agent(spec, folder)])
+        agent = find_agent(spec, folder)
+        compile_classes([agent], no_progress)
+        return Member(name, None, [agent])
     service = find_service(spec, folder)
     known = [flag.split()[0] for flag, _ in described(spec)] if ":" not in spec else []
     for key in options:

@@ -35,20 +35,23 @@ def apply_mode(processes: Sequence[Process], mode: Mode, path: Path) -> list[str
 def compile_agents(
     processes: Iterable[Process], progress: Callable[[str, int, int, str], None]
 ) -> None:
-    """Compile the methods of the agents that run on this machine.
+    """Compile the methods of the agents that run on this machine, and the rules of their spaces.
 
     Before the launcher starts processes, so that they inherit the machine code. Raises MisuseError
-    without numba.
+    without numba, or if a rule cannot be compiled.
     """
     local = [process for process in processes if not process.elsewhere]
-    methods = [
-        (cls.compiled, event_type) for cls in _classes(local) for event_type in cls.compiled or ()
-    ]
-    for done, (compiled, event_type) in enumerate(methods):
-        if compiled is not None:
-            title = compiled.program(event_type).title
-            progress("compiling", done, len(methods), title)
-            compiled.kernel(event_type)
+    compile_classes(_classes(local), progress)
+
+
+def compile_classes(
+    classes: Iterable[type[Agent]], progress: Callable[[str, int, int, str], None]
+) -> None:
+    """Compile the methods and rules of agent classes. Raises MisuseError like `compile_agents`."""
+    code = [each for cls in classes for each in cls.machine_code()]
+    for done, (title, compiled) in enumerate(code):
+        progress("compiling", done, len(code), title)
+        compiled()
 
 
 def no_progress(name: str, done: int, total: int, rest: str) -> None:

@@ -45,9 +45,17 @@ class RuleLoop:
             if self._interpreted is None:
                 self._interpreted = _with_globals(generated(self.source), self.scope)
             return self._interpreted(*arguments)
+        return self._machine_code()(*arguments)
+
+    def prepare(self) -> None:
+        """Compile it now, unless it is to run as Python. Raises MisuseError."""
+        if not interpreting():
+            self._machine_code()
+
+    def _machine_code(self) -> Function:
         if self._compiled is None:
             self._compiled = self._compile()
-        return self._compiled(*arguments)
+        return self._compiled
 
     def _compile(self) -> Function:
         library = numba()

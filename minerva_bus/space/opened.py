@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.types import Reals
-from minerva_bus.space.compiling import around
+from minerva_bus.space.compiling import RuleLoop, around
 from minerva_bus.space.field import FieldGrid, cell_of
 from minerva_bus.space.kernels import kernel
 from minerva_bus.space.lattice import CellGrid
@@ -180,3 +180,8 @@ _TABLE: Final = "int64[:, ::1]"
 _REALS: Final = "float64[::1]"
 ENTER: Final = around(enter, (_INTS, _TABLE, _TABLE, _INTS))
 LOCATE: Final = around(locate, (_INTS, _REALS, _REALS, "float64", "float64", "int64", "int64"))
+
+
+def loops_of_table(kind: type[Inhabitants]) -> tuple[RuleLoop, ...]:
+    """The loops that open a table."""
+    return (LOCATE, ENTER) if issubclass(kind, InField) else (ENTER,)

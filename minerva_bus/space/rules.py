@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from enum import Enum
 from functools import cached_property
@@ -17,6 +17,7 @@ from minerva_bus.space.field import FieldGrid
 from minerva_bus.space.kernels import Kernel
 from minerva_bus.space.lattice import CellGrid
 from minerva_bus.space.occupancy import ALIVE, ROWS, TOO_MANY
+from minerva_bus.space.opened import loops_of_table
 from minerva_bus.space.tables import InField, Inhabitants, columns_of
 
 
@@ -167,6 +168,17 @@ def rule(order: Activation, *, births: int = 1) -> Callable[[Callable[..., None]
         return SpaceRule(function, order, births)
 
     return mark
+
+
+def loops_of(rules: Iterable[SpaceRule]) -> list[RuleLoop]:
+    """The loops of rules and of opening their tables, each once."""
+    loops: dict[int, RuleLoop] = {}
+    for each in rules:
+        for parameter in each.parameters:
+            if parameter.table is not None:
+                loops |= {id(loop): loop for loop in loops_of_table(parameter.table)}
+        loops[id(each.drive)] = each.drive
+    return list(loops.values())
 
 
 def _built(parameter: RuleParameter, names: list[str], number: int, scope: dict[str, Any]) -> str:

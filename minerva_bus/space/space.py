@@ -14,6 +14,7 @@ The inhabitants are state of the space, in the string like all state: matrices o
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from typing import Any, cast
 
 import numpy as np
@@ -21,9 +22,10 @@ import numpy as np
 from minerva_bus.errors import MisuseError
 from minerva_bus.space.draws import Draws
 from minerva_bus.space.lattice import CellGrid
+from minerva_bus.space.named import rules_of
 from minerva_bus.space.occupancy import ROWS
 from minerva_bus.space.opened import Opened
-from minerva_bus.space.rules import BEFORE, RuleParameter, SpaceRule
+from minerva_bus.space.rules import BEFORE, RuleParameter, SpaceRule, loops_of
 from minerva_bus.world.agent import Agent
 from minerva_bus.world.context import Context
 
@@ -61,6 +63,13 @@ class Space(Agent):
         for each in rules:
             frame.apply(each)
         frame.close()
+
+    @classmethod
+    def machine_code(cls) -> Iterator[tuple[str, Callable[[], object]]]:
+        """Also the rules that methods of the space name, with the functions that compile them."""
+        yield from super().machine_code()
+        for loop in loops_of(rules_of(cls)):
+            yield f"{loop.name} of {cls.__name__}", loop.prepare
 
 
 class _InFrame:

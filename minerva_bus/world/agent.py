@@ -20,8 +20,9 @@ A method marked with `@view` is θ (equation 4): it returns primitives and trans
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 from operator import is_
 from typing import Any, ClassVar, Self, TypeVar
 
@@ -252,6 +253,14 @@ class Agent:
             _check_columns(cls.kind, cls.population or cls.population_views)
             cls.compiled = marked_compiled(cls)
             expose_attributes(cls, [each.name for each in state.all if each.type.kind in SCALARS])
+
+    @classmethod
+    def machine_code(cls) -> Iterator[tuple[str, Callable[[], object]]]:
+        """Titles of the compiled code of this class, each with the function that compiles it."""
+        if cls.compiled is not None:
+            for event_type in cls.compiled:
+                title = cls.compiled.program(event_type).title
+                yield title, partial(cls.compiled.kernel, event_type)
 
     def __init__(self, id: str, *, scope: Scene = EMPTY, **state: Any) -> None:
         if AGENT_ID.fullmatch(id) is None:

@@ -1,8 +1,13 @@
 """Spaces in worlds: one string, wherever they run."""
 
-from space.worlds import Meadow, eStep, meadow
+from space import worlds
+from space.worlds import Flock, Meadow, eStep, graze, grow, hunt, meadow
 
-from minerva_bus import Vocabulary, World, each, run
+from minerva_bus import Vocabulary, World, each, on, run
+from minerva_bus.launch.compiling import compile_classes
+from minerva_bus.space import Space, interpreted
+from minerva_bus.space.compiling import RuleLoop
+from minerva_bus.space.named import rules_of
 
 
 def world(agents):
@@ -20,3 +25,41 @@ def test_a_run_in_processes_gives_the_string_of_a_run_in_one():
 def test_a_space_is_written_and_read_as_text():
     space = meadow(side=2, sheep=1, wolves=0).string
     assert Vocabulary.of(Meadow, eStep).read(str(space)).digest == space.digest
+
+
+RULES = (hunt, [grow])
+
+
+def grazing(space, moment):
+    space.run(moment, graze)
+
+
+class Renamed(Space, symbol="ARenamed"):
+    @on("eStep")
+    def step(self, step, moment):
+        self.run(moment, worlds.look)
+        grazing(self, moment)
+
+    def also(self, moment):
+        self.run(moment, *RULES)
+
+
+def test_rules_are_found_by_name_in_modules_tuples_and_functions():
+    assert rules_of(Meadow) == [graze, hunt, grow]
+    assert set(rules_of(Renamed)) == {graze, hunt, grow, worlds.look}
+    assert rules_of(Space) == []
+
+
+def test_rules_are_compiled_before_the_first_frame(monkeypatch):
+    compiled, shown = [], []
+    monkeypatch.setattr(RuleLoop, "_compile", lambda loop: compiled.append(loop.name) or len)
+    for each_rule in rules_of(Flock):
+        monkeypatch.setattr(each_rule.drive, "_compiled", None)
+    with interpreted():
+        compile_classes([Flock], lambda *shown: None)
+    assert compiled == []
+    compile_classes([Flock], lambda *line: shown.append(line))
+    assert {"drift", "look"} <= set(compiled)
+    names = [title for _, _, _, title in shown]
+    assert "drift of Flock" in names
+    assert [done for _, done, _, _ in shown] == list(range(len(shown)))
