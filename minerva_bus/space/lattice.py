@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import numpy as np
+
 from minerva_bus.space.draws import Draws, integers
 from minerva_bus.space.kernels import kernel
 
@@ -17,9 +19,17 @@ class CellGrid(NamedTuple):
 
 
 @kernel
+def row_of(lattice: CellGrid, cell: int) -> int:
+    """The row y of a cell."""
+    # Division of 64-bit ints takes several times as long, and most time of a cellular automaton.
+    return int(np.uint32(cell) // np.uint32(lattice.width))
+
+
+@kernel
 def beside(lattice: CellGrid, cell: int, dx: int, dy: int) -> int:
     """The cell at a distance of dx columns and dy rows; -1 if it is outside."""
-    x, y = cell % lattice.width + dx, cell // lattice.width + dy
+    row = row_of(lattice, cell)
+    x, y = cell - row * lattice.width + dx, row + dy
     if 0 <= x < lattice.width and 0 <= y < lattice.height:
         return y * lattice.width + x
     if not lattice.periodic:

@@ -11,6 +11,7 @@ from typing import Any
 
 from minerva_bus.space.draws import Draws, integers
 from minerva_bus.space.kernels import kernel
+from minerva_bus.space.lattice import row_of
 
 # Rows of `table.links`: the next and the previous row in the same cell, and whether a row exists.
 NEXT, PREVIOUS, ALIVE = 0, 1, 2
@@ -116,7 +117,8 @@ def within(table: Any, cell: int, radius: int) -> int:
     on, until the next search.
     """
     lattice, count = table.lattice, 0
-    x, y = cell % lattice.width, cell // lattice.width
+    y = row_of(lattice, cell)
+    x = cell - y * lattice.width
     left, right = span(x, radius, lattice.width, lattice.periodic)
     top, bottom = span(y, radius, lattice.height, lattice.periodic)
     for v in range(top, bottom):
