@@ -51,6 +51,7 @@ class Member:
     ) -> None:
         self.name = name
         self.operator = cast("Operator", NoOperator())
+        self.endpoint = ""
         self.service = checked_service(service)
         self.host = Host(name, kinds_of(agents))
         self.world: m.Welcome | None = None
@@ -151,6 +152,7 @@ class Member:
             welcome.dt,
             self.operator,
             lambda: bool(self.stopped),
+            self.endpoint,
         )
         try:
             service.joined(info)

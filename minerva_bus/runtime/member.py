@@ -188,6 +188,7 @@ class MemberProcess:
         yield from self._find_world(session)
         self._session = session
         self.member.operator = AskingOperator(self._ask)
+        self.member.endpoint = self._connect.endpoint
         within = self._connect.arrival.named
         yield from self._rejoin.name.until_free(session, self._system.monotonic, within)
 

@@ -44,6 +44,8 @@ class WorldInfo:
         operator: pause, step, send events: for services with controls for people.
         ended: returns whether the world has ended. False in `close` means that the member leaves a
             world that continues, or has lost it.
+        endpoint: where the member is connected to the bus, such as `tcp/127.0.0.1:40123`, for
+            services through which others join; "" in a world in one process.
 
     """
 
@@ -55,6 +57,7 @@ class WorldInfo:
         default_factory=lambda: cast("Operator", NoOperator()), compare=False
     )
     ended: Callable[[], bool] = field(default=lambda: False, compare=False, repr=False)
+    endpoint: str = field(default="", compare=False)
 
 
 @dataclass(slots=True)

@@ -5,7 +5,8 @@ import { readString } from "./scene.js";
 /**
  * A device that `run` can start.
  *
- * `draw({type, frame, nodes, halted})` draws a view; `nodes` is the whole string. A `coupled` device
+ * `draw({type, frame, nodes, halted, vocabulary})` draws a view; `nodes` is the whole string, in which
+ * outermost nodes have the id of their `agent`, or "~" in a population. A `coupled` device
  * draws every frame, any other one may miss some. `every` > 0: a view each so many frames; `rate` > 0:
  * as many per second. `report()` returns figures for the summary.
  */
@@ -43,13 +44,19 @@ class Device {
     const view = this.views.get(type);
     if (view === undefined) return;
     const read = (string) => readString(string, this.member.vocabulary);
-    const newParts = new Map([...parts].map(([id, part]) => [id, read(part)]));
+    const newParts = new Map([...parts].map(([id, part]) => [id, owned(id, read(part))]));
     const newSkeleton = skeleton === null ? null : read(skeleton);
     if (view.misses(sequence, newSkeleton)) this.member.send("resync", type);
     else if (view.accept(sequence, newParts, newSkeleton)) {
-      this.member.own(() => this.spec.draw({ type, frame, nodes: view.nodes(), halted }));
+      this.member.own(() => this.spec.draw({ type, frame, nodes: view.nodes(), halted, vocabulary: this.member.vocabulary }));
     }
   }
+}
+
+/** The nodes of a part with the id of their agent; a part of a population has a name that is no id. */
+function owned(id, nodes) {
+  const agent = id.startsWith("~") ? "~" : id;
+  return nodes.map((node) => ({ ...node, agent }));
 }
 
 /** What is known of the views of one type. */

@@ -5,3 +5,4 @@ export { generator } from "./generator.js";
 export { agent, host } from "./host.js";
 export { run } from "./run.js";
 export { event, figure, transformation, unpacked } from "./scene.js";
+export { source } from "./source.js";

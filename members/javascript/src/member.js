@@ -63,6 +63,11 @@ export class Member {
     };
   }
 
+  /** Whether a coordinator has welcomed it and is still there. */
+  get takesPart() {
+    return this.#obeys && this.joined !== null;
+  }
+
   begin() {
     this.outside.wait(SECONDS.greeting);
   }

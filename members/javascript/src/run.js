@@ -62,7 +62,7 @@ class MemberProcess {
     this.#session = await Session.open(endpoint, {
       onSample: ({ key, payload }) => this.#isOver || this.member.onMessage(key.slice(this.prefix.length), payload),
       onToken: (key, isAlive) => this.#isOver || (key === this.coordinator && this.member.onCoordinator(isAlive)),
-      onProblem: (error) => this.log(`dropped a message of the bus: ${error.message}`),
+      onProblem: this.log,
     });
     if (await this.#takeName(SECONDS.taken)) {
       for (const key of this.member.subscriptions) this.#session.subscribe(this.prefix + key);
@@ -73,6 +73,7 @@ class MemberProcess {
     const code = await this.code;
     this.release();
     this.#session.close();
+    this.member.role.close?.();
     return code;
   }
 

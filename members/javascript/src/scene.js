@@ -12,7 +12,13 @@ import { blake2b } from "./random.js";
 const ID = /^[A-Za-z0-9_][A-Za-z0-9_:-]*$/;
 const LONGEST_ID = 64;
 
-/** The vocabulary of a world: the fields of its symbols and event types. */
+/**
+ * The vocabulary of a world: the fields of its symbols and event types, and how symbols are drawn.
+ *
+ * `forms` maps a primitive or transformation to its form as in section 4 of PROTOCOL.md, a list that
+ * begins with the form's name, or to null; `meanings` maps primitives to the texts of a legend;
+ * `marks` are the primitives whose labels mark others.
+ */
 export class Vocabulary {
   constructor(plain) {
     const rows = (part) => {
@@ -21,6 +27,10 @@ export class Vocabulary {
     };
     this.symbols = new Map(["primitives", "transformations", "kinds"].flatMap(rows));
     this.events = new Map(rows("events"));
+    const drawn = ["primitives", "transformations"].flatMap((part) => plain.get(part));
+    this.forms = new Map(drawn.map(([name, , form]) => [name, numbers(form ?? null)]));
+    this.meanings = plain.get("meanings") ?? new Map();
+    this.marks = new Set(plain.get("marks"));
   }
 
   /** The fields of a symbol: pairs of name and type. */
@@ -31,6 +41,12 @@ export class Vocabulary {
   eventFields(type) {
     return this.events.get(type) ?? unknown(type);
   }
+}
+
+/** Measures of a form are reals, whatever number a message has. */
+function numbers(form) {
+  if (Array.isArray(form)) return form.map(numbers);
+  return typeof form === "bigint" ? Number(form) : form;
 }
 
 function unknown(name) {

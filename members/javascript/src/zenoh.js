@@ -14,7 +14,8 @@ const OPENING = 5000; // milliseconds
  * A session with one router, which connects again when its link is lost.
  *
  * `onSample({key, payload})` gets the messages of all subscriptions in the order in which they were
- * sent, `onToken(key, isAlive)` the liveliness tokens, and `onProblem(error)` what cannot be read.
+ * sent, `onToken(key, isAlive)` the liveliness tokens, and `onProblem(text)`
+ * what went wrong: a message that cannot be read, a link that was closed for a reason.
  */
 export class Session {
   #endpoint;
@@ -110,8 +111,9 @@ export class Session {
         fail(error);
       }
     };
-    const onClose = () => {
-      fail(new Error(`${this.#endpoint} closed the link`));
+    const onClose = (reason) => {
+      fail(new Error(reason || `${this.#endpoint} closed the link`));
+      if (reason && this.#link === link) this.#handlers.onProblem(`the link was closed: ${reason}`);
       this.#lose(link);
     };
     let batchSize;
@@ -197,7 +199,7 @@ export class Session {
       this.#receiveBatch(bytes);
     } catch (error) {
       if (!(error instanceof wire.WireError)) throw error;
-      this.#handlers.onProblem(error);
+      this.#handlers.onProblem(`dropped a message of the bus: ${error.message}`);
     }
   }
 
