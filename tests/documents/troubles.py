@@ -52,8 +52,8 @@ from minerva_bus.wire.codec import Decoder
 from minerva_bus.wire.keys import COORDINATOR, Keys
 from minerva_services.sensors.carmen.log import CarmenLog
 from minerva_services.views.opengl.canvas import without_window
+from minerva_services.views.page_access import PageAccess
 from minerva_services.views.sprites import Sprites
-from minerva_services.views.web.access import PageAccess
 
 eTick = EventType("eTick")
 eAdd = EventType("eAdd", amount=float)

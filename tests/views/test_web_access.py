@@ -13,7 +13,7 @@ import viser
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
-from minerva_services.views.web.access import PageAccess, token_for
+from minerva_services.views.page_access import PageAccess, token_for
 from minerva_services.views.web.serving import serve, stop, url
 
 HERE = PageAccess("127.0.0.1", 8080, "secret")

@@ -36,18 +36,21 @@ class PageAccess:
     """The token of a page, and the names by which it may be reached.
 
     `host` is the listening address. If that is a wildcard, any address and the machine's name are
-    accepted; `names` are additional ones, such as a proxy's.
+    accepted; `names` are additional ones, such as a proxy's. With `encrypted`, browsers send the
+    cookie over TLS only.
     """
 
     host: str
     port: int
     token: str
     names: frozenset[str] = frozenset()
+    encrypted: bool = False
 
     @property
     def cookie(self) -> str:
         """The cookie that readmits a browser; named by port, because cookies ignore ports."""
-        return f"{self._cookie_name}={self.token}; Path=/; HttpOnly; SameSite=Strict"
+        secure = "; Secure" if self.encrypted else ""
+        return f"{self._cookie_name}={self.token}; Path=/; HttpOnly; SameSite=Strict{secure}"
 
     @property
     def _cookie_name(self) -> str:
@@ -93,20 +96,22 @@ def _is_address(name: str) -> bool:
     return False
 
 
-def token_for(port: int) -> str:
+def token_for(port: int, run: str = "") -> str:
     """The token of the page at a port; stable across restarts of its process.
 
     A browser that was admitted can thus reconnect. The token is stored in a file readable by this
-    user only.
+    user only. `run` identifies a run, without spaces: each run has a token of its own.
     """
     new = secrets.token_urlsafe(_TOKEN_BYTES)
     try:
         path = make_runtime_folder() / f"page-{port}.token"
         with os.fdopen(open_itself(path, os.O_RDWR | os.O_CREAT), "r+", encoding="utf-8") as file:
-            kept = file.read(200).strip()
-            if kept:
+            kept_run, _, kept = file.read(200).strip().rpartition(" ")
+            if kept and kept_run == run:
                 return kept
-            file.write(new)
+            file.seek(0)
+            file.truncate()
+            file.write(f"{run} {new}".strip())
     except (OSError, ValueError, MinervaError):
         pass  # without the file, the token lasts until the process ends
     return new

@@ -1,0 +1,219 @@
+"""What users of pages do, as orders to the world, and what pages show besides views."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final, cast
+
+from minerva_bus.errors import MinervaError, MisuseError
+from minerva_bus.grammar.events import Event
+from minerva_bus.grammar.symbols import EventType
+from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.world.operator import WorldStatus
+from minerva_bus.world.services import WorldInfo
+from minerva_services.views.page.names import PageNames
+from minerva_services.views.page.site import PageSite
+from minerva_services.views.reports import LatestReport
+from minerva_services.views.window.actions import AdjustAction, OrderAction, SentNumbers
+from minerva_services.views.window.order_types import order_types
+
+if TYPE_CHECKING:
+    from websockets.asyncio.server import ServerConnection
+
+POLL_SECONDS: Final = 0.25
+_MAX_RECEIVERS: Final = 100
+_MAX_STEPS: Final = 10
+
+
+@dataclass(frozen=True, slots=True)
+class PageOptions:
+    """What pages draw, at most how many views per second, and which order types gestures send."""
+
+    draws: tuple[str, ...]
+    rate: float
+    click: str = ""
+    slide: str = ""
+
+
+def sent_types(
+    vocabulary: Vocabulary, orders: Sequence[str], options: PageOptions
+) -> dict[str, Any]:
+    """The event types that gestures on a page send.
+
+    `click` has one text, `slide` one real number, `place` the coordinates `x` and `y`; those in
+    `plain` have no data.
+    """
+    types = order_types(vocabulary, orders, options.click, options.slide)
+    taken = [vocabulary.events[name] for name in sorted(orders) if name in vocabulary.events]
+    place = next((declared.name for declared in taken if _is_place(declared)), None)
+    click = types.click
+    return {
+        "click": {"type": click.name, "name": click.fields.names[0]} if click else None,
+        "slide": types.slide.name if types.slide else None,
+        "place": place,
+        "plain": [declared.name for declared in taken if not declared.fields.names],
+    }
+
+
+def _is_place(declared: EventType) -> bool:
+    kinds = [(field.name, field.type.kind) for field in declared.fields.all]
+    return kinds == [("x", "real"), ("y", "real")]
+
+
+class People:
+    """The links to pages over which their users take part: text messages in JSON.
+
+    A page sends `{order, data, to}`, `{slide, steps, to}`, `{pause}` or `{step}`, and receives
+    `{welcome}`, `{status}`, `{note}`, `{error}` and `{ended}`.
+    """
+
+    def __init__(
+        self, world: WorldInfo, options: PageOptions, names: PageNames, site: PageSite
+    ) -> None:
+        self._world = world
+        self._options = options
+        self._names = names
+        self._site = site
+        self._reports = LatestReport(world.vocabulary)
+        self._numbers = SentNumbers()
+        self._pages: set[ServerConnection] = set()
+        self._status: dict[str, Any] = {"types": {}, "paused": False, "report": "", "taken": []}
+
+    # --- pages ---
+
+    async def serve(self, page: ServerConnection) -> None:
+        """Serve a page until it closes."""
+        from websockets.exceptions import ConnectionClosed
+
+        with self._names.page() as number:
+            self._pages.add(page)
+            try:
+                await self._send(page, {"welcome": self._welcome(number), "status": self._status})
+                async for text in page:
+                    await self._send(page, await self._reply(text))
+            except ConnectionClosed:
+                pass
+            finally:
+                self._pages.discard(page)
+
+    def _welcome(self, number: int) -> dict[str, Any]:
+        return {
+            "world": self._world.world,
+            "page": self._names.of_page(number),
+            "draws": self._options.draws,
+            "rate": self._options.rate,
+            "module": self._site.module,
+            "joins": self._names.joins_of(number),
+        }
+
+    async def end(self, why: str) -> None:
+        """Tell all pages that there is nothing more to come."""
+        self.broadcast({"ended": why})
+        for page in list(self._pages):
+            await page.close()
+
+    def broadcast(self, message: Mapping[str, Any]) -> None:
+        """Send a message to all pages; those that do not read miss it."""
+        from websockets.asyncio.server import broadcast
+
+        broadcast(self._pages, json.dumps(message))
+
+    @staticmethod
+    async def _send(page: ServerConnection, message: Mapping[str, Any]) -> None:
+        await page.send(json.dumps(message))
+
+    # --- the state of the world ---
+
+    async def watch(self) -> None:
+        """Query the world's state and send changes to all pages, until cancelled."""
+        problem = ""
+        while True:
+            await asyncio.sleep(POLL_SECONDS)
+            if not self._pages:
+                continue
+            try:
+                self._update(
+                    await asyncio.to_thread(self._world.operator.status, self._reports.last)
+                )
+                problem = ""
+            except MinervaError as error:
+                if problem != str(error):
+                    problem = str(error)
+                    self.broadcast({"error": problem})
+
+    def _update(self, status: WorldStatus) -> None:
+        self._reports.update(status)
+        now = {
+            "types": sent_types(self._world.vocabulary, status.orders, self._options),
+            "paused": status.paused,
+            "report": self._reports.text,
+            "taken": self._names.taken,
+        }
+        if now != self._status:
+            self._status = now
+            self.broadcast({"status": now})
+
+    # --- actions ---
+
+    async def _reply(self, text: str | bytes) -> dict[str, Any]:
+        try:
+            return {"note": await asyncio.to_thread(self._do, _read(text))}
+        except MinervaError as error:
+            return {"error": str(error)}
+
+    def _do(self, action: Mapping[str, Any]) -> str:
+        """Perform an action; returns a line for the user. Raises MinervaError."""
+        operator = self._world.operator
+        match action:
+            case {"order": str(name), "data": dict(data), "to": list(to)}:
+                return OrderAction(self._event(name, cast("Any", data), _ids(cast("Any", to)))).do(
+                    operator
+                )
+            case {"slide": str(name), "steps": int(steps), "to": list(to)}:
+                declared, receivers = self._event_type(name), _ids(cast("Any", to))
+                like = receivers[0] if receivers else ""
+                steps = max(-_MAX_STEPS, min(steps, _MAX_STEPS))
+                change = AdjustAction(
+                    declared, steps, like, receivers, self._world.vocabulary, self._numbers
+                )
+                return change.do(operator)
+            case {"pause": bool(pause)}:
+                operator.pause() if pause else operator.resume()
+                return "paused" if pause else ""
+            case {"step": 1}:
+                operator.step(1)
+                return ""
+            case _:
+                raise MisuseError("the page's server does not know this action")
+
+    def _event_type(self, name: str) -> EventType:
+        declared = self._world.vocabulary.events.get(name)
+        if declared is None:
+            raise MisuseError(f"the world has no event type {name[:64]!r}")
+        return declared
+
+    def _event(self, name: str, data: Mapping[str, Any], receivers: tuple[str, ...]) -> Event:
+        declared = self._event_type(name)
+        unknown = sorted(set(data) - set(declared.fields.names))
+        if unknown:
+            raise MisuseError(f"{name} has no {unknown[0][:64]!r}")
+        return declared(**data, receivers=receivers)
+
+
+def _ids(to: list[object]) -> tuple[str, ...]:
+    if len(to) > _MAX_RECEIVERS or not all(isinstance(agent, str) for agent in to):
+        raise MisuseError("the receivers of an order are ids of agents")
+    return tuple(cast("list[str]", to))
+
+
+def _read(text: str | bytes) -> Mapping[str, Any]:
+    try:
+        action = json.loads(text)
+    except (ValueError, RecursionError):
+        action = None
+    if not isinstance(action, dict):
+        raise MisuseError("the page's server expects JSON objects")
+    return cast("Mapping[str, Any]", action)

@@ -1,0 +1,153 @@
+/** What a person does on the page: taps, drags, keys and buttons, as orders of the world's event types. */
+
+import { words } from "./legend.js";
+
+const DRAG = 8; // pixels from which a touch is a drag
+const ZOOM = 1.0015;
+
+/**
+ * Turns gestures on the scene into orders.
+ *
+ * `send(message)` gets `{order, data, to}`, `{slide, steps, to}`, `{pause}` or `{step}`.
+ */
+export class Orders {
+  #scene;
+  #panel;
+  #send;
+  #types = {};
+  #offered = "";
+  #buttons = [];
+  #isPaused = false;
+
+  constructor(scene, panel, send) {
+    this.#scene = scene;
+    this.#panel = panel;
+    this.#send = send;
+    this.#listen(document.getElementById("scene"));
+    document.addEventListener("keydown", (event) => this.#key(event));
+  }
+
+  /** Takes the state of the world: the event types that people may send, and whether it is paused. */
+  update({ types, paused }) {
+    this.#isPaused = paused;
+    this.#types = types;
+    const offered = JSON.stringify(types);
+    if (offered === this.#offered) return;
+    this.#offered = offered;
+    this.#show();
+  }
+
+  /** What a tap does in this world, for people. */
+  get hint() {
+    const { click, place } = this.#types;
+    const texts = [click && `tap a name to send it as ${words(click.type)}`, place && `tap the ground: ${words(place)}`];
+    return texts.filter(Boolean).join("; ");
+  }
+
+  /** A button in the panel; errors of `act(button)` go to `onError`. */
+  addButton(text, act, onError = () => {}) {
+    const button = document.createElement("button");
+    button.textContent = text;
+    button.addEventListener("click", () => Promise.resolve(act(button)).catch(onError));
+    this.#buttons.push(button);
+    this.#panel.append(button);
+  }
+
+  #show() {
+    const { slide, plain = [] } = this.#types;
+    const own = plain.map((type) => this.#button(words(type), () => this.#order(type, {})));
+    if (slide) {
+      own.push(this.#button(`${words(slide)} −`, () => this.#slide(-1)), this.#button(`${words(slide)} +`, () => this.#slide(1)));
+    }
+    this.#panel.replaceChildren(...own, ...this.#buttons.filter((button) => button.isConnected));
+  }
+
+  #button(text, act) {
+    const button = document.createElement("button");
+    button.textContent = text;
+    button.addEventListener("click", act);
+    return button;
+  }
+
+  // --- orders ---
+
+  get #to() {
+    return this.#scene.selected === "" ? [] : [this.#scene.selected];
+  }
+
+  #order(order, data) {
+    this.#send({ order, data, to: this.#to });
+  }
+
+  #slide(steps) {
+    this.#send({ slide: this.#types.slide, steps, to: this.#to });
+  }
+
+  /** A tap on a label sends its text, one on an agent selects it, one on the ground sends the place. */
+  #tap(x, y) {
+    const target = this.#scene.at(x, y);
+    const { click, place } = this.#types;
+    if (target?.text !== undefined && click) this.#order(click.type, { [click.name]: target.text });
+    else if (target?.agent !== undefined) this.#scene.select(target.agent === this.#scene.selected ? "" : target.agent);
+    else if (place) {
+      const [east, north] = this.#scene.metres(x, y);
+      this.#order(place, { x: east, y: north });
+    } else this.#scene.select("");
+  }
+
+  #key({ key, target, ctrlKey, metaKey, altKey }) {
+    if (ctrlKey || metaKey || altKey || target instanceof HTMLButtonElement) return;
+    const acts = {
+      " ": () => this.#send({ pause: !this.#isPaused }),
+      n: () => this.#send({ step: 1 }),
+      ".": () => this.#send({ step: 1 }),
+      ArrowUp: () => this.#types.slide && this.#slide(1),
+      "+": () => this.#types.slide && this.#slide(1),
+      ArrowDown: () => this.#types.slide && this.#slide(-1),
+      "-": () => this.#types.slide && this.#slide(-1),
+      0: () => this.#scene.reset(),
+      Escape: () => this.#scene.select(""),
+    };
+    acts[key]?.();
+  }
+
+  // --- gestures ---
+
+  #listen(canvas) {
+    const touches = new Map();
+    let isDrag = false;
+    const place = ({ offsetX, offsetY }) => [offsetX, offsetY];
+    canvas.addEventListener("pointerdown", (event) => {
+      canvas.setPointerCapture(event.pointerId);
+      isDrag = touches.size > 0;
+      touches.set(event.pointerId, { start: place(event), now: place(event) });
+    });
+    canvas.addEventListener("pointermove", (event) => {
+      const touch = touches.get(event.pointerId);
+      if (touch === undefined) return;
+      const [before, after] = [touch.now, place(event)];
+      isDrag ||= distance(touch.start, after) > DRAG;
+      if (!isDrag) return;
+      const other = [...touches].find(([id]) => id !== event.pointerId)?.[1].now;
+      touch.now = after;
+      if (other === undefined) this.#scene.move(after[0] - before[0], after[1] - before[1]);
+      else {
+        // Two fingers: each moves the picture by half of its own way.
+        const factor = distance(other, after) / Math.max(distance(other, before), 1);
+        this.#scene.move((after[0] - before[0]) / 2, (after[1] - before[1]) / 2, factor, middle(other, after));
+      }
+    });
+    const end = (event) => {
+      if (touches.delete(event.pointerId) && !isDrag && event.type === "pointerup") this.#tap(...place(event));
+    };
+    canvas.addEventListener("pointerup", end);
+    canvas.addEventListener("pointercancel", end);
+    canvas.addEventListener("wheel", (event) => {
+      event.preventDefault();
+      this.#scene.move(0, 0, ZOOM ** -event.deltaY, place(event));
+    }, { passive: false });
+  }
+}
+
+const distance = ([x, y], [left, top]) => Math.hypot(x - left, y - top);
+const middle = ([x, y], [left, top]) => [(x + left) / 2, (y + top) / 2];

@@ -1,0 +1,125 @@
+/** The page: it draws the world, sends orders of its user, and hosts what its world's modules define. */
+
+import { device } from "minerva-bus";
+
+import { Scene } from "./canvas.js";
+import { displayList } from "./geometry.js";
+import { legend } from "./legend.js";
+import { loadMember, PageMember } from "./members.js";
+import { Orders } from "./orders.js";
+import { connectToServer } from "./server.js";
+
+const element = (id) => document.getElementById(id);
+const scene = new Scene(element("scene"));
+// On a phone the legend would take the picture's room.
+element("explained").open = window.innerHeight > 600 && window.innerWidth > 600;
+const drawn = new Map();
+const symbols = new Set();
+const members = [];
+let world = null;
+
+const server = connectToServer(onMessage, (reason) => note(reason || "the link to the world is lost; trying again …", true));
+const orders = new Orders(scene, element("orders"), (order) => server.send(order));
+
+/** Shows a line to the user; without any, what a tap does. */
+function note(text, isError = false) {
+  element("notice").textContent = text || (drawn.size > 0 ? orders.hint : "");
+  element("notice").classList.toggle("error", isError);
+  element("notice").dataset.isHint = String(text === "");
+}
+
+function onMessage(message) {
+  if (message.welcome !== undefined) begin(message.welcome);
+  if (message.status !== undefined) update(message.status);
+  if (message.note !== undefined) note(message.note);
+  if (message.error !== undefined) note(message.error, true);
+  if (message.ended !== undefined) note(message.ended);
+}
+
+/** The server has admitted this page; it may have done so before, if the link was lost. */
+function begin(welcome) {
+  if (world !== null && world.page === welcome.page) return;
+  if (world !== null) return location.reload();
+  world = { ...welcome, taken: [] };
+  document.title = element("world").textContent = world.world;
+  const view = device({ service: "page", draws: world.draws, rate: world.rate, draw });
+  join(world.page, view);
+  for (const [exported, name] of Object.entries(world.joins)) prepareToJoin(name, exported);
+}
+
+async function prepareToJoin(name, exported) {
+  try {
+    const { role, button, prepare } = await loadMember(world.module, exported);
+    if (button === "") return join(name, role);
+    const start = async (pressed) => {
+      await prepare();
+      pressed.remove();
+      join(name, role);
+    };
+    orders.addButton(button, start, (error) => note(error.message, true));
+  } catch (error) {
+    note(`${name}: ${error.message}`, true);
+  }
+}
+
+function join(name, makeRole) {
+  const mayJoin = () => !world.taken.includes(name);
+  members.push(new PageMember(name, makeRole, { world: world.world, mayJoin, log: report }));
+  poke();
+}
+
+// A member that could not join tries again, for instance when its world is back.
+setInterval(() => world !== null && poke(), 500);
+
+function report(line) {
+  console.warn(line);
+  note(line, true);
+}
+
+async function poke() {
+  for (const member of members) {
+    member.poke().catch((error) => report(`${member.name}: ${error.message}`));
+  }
+  showMembers();
+}
+
+function update(status) {
+  world.taken = status.taken;
+  orders.update(status);
+  if (status.report) note(status.report);
+  else if (element("notice").dataset.isHint === "true") note("");
+  poke();
+}
+
+function showMembers() {
+  const texts = members.slice(1).map(({ name, state }) => {
+    if (state === "here") return name;
+    return `${name}: ${world.taken.includes(name) ? "on another page" : state}`;
+  });
+  element("members").textContent = [world.page, ...texts].join(" · ");
+}
+
+function draw({ type, frame, nodes, vocabulary }) {
+  const isFirst = drawn.size === 0;
+  drawn.set(type, displayList(nodes, vocabulary));
+  if (isFirst) note("");
+  const items = world.draws.flatMap((each) => drawn.get(each) ?? []);
+  scene.show(items);
+  element("frame").textContent = `frame ${frame}`;
+  document.body.dataset.frame = String(frame);
+  const known = symbols.size;
+  for (const { symbol } of items) symbols.add(symbol);
+  if (symbols.size > known) showLegend(vocabulary);
+}
+
+function showLegend(vocabulary) {
+  const entries = legend(symbols, vocabulary).map(({ text, form, colour }) => {
+    const entry = document.createElement("li");
+    const swatch = document.createElement("i");
+    swatch.className = form;
+    swatch.style[form === "line" ? "borderColor" : "backgroundColor"] = colour;
+    entry.append(swatch, text);
+    return entry;
+  });
+  element("legend").replaceChildren(...entries);
+}

@@ -1,0 +1,74 @@
+"""Addresses of pages: a free port, and the URLs that open a page."""
+
+from __future__ import annotations
+
+import errno
+import socket
+from contextlib import closing
+
+from minerva_bus.errors import MisuseError
+from minerva_services.views.page_access import PageAccess
+
+FIRST_PORT = 8080
+_PORTS = 1000
+
+
+def free_port(service: str, host: str, port: int) -> int:
+    """The port, or for 0 the first free one of the host from 8080.
+
+    Raises MisuseError if the port is in use or the host is not an address of this machine.
+    """
+    if port:
+        if not _is_free(service, host, port):
+            raise MisuseError(
+                f"{service}: port {port} of {host} is in use; use another one, or 0 for the next"
+                " free one"
+            )
+        return port
+    ports = range(FIRST_PORT, FIRST_PORT + _PORTS)
+    chosen = next((candidate for candidate in ports if _is_free(service, host, candidate)), 0)
+    if not chosen:
+        raise MisuseError(f"{service}: no port of {host} from {FIRST_PORT} is free; set port")
+    return chosen
+
+
+def _is_free(service: str, host: str, port: int) -> bool:
+    """True if the port is free.
+
+    Raises MisuseError if the host is not an address of this machine.
+    """
+    try:
+        family = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][0]
+        with closing(socket.socket(family)) as tried:
+            # As servers do: otherwise a port with recently closed connections would count as in
+            # use.
+            tried.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            tried.bind((host, port))
+    except OSError as error:
+        if error.errno == errno.EADDRINUSE:
+            return False
+        raise MisuseError(
+            f"{service}: cannot listen at {host}:{port}: {error.strerror}; expected an address of"
+            " this machine, such as 127.0.0.1, or 0.0.0.0 for all"
+        ) from None
+    return True
+
+
+def page_url(access: PageAccess, host: str = "") -> str:
+    """URL of a page with its token, for a browser on this machine unless `host` is given."""
+    wildcards = {"0.0.0.0": "127.0.0.1", "::": "::1"}  # noqa: S104
+    shown = host or wildcards.get(access.host, access.host)
+    shown = f"[{shown}]" if ":" in shown else shown
+    scheme = "https" if access.encrypted else "http"
+    return f"{scheme}://{shown}:{access.port}/?token={access.token}"
+
+
+def address_in_network() -> str:
+    """The address under which other machines of the network reach this one; "" without any."""
+    with closing(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) as probe:
+        try:
+            # A datagram socket sends nothing by connecting; the system only chooses the interface.
+            probe.connect(("192.0.2.1", 9))
+            return str(probe.getsockname()[0])
+        except OSError:
+            return ""

@@ -1,0 +1,177 @@
+"""Real pages in Chromium as members of real runs: they draw, send events, and host agents."""
+
+import os
+import re
+import signal
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+pytest.importorskip("websockets")
+playwright = pytest.importorskip("playwright.sync_api")
+
+from page_run import CHROMIUM, FLAGS, copied, eventually, running, shown  # noqa: E402
+
+from minerva_agents.robot.world import scene, vocabulary  # noqa: E402
+from minerva_bus.semantics.picture import Lists, Texts, Tiles  # noqa: E402
+from minerva_services.views.layout import extremes  # noqa: E402
+
+pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="needs chromium (apt install chromium)")
+
+FRAMES = 90
+STOPPED_AT = 30
+
+
+@pytest.fixture(scope="module")
+def player():
+    with playwright.sync_playwright() as started:
+        yield started
+
+
+@pytest.fixture
+def browsers(player):
+    """Starts browsers that a test may close."""
+    started = []
+
+    def browser():
+        started.append(player.chromium.launch(executable_path=CHROMIUM, args=FLAGS))
+        return started[-1]
+
+    yield browser
+    for each in started:
+        each.close()
+
+
+@pytest.fixture
+def garden(tmp_path):
+    """The example in real time, with a page that hosts its snails."""
+    with running(tmp_path, copied(tmp_path) / "phone.toml") as run:
+        yield run
+
+
+def digest_in_python(folder, frames):
+    """The digest of the same world, whose snails a Python host evolves."""
+    text = (folder / "phone.toml").read_text()
+    text = re.sub(r"\[process\.page\].*?\n\n", "", text, flags=re.S).replace("elsewhere = true", "")
+    (folder / "python.toml").write_text(text)
+    done = subprocess.run(
+        [
+            *(sys.executable, "-m", "minerva_bus.cli.main", "run", str(folder / "python.toml")),
+            *("--frames", str(frames), "--in-process", "--json"),
+        ],
+        capture_output=True, text=True, timeout=60,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    (digest,) = re.findall(r'"digest": "(\w+)"', done.stdout)
+    return digest
+
+
+def test_a_page_that_closes_in_mid_frame_is_replaced_and_changes_nothing(tmp_path, browsers):
+    """The first page never answers frame 30: its host is closed while it evolves an agent."""
+    folder = copied(tmp_path)
+    code = folder / "snails.js"
+    stuck = f"""
+      if (moment.frame === {STOPPED_AT}n && location.hash === "#first") {{
+        console.log("in frame {STOPPED_AT}");
+        for (;;);
+      }}
+      const snail = self.values;
+      snail.x +="""
+    text = code.read_text()
+    assert text.count("\n      const snail = self.values;\n      snail.x +=") == 1
+    code.write_text(text.replace("\n      const snail = self.values;\n      snail.x +=", stuck))
+    with running(tmp_path, folder / "phone.toml", "--frames", FRAMES, "--rate", "50") as run:
+        first = browsers()
+        page = first.new_page()
+        with page.expect_console_message(lambda said: f"in frame {STOPPED_AT}" in said.text):
+            page.goto(f"{run.url}#first")
+        assert run.client.operator.status().frame == STOPPED_AT
+        first.close()
+        successor = browsers().new_page()
+        successor.goto(run.url)
+        successor.get_by_text("The world has ended", exact=False).wait_for()
+        summary = run.summary()
+    assert summary["frames"] == FRAMES
+    assert summary["digest"] == digest_in_python(folder, FRAMES)
+
+
+def test_one_page_hosts_and_the_next_takes_over(garden, browsers):
+    first, second = browsers(), browsers().new_page()
+    page = first.new_page()
+    page.goto(garden.url)
+    garden.present("snails")
+    second.goto(garden.url)
+    second.get_by_text("snails: on another page").wait_for()
+    first.close()
+    second.get_by_text("page-2 · snails", exact=False).wait_for()
+    garden.present("snails")
+    before = garden.client.operator.status().frame
+    shown(second, before + 5)
+
+
+def test_a_tap_on_the_ground_is_an_order(garden, browsers):
+    page = browsers().new_page(viewport={"width": 390, "height": 844})
+    page.goto(garden.url)
+    shown(page)
+    page.get_by_text("lettuce", exact=False).first.wait_for()
+    box = page.locator("canvas").bounding_box()
+    # The corner of the picture is free: the margin around everything drawn.
+    page.mouse.click(box["x"] + 5, box["y"] + box["height"] - 30)
+    event = garden.event("eLettuce")
+    x, y = (float(number) for number in re.findall(r"=(-?[\d.]+)", event))
+    assert x < -1
+    assert y < -1
+    page.get_by_text("sent eLettuce", exact=False).wait_for()
+
+
+def test_the_tilt_of_a_phone_is_an_event(garden, browsers):
+    context = browsers().new_context(viewport={"width": 390, "height": 844})
+    page = context.new_page()
+    page.goto(garden.url)
+    shown(page)
+    page.get_by_text("Push the snails by tilting").click()
+    garden.present("tilt-1")
+    sensor = context.new_cdp_session(page)
+    sensor.send(
+        "DeviceOrientation.setDeviceOrientationOverride", {"alpha": 0, "beta": -45, "gamma": 22.5}
+    )
+    assert garden.event("eTilt") == "eTilt<x=0.5, y=1>"
+
+
+def pin_of(page, name):
+    """Where the pin of a marker of the robots' world is on the page."""
+    picture = Lists(vocabulary).picture(scene({}), {})
+    x, y = next((float(t.x[0]), float(t.y[0])) for t in picture.of(Texts) if t.texts[0] == name)
+    across, along = map(np.concatenate, zip(*map(extremes, picture.of(Tiles)), strict=True))
+    box = page.locator("canvas").bounding_box()
+    scale = 0.94 * min(box["width"] / np.ptp(across), box["height"] / np.ptp(along))
+    return (
+        box["x"] + box["width"] / 2 + (x - (across.min() + across.max()) / 2) * scale,
+        box["y"] + box["height"] / 2 - (y - (along.min() + along.max()) / 2) * scale - 15,
+    )
+
+
+def test_a_click_on_a_name_and_a_key_are_orders(tmp_path, browsers):
+    """The robots' world: its markers are labels, and its speed has a unit."""
+    with running(tmp_path, "robot", "--robots", "1", "--parcels", "", "--view", "page") as run:
+        page = browsers().new_page(viewport={"width": 1000, "height": 700})
+        page.goto(run.url)
+        shown(page)
+        page.get_by_text("speed +").wait_for()
+        page.mouse.click(*pin_of(page, "lab"))
+        assert run.event("eObjective").startswith('eObjective<marker="lab">')
+        page.keyboard.press("ArrowUp")
+        run.event("eSpeed")
+        page.keyboard.press("Space")
+        eventually(lambda: run.client.operator.status().paused, "it is not paused")
+
+
+def test_interrupting_the_world_ends_its_pages(garden, browsers):
+    page = browsers().new_page()
+    page.goto(garden.url)
+    shown(page)
+    os.kill(garden.process.pid, signal.SIGINT)
+    page.get_by_text("ended", exact=False).wait_for()
+    garden.process.wait(20)
