@@ -49,7 +49,7 @@ class Snail(Agent, symbol="ASnail"):
 
 
 class Picture(Device, draws=("eShow",)):
-    """Writes the sizes of all shells to garden.txt, a line for each view."""
+    """Draws the shells as circles in garden.svg, beside this file."""
 
     every = 10
 
@@ -57,12 +57,17 @@ class Picture(Device, draws=("eShow",)):
         self.shells = 0
 
     def show(self, view: View) -> None:
-        """Write a line."""
+        """Write the picture."""
         sizes = [node.values[0] for node in view.scene.nodes]
         self.shells = len(sizes)
-        line = f"{view.frame}: {' '.join(f'{size:.3f}' for size in sizes)}\n"
-        with Path("garden.txt").open("a", encoding="utf-8") as file:
-            file.write(line)
+        circles = "".join(
+            f'<circle cx="{20 + 30 * place}" cy="40" r="{2 * size:.4f}" fill="#886644"/>'
+            for place, size in enumerate(sizes)
+        )
+        title = f'<text x="5" y="12" font-size="10">frame {view.frame}: {self.shells} snails</text>'
+        box = f'viewBox="0 0 {10 + 30 * max(self.shells, 5)} 60"'
+        text = f'<svg xmlns="http://www.w3.org/2000/svg" {box}>{title}{circles}</svg>\n'
+        Path(__file__).with_name("garden.svg").write_text(text, encoding="utf-8")
 
     def report(self) -> dict:
         """Number of shells in the last view."""
