@@ -21,7 +21,7 @@ from numba import (  # pyright: ignore[reportMissingTypeStubs]
     uint64,  # noqa: F401  # pyright: ignore[reportUnusedImport]
 )
 
-from minerva_bus.compiled.loading import NUMBA_OPTIONS
+from minerva_bus.compiled.loading import ALLOCATING, NUMBA_OPTIONS
 from minerva_bus.compiled.sources import PortableForms
 from minerva_bus.portable import (
     arcs,
@@ -451,3 +451,8 @@ READ_BOOL = types.Array(boolean, 1, "A", readonly=True)
 def kernel(signature: Any) -> Any:
     """Compile a kernel for one signature, and keep the machine code beside its module."""
     return njit(signature, cache=True, **NUMBA_OPTIONS)
+
+
+def kernel_with_lists(signature: Any) -> Any:
+    """As `kernel`, for a kernel that creates arrays for local lists."""
+    return njit(signature, cache=True, **ALLOCATING)

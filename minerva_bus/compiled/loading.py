@@ -24,9 +24,18 @@ from minerva_bus.wording import install
 
 Kernel = Callable[..., int]
 
-NUMBA_OPTIONS: Final[Mapping[str, Any]] = {"error_model": "python", "fastmath": False}
+NUMBA_OPTIONS: Final[Mapping[str, Any]] = {
+    "error_model": "python", "fastmath": False, "_nrt": False,
+}  # fmt: skip
 """Python's errors, such as ZeroDivisionError, and sums in the order of the source, so that machine
-code has the bits of Python."""
+code has the bits of Python.
+
+Without numba's runtime (NRT), code cannot create arrays and does not count references to them. Each
+inlined function counted those to all of its arrays, which took up to six times as long as its
+work."""
+
+ALLOCATING: Final[Mapping[str, Any]] = {**NUMBA_OPTIONS, "_nrt": True}
+"""For functions that create arrays, which the runtime has to release."""
 
 
 @cache

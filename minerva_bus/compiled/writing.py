@@ -162,7 +162,7 @@ def _kernel(program: Program) -> Iterator[str]:
     """The loop over rows. It returns the place of the first row that has not run."""
     made = arguments(program)
     types = ", ".join(["int64", *(argument.type for argument in made)])
-    yield f"@kernel(int64({types}))"
+    yield f"@{'kernel_with_lists' if program.lists else 'kernel'}(int64({types}))"
     yield f"def run(start, {', '.join(argument.name for argument in made)}):"
     for slot in program.lists:
         yield f"{_STEP}l_{slot.name} = np.empty({slot.length}, np.{_numpy(slot.kind)})"

@@ -13,7 +13,15 @@ from typing import Any, Final
 
 from minerva_bus.compiled.loading import generated, versions
 from minerva_bus.errors import MisuseError
-from minerva_bus.space.kernels import ALLOCATING, OPTIONS, PURPOSE, Kernel, interpreting, key, numba
+from minerva_bus.space.kernels import (
+    ALLOCATING_OPTIONS,
+    OPTIONS,
+    PURPOSE,
+    Kernel,
+    interpreting,
+    key,
+    numba,
+)
 
 Function = Callable[..., Any]
 _SHOWN: Final = 6
@@ -75,7 +83,7 @@ class RuleLoop:
     def _compile_allocating(self, function: Function) -> Function:
         library = numba()
         try:
-            return library.njit(self.signature, cache=True, **ALLOCATING)(function)
+            return library.njit(self.signature, cache=True, **ALLOCATING_OPTIONS)(function)
         except library.core.errors.NumbaError as error:
             lines = [line for line in str(error).splitlines() if line.strip()]
             raise MisuseError(

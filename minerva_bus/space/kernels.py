@@ -18,19 +18,17 @@ from typing import Any, Final, Generic, ParamSpec, TypeVar, cast
 import numpy as np
 
 from minerva_bus import portable
-from minerva_bus.compiled.loading import NUMBA_OPTIONS, numba_library
+from minerva_bus.compiled.loading import ALLOCATING, NUMBA_OPTIONS, numba_library
 from minerva_bus.compiled.sources import PortableForms, is_portable
 
 _P = ParamSpec("_P")
 _R = TypeVar("_R")
 
-OPTIONS: Final[Mapping[str, Any]] = {**NUMBA_OPTIONS, "boundscheck": True, "_nrt": False}
-"""Indices are checked, because a rule computes its own. Without numba's runtime (NRT), references
-to arrays are not counted: each inlined kernel counted those to all arrays of its table, which took
-up to six times as long as the rule."""
-
-ALLOCATING: Final[Mapping[str, Any]] = {**OPTIONS, "_nrt": True}
-"""For rules that create arrays, which the runtime has to release."""
+_CHECKED: Final = {"boundscheck": True}
+"""Indices are checked, because a rule computes its own."""
+OPTIONS: Final[Mapping[str, Any]] = {**NUMBA_OPTIONS, **_CHECKED}
+ALLOCATING_OPTIONS: Final[Mapping[str, Any]] = {**ALLOCATING, **_CHECKED}
+"""For rules that create arrays."""
 
 PURPOSE: Final = "rules of a space"
 """What needs numba, in messages."""
