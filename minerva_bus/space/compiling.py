@@ -103,8 +103,8 @@ def _with_globals(module: ModuleType, scope: Mapping[str, Any]) -> Function:
     return module.drive
 
 
-def around(kernel: Kernel[..., Any], types: Sequence[str]) -> RuleLoop:
-    """A driver that passes its arguments to a kernel; `types` are those of numba."""
+def around(kernel: Kernel[..., Any], types: Sequence[str], result: str = "void") -> RuleLoop:
+    """A driver that passes its arguments to a kernel; the types are those of numba."""
     arguments = ", ".join([f"a{number}" for number in range(len(types))])
-    source = f"def drive({arguments}):\n    kernel({arguments})\n"
-    return RuleLoop(kernel.__name__, source, {"kernel": kernel}, f"void({', '.join(types)})")
+    source = f"def drive({arguments}):\n    return kernel({arguments})\n"
+    return RuleLoop(kernel.__name__, source, {"kernel": kernel}, f"{result}({', '.join(types)})")

@@ -41,6 +41,9 @@ def cell_of(field: FieldGrid, x: float, y: float) -> int:
 @kernel
 def wrapped(number: float, size: float) -> float:
     """A coordinate within [0, size) of a periodic field."""
+    # The usual case: a remainder takes many times as long as these comparisons.
+    if 0.0 < number < size:
+        return number
     inside = number % size
     return inside if inside < size else 0.0
 
@@ -101,7 +104,8 @@ def cells_between(
     first = math.floor(low / size * cells - MARGIN)
     last = math.floor(high / size * cells + MARGIN)
     if periodic:
-        return first % cells, min(last - first + 1, cells)
+        start = first if 0 <= first < cells else first % cells
+        return start, min(last - first + 1, cells)
     # Positions outside the field are in the cells at its edge.
     first, last = min(max(first, 0), cells - 1), min(max(last, 0), cells - 1)
     return first, last - first + 1

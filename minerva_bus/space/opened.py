@@ -29,6 +29,8 @@ from minerva_bus.space.tables import INDEX, Column, InField, Inhabitants, Rows, 
 _PER_CELL: Final = 2
 """Inhabitants per cell of a field's search, on average."""
 
+ENTERED, UNBORN, OUTSIDE = 0, 1, 2
+
 
 @dataclass(slots=True)
 class Opened:
@@ -49,31 +51,25 @@ class Opened:
     ) -> Opened:
         """Open a matrix of the string. Raises MisuseError if it does not fit the space."""
         kind.check(matrix)
-        count = matrix.shape[1]
-        if count and matrix[0].max() >= births[0]:
-            raise MisuseError(
-                f"{kind.__name__}: the id {matrix[0].max():.0f} is not below the space's `births`"
-                f" ({births[0]:.0f}), from which newborns get their ids; set births={count} or more"
-            )
         shape = lattice
         if issubclass(kind, InField):
-            shape = _field(extent, lattice.periodic, count)
+            shape = _field(extent, lattice.periodic, matrix.shape[1])
         opened = Opened(kind, matrix, {"births": births}, shape)
         opened._allocate(matrix)
-        opened._enter(count)
+        opened._enter()
         return opened
 
     def _allocate(self, matrix: Reals) -> None:
         count, cells = matrix.shape[1], _cells(self.shape)
-        places = np.empty((3, cells), np.int64)
-        self.arrays |= {"places": places, "counts": np.array([count, cells])}
         self.arrays |= {
+            "places": np.empty((3, cells), np.int64),
+            "counts": np.array([count, cells]),
             "values": np.array(matrix),
             "links": np.empty((3, count), np.int64),
             "cell": np.empty(count, np.int64),
         }
 
-    def _enter(self, count: int) -> None:
+    def _enter(self) -> None:
         arrays, cells = self.arrays, self.arrays["cell"]
         if isinstance(self.shape, FieldGrid):
             row = self.kind.names.index("x")
@@ -82,12 +78,18 @@ class Opened:
             LOCATE(cells, x, y, field.width, field.height, field.across, field.down)
         else:
             cells[:] = self.old[1]
-            if count and not (cells.min() >= 0 and cells.max() < _cells(self.shape)):
-                raise MisuseError(
-                    f"{self.kind.__name__}: cells are numbers from 0 to {_cells(self.shape) - 1}"
-                    f" in a lattice of {self.shape.width} x {self.shape.height}"
-                )
-        ENTER(cells, arrays["links"], arrays["places"], arrays["counts"])
+        entered = ENTER(*[arrays[name] for name in _ENTERED])
+        if entered == UNBORN:
+            largest, births, count = self.old[0].max(), arrays["births"][0], len(cells)
+            raise MisuseError(
+                f"{self.kind.__name__}: the id {largest:.0f} is not below the space's `births`"
+                f" ({births:.0f}), from which newborns get their ids; set births={count} or more"
+            )
+        if entered == OUTSIDE:
+            raise MisuseError(
+                f"{self.kind.__name__}: cells are numbers from 0 to {_cells(self.shape) - 1}"
+                f" in a lattice of {self.shape.width} x {self.shape.height}"
+            )
 
     def reserve(self, births: int) -> None:
         """Make room for newborns."""
@@ -147,9 +149,18 @@ def _field(extent: tuple[float, float], periodic: bool, count: int) -> FieldGrid
 
 
 @kernel
-def enter(cell: Rows, links: Rows, places: Rows, counts: Rows) -> None:
-    """Build the lists of all cells; the rows of a cell are in the order of the table."""
-    for place in range(places.shape[1]):
+def enter(values: Column, cell: Rows, links: Rows, places: Rows, counts: Rows, births: Rows) -> int:
+    """Build the lists of all cells; the rows of a cell are in the order of the table.
+
+    Returns ENTERED, UNBORN if an id is not below `births`, or OUTSIDE if a cell does not exist.
+    """
+    cells = places.shape[1]
+    for i in range(counts[ROWS]):
+        if values[0, i] >= births[0]:
+            return UNBORN
+        if cell[i] < 0 or cell[i] >= cells:
+            return OUTSIDE
+    for place in range(cells):
         places[FIRST, place] = -1
     for i in range(counts[ROWS] - 1, -1, -1):
         other = places[FIRST, cell[i]]
@@ -163,6 +174,7 @@ def enter(cell: Rows, links: Rows, places: Rows, counts: Rows) -> None:
             places[FREE, vacant], places[SLOT, place] = place, vacant
             vacant += 1
     counts[VACANT] = vacant
+    return ENTERED
 
 
 @kernel
@@ -178,7 +190,10 @@ def locate(
 _INTS: Final = "int64[::1]"
 _TABLE: Final = "int64[:, ::1]"
 _REALS: Final = "float64[::1]"
-ENTER: Final = around(enter, (_INTS, _TABLE, _TABLE, _INTS))
+_ENTERED: Final = ("values", "cell", "links", "places", "counts", "births")
+ENTER: Final = around(
+    enter, ("float64[:, ::1]", _INTS, _TABLE, _TABLE, _INTS, _INTS), result="int64"
+)
 LOCATE: Final = around(locate, (_INTS, _REALS, _REALS, "float64", "float64", "int64", "int64"))
 
 
