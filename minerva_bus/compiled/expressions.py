@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ast
 import inspect
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from types import FunctionType, ModuleType
 from typing import Any, Final, cast
 
@@ -38,6 +38,7 @@ from minerva_bus.compiled.names import (
     kind_of,
 )
 from minerva_bus.compiled.origin import MISSING, NotCompilable
+from minerva_bus.compiled.refused import EXPRESSIONS, FUNCTIONS_INSTEAD
 from minerva_bus.errors import nearest
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.symbols import EventType
@@ -76,27 +77,6 @@ _COMPARISONS: Final[dict[type[ast.cmpop], str]] = {
     ast.GtE: ">=",
 }
 
-_LOOP: Final = "write a for loop that adds up or counts in a variable"
-REFUSED: Final[Mapping[type[ast.AST], tuple[str, str]]] = {
-    ast.ListComp: ("a list comprehension", _LOOP),
-    ast.SetComp: ("a set comprehension", _LOOP),
-    ast.DictComp: ("a dict comprehension", _LOOP),
-    ast.GeneratorExp: ("a generator expression", _LOOP),
-    ast.Dict: ("a dict", "use attributes, or a tuple that is indexed by an int"),
-    ast.Set: ("a set", "compare with each value: x == 1 or x == 2"),
-    ast.List: ("a list here", "assign it to a variable first: values = [0.0, 0.0]"),
-    ast.Tuple: ("a tuple here", "use a variable for each value"),
-    ast.Lambda: ("a lambda", "define a function at the top of the module and call it"),
-    ast.JoinedStr: ("an f-string", "use constant texts only"),
-    ast.NamedExpr: ("an assignment within an expression", "assign in a statement of its own"),
-    ast.Await: ("await", "evolution is not asynchronous; emit an event instead"),
-    ast.Yield: ("yield", "emit events with moment.emit"),
-    ast.YieldFrom: ("yield", "emit events with moment.emit"),
-    ast.Starred: ("an argument with *", "write each argument"),
-    ast.Slice: ("a slice", "write a for loop over the index"),
-}
-"""Kinds of nodes that are not supported: what they are, and what to write instead."""
-
 
 class Expressions:
     """Checks the expressions of one function."""
@@ -125,7 +105,7 @@ class Expressions:
         """The checked form of an expression. Raises NotCompilable."""
         check = self._checks.get(type(node))
         if check is None:
-            raise self.problem(node, *REFUSED.get(type(node), ("this expression", "")))
+            raise self.problem(node, *EXPRESSIONS.get(type(node), ("this expression", "")))
         return check(node)
 
     def truth(self, node: ast.expr) -> Expression:
@@ -663,7 +643,9 @@ class Expressions:
         if isinstance(function, EventType):
             raise self.problem(node, "an event as a value", "write moment.emit(...) around it")
         name = ast.unparse(node.func)
-        instead = _INSTEAD.get(name.rpartition(".")[2], "compute it with numbers and operators")
+        instead = FUNCTIONS_INSTEAD.get(
+            name.rpartition(".")[2], "compute it with numbers and operators"
+        )
         raise self.problem(node, f"the function {name}", instead)
 
     def _length(self, node: ast.Call) -> Expression:
@@ -729,28 +711,6 @@ class Expressions:
     ) -> Expression:
         """A call of a function of the module, or of a method of the class."""
         raise NotImplementedError
-
-
-_INSTEAD: Final = {
-    "print": "emit an event, or log in a method that is not compiled",
-    "sum": _LOOP,
-    "sorted": "keep the least value in a variable of a for loop",
-    "range": "use it in `for i in range(n)` only",
-    "enumerate": "write `for i in range(n)` and index the tuple",
-    "zip": "write `for i in range(n)` and index both tuples",
-    "any": "write a for loop with a bool variable",
-    "all": "write a for loop with a bool variable",
-    "list": "write the items: values = [0.0, 0.0]",
-    "str": "use constant texts only",
-    "hypot": "use portable.hypot, which is the same on every machine",
-    "dist": "use portable.hypot(x1 - x2, y1 - y2)",
-    "pow": "use **",
-    "isinstance": "attributes have the types that the class declares",
-    "getattr": "name the attribute: self.x",
-    "setattr": "name the attribute: self.x = ...",
-    "time": "use moment.time: results must not depend on a clock",
-    "open": "a method uses no files; services do",
-}
 
 
 def _key(function: Any) -> Any:

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from types import FunctionType
 from typing import Any, Final, cast
 
-from minerva_bus.compiled.expressions import REFUSED, Expressions, is_empty
+from minerva_bus.compiled.expressions import Expressions, is_empty
 from minerva_bus.compiled.form import (
     Append,
     Assign,
@@ -51,6 +51,7 @@ from minerva_bus.compiled.names import (
     limit_of,
 )
 from minerva_bus.compiled.origin import Origin
+from minerva_bus.compiled.refused import EXPRESSIONS, STATEMENTS
 from minerva_bus.grammar.fields import Field, Fields
 from minerva_bus.grammar.symbols import AgentKind, EventType
 from minerva_bus.grammar.types import Type
@@ -60,21 +61,6 @@ MAX_ITEMS: Final = 1_000
 
 _PASSES: Final = 10
 """Passes over a function until the kinds of its variables are known: each may change once."""
-
-_STATEMENTS: Final[Mapping[type[ast.AST], tuple[str, str]]] = {
-    ast.Try: ("try", "test the condition before: if x != 0: ..."),
-    ast.With: ("with", "a method uses no resources; services do"),
-    ast.Import: ("an import in a method", "import at the top of the module"),
-    ast.ImportFrom: ("an import in a method", "import at the top of the module"),
-    ast.FunctionDef: ("a function within a method", "define it at the top of the module"),
-    ast.ClassDef: ("a class within a method", "define it at the top of the module"),
-    ast.Global: ("global", "keep the value in an attribute of the agent"),
-    ast.Nonlocal: ("nonlocal", "keep the value in an attribute of the agent"),
-    ast.Delete: ("del", "set the value to 0 or False"),
-    ast.Match: ("match", "write if and elif"),
-    ast.AsyncFor: ("async for", "write a for loop"),
-    ast.AsyncWith: ("async with", "a method uses no resources; services do"),
-}
 
 
 class Statements(Expressions):
@@ -146,7 +132,7 @@ class Statements(Expressions):
                 break
             check = checks.get(type(node))
             if check is None:
-                raise self.problem(node, *_STATEMENTS.get(type(node), ("this statement", "")))
+                raise self.problem(node, *STATEMENTS.get(type(node), ("this statement", "")))
             made += check(node)
         return made
 
@@ -502,7 +488,7 @@ class Statements(Expressions):
         if isinstance(node.value, ast.Call):
             return [Assign(self.scope.temporary(), self.value(node.value))]
         raise self.problem(
-            node, *REFUSED.get(type(node.value), ("a value that is not used", "remove it"))
+            node, *EXPRESSIONS.get(type(node.value), ("a value that is not used", "remove it"))
         )
 
     def _emit(self, node: ast.Call) -> list[Statement]:

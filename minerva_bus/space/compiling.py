@@ -12,7 +12,8 @@ from types import ModuleType
 from typing import Any, Final
 
 from minerva_bus.compiled.loading import generated, versions
-from minerva_bus.errors import MisuseError
+from minerva_bus.compiled.origin import NotCompilable
+from minerva_bus.space.checking import uncompilable
 from minerva_bus.space.kernels import (
     ALLOCATING_OPTIONS,
     OPTIONS,
@@ -24,8 +25,10 @@ from minerva_bus.space.kernels import (
 )
 
 Function = Callable[..., Any]
-_SHOWN: Final = 6
-"""Lines of a message of numba that an error repeats."""
+_HEADS: Final = ("Failed in", "During:", "File ", "No implementation of", ">>>")
+"""Beginnings of lines in a message of numba that give no reason."""
+
+_TYPES: Final = "an operation on values of these types"
 
 
 @dataclass(slots=True)
@@ -85,10 +88,19 @@ class RuleLoop:
         try:
             return library.njit(self.signature, cache=True, **ALLOCATING_OPTIONS)(function)
         except library.core.errors.NumbaError as error:
-            lines = [line for line in str(error).splitlines() if line.strip()]
-            raise MisuseError(
-                "\n  ".join([f"{self.name} cannot be compiled:", *lines[:_SHOWN]])
-            ) from None
+            raise self._problem(error) from None
+
+    def _problem(self, error: Any) -> NotCompilable:
+        """The error at the line for which numba has no types."""
+        reasons = [line.strip() for line in str(error.msg).splitlines()]
+        what = next((line for line in reasons if line and not line.startswith(_HEADS)), _TYPES)
+        if "UndefinedType" in what:
+            what = "a name that is not defined"
+        rule: Any = self.scope.get("rule")
+        place = error.loc
+        if rule is None or place is None or place.filename != rule.function.__code__.co_filename:
+            return NotCompilable(f"{self.name} cannot be compiled: {what}")
+        return uncompilable(rule.function, place.line, what)
 
     def _keys(self) -> Iterator[str]:
         """Digests of the objects in the scope, by name."""

@@ -97,7 +97,7 @@ def _of_portable(used: Collection[str]) -> ModuleType:
 def rebound(function: FunctionType) -> FunctionType:
     """The same function; its kernels and functions of `portable` replaced by compiled ones."""
     scope, used = dict(function.__globals__), function.__code__.co_names
-    for name, helper in _helpers(function):
+    for name, helper in helpers(function):
         scope[name] = helper.compiled
     for name in used:
         value = scope.get(name)
@@ -116,7 +116,8 @@ def key(function: FunctionType) -> str:
     return digest.hexdigest()
 
 
-def _helpers(function: FunctionType) -> Iterator[tuple[str, Kernel[..., Any]]]:
+def helpers(function: FunctionType) -> Iterator[tuple[str, Kernel[..., Any]]]:
+    """The kernels that a function names."""
     for name in function.__code__.co_names:
         helper = function.__globals__.get(name)
         if isinstance(helper, Kernel):
@@ -134,7 +135,7 @@ def _code(function: FunctionType, known: dict[CodeType, bytes]) -> list[bytes]:
         defaults = repr(function.__defaults__)
         parts = (code.co_code, code.co_consts, code.co_names, code.co_varnames, numbers, defaults)
         known[code] = repr(parts).encode()
-        for _, helper in _helpers(function):
+        for _, helper in helpers(function):
             _code(helper.function, known)
     return list(known.values())
 

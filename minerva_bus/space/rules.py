@@ -11,6 +11,7 @@ from typing import Any, Final, get_type_hints
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.types import Cells, Reals
+from minerva_bus.space.checking import check_rule
 from minerva_bus.space.compiling import RuleLoop
 from minerva_bus.space.draws import Draws, shuffle
 from minerva_bus.space.field import FieldGrid
@@ -97,6 +98,8 @@ class SpaceRule:
         self.kernel = Kernel(function)
         self.__doc__ = function.__doc__
         self.parameters = _parameters(function, self.name)
+        tables = {p.name: p.table.type._fields for p in self.parameters if p.table is not None}
+        check_rule(self.kernel.function, tables)
         self.drive = self._driver()
 
     @property
@@ -156,6 +159,7 @@ def rule(order: Activation, *, births: int = 1) -> Callable[[Callable[..., None]
 
     Raises:
         MisuseError: a parameter has no annotation, or one that a rule cannot have.
+        NotCompilable: the rule uses something that cannot be compiled.
 
     Example:
         >>> @rule(SHUFFLED)

@@ -340,16 +340,6 @@ def test_a_rule_names_its_parameters(as_python):
         meadow().run(moment(), missing)
 
 
-def test_a_rule_that_cannot_be_compiled_is_explained():
-    @rule(ORDERED)
-    def texts(i: int, sheep: Sheep):
-        sheep.energy[i] = "fat"
-
-    with pytest.raises(MinervaError, match="texts cannot be compiled") as error:
-        meadow().run(moment(), texts)
-    assert len(str(error.value).splitlines()) <= 10
-
-
 def test_a_rule_may_create_arrays():
     @rule(ORDERED)
     def average(i: int, sheep: Sheep):
