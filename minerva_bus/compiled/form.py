@@ -247,12 +247,12 @@ class Newborn:
 
 @dataclass(frozen=True, slots=True)
 class Emission:
-    """An output with the events of one type: data, and the code of the receiver if there is one."""
+    """An output with the events of one type: data, and the codes of their receivers."""
 
     event_type: str
     names: tuple[str, ...]
     slots: tuple[Slot, ...]
-    received: bool
+    receivers: int
     condition: str
 
 

@@ -515,8 +515,8 @@ class Statements(Expressions):
         ):
             raise self.problem(condition, "a computed condition", "write a constant text")
         made, values = self._bound_values(node, event_type.name, event_type.fields, named)
-        receiver = self._receiver(receivers)
-        if receiver is not None:
+        named_receivers = self._receivers(receivers)
+        for receiver in named_receivers:
             held, statement = self._held(receiver)
             empty = BinaryOperation(ValueKind.BOOL, "==", held, self.text(""))
             made += [statement, If(empty, (Jump.FAULT,), ())]
@@ -526,31 +526,30 @@ class Statements(Expressions):
             event_type.name,
             fields.names,
             tuple(Slot(name, v.kind) for name, v in zip(fields.names, values, strict=False)),
-            receiver is not None,
+            len(named_receivers),
             "" if condition is None else str(condition.value),
         )
         index = self.method.emission(output)
         if index is None:
             raise self.problem(
                 node,
-                f"{event_type.name} emitted with and without receivers, or with two conditions",
+                f"{event_type.name} emitted with other numbers of receivers, or two conditions",
                 "emit events of one type in one form",
             )
         return [*made, Append(index, tuple(values))]
 
-    def _receiver(self, node: ast.expr | None) -> Expression | None:
+    def _receivers(self, node: ast.expr | None) -> list[Expression]:
         if node is None:
-            return None
-        if not isinstance(node, ast.List | ast.Tuple) or len(node.elts) > 1:
+            return []
+        if not isinstance(node, ast.List | ast.Tuple):
             raise self.problem(
-                node, "several receivers", "emit an event for each: receivers=[self.partner]"
+                node, "computed receivers", "list them: receivers=[self.mother, self.father]"
             )
-        if not node.elts:
-            return None
-        value = self.value(node.elts[0])
-        if value.kind is not ValueKind.TEXT:
-            raise self.problem(node.elts[0], f"{value.kind.value} as a receiver", "use an id")
-        return value
+        values = [self.value(each) for each in node.elts]
+        for each, value in zip(node.elts, values, strict=True):
+            if value.kind is not ValueKind.TEXT:
+                raise self.problem(each, f"{value.kind.value} as a receiver", "use an id")
+        return values
 
     def _bound_values(
         self, node: ast.Call, owner: str, fields: Fields, named: Mapping[str, ast.expr]

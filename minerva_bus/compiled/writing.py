@@ -106,8 +106,8 @@ def cells(output: Output) -> list[tuple[str, ValueKind]]:
     named = [(f"v_{slot.name}", slot.kind) for slot in output.slots]
     if isinstance(output, Newborn):
         return [("place", ValueKind.INT), ("births", ValueKind.INT), *named]
-    received = [("receiver", ValueKind.TEXT)] if output.received else []
-    return [("place", ValueKind.INT), *named, *received]
+    receivers = [(f"receiver{number}", ValueKind.TEXT) for number in range(output.receivers)]
+    return [("place", ValueKind.INT), *named, *receivers]
 
 
 def _read(kind: str) -> str:

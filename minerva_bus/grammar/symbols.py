@@ -244,7 +244,7 @@ class EventType:
         if condition:
             # Parsed for its errors only, so that they appear where the event is created.
             parse_condition(condition)
-        to = _ids(receivers) if receivers else ()
+        to = receiver_ids(receivers) if receivers else ()
         return Event(self.name, self.fields.names, values, condition, sender, to)
 
     def _many(
@@ -262,7 +262,7 @@ class EventType:
         columns = self.fields.columns(self.name, given, count)
         if condition:
             parse_condition(condition)
-        listed = () if to is not None else _ids(receivers)
+        listed = () if to is not None else receiver_ids(receivers)
         if len(listed) > 1:
             raise MisuseError(f"a batch of {self.name} needs one receiver for each event, as Ids")
         if listed:
@@ -270,7 +270,8 @@ class EventType:
         return Events(self.name, self.fields.names, columns, count, condition, None, to)
 
 
-def _ids(receivers: Iterable[object]) -> tuple[str, ...]:
+def receiver_ids(receivers: Iterable[object]) -> tuple[str, ...]:
+    """The receivers of an event, each once, sorted. Raises MisuseError for what is no id."""
     given = [receivers] if isinstance(receivers, str) else list(receivers)
     ids = [value for value in given if isinstance(value, str)]
     if isinstance(receivers, str) or len(ids) != len(given):

@@ -15,7 +15,7 @@ from minerva_bus.grammar.columns import Columns, packed, shape_of
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.row_delta import RowDelta
 from minerva_bus.grammar.scene import EMPTY, AgentNode, Piece, Scene
-from minerva_bus.world.population import Birth, PopulationState
+from minerva_bus.world.population import Birth, Emitted, PopulationState
 
 _FEW = 0.25
 """Up to this part, changed values are put into the old column, which keeps its digests."""
@@ -185,12 +185,13 @@ def _in_pieces(part: Columns, state: PopulationState, lives: Mapping[int, Scene]
 
 
 def emissions(
-    batches: Sequence[tuple[Rows, Events]], single: Sequence[tuple[int, Sequence[Event]]]
+    batches: Sequence[tuple[Rows, Emitted]], single: Sequence[tuple[int, Sequence[Event]]]
 ) -> tuple[AnyEvent, ...]:
     """Emitted events by type, in the order of their senders' rows and then of emission."""
-    chunks: dict[str, list[tuple[Rows, Events]]] = {}
+    chunks: dict[str, list[tuple[Rows, Emitted]]] = {}
     for rows, events in batches:
-        chunks.setdefault(events.type, []).append((rows, events))
+        event_type = events.type if isinstance(events, Events) else events[0].type
+        chunks.setdefault(event_type, []).append((rows, events))
     singles: dict[str, list[tuple[int, Event]]] = {}
     for row, events in single:
         for event in events:
@@ -202,9 +203,11 @@ def emissions(
 
 
 def _ordered(
-    chunks: list[tuple[Rows, Events]], singles: list[tuple[int, Event]]
+    chunks: list[tuple[Rows, Emitted]], singles: list[tuple[int, Event]]
 ) -> Sequence[AnyEvent]:
-    batch = Events.concatenated([events for _, events in chunks]) if not singles else None
+    batches = [events for _, events in chunks if isinstance(events, Events)]
+    complete = len(batches) == len(chunks) and not singles
+    batch = Events.concatenated(batches) if complete else None
     if batch is None:
         pairs = [
             pair for rows, events in chunks for pair in zip(rows.tolist(), events, strict=True)

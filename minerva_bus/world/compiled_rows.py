@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
@@ -17,6 +17,7 @@ from minerva_bus.grammar.column import Column
 from minerva_bus.grammar.columns import Columns, Rows
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.ids import Ids
+from minerva_bus.grammar.symbols import receiver_ids
 from minerva_bus.world.context import Frame, FrameStreams
 from minerva_bus.world.lineage import child_ids
 from minerva_bus.world.population import Birth, PopulationState
@@ -124,11 +125,11 @@ class CompiledRows:
         rows = call.turn.rows[place]
         given = call.decoded(output, values)
         columns = tuple(Column(given[name]) for name in output.names)
-        receivers = None
-        if output.received:
-            receivers = Ids.of(call.codes.texts(values[-1]).tolist())
+        codes = values[len(output.slots) :]
+        ids = [Ids.of(call.codes.texts(column).tolist()) for column in codes]
+        receivers = ids[0] if len(ids) == 1 else None
         senders = self._state.ids.take(rows)
-        events = Events(
+        events: Sequence[Event] | Events = Events(
             output.event_type,
             output.names,
             columns,
@@ -137,6 +138,13 @@ class CompiledRows:
             senders,
             receivers,
         )
+        if len(ids) > 1:
+            # A column of receivers has one id for each event.
+            to = zip(*[column.texts() for column in ids], strict=True)
+            events = [
+                replace(event, receivers=receiver_ids(each))
+                for event, each in zip(events, to, strict=True)
+            ]
         self._state.sent.append((rows, events))
 
 

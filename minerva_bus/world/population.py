@@ -35,6 +35,10 @@ if TYPE_CHECKING:
 Mask: TypeAlias = NDArray[np.bool_] | bool
 
 
+Emitted: TypeAlias = Events | Sequence[Event]
+"""Events of one type, one for each row; single ones if they have several receivers."""
+
+
 @dataclass(frozen=True, slots=True)
 class Birth:
     """Newborns of the parents in `rows`, in one turn of the frame."""
@@ -59,7 +63,7 @@ class PopulationState:
         self.away: NDArray[np.bool_] | None = None
         """Rows that are no longer in the arrays: dead, or continuing as an `AgentStep`."""
         self.born: list[Birth] = []
-        self.sent: list[tuple[Rows, Events]] = []
+        self.sent: list[tuple[Rows, Emitted]] = []
         self.turn: int = 0
 
     @property

@@ -33,7 +33,8 @@ def as_one(activity: Activity) -> Callable[[Any, Event, Context], Scene | None]:
             # numpy.
             setattr(agent, name, array.tolist()[0])
         for _, sent in state.sent:
-            moment.emit(sent)
+            for each in sent:
+                moment.emit(each)
         young = [node for birth in state.born for node in birth.newborn.nodes()]
         # The agent has died; its newborns take its place.
         if state.away is not None:

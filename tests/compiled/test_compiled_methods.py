@@ -115,6 +115,35 @@ def test_emitted_events_and_their_receivers():
     same(make, lambda cls: many(cls), [[day()], calls, [*calls, day(count=7)]])
 
 
+def test_events_with_several_receivers():
+    def make(compiled):
+        class Parent(Agent, symbol="AParent"):
+            left: str = "a1"
+            right: str = "a2"
+            sum: float = 0.0
+
+            @on("eDay", compiled=compiled)
+            def call(self, day, moment):
+                self.sum += day.grass
+                if moment.chance.random() < 0.7:
+                    moment.emit(eCall(self.sum, "x", receivers=[self.left, self.right, self.left]))
+                if self.left == "a9":
+                    moment.emit(eCall(0.5, self.id, receivers=(self.right, self.id, "elsewhere")))
+                if day.count == 3 and self.right == "":
+                    moment.emit(eEgg(size=1))
+
+            @on("eCall", compiled=compiled)
+            def answer(self, call, moment):
+                self.sum += call.loud
+                self.left, self.right = call.sender, self.left
+                moment.emit(eCall(self.sum, "back", receivers=[self.left]))
+
+        return Parent
+
+    calls = [eCall(1.0, "hi", receivers=["a3", "a4"], sender="a9") for _ in range(2)]
+    same(make, lambda cls: many(cls), [[day(), *calls], [day(count=3)], [*calls, day(grass=2.0)]])
+
+
 def test_texts_words_and_bools():
     def make(compiled):
         class Person(Agent, symbol="APerson"):

@@ -92,12 +92,12 @@ REFUSED = {
     "list as datum": ("self.x = day.parts[0]", "day.parts", "", ""),
     "event as a value": ("e = eCall(loud=1.0)", "eCall(loud=1.0)", "an event as a value", "emit"),
     "stored event": ("e = day", "day", "day as a value", "attributes"),
-    "several receivers": (
-        "moment.emit(eCall(1.0, receivers=['a', 'b']))", "['a', 'b']", "several receivers", "each",
+    "computed receivers": (
+        "moment.emit(eCall(1.0, receivers=self.id))", "self.id", "computed receivers", "list them",
     ),
     "two forms of events": (
         "moment.emit(eCall(1.0))\nmoment.emit(eCall(1.0, receivers=['a']))",
-        "eCall(1.0, receivers=['a'])", "with and without receivers", "one form",
+        "eCall(1.0, receivers=['a'])", "other numbers of receivers", "one form",
     ),
     "another string": ("return Scene(())", "Scene(())", "this result", "EMPTY"),
     "newborn first": ("return self.child() + self.string", "self.string", "after newborns",
