@@ -26,6 +26,9 @@ Completer: TypeAlias = Callable[[typer.Context, str], list[tuple[str, str]]]
 ANSWER_SECONDS: Final = 10
 """Time-out for everything: a world that does not answer must not block the shell."""
 
+CONNECT_SECONDS: Final = 1.0
+"""Time-out for the connection to a world at another address."""
+
 
 def completer(find: Callable[[typer.Context, str], Choices]) -> Completer:
     """Make a completion function: it keeps what begins with the given text, and never fails."""
@@ -303,9 +306,14 @@ def running(ctx: typer.Context, incomplete: str) -> Choices:
 def _client(ctx: typer.Context) -> Generator[Client]:
     from minerva_bus.cli.options import WorldTarget
     from minerva_bus.cli.places import choose_keys, client
+    from minerva_bus.runtime.diagnosis import check_reachable
+    from minerva_bus.runtime.endpoints import check_endpoint
 
     given = {key: str(ctx.params.get(key) or "") for key in ("connect", "keys", "world")}
     choose_keys(given["keys"])
+    if given["connect"]:
+        # A command waits for a world that may be restarting; Tab must not.
+        check_reachable(check_endpoint(given["connect"]), CONNECT_SECONDS)
     with client(WorldTarget(**given)) as connected:
         yield connected
 
