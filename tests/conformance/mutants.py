@@ -75,6 +75,15 @@ def bare_orders(self: Generator, frame: int, events: list) -> None:
     Generator.on_orders(self, frame, [event[:2] for event in events])
 
 
+def leave_and_stay(self: NaiveMember) -> None:
+    NaiveMember.leave(self)
+    self.send("report", {})
+
+
+def fail_silently(self: NaiveMember, problem: Exception) -> None:
+    raise Ended(1)
+
+
 def obey_all(self: NaiveMember, epoch: int, name: str) -> bool:
     NaiveMember.follows(self, epoch, name)
     return True
@@ -287,5 +296,7 @@ MUTANTS = [
     Mutant("keeps parts at a key view", Observer, "P10.2", {"draw": old_parts}),
     Mutant("accepts older key views", Observer, "P10.4", {"on_view": any_key}),
     Mutant("keeps its sequence", Observer, "P10.10", {"welcome": do_nothing}),
+    Mutant("sends a report after it has left", Generator, "P6.21", {"leave": leave_and_stay}),
+    Mutant("fails silently", Host, "P6.22", {"fail": fail_silently}),
     Mutant("answers no tick", Coupled, "P8.3", {"on_tick": do_nothing}),
 ]  # fmt: skip

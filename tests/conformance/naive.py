@@ -11,6 +11,7 @@ import math
 import os
 import queue
 import re
+import signal
 import sys
 import time
 from collections.abc import Mapping
@@ -537,8 +538,14 @@ class Host(Role):
             result = self.act(event, node, receiver)
             if result is None:
                 return newborn
+            self.check(node[2])
             newborn = [*result, *newborn]
         return [node, *newborn]
+
+    def check(self, values: list) -> None:
+        total, _, births = values
+        if not math.isfinite(total) or births >= 1 << 63:
+            raise ArithmeticError(f"{total} or {births} is no value")
 
     def matches(self, event: Event, node: list, receiver: str) -> bool:
         if event.receivers and receiver not in event.receivers:
@@ -692,6 +699,10 @@ class NaiveMember:
         """End the member; from another thread."""
         self.inbox.put(None)
 
+    def leave(self) -> None:
+        if self.joined is not None:
+            self.send("leaving")
+
     def take_part(self) -> None:
         self.until = time.monotonic() + 10.0
         while True:
@@ -701,6 +712,7 @@ class NaiveMember:
             except queue.Empty:
                 raise Ended(1) from None
             if sample is None:
+                self.leave()
                 raise Ended(0)
             self.on_sample(str(sample.key_expr), sample)
 
@@ -716,6 +728,12 @@ class NaiveMember:
                 self.on_bytes(data)
         except Invalid as problem:
             print(f"dropped: {problem}", file=sys.stderr)
+        except ArithmeticError as problem:
+            self.fail(problem)
+
+    def fail(self, problem: Exception) -> None:
+        self.send("failed", -1, str(problem), "")
+        raise Ended(1)
 
     def on_coordinator(self, there: bool) -> None:
         if there and not self.there and self.token is None:
@@ -843,4 +861,6 @@ class NaiveMember:
 
 
 if __name__ == "__main__":
-    sys.exit(NaiveMember(os.environ).run())
+    member = NaiveMember(os.environ)
+    signal.signal(signal.SIGTERM, lambda *_: member.stop())
+    sys.exit(member.run())

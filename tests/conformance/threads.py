@@ -30,6 +30,9 @@ class ThreadMember:
         self._thread.join(within)
         return self._code
 
+    def interrupt(self) -> None:
+        self._stop()
+
     def kill(self) -> None:
         self._stop()
         self._thread.join(10.0)

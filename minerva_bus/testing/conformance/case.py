@@ -87,6 +87,25 @@ class Reappear:
 
 
 @dataclass(frozen=True, slots=True)
+class CutLink:
+    """The member's link is cut; it joins the same coordinator again, and is welcomed at `frame`."""
+
+    frame: int
+
+
+@dataclass(frozen=True, slots=True)
+class Interrupt:
+    """The member's process is asked to end (SIGTERM); after `leaving` it sends nothing more."""
+
+
+@dataclass(frozen=True, slots=True)
+class Break:
+    """Send a message in which the member's own code fails; it sends `failed` and ends."""
+
+    message: m.ToMember
+
+
+@dataclass(frozen=True, slots=True)
 class StartAgain:
     """The member's process is killed and started again; it joins at `frame` with its saved data."""
 
@@ -108,6 +127,9 @@ Step: TypeAlias = (
     | Succeed
     | Disappear
     | Reappear
+    | CutLink
+    | Interrupt
+    | Break
     | StartAgain
     | AwaitEnd
 )

@@ -23,6 +23,10 @@ class RunningMember(Protocol):
         """Its exit code; None if it still runs after `within` seconds."""
         ...
 
+    def interrupt(self) -> None:
+        """Ask it to end, as a launcher does."""
+        ...
+
     def kill(self) -> None:
         """End it at once."""
         ...
@@ -68,6 +72,9 @@ class _CommandProcess:
             return self._process.wait(within)
         except subprocess.TimeoutExpired:
             return None
+
+    def interrupt(self) -> None:
+        self._process.terminate()
 
     def kill(self) -> None:
         with suppress(ProcessLookupError):

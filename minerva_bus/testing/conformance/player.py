@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -14,12 +15,15 @@ from minerva_bus.runtime.inbox import KeyedSample
 from minerva_bus.runtime.scripted import ScriptedHub, ScriptedWorld
 from minerva_bus.testing.conformance.case import (
     AwaitEnd,
+    Break,
     Case,
     CaseOutcome,
     CaseResult,
+    CutLink,
     Deliver,
     Disappear,
     Enter,
+    Interrupt,
     PublishReadings,
     Reappear,
     SendIgnored,
@@ -39,6 +43,7 @@ from minerva_bus.testing.conformance.world import (
     reference,
     roles_of,
 )
+from minerva_bus.testing.proxy import Proxy
 from minerva_bus.wire.codec import Decoder, encode
 from minerva_bus.wire.epochs import stamp, stamped
 from minerva_bus.wire.plain import pack, unpack
@@ -93,7 +98,7 @@ def play(
             outcome = CaseOutcome.BLOCKED if case.joined else CaseOutcome.FAILED
             return _result(player, outcome, CaseFailure(str(reason)))
         finally:
-            player.process.kill()
+            player.close()
     return CaseResult(case, role, CaseOutcome.PASSED, sent=tuple(player.sent))
 
 
@@ -116,7 +121,7 @@ def probe(
         except CaseFailure as failure:
             raise NotJoined(str(failure)) from None
         finally:
-            player.process.kill()
+            player.close()
 
 
 def _result(player: _Player, outcome: CaseOutcome, failure: CaseFailure) -> CaseResult:
@@ -168,6 +173,11 @@ class _Player:
         self._states = KnownState(), KnownState()
         self._saved: list[m.Saved] = [None, None]
         self._decoder = Decoder(VOCABULARY)
+        self._closing = ExitStack()
+        if any(isinstance(step, CutLink) for step in case.steps):
+            port = int(endpoint.rpartition(":")[2])
+            self._proxy = self._closing.enter_context(Proxy(port, lambda: 0.0))
+            endpoint = f"tcp/127.0.0.1:{self._proxy.port}"
         environment = {
             "MINERVA_WORLD": stage.keys.world,
             "MINERVA_CONNECT": endpoint,
@@ -179,6 +189,11 @@ class _Player:
             stage.hold(stage.keys.alive(MEMBER))
         stage.appear(self._epoch)
         self.process: RunningMember = self._start()
+
+    def close(self) -> None:
+        """End the member's process."""
+        self.process.kill()
+        self._closing.close()
 
     def play(self) -> None:
         """Run all steps. Raises CaseFailure, and NotJoined if the case could not begin."""
@@ -278,6 +293,18 @@ class _Player:
                 self._send_ignored(step)
             case Enter(frame, more):
                 self._enter(frame, more=more)
+            case Break(message):
+                self._break(message)
+            case AwaitEnd(failed):
+                self._await_end(failed)
+            case _:
+                self._happen(step)
+
+    def _happen(
+        self, step: Succeed | Disappear | Reappear | CutLink | Interrupt | StartAgain
+    ) -> None:
+        """Something happens to the coordinator, the link or the member's process."""
+        match step:
             case Succeed():
                 self._epoch += 1
                 self.sent.append(f"(the coordinator's epoch is {self._epoch} from here on)")
@@ -287,10 +314,12 @@ class _Player:
                 self._await_absence()
             case Reappear():
                 self._reappear(step)
+            case CutLink(frame):
+                self._cut_link(frame)
+            case Interrupt():
+                self._interrupt()
             case StartAgain(frame):
                 self._start_again(frame)
-            case AwaitEnd(failed):
-                self._await_end(failed)
 
     def _deliver(self, step: Deliver) -> None:
         message = self._for_member(step.message)
@@ -333,12 +362,45 @@ class _Player:
         self._epoch += step.later
         self._stage.appear(self._epoch)
         self.sent.append(f"(the token of a coordinator of epoch {self._epoch} appears)")
+        self._return_to(step.frame, saved=step.saved, seed=SEED if step.seed is None else step.seed)
+
+    def _return_to(self, frame: int, *, saved: bool, seed: int) -> None:
+        """Wait for the member's token, greet it and welcome it again."""
         try:
             self._await_token(self._limits.join)
         except NotJoined as reason:
             raise CaseFailure(str(reason)) from None
         self._deliver(Deliver(m.Greet()))
-        self._welcome(step.frame, saved=step.saved, seed=SEED if step.seed is None else step.seed)
+        self._welcome(frame, saved=saved, seed=seed)
+
+    def _cut_link(self, frame: int) -> None:
+        self._proxy.cut()
+        self.sent.append("(its link is cut)")
+        self._await_absence()
+        self._return_to(frame, saved=True, seed=SEED)
+
+    def _interrupt(self) -> None:
+        self.process.interrupt()
+        self.sent.append("(its process is asked to end)")
+        has_left = False
+        while (message := self._next_message(self._limits.end)) is not None:
+            if has_left:
+                raise CaseFailure("it sent a message after `leaving`", (), [self._text(message)])
+            has_left = isinstance(message, m.Leaving)
+        self._await_absence()
+        code = self._exit_code()
+        if code is None:
+            raise CaseFailure("it has not ended")
+        if has_left and code != 0:
+            raise CaseFailure(f"it has left, but its exit code is {code}")
+
+    def _break(self, message: m.ToMember) -> None:
+        self._put("", self._for_member(message))
+        answer = self._next_message(self._limits.answer)
+        if not isinstance(answer, m.Failed):
+            shown = [] if answer is None else [self._text(answer)]
+            raise CaseFailure("it did not send `failed`", ["failed"], shown)
+        self._await_end(failed=True)
 
     def _start_again(self, frame: int) -> None:
         self.process.kill()

@@ -6,6 +6,7 @@ from typing import Final
 
 from minerva_bus.testing.conformance.case import Case
 from minerva_bus.testing.conformance.cases.devices import DEVICES
+from minerva_bus.testing.conformance.cases.ending import ENDING
 from minerva_bus.testing.conformance.cases.garbage import GARBAGE
 from minerva_bus.testing.conformance.cases.generators import GENERATORS
 from minerva_bus.testing.conformance.cases.hosts import HOSTS
@@ -18,6 +19,7 @@ CASES: Final[tuple[Case, ...]] = (
     *HOSTS,
     *DEVICES,
     *SUCCESSION,
+    *ENDING,
     *GARBAGE,
 )
 """All cases; their identifiers are unique."""

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from typing import Final
 
 from minerva_bus.frame import messages as m
 from minerva_bus.grammar.scene import AgentNode, Scene
-from minerva_bus.testing.conformance.case import Case, Deliver, Step, Tier
+from minerva_bus.testing.conformance.case import Deliver, Tier
 from minerva_bus.testing.conformance.cases.scripts import (
     ANY_DEVICE,
     COUPLED,
@@ -15,28 +14,15 @@ from minerva_bus.testing.conformance.cases.scripts import (
     GREET,
     OBSERVER,
     PART,
-    concerned,
+    CaseGroup,
     delta_view,
     key_view,
     tick,
     ticks,
 )
-from minerva_bus.testing.conformance.world import MemberRole, PBar
+from minerva_bus.testing.conformance.world import PBar
 
-
-def _case(
-    name: str,
-    title: str,
-    requirements: str,
-    *steps: Step,
-    roles: Iterable[MemberRole] = ANY_DEVICE,
-    tier: Tier = Tier.PARTICIPATES,
-    requires: str = "",
-) -> Case:
-    return Case(
-        name, title, concerned(requirements, (*steps, *END)), tier, tuple(roles), (*steps, *END),
-        requires=frozenset(requires.split()),
-    )  # fmt: skip
+_case: Final = CaseGroup(roles=ANY_DEVICE, ending=END).case
 
 
 def _bars(count: int) -> Scene:

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from typing import Final
 
 from minerva_bus.frame import messages as m
 from minerva_bus.grammar.batch import Events
 from minerva_bus.testing.conformance.case import (
-    Case,
     Deliver,
     SendIgnored,
     StartAgain,
-    Step,
     Tier,
 )
 from minerva_bus.testing.conformance.cases.scripts import (
@@ -20,7 +17,7 @@ from minerva_bus.testing.conformance.cases.scripts import (
     GENERATOR,
     GREET,
     TICKED,
-    concerned,
+    CaseGroup,
     sights,
     tick,
     ticks,
@@ -29,21 +26,7 @@ from minerva_bus.testing.conformance.world import MemberRole, eAdd
 from minerva_bus.wire.codec import encode
 from minerva_bus.wire.plain import pack
 
-
-def _case(
-    name: str,
-    title: str,
-    requirements: str,
-    *steps: Step,
-    roles: Iterable[MemberRole] = GENERATOR,
-    tier: Tier = Tier.PARTICIPATES,
-    requires: str = "",
-    frame: int = 0,
-) -> Case:
-    return Case(
-        name, title, concerned(requirements, steps), tier, tuple(roles), steps,
-        requires=frozenset(requires.split()), frame=frame,
-    )  # fmt: skip
+_case: Final = CaseGroup(roles=GENERATOR).case
 
 
 def _orders(frame: int, *amounts: float) -> Deliver:

@@ -13,7 +13,7 @@ from minerva_bus.testing.conformance.cases.scripts import (
     GREET,
     HOST,
     PART,
-    concerned,
+    CaseGroup,
     evolve,
     given,
     numbered,
@@ -33,21 +33,7 @@ from minerva_bus.testing.conformance.world import (
 from minerva_bus.wire.codec import encode
 from minerva_bus.wire.plain import pack
 
-
-def _case(
-    name: str,
-    title: str,
-    requirements: str,
-    *steps: Step,
-    tier: Tier = Tier.PARTICIPATES,
-    requires: str = "",
-    frame: int = 0,
-    policy: str = "sequential",
-) -> Case:
-    return Case(
-        name, title, concerned(requirements, steps), tier, HOST, steps,
-        requires=frozenset(requires.split()), frame=frame, policy=policy,
-    )  # fmt: skip
+_case: Final = CaseGroup(roles=HOST).case
 
 
 def _exact(name: str, title: str, requirements: str, *steps: Step, requires: str = "") -> Case:

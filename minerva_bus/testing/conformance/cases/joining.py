@@ -2,54 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from typing import Final
 
 from minerva_bus.frame import messages as m
 from minerva_bus.testing.conformance.case import (
     AwaitEnd,
-    Case,
     Deliver,
     Disappear,
     Enter,
     SendIgnored,
-    Step,
     Succeed,
     Tier,
 )
 from minerva_bus.testing.conformance.cases.scripts import (
     ANY_DEVICE,
     END,
-    EVERY_ROLE,
     GENERATOR,
     GREET,
     HOST,
     STOP,
     TICKED,
-    concerned,
+    CaseGroup,
     evolve,
     given,
     key_view,
     tick,
 )
-from minerva_bus.testing.conformance.world import MEMBER, MemberRole, eAdd
+from minerva_bus.testing.conformance.world import MEMBER, eAdd
 from minerva_bus.wire.codec import encode
 
-
-def _case(
-    name: str,
-    title: str,
-    requirements: str,
-    *steps: Step,
-    roles: Iterable[MemberRole] = EVERY_ROLE,
-    tier: Tier = Tier.JOINS,
-    joined: bool = False,
-    name_taken: bool = False,
-) -> Case:
-    return Case(
-        f"join.{name}", title, concerned(requirements, steps), tier, tuple(roles), steps,
-        joined=joined, name_taken=name_taken,
-    )  # fmt: skip
+_case: Final = CaseGroup("join.", tier=Tier.JOINS, joined=False).case
 
 
 _TICK: Final = encode(m.TickRequest(0))

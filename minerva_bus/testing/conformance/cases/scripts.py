@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
 from typing import Final
 
 from minerva_bus.frame import messages as m
@@ -11,11 +12,14 @@ from minerva_bus.grammar.columns import packed
 from minerva_bus.grammar.scene import AgentNode, Scene
 from minerva_bus.testing.conformance.case import (
     AwaitEnd,
+    Case,
+    CutLink,
     Deliver,
     Disappear,
     PublishReadings,
     Reappear,
     Step,
+    Tier,
 )
 from minerva_bus.testing.conformance.world import MEMBER, VOCABULARY, MemberRole, PBar, eShow
 from minerva_bus.world.readings import Sighting, Sightings
@@ -105,6 +109,41 @@ def _bars(lengths: Mapping[str, float | None]) -> dict[str, Scene]:
     return {agent: Scene() if length is None else PBar(length) for agent, length in lengths.items()}
 
 
+@dataclass(frozen=True, slots=True)
+class CaseGroup:
+    """What the cases of a group share: the beginning of their names, and defaults."""
+
+    prefix: str = ""
+    roles: tuple[MemberRole, ...] = EVERY_ROLE
+    tier: Tier = Tier.PARTICIPATES
+    joined: bool = True
+    ending: tuple[Step, ...] = ()
+
+    def case(
+        self,
+        name: str,
+        title: str,
+        requirements: str,
+        *steps: Step,
+        roles: Iterable[MemberRole] | None = None,
+        tier: Tier | None = None,
+        requires: str = "",
+        joined: bool | None = None,
+        policy: str = "sequential",
+        name_taken: bool = False,
+        frame: int = 0,
+    ) -> Case:
+        """A case with these steps, and the ending of the group; the rest as in `Case`."""
+        steps = (*steps, *self.ending)
+        return Case(
+            self.prefix + name, title, concerned(requirements, steps), tier or self.tier,
+            self.roles if roles is None else tuple(roles), steps,
+            requires=frozenset(requires.split()),
+            joined=self.joined if joined is None else joined,
+            policy=policy, name_taken=name_taken, frame=frame,
+        )  # fmt: skip
+
+
 def concerned(requirements: str, steps: Iterable[Step]) -> tuple[str, ...]:
     """These requirements, and those that the steps concern whatever the case is about."""
     implied = [name for step in steps for name in _implied(step)]
@@ -115,7 +154,7 @@ def _implied(step: Step) -> Iterator[str]:
     match step:
         case Disappear():
             yield "P6.16"
-        case Reappear():
+        case Reappear() | CutLink():
             yield "P6.17"
         case Deliver(m.Stop()):
             yield "P6.23"

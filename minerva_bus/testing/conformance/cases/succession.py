@@ -2,27 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from typing import Final
 
 from minerva_bus.frame import messages as m
 from minerva_bus.testing.conformance.case import (
-    Case,
     Deliver,
     Disappear,
     Reappear,
     SendIgnored,
-    Step,
     Tier,
 )
 from minerva_bus.testing.conformance.cases.scripts import (
     ANY_DEVICE,
     END,
-    EVERY_ROLE,
     GENERATOR,
     GREET,
     HOST,
-    concerned,
+    CaseGroup,
     delta_view,
     evolve,
     given,
@@ -31,23 +27,10 @@ from minerva_bus.testing.conformance.cases.scripts import (
     tick,
     ticks,
 )
-from minerva_bus.testing.conformance.world import MemberRole, eAdd
+from minerva_bus.testing.conformance.world import eAdd
 from minerva_bus.wire.codec import encode
 
-
-def _case(
-    name: str,
-    title: str,
-    requirements: str,
-    *steps: Step,
-    roles: Iterable[MemberRole] = EVERY_ROLE,
-    requires: str = "",
-) -> Case:
-    return Case(
-        f"succession.{name}", title, concerned(requirements, steps), Tier.ROBUST,
-        tuple(roles), steps,
-        requires=frozenset(requires.split()),
-    )  # fmt: skip
+_case: Final = CaseGroup("succession.", tier=Tier.ROBUST).case
 
 
 _STALE_TICK: Final = SendIgnored("tick", encode(m.TickRequest(1)), checked=False)
