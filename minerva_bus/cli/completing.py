@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 Choices: TypeAlias = Iterable[tuple[str, str]]
 Completer: TypeAlias = Callable[[typer.Context, str], list[tuple[str, str]]]
 
+_FILE_OPTIONS: Final = ("file", "path", "source")
+"""Ends of the names of services' options that are files."""
 ANSWER_SECONDS: Final = 10
 """Time-out for everything: a world that does not answer must not block the shell."""
 
@@ -155,7 +157,13 @@ def members_to_attach(ctx: typer.Context, incomplete: str) -> Choices:
 def bridges(ctx: typer.Context, incomplete: str) -> Choices:
     """Services that connect sensors: all that are no views, physics or input of this package."""
     others = ("minerva_services.views.", "minerva_services.physics.", "minerva_services.input.")
-    return _services(lambda module: not module.startswith(others))
+    from minerva_bus.launch.installed import SERVICES, entries
+
+    return [
+        (name, entry.value)
+        for name, entry in _sorted(entries(SERVICES))
+        if not entry.value.startswith(others)
+    ]
 
 
 @completer
@@ -163,28 +171,21 @@ def views(ctx: typer.Context, incomplete: str) -> Choices:
     """Views with their options: `svg`, `svg:path=FILE,every=N`."""
     name, colon, rest = incomplete.partition(":")
     if not colon:
-        others = ("minerva_services.bridges.ros2:Ros2View", "minerva_services.views.")
-        own = "minerva_services."
-        return _services(lambda module: module.startswith(others) or not module.startswith(own))
+        from minerva_bus.launch.installed import SERVICES, entries, installed_views
+
+        return [(view, entries(SERVICES)[view].value) for view in installed_views()]
     given, comma, last = rest.rpartition(",")
     start = f"{name}:{given}{comma}"
     option, equals, value = last.partition("=")
-    if equals and option in ("path", "video", "record"):
-        files = paths(value, "")
-        return [(f"{start}{option}={path}", text) for path, text in files]
+    if equals:
+        values = _service_option_values(name, option, value)
+        return [(f"{start}{option}={each}", text) for each, text in values]
     used = {word.partition("=")[0] for word in given.split(",")}
     return [
         (f"{start}{each}=", text)
         for each, text in _service_options(name).items()
         if each not in used
     ]
-
-
-def _services(wanted: Callable[[str], bool]) -> Choices:
-    from minerva_bus.launch.installed import SERVICES, entries
-
-    services = _sorted(entries(SERVICES))
-    return [(name, entry.value) for name, entry in services if wanted(entry.value)]
 
 
 def _sorted(entries: Any) -> list[tuple[str, Any]]:
@@ -194,7 +195,19 @@ def _sorted(entries: Any) -> list[tuple[str, Any]]:
 def _service_options(name: str) -> dict[str, str]:
     from minerva_bus.cli.signatures import options_of_service
 
-    return options_of_service(name)
+    return {option: signature.text for option, signature in options_of_service(name).items()}
+
+
+def _service_option_values(service: str, name: str, incomplete: str) -> Choices:
+    """true and false, or files, if the option of a service takes them."""
+    from minerva_bus.cli.signatures import options_of_service
+
+    name = name.replace("-", "_")
+    option = options_of_service(service).get(name)
+    if option is not None and option.annotation == "bool":
+        return [("true", ""), ("false", "")]
+    is_file = option is not None and name.endswith(_FILE_OPTIONS)
+    return paths(incomplete, "") if is_file else ()
 
 
 # --- options of worlds and services ---
@@ -217,10 +230,25 @@ def service_flags(ctx: typer.Context, incomplete: str) -> Choices:
 @completer
 def world_values(ctx: typer.Context, incomplete: str) -> Choices:
     """The values of a world's option, which is the last word of its command."""
+    option = _last_option(ctx)
+    return _option_values(_world_of(ctx), option, incomplete) if option else ()
+
+
+@completer
+def service_values(ctx: typer.Context, incomplete: str) -> Choices:
+    """The values of a service's option, as of a world's; with --process, of a world."""
+    option, spec = _last_option(ctx), _argument(ctx, "spec", "kind")
+    if not option:
+        return ()
+    if ctx.params.get("process"):
+        return _option_values(spec, option, incomplete)
+    return _service_option_values(spec, option, incomplete)
+
+
+def _last_option(ctx: typer.Context) -> str:
+    """The name of the option whose value is completed; empty for none."""
     last = ctx.args[-1] if ctx.args else ""
-    if last.startswith("--"):
-        return _option_values(_world_of(ctx), last.removeprefix("--"), incomplete)
-    return ()
+    return last.removeprefix("--") if last.startswith("--") else ""
 
 
 def _option_values(spec: str, name: str, incomplete: str) -> Choices:

@@ -70,22 +70,18 @@ class OtherOptionsCommand(Command):
                 formatter.write_dl(options)
 
     def shell_complete(self, ctx: Any, incomplete: str) -> list[Any]:
-        """Complete the others' options, too, and the values of a world's options."""
+        """Complete the others' options, too, and their values."""
         choices: list[Any] = super().shell_complete(ctx, incomplete)
         own = {choice.value for choice in choices}
+        if self.name not in _DESCRIBED:
+            return choices
+        is_world = _DESCRIBED[self.name] is _world_options
         if incomplete.startswith("-"):
-            others = self._others_complete(ctx, incomplete)
-            choices += [_Choice(name, text) for name, text in others if name not in own]
-        elif _DESCRIBED.get(self.name or "") is _world_options:
-            values = completing.world_values(ctx, incomplete)
-            choices += [_Choice(value, text) for value, text in values]
-        return choices
-
-    @property
-    def _others_complete(self) -> completing.Completer:
-        if _DESCRIBED[self.name or ""] is _world_options:
-            return completing.world_flags
-        return completing.service_flags
+            complete = completing.world_flags if is_world else completing.service_flags
+        else:
+            complete = completing.world_values if is_world else completing.service_values
+        others = complete(ctx, incomplete)
+        return choices + [_Choice(name, text) for name, text in others if name not in own]
 
     def invoke(self, ctx: Any) -> Any:
         try:

@@ -13,6 +13,14 @@ from typing import Any, Final
 from typer.core import TyperCommand, TyperGroup
 
 ASKED: Final = "_MINERVA_COMPLETE"
+_WITH_VALUE: Final = re.compile(r"(--[\w-]+)=([^'\"]*)")
+"""An option and its value in one word, which is completed as two words."""
+_BEGINNINGS: Final = {
+    # The first line is `_arguments '*: :(("VALUE":"HELP"`, the others are `"VALUE":"HELP"`.
+    "zsh": re.compile(r"""^((?:_arguments '\*: :\(\()?")"""),
+    "fish": re.compile(r"^()(?=.)"),
+}
+"""What is before the value in a line of the answer."""
 _BREAKS: Final = re.compile(r"[:=]+")
 """Characters at which bash divides words; `svg:path=a.svg` is five of them."""
 
@@ -30,19 +38,38 @@ def adapted() -> Generator[None]:
         return
     # Typer formats descriptions with rich if it is installed, which takes longer than all the rest.
     sys.modules.setdefault("rich", None)  # pyright: ignore[reportArgumentType]
-    if os.environ[ASKED] != "complete_bash":
-        yield
-        return
-    words, at = joined(os.environ.get("COMP_WORDS", ""), int(os.environ.get("COMP_CWORD", "0")))
-    os.environ["COMP_WORDS"] = "\n".join(words)
-    os.environ["COMP_CWORD"] = str(at)
+    shell = os.environ[ASKED].removeprefix("complete_")
+    adapt = _adapt_bash() if shell == "bash" else _adapt_line(shell)
     output = io.StringIO()
     try:
         with redirect_stdout(output):
             yield
     finally:
-        lines = _remaining(words[at] if at < len(words) else "", output.getvalue().splitlines())
-        sys.stdout.write("".join(f"{line}\n" for line in lines))
+        sys.stdout.write("".join(f"{line}\n" for line in adapt(output.getvalue().splitlines())))
+
+
+def _adapt_bash() -> Callable[[list[str]], list[str]]:
+    """Change the words that bash passes; returns what to do with the lines of the answer."""
+    words, at = joined(os.environ.get("COMP_WORDS", ""), int(os.environ.get("COMP_CWORD", "0")))
+    if at < len(words) and (match := _WITH_VALUE.fullmatch(words[at])):
+        words[at : at + 1] = match.groups()
+        at += 1
+    os.environ["COMP_WORDS"] = "\n".join(words)
+    os.environ["COMP_CWORD"] = str(at)
+    word = words[at] if at < len(words) else ""
+    return lambda lines: _remaining(word, lines)
+
+
+def _adapt_line(shell: str) -> Callable[[list[str]], list[str]]:
+    """As `_adapt_bash`: zsh and fish pass a line, and replace the whole of its last word."""
+    before, space, last = os.environ.get("_TYPER_COMPLETE_ARGS", "").rpartition(" ")
+    match = _WITH_VALUE.fullmatch(last)
+    if match is None or shell not in _BEGINNINGS:
+        return lambda lines: lines
+    option, value = match.groups()
+    os.environ["_TYPER_COMPLETE_ARGS"] = f"{before}{space}{option} {value}"
+    begin = _BEGINNINGS[shell]
+    return lambda lines: [begin.sub(rf"\g<1>{option}=", line) for line in lines]
 
 
 def joined(words: str, at: int) -> tuple[list[str], int]:

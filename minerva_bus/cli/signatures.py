@@ -7,12 +7,20 @@ import importlib.util
 import re
 from functools import cache
 from pathlib import Path
+from typing import NamedTuple
 
 from minerva_bus.launch.installed import SERVICES, entries
 
 
-def options_of_service(name: str) -> dict[str, str]:
-    """The options of an installed service with their type and documentation; empty for none."""
+class Signature(NamedTuple):
+    """An option of a service: its annotation and documentation, as its source has them."""
+
+    annotation: str
+    text: str
+
+
+def options_of_service(name: str) -> dict[str, Signature]:
+    """The options of an installed service; empty for none."""
     entry = entries(SERVICES).get(name)
     if entry is None:
         return {}
@@ -39,7 +47,10 @@ def options_of_service(name: str) -> dict[str, str]:
         attribute = base or ""
     texts = dict(re.findall(r"^ *(\w+): (.*)$", documentation, flags=re.MULTILINE))
     names = [*arguments.args[1:], *arguments.kwonlyargs]
-    return {each.arg: texts.get(each.arg, _annotated(each)) for each in names}
+    return {
+        each.arg: Signature(_annotated(each), texts.get(each.arg, _annotated(each)))
+        for each in names
+    }
 
 
 def _annotated(argument: ast.arg) -> str:

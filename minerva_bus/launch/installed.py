@@ -30,6 +30,16 @@ def entries(group: str) -> Mapping[str, EntryPoint]:
     return {entry.name: entry for entry in entry_points(group=group)}
 
 
+def installed_views() -> list[str]:
+    """The names of installed views; services of other packages may be views, too."""
+    views = ("minerva_services.views.", "minerva_services.bridges.ros2:Ros2View")
+    return sorted(
+        name
+        for name, entry in entries(SERVICES).items()
+        if entry.value.startswith(views) or not entry.value.startswith("minerva_services.")
+    )
+
+
 def is_file(path: Path) -> bool:
     """Whether a user's text is the path of a file."""
     # pathlib raises an error for a part that is too long, such as a text that is not a path.

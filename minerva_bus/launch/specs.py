@@ -13,7 +13,7 @@ from typing import Any, cast, get_type_hints
 from minerva_bus.blame import report
 from minerva_bus.errors import MinervaError, WorldFileError, nearest
 from minerva_bus.grammar.printer import value_text
-from minerva_bus.launch.installed import AGENTS, SERVICES, entries, help_line
+from minerva_bus.launch.installed import AGENTS, SERVICES, entries, help_line, installed_views
 from minerva_bus.launch.user_modules import search
 from minerva_bus.settings.kinds import fits, phrase_of
 from minerva_bus.source import place_of
@@ -91,8 +91,12 @@ def find_view(spec: str, folder: Path) -> type[Service]:
     A module that is not beside the world file is searched in the current folder: the command line
     may name an installed world.
     """
-    module = spec.partition(":")[0]
-    if ":" in spec and module:
+    module, colon, _ = spec.partition(":")
+    if not colon and spec not in entries(SERVICES):
+        views = installed_views()
+        hint = nearest(spec, views, f"there are {', '.join(views)}; or write module:Class")
+        raise WorldFileError(f"no view {spec!r} is installed{hint}")
+    if colon and module:
         search(folder)
         if find_spec(module.partition(".")[0]) is None:
             folder = Path.cwd()
@@ -119,10 +123,16 @@ def _installed(group: str, name: str) -> Any:
     known = entries(group)
     if name not in known:
         kind = group.split(".")[1]
-        there = ", ".join(sorted(known)) or "none"
-        hint = nearest(name, list(known), f"there are {there}; or write module:Class")
+        hint = nearest(name, list(known), f"there are {_listed(group)}; or write module:Class")
         raise WorldFileError(f"no {kind[:-1]} {name!r} is installed{hint}")
     return load(known[name].value)
+
+
+def _listed(group: str) -> str:
+    """The installed names of a group; views first, because they are attached most."""
+    views = installed_views() if group == SERVICES else []
+    others = ", ".join(sorted(set(entries(group)) - set(views))) or "none"
+    return f"the views {', '.join(views)}, and {others}" if views else others
 
 
 def described(spec: str) -> list[tuple[str, str]]:

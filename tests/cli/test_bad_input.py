@@ -154,6 +154,15 @@ def test_symbols_are_checked_with_a_vocabulary(folder):
         (("list", "--world", "none"), "no world 'none' runs on this machine"),
         (("pub", "eStep", "x"), "expected data as KEY=VALUE"),
         (("attach", "words:Walker"), "no world runs on this machine"),
+        (("attach", "terminal"), "no service 'terminal' is installed; there are the views opengl,"),
+        (
+            ("run", "world.toml", "--view", "terminal"),
+            "no view 'terminal' is installed; there are opengl, ros2_view, sound, sprites, svg, web; or",
+        ),
+        (
+            ("run", "world.toml", "--view", "sprite"),
+            "no view 'sprite' is installed; did you mean 'sprites'?",
+        ),
         (("attach", "words:Walker", "--connect", "nonsense", "--world", "w"), "is no endpoint"),
         (
             ("attach", "words:Walker", "--connect", "tcp/127.0.0.1:9", "--world", "w"),

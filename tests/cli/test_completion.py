@@ -73,6 +73,14 @@ def files(tmp_path):
         ("run robot --ro", ["--robots"], ["--planner"]),
         ("run robot --planner ", ["astar", "random"], ["a.toml"]),
         ("graph robot --localise m", ["matching"], ["odometry"]),
+        ("run robot --planner=", ["--planner=astar", "--planner=random"], ["astar", "a.toml"]),
+        ("run robot --planner=a", ["--planner=astar"], ["--planner=random"]),
+        ("run robot --view=svg:ev", ["--view=svg:every="], []),
+        ("run robot --view svg:frames=", ["svg:frames=true", "svg:frames=false"], []),
+        ("attach svg --png=", ["--png=true", "--png=false"], []),
+        ("attach svg --path de", ["deep/only/d.toml"], []),
+        ("attach svg --every ", [], ["a.toml"]),
+        ("attach --process planner robot --planner ", ["astar", "random"], []),
         ("run traffic --norms ", ["true", "false"], []),
         ("run robot --map ", ["a.toml", "notes.txt", "deep/"], []),
         ("run a.toml --speed ", [], ["a.toml", "true"]),
@@ -118,6 +126,8 @@ def test_each_shell_gets_its_format(files):
     fish = asked(files, "fish", "minerva run rob").stdout.splitlines()
     assert fish[0].startswith("robot\tA robot finds a room")
     assert completed(files, "run rob", "bash") == ["robot", "robots"]
+    zsh = asked(files, "zsh", "minerva run robot --planner=").stdout
+    assert zsh == """_arguments '*: :(("--planner=astar"\n"--planner=random"))'\n"""
 
 
 @pytest.mark.parametrize(
@@ -128,6 +138,10 @@ def test_each_shell_gets_its_format(files):
         ("run meadow --collect n=AFox.en", ["AFox.energy"]),
         ("sweep robot --set physics.camera_f", ["physics.camera_fov=", "physics.camera_fov=VALUE"]),
         ("run robot --view=sv", ["svg"]),
+        ("run robot --view=svg:pa", ["path=", "path=VALUE"]),
+        ("run robot --planner=", ["astar", "random"]),
+        ("run robot --planner=a", ["astar"]),
+        ("attach svg --png=t", ["true"]),
     ],
 )
 def test_bash_gets_what_follows_the_last_break_of_a_word(files, words, answer):
@@ -147,7 +161,7 @@ def test_divided_words_are_joined_around_the_current_one():
     [
         "run nothing --", "run nothing --collect n=", "sweep nothing --set ", "replay no/such/folder/",
         "replay b.mcap --collect n=", "run a.toml --collect n=", "pub ", "pub eRain ", "logs ",
-        "run robot --view nothing:", "attach nothing --", "run 'rob", "logs --connect tcp/127.0.0.1:9 ",
+        "run robot --view nothing:", "replay b.mcap --", "attach nothing --", "run 'rob", "logs --connect tcp/127.0.0.1:9 ",
     ],
 )  # fmt: skip
 def test_what_cannot_be_completed_is_answered_with_nothing_else(files, words):
@@ -252,6 +266,7 @@ def test_in_a_real_bash_tab_completes_words_with_colons_and_equals_signs(files):
         assert bash.words("run meadow --collect n=AFox.en", "n=AFox.energy")[-1] == "n=AFox.energy"
         assert bash.words("run meadow --collect 'n=count(AR", "ARabbit")[-1] == "n=count(ARabbit"
         assert bash.words("run deep/o", "d.toml") == ["run", "deep/only/d.toml"]
+        assert bash.words("run robot --planner=a", "astar")[-1] == "--planner=astar"
 
 
 def test_the_script_of_each_shell_is_printed(tmp_path):
