@@ -48,10 +48,10 @@ def recompute_record(path: Path, world: str, as_json: bool) -> int:
 
     Raises RecordError and WorldFileError, and ActivityError if user code raises.
     """
-    with progress_bar("λ again") as report:
+    with progress_bar("recompute") as report:
         result = replay(path, world, report)
     if result.same and not as_json:
-        print_result(f"the same: λ gives all {result.frames:,} frames again")
+        print_result(f"the same: all {result.frames:,} recomputed frames match the record")
     else:
         print_answer(result, as_json)
     return 0 if result.same else FAILED
@@ -63,7 +63,7 @@ def replay_with(path: Path, world: str, swap: Swap, into: str, as_json: bool) ->
     Raises RecordError and WorldFileError, and MisuseError for an invalid swap.
     """
     try:
-        with progress_bar("λ again") as report:
+        with progress_bar("recompute") as report:
             result = replay_swapped(
                 path, swap.member, swap.spec, world,
                 options=swap.options, into=into, progress=report,

@@ -86,7 +86,7 @@ def test_it_is_the_same_everywhere_and_goes_on_from_its_record(tmp_path):
     on = summary(here(folder, *resumed, "--frames", 150, "--record", "on.mcap"))
     assert [on[name] for name in same] == [whole[name] for name in same]
     again = here(folder, "replay", "on.mcap", "--recompute")
-    assert again.stdout == "the same: λ gives all 150 frames again\n"
+    assert again.stdout == "the same: all 150 recomputed frames match the record\n"
     info = json.loads(here(folder, "info", "on.mcap", "--json").stdout)
     assert info["broken"]["red_light"] == whole["norm_red_light"]
     assert "red_light" in here(folder, "info", "on.mcap").stdout

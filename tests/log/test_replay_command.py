@@ -96,7 +96,10 @@ def test_seeking_is_for_replays(tmp_path):
 def test_its_frames_are_reckoned_again(recorded):
     path, _ = recorded
     done = here(path.parent, "replay", "run.mcap", "--recompute")
-    assert (done.returncode, done.stdout) == (0, "the same: λ gives all 60 frames again\n")
+    assert (done.returncode, done.stdout) == (
+        0,
+        "the same: all 60 recomputed frames match the record\n",
+    )
 
 
 def test_other_code_gives_other_frames(recorded, tmp_path):
