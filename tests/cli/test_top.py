@@ -2,6 +2,7 @@
 
 import asyncio
 from dataclasses import replace
+from io import StringIO
 
 import pytest
 
@@ -10,10 +11,11 @@ from minerva_bus.world.operator import LogEntry, LogLine, MemberStatus, WorldSta
 
 pytest.importorskip("textual", reason="pip install 'minerva-bus[top]'")
 
+from rich.console import Console
 from textual.widgets import DataTable, RichLog
 
 from minerva_bus.cli.top.dashboard import Dashboard
-from minerva_bus.cli.top.texts import bar, doing
+from minerva_bus.cli.top.texts import bar, doing, phases
 
 MEMBERS = (
     MemberStatus("steps", "present", ("generator",), "Steps", generates=("eStep",), wait=100.0),
@@ -56,12 +58,12 @@ class Told:
         return lambda *what: self.told.append((name, *what))
 
 
-def run(play, operator=None):
+def run(play, operator=None, size=(130, 40)):
     operator = operator or Told()
 
     async def screen():
         dashboard = Dashboard(operator)
-        async with dashboard.run_test(size=(130, 40)) as pilot:
+        async with dashboard.run_test(size=size) as pilot:
             await play(dashboard, pilot, operator)
 
     asyncio.run(screen())
@@ -95,6 +97,34 @@ def test_it_shows_members_phases_events_and_the_log():
         await until(pilot, lambda: "steps  hello" in "".join(line.text for line in log.lines))
 
     run(play)
+
+
+def test_all_panels_fit_into_a_terminal_of_80_by_24():
+    async def play(dashboard, pilot, operator):
+        await until(pilot, lambda: len(rows(dashboard)) == len(operator.now.members))
+        await until(pilot, lambda: "frame 42" in shown(dashboard, "heading"))
+        await pilot.pause()
+        assert dashboard.screen.max_scroll_y == 0
+        panels = ("heading", "members", "phases", "events", "speed", "log")
+        heights = {name: dashboard.query_one(f"#{name}").region.height for name in panels}
+        assert heights["heading"] == 1
+        assert all(height >= 4 for name, height in heights.items() if name != "heading")
+        bottom = max(dashboard.query_one(f"#{name}").region.bottom for name in panels)
+        assert bottom < dashboard.query_one("Footer").region.bottom == 24
+
+    members = tuple(replace(MEMBERS[0], name=f"member-{i}") for i in range(12))
+    operator = Told()
+    operator.now = replace(STATUS, members=members)
+    run(play, operator, size=(80, 24))
+
+
+def test_numbers_remain_in_narrow_panels():
+    for width in (24, 32):
+        console = Console(width=width, file=StringIO())
+        console.print(phases(replace(STATUS, phases={"evolve": 11_803.0, "frame": 96_506.0})))
+        text = console.file.getvalue()
+        assert "11,803 µs" in text
+        assert "idle      84,703 µs █" in text
 
 
 def test_leaving_and_joining_members_are_shown():
@@ -132,7 +162,7 @@ def test_an_unresponsive_world_is_reported_until_it_answers():
         operator.silent = True
         await until(pilot, lambda: "the world has not answered" in shown(dashboard, "trouble"))
         operator.silent = False
-        await until(pilot, lambda: not shown(dashboard, "trouble"))
+        await until(pilot, lambda: not dashboard.query_one("#trouble").display)
 
     run(play)
 

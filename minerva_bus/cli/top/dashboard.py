@@ -42,23 +42,21 @@ class Dashboard(App[None]):
 
     CSS = """
     #heading { height: 1; }
-    #trouble { height: auto; color: $error; text-style: bold; }
+    #trouble { height: auto; display: none; color: $error; text-style: bold; }
     .panel { border: round $surface-lighten-2; border-title-color: $accent; padding: 0 1; }
-    #members { height: 2fr; min-height: 6; }
-    #middle { height: auto; max-height: 50%; }
-    #phases { width: 1fr; height: 100%; min-height: 13; }
-    #events { width: 1fr; height: 100%; min-height: 13; }
-    #speed { width: 1fr; height: 100%; min-height: 13; }
+    #members { height: auto; min-height: 4; max-height: 45%; }
+    #middle { height: 2fr; min-height: 5; max-height: 15; }
+    #phases, #events, #speed { width: 1fr; height: 100%; }
     #speed Sparkline { height: 1fr; margin-top: 1; }
-    #log { height: 1fr; min-height: 5; }
+    #log { height: 1fr; min-height: 4; }
     """
     BINDINGS: ClassVar[list[BindingType]] = [
-        ("space", "pause", "Pause or resume"),
+        ("space", "pause", "Pause"),
         ("s", "step", "Step"),
         ("plus,equals_sign", "faster", "Faster"),
         ("minus", "slower", "Slower"),
-        ("r", "restart", "Restart member"),
-        ("e", "events", "Show events"),
+        ("r", "restart", "Restart"),
+        ("e", "events", "Events"),
         ("q", "quit", "Quit"),
     ]
     ENABLE_COMMAND_PALETTE = False
@@ -133,7 +131,7 @@ class Dashboard(App[None]):
         if self._is_gone():
             return
         self._status, self._answered = status, time.monotonic()
-        self._static("trouble").update("")
+        self._static("trouble").display = False
         self._static("heading").update(texts.heading(status))
         self._static("phases").update(texts.phases(status))
         self._static("events").update(texts.events(status.events))
@@ -146,7 +144,9 @@ class Dashboard(App[None]):
         if self._is_gone():
             return
         silent = time.monotonic() - self._answered
-        self._static("trouble").update(f"no answer for {duration(silent)}: {problem}")
+        trouble = self._static("trouble")
+        trouble.update(f"no answer for {duration(silent)}: {problem}")
+        trouble.display = True
 
     def _show_members(self, status: WorldStatus) -> None:
         table = self._members()

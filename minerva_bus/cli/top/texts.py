@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final
 
+from rich.bar import Bar
 from rich.table import Table
 from rich.text import Text
 
 from minerva_bus.wording import counted
 from minerva_bus.world.operator import MemberStatus, WorldStatus
 
-BAR: Final = 16
 PHASES: Final = ("tick", "collect", "evolve", "commit", "view", "encode", "decode")
 """The parts of a frame in their order; the last three are contained in others."""
 
@@ -25,22 +25,23 @@ _STATES: Final = {
 
 
 def heading(status: WorldStatus) -> Text:
-    """World, frame, time, frame rate and activity."""
-    text = Text.assemble(
+    """World, activity, frame, time and frame rate."""
+    return Text.assemble(
         (f" {status.world} ", "bold reverse"),
-        f"  frame {status.frame:,}   {status.time:,.1f} s simulated   ",
+        "  ",
+        doing(status),
+        f"   frame {status.frame:,}   {status.time:,.1f} s simulated   ",
         (f"{status.hz:,.0f} Hz", "bold"),
         f" of {status.rate:g}   " if status.rate else "   ",
         f"{counted(status.agents, 'agent')}   {counted(len(status.members), 'member')}   ",
         (_late(status), "yellow"),
     )
-    return text.append_text(doing(status))
 
 
 def _late(status: WorldStatus) -> str:
     if not status.late_frames:
         return ""
-    return f"{counted(status.late_frames, 'late frame')} ({status.behind:.1f} s behind)   "
+    return f"{counted(status.late_frames, 'late frame')} ({status.behind:.1f} s behind)"
 
 
 def doing(status: WorldStatus) -> Text:
@@ -69,13 +70,18 @@ def row(member: MemberStatus, longest: float) -> list[Text]:
     ]
 
 
-def bar(amount: float, greatest: float, width: int = BAR, style: str = "cyan") -> Text:
+def bar(amount: float, greatest: float, width: int = 16) -> Text:
     """A bar; the greatest amount fills `width` characters."""
     # The bar's last character shows eighths.
     eighths = round(8 * width * amount / greatest) if greatest > 0 else 0
     whole, rest = divmod(min(eighths, 8 * width), 8)
     shown = "█" * whole + (" ▏▎▍▌▋▊▉"[rest] if rest else "")
-    return Text(shown.ljust(width), style)
+    return Text(shown.ljust(width), "cyan")
+
+
+def _wide_bar(amount: float, greatest: float, colour: str = "cyan") -> Bar:
+    """A bar in the width that numbers leave: a narrow panel shows shorter ones."""
+    return Bar(greatest or 1.0, 0, amount, color=colour)
 
 
 def phases(status: WorldStatus) -> Table:
@@ -84,15 +90,16 @@ def phases(status: WorldStatus) -> Table:
     frame = status.phases.get("frame", 0.0)
     for name in (phase for phase in PHASES if phase in status.phases):
         amount = status.phases[name]
-        table.add_row(name, f"{amount:,.0f} µs", bar(amount, frame))
+        table.add_row(name, f"{amount:,.0f} µs", _wide_bar(amount, frame))
     # The other parts lie within these four.
     busy = sum(status.phases.get(name, 0.0) for name in ("tick", "collect", "evolve", "commit"))
     if frame:
         idle = max(0.0, frame - busy)
-        table.add_row("idle", f"{idle:,.0f} µs", bar(idle, frame, style="dim"))
+        table.add_row("idle", f"{idle:,.0f} µs", _wide_bar(idle, frame, "bright_black"))
         table.add_row(Text("frame", "bold"), Text(f"{frame:,.0f} µs", "bold"), "")
     for name, amount in (("bytes in", status.bytes_in), ("bytes out", status.bytes_out)):
-        table.add_row(name, _bytes(amount), f"{_bytes(amount * status.hz)}/s")
+        rate = Text(f"{_bytes(amount * status.hz)}/s", no_wrap=True)
+        table.add_row(name, _bytes(amount), rate)
     return table
 
 
@@ -102,7 +109,7 @@ def events(rates: Mapping[str, float], most: int = 12) -> Table:
     shown = sorted(rates.items(), key=lambda pair: (-pair[1], pair[0]))
     greatest = shown[0][1] if shown else 0.0
     for name, rate in shown[:most]:
-        table.add_row(name, f"{rate:,.0f}/s", bar(rate, greatest, BAR, "magenta"))
+        table.add_row(name, f"{rate:,.0f}/s", _wide_bar(rate, greatest, "magenta"))
     if len(shown) > most:
         table.add_row(f"and {len(shown) - most} more types", "", "")
     return table
@@ -112,7 +119,7 @@ def _table() -> Table:
     table = Table.grid(padding=(0, 1))
     table.add_column(no_wrap=True)
     table.add_column(justify="right", no_wrap=True)
-    table.add_column(no_wrap=True)
+    table.add_column()
     return table
 
 
