@@ -372,8 +372,10 @@ def test_a_primitive_that_the_world_does_not_have(tmp_path: Path, option: str, s
 
 def test_a_world_in_which_nothing_has_a_heading(tmp_path: Path):
     still = WorldInfo("still", Vocabulary.of(PHome), 0, 0.1)
-    with pytest.raises(MinervaError, match="no disc of the world 'still' has a heading; set voice"):
+    with pytest.raises(MinervaError, match="sound:voice=PHome; there are PHome"):
         Sound(str(tmp_path / "w.wav")).joined(still)
+    with pytest.raises(MinervaError, match="'empty' has no primitives"):
+        Sound(str(tmp_path / "w.wav")).joined(WorldInfo("empty", Vocabulary.of(), 0, 0.1))
 
 
 def test_places_that_cannot_be_written(tmp_path: Path):

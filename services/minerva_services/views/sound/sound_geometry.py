@@ -51,9 +51,13 @@ def roles(world: WorldInfo, voices: Collection[str], aims: Collection[str]) -> S
     """
     named = _known(world, "voice", voices) or _discs(world, heading=True)
     if not named:
+        discs = sorted(_discs(world, heading=False) or world.vocabulary.primitives)
         raise MisuseError(
-            f"sound: no disc of the world {world.world!r} has a heading; set voice to one of"
-            f" {', '.join(sorted(world.vocabulary.primitives)) or 'no primitives'}"
+            f"no disc of the world {world.world!r} has a heading; choose what sounds with"
+            f" the option voice, such as --view sound:voice={discs[0]}; there are"
+            f" {', '.join(discs)}"
+            if discs
+            else f"the world {world.world!r} has no primitives that could sound"
         )
     aimed = _known(world, "aim", aims) or _goals(world) or _discs(world, heading=False)
     # A figure cannot be the aim of its own voice: its distance would always be 0.
