@@ -79,6 +79,7 @@ async def _to_world(page: ServerConnection, writer: asyncio.StreamWriter, guard:
 
 async def _to_page(page: ServerConnection, reader: asyncio.StreamReader) -> str:
     from websockets.exceptions import ConnectionClosed
+    from websockets.protocol import State
 
     try:
         while True:
@@ -88,7 +89,8 @@ async def _to_page(page: ServerConnection, reader: asyncio.StreamReader) -> str:
             async with asyncio.timeout(STALL_SECONDS):
                 await page.send(batch)
     except TimeoutError:
-        return "it does not read its messages"
+        # A link that is closing does not read either, and needs no reason.
+        return "it does not read its messages" if page.state is State.OPEN else ""
     except (ConnectionClosed, asyncio.IncompleteReadError, OSError):
         pass
     return ""

@@ -29,9 +29,10 @@ BUS, PEOPLE = "/bus", "/people"
 MAX_LINKS: Final = 1000
 _START_SECONDS = 10.0
 _END_SECONDS = 1.0
-# A page whose connection is gone without a word frees its names after these.
-_PING_SECONDS = 2.0
-_PONG_SECONDS = 4.0
+# A page whose network is gone frees its number after these. Its names are free earlier, because
+# the coordinator ends sessions after their lease.
+_PING_SECONDS = 10.0
+_PONG_SECONDS = 10.0
 _BUFFER = 4 << 20
 _MAX_LOGGED = 100
 

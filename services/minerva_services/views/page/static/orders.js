@@ -90,7 +90,7 @@ export class Orders {
     if (target?.text !== undefined && click) this.#order(click.type, { [click.name]: target.text });
     else if (target?.agent !== undefined) this.#scene.select(target.agent === this.#scene.selected ? "" : target.agent);
     else if (place) {
-      const [east, north] = this.#scene.metres(x, y);
+      const [east, north] = this.#scene.metres(x, y).map((metres) => Math.round(1000 * metres) / 1000);
       this.#order(place, { x: east, y: north });
     } else this.#scene.select("");
   }
