@@ -11,6 +11,7 @@ ELSEWHERE = {
     "docs/geometries.md": "tests/examples/test_ascii.py",
     "docs/messages.md": "tests/acl/test_messages_document.py",
     "docs/migration/1-mesa.md": "tests/examples/test_sir.py",
+    "docs/migration/5-mosaik.md": "tests/examples/test_heating.py",
     "docs/populations.md": "tests/examples/test_populations_doc.py",
     "docs/python.md": "tests/api/test_python_document.py",
     "docs/records.md": "tests/log/test_document.py",
