@@ -3,11 +3,14 @@
     python -m benchmarks.comparison --size small large --systems minerva mesa mason agents.jl
         --models wolf_sheep flocking schelling forest_fire [--runs 100] [--turns 4]
         [--mason CLONE/mason.22.jar] [--plot FILE] [--json]
+    python -m benchmarks.comparison --size crowd --systems minerva mesa mesa-frames
+        --models wolf_sheep flocking_at_once wealth --runs 3 [--mesa-frames PYTHON]
 
 The models and parameters are those of JuliaDynamics/ABMFrameworksComparison: 100 steps (Schelling:
 20), and the median time of seeded runs. The systems that run here take turns, so they share the
 load of the machine. `mason` needs Java and the path of its jar in a clone of that repository,
-which has the sources of the models beside it; the jar is not part of this project. Agents.jl,
+which has the sources of the models beside it; the jar is not part of this project. mesa-frames
+may need other versions of libraries: give the interpreter of an environment that has it. Agents.jl,
 Ark.jl and NetLogo do not run here: their rows have the published time relative to Agents.jl and
 are marked `published`.
 
@@ -21,21 +24,21 @@ from __future__ import annotations
 
 import statistics
 import sys
-from collections.abc import Container
+from collections.abc import Container, Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Final
 
 from benchmarks.command import PLOT, Option, Table, options
-from benchmarks.comparison.parameters import MODELS, SIZES
+from benchmarks.comparison.parameters import MODELS, PARAMETERS, PUBLIC, SIZES
 from benchmarks.comparison.published import LINES, TIMES
 from benchmarks.comparison.systems import System, Unavailable, system
 from benchmarks.plot import Line, plotted
 
-MEASURED: Final = ("minerva", "mesa", "mason")
+MEASURED: Final = ("minerva", "mesa", "mason", "mesa-frames")
 PUBLISHED: Final = ("agents.jl", "ark.jl", "netlogo")
 COLUMNS: Final = {
-    "system": "<10", "model": "<12", "size": "<6", "source": "<10", "runs": ">5", "ms": ">10.1f",
+    "system": "<11", "model": "<16", "size": "<6", "source": "<10", "runs": ">5", "ms": ">10.1f",
     "ratio": ">9.2f", "to agents.jl": ">13.2f", "lines": ">6",
 }  # fmt: skip
 
@@ -55,7 +58,9 @@ class Row:
     lines: int | None = None
 
 
-def measured(names: list[str], model: str, size: str, runs: int, turns: int, jar: Path | None):
+def measured(
+    names: list[str], model: str, size: str, runs: int, turns: int, paths: Mapping[str, Path | None]
+) -> list[Row]:
     """The rows of the systems that run here, which take turns."""
     systems: dict[str, System] = {}
     times: dict[str, list[float]] = {}
@@ -68,7 +73,7 @@ def measured(names: list[str], model: str, size: str, runs: int, turns: int, jar
 
     for name in names:
         try:
-            systems[name] = system(name, model, size, jar)
+            systems[name] = system(name, model, size, paths)
         except Unavailable as reason:
             leave_out(name, reason)
     try:
@@ -128,21 +133,21 @@ def main() -> None:
     """Measure, and print a table."""
     arguments = options(
         __doc__,
-        size=Option(list(SIZES), choices=SIZES),
-        systems=Option([*MEASURED, *PUBLISHED], choices=(*MEASURED, *PUBLISHED)),
-        models=Option(list(MODELS), choices=MODELS),
+        size=Option(["small", "large"], choices=SIZES),
+        systems=Option(["minerva", "mesa", "mason", *PUBLISHED], choices=(*MEASURED, *PUBLISHED)),
+        models=Option(list(PUBLIC), choices=MODELS),
         runs=Option(100, "seeded runs of each system"),
         turns=Option(4, "in which the systems alternate"),
         mason=Option(Path, "its jar in a clone of the comparison"),
+        mesa_frames=Option(Path, "the interpreter of an environment that has it"),
         plot=PLOT,
     )
     table, rows = Table(COLUMNS, as_json=arguments.json), list[Row]()
+    paths = {"mason": arguments.mason, "mesa-frames": arguments.mesa_frames}
     running = [name for name in arguments.systems if name in MEASURED]
     for model in arguments.models:
-        for size in arguments.size:
-            shown = related(
-                measured(running, model, size, arguments.runs, arguments.turns, arguments.mason)
-            )
+        for size in [size for size in arguments.size if (model, size) in PARAMETERS]:
+            shown = related(measured(running, model, size, arguments.runs, arguments.turns, paths))
             shown += from_publication(model, size, set(arguments.systems) & set(PUBLISHED))
             for row in shown:
                 table.row(asdict(row), *_texts(row))

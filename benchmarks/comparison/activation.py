@@ -18,13 +18,12 @@ from unittest.mock import patch
 
 from benchmarks.command import Option, Table, options
 from benchmarks.comparison.models import flocking
-from benchmarks.comparison.models.flocking import Bird, steer
+from benchmarks.comparison.models.flocking_at_once import fly_at_once
 from benchmarks.comparison.models.forest_fire import BURNT, FIRE, TREE
 from benchmarks.comparison.parameters import PARAMETERS
 from minerva_bus import Cells
 from minerva_bus.space import (
     ORDERED,
-    SIMULTANEOUS,
     Activation,
     CellGrid,
     beside,
@@ -34,12 +33,6 @@ from minerva_bus.space.rules import SpaceRule
 
 STEPS = {"forest_fire": 20}
 COLUMNS = {"model": "<12", "activation": "<13", "statistic": "<9", "mean": ">9.3f", "±": ">8.3f"}
-
-
-@rule(SIMULTANEOUS, births=0)
-def fly_at_once(i: int, birds: Bird, before: Bird, sight: float, separation: float, cohere: float,
-                separate: float, match: float, speed: float):  # fmt: skip
-    steer(i, birds, before, sight, separation, cohere, separate, match, speed)
 
 
 @rule(ORDERED)

@@ -16,6 +16,13 @@ def of_flock(x: Any, y: Any, vx: Any, vy: Any) -> Statistics:
     return {"order": float(np.hypot((vx / length).mean(), (vy / length).mean()))}
 
 
+def of_wealth(coins: NDArray[Any]) -> Statistics:
+    """Inequality as the Gini coefficient, and the share of people without coins."""
+    ranked, count = np.sort(coins).astype(float), len(coins)
+    gini = 2 * (np.arange(1, count + 1) @ ranked) / (count * ranked.sum()) - (count + 1) / count
+    return {"gini": float(gini), "poor": float((ranked == 0).mean())}
+
+
 def of_town(groups: NDArray[Any], radius: int, wanted: int) -> Statistics:
     """Shares of similar neighbours, and of happy agents, in a matrix of groups with 0 if vacant."""
     side = len(groups)

@@ -1,7 +1,9 @@
-"""Parameters of the models of the public comparison, in two sizes.
+"""Parameters of the models of the public comparison, in two sizes, and of crowds.
 
 Source: JuliaDynamics/ABMFrameworksComparison, the file DECLARATION.md of each model. The forest
-fire is no longer part of the published tables; its parameters are those of earlier ones.
+fire is no longer part of the published tables; its parameters are those of earlier ones. The size
+`crowd` and the model `wealth` are not part of that comparison: their numbers of agents are those of
+`benchmarks.populations`.
 """
 
 from __future__ import annotations
@@ -60,7 +62,15 @@ class ForestFire:
     steps: int = 100
 
 
-Parameters = WolfSheep | Flocking | Schelling | ForestFire
+@dataclass(frozen=True, slots=True)
+class Wealth:
+    """Number of people, who have one coin each; a rich one gives a coin to a random one."""
+
+    people: int
+    steps: int = 100
+
+
+Parameters = WolfSheep | Flocking | Schelling | ForestFire | Wealth
 
 PARAMETERS: Final[dict[tuple[str, str], Parameters]] = {
     ("wolf_sheep", "small"): WolfSheep(60, 40, 25, 20, 0.2, 0.1),
@@ -71,6 +81,13 @@ PARAMETERS: Final[dict[tuple[str, str], Parameters]] = {
     ("schelling", "large"): Schelling(8000, 100, 2, 8),
     ("forest_fire", "small"): ForestFire(100, 0.7),
     ("forest_fire", "large"): ForestFire(500, 0.9),
+    ("wealth", "small"): Wealth(1000),
+    ("wolf_sheep", "crowd"): WolfSheep(10_000, 5_000, 200, 30, 0.04, 0.05, 20, 4.0, 20.0),
+    ("flocking_at_once", "small"): Flocking(200, 100.0, 5.0),
+    ("flocking_at_once", "crowd"): Flocking(100_000, 3162.0, 10.0, steps=20, separation=2.0),
+    ("wealth", "crowd"): Wealth(1_000_000, steps=20),
 }
 MODELS: Final = tuple(dict.fromkeys(model for model, _ in PARAMETERS))
-SIZES: Final = ("small", "large")
+SIZES: Final = ("small", "large", "crowd")
+PUBLIC: Final = ("wolf_sheep", "flocking", "schelling", "forest_fire")
+"""The models of the public comparison."""

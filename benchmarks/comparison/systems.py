@@ -10,7 +10,7 @@ import subprocess
 import sys
 import tempfile
 import tokenize
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Final, Protocol
@@ -49,19 +49,24 @@ class System(Protocol):
 
 
 class PythonSystem:
-    """A model in a Python process of its own, which lives until `close`."""
+    """A model in a Python process of its own, which lives until `close`.
 
-    def __init__(self, system: str, model: str, size: str) -> None:
+    `python` is an interpreter that has the system; None is this one.
+    """
+
+    def __init__(self, system: str, model: str, size: str, python: Path | None = None) -> None:
         package = PACKAGES[system]
         if find_spec(f"{package}.{model}") is None:
             raise Unavailable("it has no such model")
-        if system != "minerva" and find_spec(system) is None:
+        missing = python is None and find_spec(system.replace("-", "_")) is None
+        if system != "minerva" and missing:
             raise Unavailable(f"it is not installed: pip install {system}")
         self._source = Path(*package.split("."), f"{model}.py")
-        words = [sys.executable, "-m", "benchmarks.comparison.worker", system, model, size]
+        words = ["-m", "benchmarks.comparison.worker", system, model, size]
         self._process = subprocess.Popen(
-            words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-        )
+            [python or sys.executable, *words],
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
+        )  # fmt: skip
 
     def run(self, seeds: Sequence[int]) -> list[dict[str, float]]:
         """See `System`."""
@@ -135,9 +140,10 @@ class Mason:
         self._folder.cleanup()
 
 
-def system(name: str, model: str, size: str, jar: Path | None) -> System:
-    """A system with one model. Raises Unavailable."""
-    return Mason(model, size, jar) if name == "mason" else PythonSystem(name, model, size)
+def system(name: str, model: str, size: str, paths: Mapping[str, Path | None]) -> System:
+    """A system with one model; `paths` has MASON's jar and interpreters. Raises Unavailable."""
+    path = paths.get(name)
+    return Mason(model, size, path) if name == "mason" else PythonSystem(name, model, size, path)
 
 
 def python_lines(source: str) -> int:

@@ -19,6 +19,7 @@ from benchmarks.comparison.parameters import PARAMETERS
 PACKAGES: Final = {
     "minerva": "benchmarks.comparison.models",
     "mesa": "benchmarks.comparison.mesa_models",
+    "mesa-frames": "benchmarks.comparison.mesa_frames_models",
 }
 
 

@@ -58,10 +58,15 @@ class Flock(Space, symbol="AFlock"):
 
 def run(p: Flocking, seed: int):
     """Run the model; returns the function that computes its statistics."""
+    birds = Bird.read(stepped(flock(p, seed), p.steps, seed)["birds"])
+    return lambda: of_flock(birds.x, birds.y, birds.vx, birds.vy)
+
+
+def flock(p: Flocking, seed: int, kind: type[Flock] = Flock) -> Flock:
     random = np.random.default_rng(seed)
     x, y = random.uniform(0, p.side, (2, p.birds))
     vx, vy = random.uniform(-1, 1, (2, p.birds))
-    flock = Flock(
+    return kind(
         "flock",
         width=p.side,
         height=p.side,
@@ -75,5 +80,3 @@ def run(p: Flocking, seed: int):
         match=p.match,
         speed=p.speed,
     )
-    birds = Bird.read(stepped(flock, p.steps, seed)["birds"])
-    return lambda: of_flock(birds.x, birds.y, birds.vx, birds.vy)

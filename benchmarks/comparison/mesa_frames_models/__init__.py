@@ -1,0 +1,1 @@
+"""Models for mesa-frames, with expressions of polars."""
