@@ -7,6 +7,7 @@ from typing import Any
 
 from minerva_bus.compiled.form import Program
 from minerva_bus.compiled.method import CheckedMethod, checked_methods
+from minerva_bus.compiled.views import checked_views
 from minerva_bus.compiled.writing import written
 
 Kernel = Callable[..., int]
@@ -25,8 +26,11 @@ class CompiledMethods:
         self._cls = cls
         self._methods = dict(methods)
         self._together = together
-        self._checked: dict[str, CheckedMethod] = checked_methods(cls, methods, together)
+        self._checked = self._check()
         self._kernels: dict[str, Kernel] = {}
+
+    def _check(self) -> dict[str, CheckedMethod]:
+        return checked_methods(self._cls, self._methods, self._together)
 
     def __contains__(self, event_type: object) -> bool:
         return event_type in self._methods
@@ -40,7 +44,7 @@ class CompiledMethods:
     def program(self, event_type: str) -> Program:
         """The checked form of the method for an event type. Raises NotCompilable."""
         if not all(checked.current for checked in self._checked.values()):
-            self._checked = checked_methods(self._cls, self._methods, self._together)
+            self._checked = self._check()
             self._kernels = {}
         return self._checked[event_type].program
 
@@ -57,3 +61,13 @@ class CompiledMethods:
 
             kernel = self._kernels[event_type] = load_kernel(written(program))
         return program, kernel
+
+
+class CompiledViews(CompiledMethods):
+    """The compiled views of an agent class by event type."""
+
+    def __init__(self, cls: Any, views: Mapping[str, Callable[..., Any]]) -> None:
+        super().__init__(cls, views, frozenset())
+
+    def _check(self) -> dict[str, CheckedMethod]:
+        return checked_views(self._cls, self._methods)

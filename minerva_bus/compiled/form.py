@@ -256,7 +256,29 @@ class Emission:
     condition: str
 
 
-Output: TypeAlias = Newborn | Emission
+@dataclass(frozen=True, slots=True)
+class Figure:
+    """A primitive or transformation with the names of its given parameters, and its scope."""
+
+    symbol: Any
+    names: tuple[str, ...]
+    scope: tuple[Figure, ...] = ()
+
+    @property
+    def width(self) -> int:
+        """The number of parameters, with those of its scope."""
+        return len(self.names) + sum(inner.width for inner in self.scope)
+
+
+@dataclass(frozen=True, slots=True)
+class Shown:
+    """An output with the parameters of the figures that a view returns, in their order."""
+
+    figures: tuple[Figure, ...]
+    slots: tuple[Slot, ...]
+
+
+Output: TypeAlias = Newborn | Emission | Shown
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from types import FunctionType
-from typing import Any, Final
+from typing import Any
 
 from minerva_bus.compiled.form import Attribute, Program, ValueKind
 from minerva_bus.compiled.names import (
@@ -60,7 +60,7 @@ def checked_methods(
 
     """
     types = {field.name: field.type for field in cls.kind.fields.all}
-    kinds, int_lines = _kinds(cls, types), dict[str, int]()
+    kinds, int_lines = kinds_of_attributes(cls, types), dict[str, int]()
     while True:
         before = dict(kinds)
         checked = {
@@ -74,7 +74,8 @@ def checked_methods(
             return checked
 
 
-def _kinds(cls: Any, types: Mapping[str, Type]) -> dict[str, ValueKind]:
+def kinds_of_attributes(cls: Any, types: Mapping[str, Type]) -> dict[str, ValueKind]:
+    """The kinds of a class's attributes. Raises NotCompilable."""
     kinds: dict[str, ValueKind] = {}
     for name, declared in types.items():
         kind = kind_of(declared)
@@ -99,29 +100,32 @@ def _checked(
     origin = Origin.of(function)
     declared = event_type_of(function, event_type)
     method = Method(cls, types, kinds, declared, int_lines=int_lines)
-    scope = LocalNames(origin, _parameters(origin, together))
+    meanings = AgentItself(), EventItself(together), Moment()
+    scope = LocalNames(origin, parameters_of(origin, ("self", "event", "moment"), meanings))
     body = Statements(method, scope).function()
-    return CheckedMethod(_program(event_type, method, scope, body), method.constants)
+    return CheckedMethod(program_of(event_type, method, scope, body), method.constants)
 
 
-def _parameters(origin: Origin, together: bool) -> dict[str, Reference]:
-    """What the parameters `(self, event, moment)` stand for, by the names of the method."""
+def parameters_of(
+    origin: Origin, expected: Sequence[str], meanings: Sequence[Reference]
+) -> dict[str, Reference]:
+    """What the parameters of a method stand for, by the names that it gives them."""
     names = [
         parameter.name
         for parameter in inspect.signature(origin.function).parameters.values()
         if parameter.kind in (parameter.POSITIONAL_ONLY, parameter.POSITIONAL_OR_KEYWORD)
     ]
-    if len(names) != _ARGUMENTS:
+    if len(names) != len(expected):
         raise origin.problem(
-            origin.tree, "parameters other than (self, event, moment)", "take exactly these three"
+            origin.tree,
+            f"parameters other than ({', '.join(expected)})",
+            f"take exactly these {len(expected)}",
         )
-    return dict(zip(names, (AgentItself(), EventItself(together), Moment()), strict=True))
+    return dict(zip(names, meanings, strict=True))
 
 
-_ARGUMENTS: Final = 3
-
-
-def _program(event_type: str, method: Method, scope: LocalNames, body: Any) -> Program:
+def program_of(event_type: str, method: Method, scope: LocalNames, body: Any) -> Program:
+    """What was collected of a method, for an event type."""
     words = {name: declared.words for name, declared in method.types.items()}
     attributes = {
         name: Attribute(

@@ -15,6 +15,7 @@ from minerva_bus.compiled.form import (
     ListSlot,
     Newborn,
     Output,
+    Shown,
     Slot,
     ValueKind,
     Variable,
@@ -123,6 +124,12 @@ class Method:
                 return index if output == emission else None
         self.outputs.append(emission)
         return len(self.outputs) - 1
+
+    def shown(self, shown: Shown) -> int:
+        """The output for the figures of a form."""
+        if shown not in self.outputs:
+            self.outputs.append(shown)
+        return self.outputs.index(shown)
 
     def newborn(self, newborn: Newborn) -> int:
         """The output for the newborns of one call of `child`."""

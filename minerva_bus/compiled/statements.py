@@ -555,9 +555,24 @@ class Statements(Expressions):
         self, node: ast.Call, owner: str, fields: Fields, named: Mapping[str, ast.expr]
     ) -> tuple[list[Statement], list[Expression]]:
         """The values of all fields in order, held in variables, and checked against their types."""
+        positional = node.args if owner[:1] == "e" else node.args[1:]
+        made, values = self.given_values(node, owner, fields, positional, named)
+        return made, [
+            values[each.name] if each.name in values else self._default(node, owner, each)
+            for each in fields.all
+        ]
+
+    def given_values(
+        self,
+        node: ast.Call,
+        owner: str,
+        fields: Fields,
+        positional: Sequence[ast.expr],
+        named: Mapping[str, ast.expr],
+    ) -> tuple[list[Statement], dict[str, Expression]]:
+        """The values of the fields that a call gives, held in variables, and checked."""
         if any(isinstance(argument, ast.Starred) for argument in node.args) or "None" in named:
             raise self.problem(node, "arguments with *", "write each argument")
-        positional = node.args if owner[:1] == "e" else node.args[1:]
         if len(positional) > len(fields.names):
             raise self.problem(node, f"{owner} takes {len(fields.names)} values")
         given = dict(zip(fields.names, positional, strict=False)) | dict(named)
@@ -573,10 +588,7 @@ class Statements(Expressions):
             )
             values[name] = held
             made += [statement, *self._check_fit(types[name].type, held)]
-        return made, [
-            values[each.name] if each.name in values else self._default(node, owner, each)
-            for each in fields.all
-        ]
+        return made, values
 
     def _default(self, node: ast.AST, owner: str, field: Field) -> Expression:
         constant = None if field.default is None else self.constant_of(field.default)

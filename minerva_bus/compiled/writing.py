@@ -35,6 +35,7 @@ from minerva_bus.compiled.form import (
     Program,
     Return,
     SetItem,
+    Shown,
     Statement,
     UnaryOperation,
     ValueKind,
@@ -106,6 +107,8 @@ def cells(output: Output) -> list[tuple[str, ValueKind]]:
     named = [(f"v_{slot.name}", slot.kind) for slot in output.slots]
     if isinstance(output, Newborn):
         return [("place", ValueKind.INT), ("births", ValueKind.INT), *named]
+    if isinstance(output, Shown):
+        return [("place", ValueKind.INT), *named]
     receivers = [(f"receiver{number}", ValueKind.TEXT) for number in range(output.receivers)]
     return [("place", ValueKind.INT), *named, *receivers]
 

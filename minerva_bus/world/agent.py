@@ -28,7 +28,7 @@ from typing import Any, ClassVar, Self, TypeVar
 
 import numpy as np
 
-from minerva_bus.compiled.activity import CompiledMethods
+from minerva_bus.compiled.activity import CompiledMethods, CompiledViews
 from minerva_bus.errors import MinervaError, MisuseError, StateError, nearest
 from minerva_bus.grammar.arrays import SCALARS
 from minerva_bus.grammar.columns import Columns
@@ -39,7 +39,7 @@ from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.scene import AGENT_ID, EMPTY, AgentNode, Scene
 from minerva_bus.grammar.symbols import AgentKind
 from minerva_bus.grammar.unique_ids import no_id
-from minerva_bus.world.compiling import check_mode, marked_compiled
+from minerva_bus.world.compiling import Mode, check_mode, marked_compiled, marked_views
 from minerva_bus.world.context import Context
 from minerva_bus.world.declaring import (
     COMPILED,
@@ -114,7 +114,7 @@ def on(
     return mark_compiled
 
 
-def view(*event_types: str, population: bool = False) -> Callable[[_F], _F]:
+def view(*event_types: str, population: bool = False, compiled: Mode = False) -> Callable[[_F], _F]:
     """Mark a method `(self, event)` as the view θ for these visual event types (equation 4).
 
     The method returns a string of primitives and transformations, and changes nothing.
@@ -123,9 +123,11 @@ def view(*event_types: str, population: bool = False) -> Callable[[_F], _F]:
         event_types: names of event types with `visual=True`, such as "ePicture".
         population: `self` is a population, and the method returns a string with a node per agent:
             primitives and transformations whose parameters are arrays make one.
+        compiled: for agents in columns, run the method as machine code. "if possible" gives a
+            warning if it cannot be compiled.
 
     Raises:
-        MisuseError: no event type is named.
+        MisuseError: no event type is named, or a view for populations is to be compiled.
 
     Example:
         >>> @view("ePicture")
@@ -133,7 +135,16 @@ def view(*event_types: str, population: bool = False) -> Callable[[_F], _F]:
         ...     return TMove(self.x, self.y)(PFox())
 
     """
-    return _mark(VIEW, event_types, population, False, 1.0)
+    check_mode(compiled)
+    if compiled and population:
+        raise MisuseError("a view with compiled=True is for one agent; leave out population=True")
+    mark = _mark(VIEW, event_types, population, False, 1.0)
+
+    def mark_compiled(function: _F) -> _F:
+        setattr(function, COMPILED, compiled)
+        return mark(function)
+
+    return mark_compiled
 
 
 def _mark(
@@ -215,6 +226,7 @@ class Agent:
     """Event types with a method for one agent that takes all events of a frame in one call."""
     compiled: ClassVar[CompiledMethods | None] = None
     """Methods for one agent that run as machine code on the rows of a population."""
+    compiled_views: ClassVar[CompiledViews | None] = None
 
     id: str
     scope: Scene
@@ -252,15 +264,16 @@ class Agent:
             )
             _check_columns(cls.kind, cls.population or cls.population_views)
             cls.compiled = marked_compiled(cls)
+            cls.compiled_views = marked_views(cls)
             expose_attributes(cls, [each.name for each in state.all if each.type.kind in SCALARS])
 
     @classmethod
     def machine_code(cls) -> Iterator[tuple[str, Callable[[], object]]]:
         """Titles of the compiled code of this class, each with the function that compiles it."""
-        if cls.compiled is not None:
-            for event_type in cls.compiled:
-                title = cls.compiled.program(event_type).title
-                yield title, partial(cls.compiled.kernel, event_type)
+        for methods in (cls.compiled, cls.compiled_views):
+            for event_type in methods or ():
+                assert methods is not None
+                yield methods.program(event_type).title, partial(methods.kernel, event_type)
 
     def __init__(self, id: str, *, scope: Scene = EMPTY, **state: Any) -> None:
         if AGENT_ID.fullmatch(id) is None:

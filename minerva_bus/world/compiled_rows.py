@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minerva_bus.compiled.activity import CompiledMethods, Kernel
-from minerva_bus.compiled.form import Emission, Newborn, Output, Program, ValueKind
+from minerva_bus.compiled.form import Emission, Newborn, Output, Program, Shown, ValueKind
 from minerva_bus.compiled.writing import FAULT, GONE, cells
 from minerva_bus.grammar.batch import AnyEvent, Events
 from minerva_bus.grammar.column import Column
@@ -87,7 +87,7 @@ class CompiledRows:
     def run(self, event_type: str, cls: Any, turn: Turn) -> NDArray[np.bool_]:
         """Process a turn; returns a mask of the rows that must run in Python, shape (rows,)."""
         program, kernel = self._methods.kernel(event_type)
-        call = _KernelCall(program, self._state, turn)
+        call = KernelCall(program, self._state, turn)
         # A duration that is an int would give an int, which the kernel does not have.
         if not call.fits or type(self._frame.dt) is not float:
             return np.ones(len(turn.rows), np.bool_)
@@ -97,7 +97,7 @@ class CompiledRows:
         for index, output in enumerate(program.outputs):
             if isinstance(output, Newborn):
                 self._bear(call.cells_of(index), call, output, cls)
-            else:
+            elif isinstance(output, Emission):
                 self._send(call.cells_of(index), call, output)
         gone = turn.rows[outcomes == GONE]
         if len(gone):
@@ -105,7 +105,7 @@ class CompiledRows:
         return outcomes == FAULT
 
     def _bear(
-        self, appended: list[NDArray[Any]], call: _KernelCall, output: Newborn, cls: Any
+        self, appended: list[NDArray[Any]], call: KernelCall, output: Newborn, cls: Any
     ) -> None:
         place, births, *values = appended
         if not len(place):
@@ -118,7 +118,7 @@ class CompiledRows:
         newborn = Columns(kind.name, kind.fields.names, columns, len(place), ids)
         self._state.born.append(Birth(parents, self._state.turn, newborn))
 
-    def _send(self, appended: list[NDArray[Any]], call: _KernelCall, output: Emission) -> None:
+    def _send(self, appended: list[NDArray[Any]], call: KernelCall, output: Emission) -> None:
         place, *values = appended
         if not len(place):
             return
@@ -148,7 +148,7 @@ class CompiledRows:
         self._state.sent.append((rows, events))
 
 
-class _KernelCall:
+class KernelCall:
     """The arrays of one call of a kernel."""
 
     def __init__(self, program: Program, state: PopulationState, turn: Turn) -> None:
@@ -159,8 +159,7 @@ class _KernelCall:
         self._written = {attribute.name for attribute in program.writes}
         self._texts: dict[str, NDArray[np.int64]] = {}
         self._counts = np.zeros(max(1, len(program.outputs)), np.int64)
-        size = max(_LEAST_ROWS, len(turn.rows) // 8)
-        self._outputs = [_columns(output, size) for output in program.outputs]
+        self._outputs = [_columns(output, len(turn.rows)) for output in program.outputs]
         data = self._data()
         self.fits = data is not None
         """Whether the data of the event have the types that its declaration gives them."""
@@ -190,11 +189,15 @@ class _KernelCall:
             return array
         return np.broadcast_to(array, len(self.turn.rows))
 
-    def run(self, kernel: Kernel, streams: FrameStreams, frame: Frame) -> NDArray[np.uint8]:
-        """Run all rows; returns their outcomes."""
+    def run(
+        self, kernel: Kernel, streams: FrameStreams | None, frame: Frame | None
+    ) -> NDArray[np.uint8]:
+        """Run all rows; returns their outcomes. Views have neither streams nor a frame."""
         rows = self.turn.rows
         outcomes = np.zeros(len(rows), np.uint8)
-        words = streams.draws.batch().words if self.program.draws else np.zeros(1, np.uint64)
+        words = np.zeros(1, np.uint64)
+        if self.program.draws and streams is not None:
+            words = streams.draws.batch().words
         columns = [self._column(attribute.name) for attribute in self.program.reads]
         begins = _NOTHING if self.turn.begins is None else self.turn.begins
         ends = _NOTHING if self.turn.ends is None else self.turn.ends
@@ -231,11 +234,12 @@ class _KernelCall:
         made[self.turn.rows] = codes
         return made
 
-    def _given(self, name: str, frame: Frame) -> Any:
+    def _given(self, name: str, frame: Frame | None) -> Any:
         if name == "id":
             return self._in_rows(self.codes.of(self._state.ids.take(self.turn.rows).texts()))
         if name == "sender":
             return self._senders()
+        assert frame is not None
         return {"dt": frame.dt, "time": frame.number * frame.dt, "number": frame.number}[name]
 
     def _senders(self) -> NDArray[Any]:
@@ -274,5 +278,7 @@ class _KernelCall:
         }
 
 
-def _columns(output: Output, size: int) -> list[NDArray[Any]]:
+def _columns(output: Output, rows: int) -> list[NDArray[Any]]:
+    # Usually each agent has a view, and few have newborns or emit events.
+    size = rows if isinstance(output, Shown) else max(_LEAST_ROWS, rows // 8)
     return [np.empty(size, _DTYPES[kind]) for _, kind in cells(output)]

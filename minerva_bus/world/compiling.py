@@ -6,7 +6,7 @@ import warnings
 from collections.abc import Callable, Mapping
 from typing import Any, Final
 
-from minerva_bus.compiled.activity import CompiledMethods
+from minerva_bus.compiled.activity import CompiledMethods, CompiledViews
 from minerva_bus.compiled.origin import NotCompilable
 from minerva_bus.errors import MisuseError
 from minerva_bus.world.declaring import COMPILED, POPULATION, marked, takes_batch
@@ -29,6 +29,22 @@ def marked_compiled(cls: Any) -> CompiledMethods | None:
     for reason in reasons:
         warnings.warn(reason, UserWarning, stacklevel=4)
     return methods
+
+
+def marked_views(cls: Any) -> CompiledViews | None:
+    """The views of a class that are marked as compiled. Raises NotCompilable."""
+    chosen: dict[str, Callable[..., Any]] = {}
+    for event_type, function in cls.views.items():
+        mode: Mode = getattr(function, COMPILED, False)
+        try:
+            if mode:
+                CompiledViews(cls, {event_type: function})
+                chosen[event_type] = function
+        except NotCompilable as error:
+            if mode != IF_POSSIBLE:
+                raise
+            warnings.warn(str(error), UserWarning, stacklevel=4)
+    return CompiledViews(cls, chosen) if chosen else None
 
 
 def compile_all(cls: Any, mode: Mode) -> list[str]:

@@ -14,6 +14,7 @@ from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.scene import EMPTY, AgentNode, Scene, agents
 from minerva_bus.world.addressing import Addressed
 from minerva_bus.world.agent import Agent
+from minerva_bus.world.compiled_views import compiled_view
 from minerva_bus.world.kinds import ActivityError
 from minerva_bus.world.population import Population, PopulationState
 
@@ -23,22 +24,28 @@ def view_of_population(
 ) -> Scene | None:
     """The views of agents in columns, or None if they must be visualized one by one.
 
-    One call suffices for a single event to all agents and a method for populations. Raises
-    ActivityError.
+    One call suffices for a single event to all agents and a method for populations, or a compiled
+    one. Raises ActivityError.
     """
     concerning = [event for event in addressed.events if event.type in cls.views]
     if not concerning:
         return EMPTY
     event = concerning[0]
-    view = cls.population_views.get(event.type)
     # Otherwise agents may have different numbers of views, or the method shows one agent only.
-    if len(concerning) > 1 or isinstance(event, Events) or event.receivers or view is None:
+    if len(concerning) > 1 or isinstance(event, Events) or event.receivers:
+        return None
+    compiled, view = cls.compiled_views, cls.population_views.get(event.type)
+    if view is None and (compiled is None or event.type not in compiled):
         return None
     rows = _willing(part, event)
     count = part.count if rows is None else len(rows)
     if not count:
         return EMPTY
     state = PopulationState(part, cls.kind.fields, lasting=False)
+    if view is None:
+        assert compiled is not None
+        chosen = np.arange(count) if rows is None else rows
+        return compiled_view(compiled, state, chosen, event, _one_each)
     try:
         return _one_each(view(Population(state, cls, rows), event), count)
     except (Exception, SystemExit) as error:
