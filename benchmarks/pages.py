@@ -52,6 +52,9 @@ def world(folder: Path, role: str, names: list[str], views: float) -> Path:
     """Write the world and its module; returns the world file."""
     for path in PHONE.iterdir():
         shutil.copy(path, folder)
+    # Without rain and heat, no snail is born or dies, and the world does not end.
+    code = (PHONE / "phone.py").read_text(encoding="utf-8").replace("[eSun(), eRain()]", "[eSun()]")
+    (folder / "phone.py").write_text(code.replace("[eSun()]", "[eSun(0.0)]"))
     (folder / "members.js").write_text(MODULE.format(role=role, names=names, views=views))
     text = (PHONE / "phone.toml").read_text(encoding="utf-8").replace("garden.js", "members.js")
     text = text.replace("snails tilt-*", " ".join(names)).replace("elsewhere = true", "")

@@ -62,7 +62,20 @@ export function blake2b(text, size) {
 const little = (bytes) => bytes.reduceRight((number, byte) => (number << 8n) | BigInt(byte), 0n);
 
 /** The first state of a stream: 8 bytes of BLAKE2b over the parts, separated by NUL. */
-const keyed = (...parts) => little(blake2b(parts.join("\0"), 8));
+/** The hash that all agents of a frame share, kept for the next agent: it costs more than all else. */
+const keys = new Map();
+const MOST_KEYS = 64;
+
+function keyed(...parts) {
+  const text = parts.join("\0");
+  let key = keys.get(text);
+  if (key === undefined) {
+    key = little(blake2b(text, 8));
+    if (keys.size >= MOST_KEYS) keys.clear();
+    keys.set(text, key);
+  }
+  return key;
+}
 
 export function mix(z) {
   z = ((z ^ (z >> 30n)) * 0xbf58476d1ce4e5b9n) & MASK;
