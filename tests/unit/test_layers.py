@@ -24,6 +24,7 @@ ORDER = [
     "runtime",
     "launch",
     "acl",
+    "minds",
     "study",
     "api",
     "cli",

@@ -1,0 +1,38 @@
+"""Slow participants, such as language models: requests and answers as events.
+
+    symbols   event types of requests and answers, and the figures of a `Mind`
+    mind      the agent that represents a backend, keeps open requests and forwards answers
+    form      JSON Schema of an event type, and events from JSON
+
+A vocabulary includes the symbols by `Vocabulary.of(*MINDS, ...)`. See docs/howto/llm.md.
+"""
+
+from minerva_bus.minds.mind import Mind
+from minerva_bus.minds.symbols import (
+    PAccount,
+    PRequest,
+    TMind,
+    eAnswer,
+    eAsk,
+    eNoAnswer,
+    eRemind,
+    eReply,
+    eThink,
+)
+
+MINDS = (Mind, PAccount, PRequest, TMind, eAnswer, eAsk, eNoAnswer, eRemind, eReply, eThink)
+"""Symbols that a vocabulary needs if agents send requests to a mind."""
+
+__all__ = [
+    "MINDS",
+    "Mind",
+    "PAccount",
+    "PRequest",
+    "TMind",
+    "eAnswer",
+    "eAsk",
+    "eNoAnswer",
+    "eRemind",
+    "eReply",
+    "eThink",
+]

@@ -1,0 +1,97 @@
+"""JSON Schema of an event type, and the data of an event from JSON.
+
+`topic` is left out of both: it is repeated from the request.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from typing import Any, Final, cast
+
+from minerva_bus.errors import MisuseError
+from minerva_bus.grammar.events import Event
+from minerva_bus.grammar.fields import Field
+from minerva_bus.grammar.symbols import EventType
+from minerva_bus.grammar.types import Type
+
+_JSON_TYPES: Final = {"bool": "boolean", "int": "integer", "real": "number", "text": "string"}
+TOPIC: Final = "topic"
+MAX_SHOWN: Final = 80
+
+
+class InvalidAnswer(Exception):
+    """An answer does not fit its event type; the text gives the reason."""
+
+
+def answer_fields(declared: EventType) -> tuple[Field, ...]:
+    """The fields that an answer has to fill."""
+    return tuple([field for field in declared.fields.all if field.name != TOPIC])
+
+
+def schema_of(declared: EventType) -> dict[str, Any]:
+    """JSON Schema of the data of an event type.
+
+    Raises MisuseError if a field is a matrix or a string, which have no form in JSON.
+    """
+    fields = answer_fields(declared)
+    for field in fields:
+        if _base(field.type).kind not in _JSON_TYPES:
+            raise MisuseError(f"{declared.name}.{field.name} is a {field.type}, not a JSON value")
+    return {
+        "type": "object",
+        "properties": {field.name: _schema(field.type) for field in fields},
+        "required": [field.name for field in fields],
+        "additionalProperties": False,
+    }
+
+
+def event_of(declared: EventType, text: str, topic: str) -> Event:
+    """The event in a JSON object, or in free text if the type has a single text.
+
+    Text around the object, such as a code fence, is ignored. Raises InvalidAnswer.
+    """
+    data = _object(text)
+    if data is None:
+        fields = answer_fields(declared)
+        if len(fields) != 1 or fields[0].type != Type("text"):
+            raise InvalidAnswer(f"expected a JSON object, not {text.strip()[:MAX_SHOWN]!r}")
+        data = {fields[0].name: text.strip()}
+    if TOPIC in declared.fields.names:
+        data = {**data, TOPIC: topic}
+    try:
+        event: Event = declared(**cast("dict[str, Any]", data))
+    except (MisuseError, TypeError) as error:
+        raise InvalidAnswer(str(error)) from None
+    return event
+
+
+def _object(text: str) -> Mapping[str, Any] | None:
+    start, end = text.find("{"), text.rfind("}")
+    if start < 0 or end < start:
+        return None
+    try:
+        data = json.loads(text[start : end + 1])
+    # A few kilobytes of nested lists exhaust the stack of the decoder.
+    except (ValueError, RecursionError):
+        return None
+    return cast("dict[str, Any]", data) if isinstance(data, dict) else None
+
+
+def _base(kind: Type) -> Type:
+    return kind if kind.item is None else _base(kind.item)
+
+
+def _schema(kind: Type) -> dict[str, Any]:
+    if kind.item is not None:
+        return {"type": "array", "items": _schema(kind.item)}
+    schema: dict[str, Any] = {"type": _JSON_TYPES[kind.kind]}
+    if kind.words:
+        schema["enum"] = list(kind.words)
+    if kind.unit:
+        schema["description"] = f"in {kind.unit}"
+    if kind.range is not None:
+        ends = {"minimum": kind.range.least, "maximum": kind.range.most}
+        schema |= {name: end for name, end in ends.items() if math.isfinite(end)}
+    return schema

@@ -1,0 +1,173 @@
+"""The agent that represents a slow participant outside of the world, such as a language model.
+
+An agent sends `eAsk` to a mind, which keeps the request as a figure until it has an answer, and
+shows it. A service is a device whose geometric system is one of calls: α of `PRequest` begins one.
+The result is an event `eReply` of the service, which is a free-running generator. So requests,
+answers and their costs are part of the string and of the record, and no frame waits.
+
+The mind sends exactly one event for each request: the answer, or `eNoAnswer`. It decides by frames
+and received events only, so every repetition of the run decides alike.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import dataclass, replace
+from typing import Any, cast
+
+from minerva_bus.grammar.events import Event
+from minerva_bus.grammar.scene import EMPTY, FigureNode, Scene
+from minerva_bus.minds.symbols import PAccount, PRequest, TMind, eNoAnswer, eRemind
+from minerva_bus.world.agent import Agent, on, view
+from minerva_bus.world.context import Context
+
+
+@dataclass(frozen=True, slots=True)
+class OpenRequest:
+    """A request without an answer so far; the fields are the parameters of `PRequest`."""
+
+    number: int
+    asker: str
+    prompt: str
+    system: str
+    answer: str
+    topic: str
+    frame: int
+    deadline: int
+
+
+@dataclass(frozen=True, slots=True)
+class Account:
+    """What requests have cost; the fields are the parameters of `PAccount`."""
+
+    agent: str = ""
+    calls: int = 0
+    tokens_in: int = 0
+    tokens_out: int = 0
+    cost: float = 0.0
+
+    def plus(self, usage: Event | Account) -> Account:
+        """The account after further calls: an `eReply`, or another account."""
+        return replace(
+            self,
+            calls=self.calls + usage.calls,
+            tokens_in=self.tokens_in + usage.tokens_in,
+            tokens_out=self.tokens_out + usage.tokens_out,
+            cost=self.cost + usage.cost,
+        )
+
+
+class Mind(Agent, symbol="AMind"):
+    """Represents a backend; `requests` are the open ones, oldest first, `asked` counts all."""
+
+    requests: Scene = EMPTY
+    accounts: Scene = EMPTY
+    asked: int = 0
+    answered: int = 0
+    failed: int = 0
+    reminded: bool = False
+
+    @on("eAsk")
+    def ask(self, question: Event, moment: Context) -> None:
+        """Keep a request, and show it from the next frame on."""
+        if not question.sender:
+            return  # Only an agent can receive the answer.
+        self.asked += 1
+        frames = math.ceil(question.within / moment.dt)
+        self.requests += PRequest(
+            number=self.asked,
+            asker=question.sender,
+            prompt=question.prompt,
+            system=question.system,
+            answer=question.answer,
+            topic=question.topic,
+            frame=moment.number,
+            deadline=moment.number + frames,
+        )
+        self._remind(moment)
+
+    @on("eReply")
+    def reply(self, reply: Event, moment: Context) -> None:
+        """Send the answer of an open request; of a late reply, only the costs count."""
+        # An agent cannot answer in the name of the service.
+        if reply.sender:
+            return
+        self._book(reply)
+        request = next((each for each in self._open() if each.number == reply.number), None)
+        if request is None:
+            return
+        self._close(request)
+        if reply.outcome == "answered":
+            self.answered += 1
+            moment.emit(_answer(request, reply.content))
+        elif reply.outcome != "cancelled":
+            self._fail(request, reply.outcome, reply.content, moment)
+
+    @on("eRemind")
+    def check(self, reminder: Event, moment: Context) -> None:
+        """End the requests whose deadline has passed."""
+        if reminder.sender != self.id:
+            return
+        for request in self._open():
+            if request.deadline <= moment.number:
+                self._close(request)
+                waited = (moment.number - request.frame) * moment.dt
+                self._fail(request, "time", f"no answer within {waited:g} s", moment)
+        self.reminded = False
+        if self.requests:
+            self._remind(moment)
+
+    @view("eThink")
+    def show(self, event: Event) -> Scene:
+        """Its id with the open requests, and what each agent has used."""
+        return TMind(self.id)(self.requests + self.accounts)
+
+    def _remind(self, moment: Context) -> None:
+        if not self.reminded:
+            self.reminded = True
+            moment.emit(eRemind(receivers=[self.id]))
+
+    def _fail(self, request: OpenRequest, reason: str, detail: str, moment: Context) -> None:
+        self.failed += 1
+        moment.emit(eNoAnswer(reason, detail, request.topic, receivers=[request.asker]))
+
+    def _open(self) -> list[OpenRequest]:
+        return [OpenRequest(**node.parameters) for node in _figures(self.requests)]
+
+    def _close(self, request: OpenRequest) -> None:
+        kept = [
+            node for node in _figures(self.requests) if node.parameters["number"] != request.number
+        ]
+        self.requests = Scene(tuple(kept))
+
+    def _book(self, reply: Event) -> None:
+        if not reply.calls:
+            return
+        figures = _figures(self.accounts)
+        account = Account(reply.agent)
+        for place, figure in enumerate(figures):
+            if figure.parameters["agent"] == reply.agent:
+                account = Account(**figure.parameters)
+                del figures[place]
+                break
+        account = account.plus(reply)
+        usage = account.calls, account.tokens_in, account.tokens_out, account.cost
+        # Only the figure of this agent is made again: there may be hundreds.
+        self.accounts = Scene(tuple(figures)) + PAccount(account.agent, *usage)
+
+
+def _figures(scene: Scene) -> list[FigureNode]:
+    return [node for node in scene if isinstance(node, FigureNode)]
+
+
+def _answer(request: OpenRequest, content: str) -> Event:
+    """The answer as an event of the requested type; the host checks it against the vocabulary."""
+    data = cast("dict[str, Any]", json.loads(content))
+    values = tuple([_plain(value) for value in data.values()])
+    return Event(request.answer, tuple(data), values, receivers=(request.asker,))
+
+
+def _plain(value: Any) -> Any:
+    """A JSON value as a value of an event: a list is a tuple."""
+    return tuple(map(_plain, cast("list[Any]", value))) if isinstance(value, list) else value
