@@ -41,6 +41,7 @@ EXTRAS: Final = {
     "video": (("av",), "films of runs"),
     "ros": (("rosbags", "PIL"), "ROS 2 robots, and bags"),
     "mqtt": (("paho",), "MQTT brokers"),
+    "llm": (("httpx",), "servers of language models"),
     "serial": (("serial", "pynmea2"), "lidars and GPS on a serial line"),
     "vision": (("cv2",), "markers that cameras see"),
     "gamepad": (("pygame",), "gamepads"),

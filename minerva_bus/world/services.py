@@ -222,7 +222,7 @@ class Generator(Service):
     """
 
     events: ClassVar[tuple[str, ...]] = ()
-    lockstep: ClassVar[bool] = True
+    lockstep: bool = True
     ahead: ClassVar[bool] = False
     people: bool = False
     """Whether its events are actions of people, for norms."""

@@ -1,0 +1,134 @@
+"""A backend that speaks the API of OpenAI, as local and remote servers of models do."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from typing import Any, Final, cast
+from urllib.parse import urlsplit
+
+from minerva_bus.errors import MisuseError
+from minerva_services.llm.backends import BackendError, Completion, Prompt, Unavailable
+
+MAX_BYTES: Final = 4 << 20
+"""Largest reply of a server; a longer one is rejected."""
+
+MAX_DETAIL: Final = 200
+PASSING: Final = frozenset((408, 409, 425, 429, 500, 502, 503, 504, 529))
+"""Statuses after which the same call may succeed."""
+
+
+class HttpBackend:
+    """Chat completions of the server at a base URL, such as `http://localhost:11434/v1`.
+
+    Args:
+        url: the base URL.
+        model: the model's name; the first one that the server lists if empty.
+        read_key: returns the API key, or the empty text; called before the first call.
+        parameters: further members of the request's JSON object, such as `temperature`.
+
+    """
+
+    scripted = False
+
+    def __init__(
+        self, url: str, model: str, read_key: Callable[[], str], parameters: Mapping[str, Any]
+    ) -> None:
+        parts = urlsplit(url)
+        if not parts.hostname or parts.username or parts.query:
+            raise MisuseError(
+                "llm: backend must be a base URL such as http://localhost:11434/v1, without"
+                " user or query; set the key by key_env or key_file"
+            )
+        self.name = f"{url.rstrip('/')} {model} {json.dumps(dict(parameters), sort_keys=True)}"
+        self._url, self._model = url.rstrip("/"), model
+        self._read_key, self._key = read_key, ""
+        self._parameters = parameters
+        self._open: Any = None
+
+    async def complete(self, prompt: Prompt) -> Completion:
+        """Raises BackendError."""
+        if not self._model:
+            self._model = _first_model(await self._call("GET", "/models"))
+        form = {"name": prompt.request.answer, "schema": prompt.schema, "strict": True}
+        asked = {
+            "model": self._model,
+            "messages": prompt.messages,
+            "response_format": {"type": "json_schema", "json_schema": form},
+            **self._parameters,
+        }
+        return _completion(await self._call("POST", "/chat/completions", asked), self._model)
+
+    async def close(self) -> None:
+        """Close all connections."""
+        if self._open is not None:
+            await self._open.aclose()
+
+    async def _call(self, method: str, path: str, body: Any = None) -> Any:
+        # Imported late: only this backend needs the extra.
+        import httpx
+
+        if self._open is None:
+            self._key = self._read_key()
+            headers = {"Authorization": f"Bearer {self._key}"} if self._key else {}
+            # The caller limits the whole call; httpx would limit each read.
+            self._open = httpx.AsyncClient(headers=headers, timeout=None)  # noqa: S113
+        client: httpx.AsyncClient = self._open
+        try:
+            async with client.stream(method, self._url + path, json=body) as response:
+                content = await _body(response.aiter_bytes())
+                if response.status_code >= 400:
+                    raise self._failure(response.status_code, response.headers, content)
+        except httpx.HTTPError as error:
+            raise Unavailable(self._safe(str(error) or type(error).__name__)) from None
+        try:
+            return json.loads(content)
+        except (ValueError, RecursionError):
+            raise Unavailable(f"no JSON: {self._safe(content.decode(errors='replace'))}") from None
+
+    def _failure(self, status: int, headers: Mapping[str, str], content: bytes) -> BackendError:
+        reason = f"status {status}: {self._safe(content.decode(errors='replace'))}"
+        if status not in PASSING:
+            return BackendError(reason)
+        wait = headers.get("retry-after", "")
+        return Unavailable(reason, float(wait) if wait.isdecimal() else 0.0)
+
+    def _safe(self, text: str) -> str:
+        """A text for messages: short, in one line, and without the key, which a server may echo."""
+        hidden = text.replace(self._key, "(key)") if self._key else text
+        return " ".join(hidden.split())[:MAX_DETAIL]
+
+
+async def _body(chunks: Any) -> bytes:
+    content = bytearray()
+    async for chunk in chunks:
+        content += chunk
+        if len(content) > MAX_BYTES:
+            raise Unavailable(f"more than {MAX_BYTES >> 20} MiB")
+    return bytes(content)
+
+
+def _first_model(listed: Any) -> str:
+    try:
+        return str(listed["data"][0]["id"])
+    except (KeyError, IndexError, TypeError):
+        raise BackendError("the server lists no models; set the option model") from None
+
+
+def _completion(reply: Any, model: str) -> Completion:
+    """Raises Unavailable if the reply has no text."""
+    try:
+        text = reply["choices"][0]["message"]["content"]
+    except (KeyError, IndexError, TypeError):
+        text = None
+    if not isinstance(text, str):
+        raise Unavailable("the reply has no text at choices[0].message.content")
+    usage = cast("Any", reply).get("usage")
+    return Completion(
+        text, _count(usage, "prompt_tokens"), _count(usage, "completion_tokens"), model
+    )
+
+
+def _count(usage: Any, name: str) -> int:
+    count = cast("dict[str, Any]", usage).get(name) if isinstance(usage, dict) else 0
+    return count if isinstance(count, int) and 0 <= count < 1 << 40 else 0

@@ -1,0 +1,55 @@
+"""Open requests in a view of minds."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+from minerva_bus.minds.mind import Account, OpenRequest
+from minerva_bus.semantics.geometry import Geometry
+
+RequestKey: TypeAlias = tuple[str, int]
+"""The id of a mind, and the number of one of its requests."""
+
+
+@dataclass(frozen=True, slots=True)
+class MindRequest:
+    """An open request with the mind that keeps it."""
+
+    mind: str
+    request: OpenRequest
+
+    @property
+    def key(self) -> RequestKey:
+        """Identifies the request in the world."""
+        return self.mind, self.request.number
+
+
+class OpenRequests(Geometry):
+    """A geometric system of calls: α of `PRequest` is an open request of the enclosing `TMind`."""
+
+    def __init__(self) -> None:
+        self.requests: dict[RequestKey, MindRequest] = {}
+        self.accounts: dict[str, Account] = {}
+        self._mind = ""
+
+    @contextmanager
+    def TMind(self, id: str) -> Generator[None]:
+        """β and δ: the mind of the requests within."""
+        self._mind = id
+        yield
+        self._mind = ""
+
+    def PRequest(self, **parameters: Any) -> None:
+        """α: a request."""
+        request = MindRequest(self._mind, OpenRequest(**parameters))
+        self.requests[request.key] = request
+
+    def PAccount(self, **parameters: Any) -> None:
+        """α: what an agent has used, added over all minds."""
+        account = Account(**parameters)
+        self.accounts[account.agent] = self.accounts.get(
+            account.agent, Account(account.agent)
+        ).plus(account)
