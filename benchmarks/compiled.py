@@ -82,6 +82,17 @@ def one_agent(compiled: bool) -> type[Agent]:
     return Sheep
 
 
+def live_together(sheep: Any, day: Any, moment: Any) -> None:
+    """A day of all sheep."""
+    sheep.x += moment.chance.normal(0, 0.5)
+    sheep.y += moment.chance.normal(0, 0.5)
+    sheep.energy += day.grass * moment.chance.random() - 1
+    sheep.die(sheep.energy < 0)
+    fat = sheep.energy > LIMIT
+    sheep.energy = np.where(fat, sheep.energy / 2, sheep.energy)
+    sheep.bear(fat, x=sheep.x, y=sheep.y, energy=sheep.energy)
+
+
 class Flock(Agent, symbol="ASheep"):
     """The same for a population."""
 
@@ -92,13 +103,7 @@ class Flock(Agent, symbol="ASheep"):
 
     @on("eDay", population=True)
     def live(self: Any, day: Any, moment: Any) -> None:
-        self.x += moment.chance.normal(0, 0.5)
-        self.y += moment.chance.normal(0, 0.5)
-        self.energy += day.grass * moment.chance.random() - 1
-        self.die(self.energy < 0)
-        fat = self.energy > LIMIT
-        self.energy = np.where(fat, self.energy / 2, self.energy)
-        self.bear(fat, x=self.x, y=self.y, energy=self.energy)
+        live_together(self, day, moment)
 
     @on("eRest", population=True)
     def rest(self, rest: Any, moment: Any) -> None:

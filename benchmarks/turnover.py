@@ -12,16 +12,16 @@ from __future__ import annotations
 
 import statistics
 import time
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
 from benchmarks.command import Option, Table, options
+from benchmarks.compiled import eDay, live_together
 from minerva_bus import (
     Agent,
     BatchContext,
     Event,
-    EventType,
     Generator,
     Metres,
     Scene,
@@ -42,8 +42,6 @@ COLUMNS: Final = {"agents": ">9,", "frame ms": ">8.2f", "activity ms": ">11.2f",
 activity: list[float] = []
 """CPU seconds of each call of the method below."""
 
-eDay = EventType("eDay", grass=float)
-
 
 class Sheep(Agent, symbol="ASheep"):
     """Grazes, gives birth and dies."""
@@ -55,16 +53,8 @@ class Sheep(Agent, symbol="ASheep"):
 
     @on("eDay", population=True)
     def live(self, day: Event, moment: BatchContext) -> None:
-        # For a type checker, `self` is one sheep.
-        sheep: Any = self
         began = time.thread_time()
-        sheep.x += moment.chance.normal(0, 0.5)
-        sheep.y += moment.chance.normal(0, 0.5)
-        sheep.energy += day.grass * moment.chance.random() - 1
-        sheep.die(sheep.energy < 0)
-        fat = sheep.energy > 8
-        sheep.energy = np.where(fat, sheep.energy / 2, sheep.energy)
-        sheep.bear(fat, x=sheep.x, y=sheep.y, energy=sheep.energy)
+        live_together(self, day, moment)
         activity.append(time.thread_time() - began)
 
 
