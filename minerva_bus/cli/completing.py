@@ -129,10 +129,11 @@ def new_kinds(ctx: typer.Context, incomplete: str) -> Choices:
 
 @completer
 def conformance_roles(ctx: typer.Context, incomplete: str) -> Choices:
-    """Roles of members in the conformance suite."""
+    """Roles in the conformance suite."""
+    from minerva_bus.testing.conformance.case import CoordinatorRole
     from minerva_bus.testing.conformance.world import MemberRole
 
-    return [(role.value, "") for role in MemberRole]
+    return [(role.value, "") for role in (*MemberRole, *CoordinatorRole)]
 
 
 @completer

@@ -12,12 +12,20 @@ from minerva_bus.errors import MisuseError
 from minerva_bus.launch.interrupts import end_signals, handled
 from minerva_bus.outputs import check_output, write_output
 from minerva_bus.testing.conformance import report
+from minerva_bus.testing.conformance.coordinator_suite import (
+    is_coordinator,
+    run_coordinator_suite,
+    select_scripts,
+)
 from minerva_bus.testing.conformance.suite import roles_named, run_suite, select
 
 
 def list_cases(cases: Sequence[str], roles: Sequence[str], as_json: bool) -> None:
     """Print the selected cases."""
-    selected = select(cases, roles_named(roles))
+    if is_coordinator(roles):
+        selected = tuple([script.case for script in select_scripts(cases)])
+    else:
+        selected = select(cases, roles_named(roles))
     if as_json:
         print_json([report.described(case) for case in selected])
     else:
@@ -39,7 +47,10 @@ def check_conformance(
         check_output(junit, "--junit")
     # As Ctrl-C, so that no member stays behind.
     with handled(dict.fromkeys(end_signals(), _interrupt)):
-        card = run_suite(command, cases=cases, roles=roles, jobs=jobs)
+        if is_coordinator(roles):
+            card = run_coordinator_suite(command, cases=cases)
+        else:
+            card = run_suite(command, cases=cases, roles=roles, jobs=jobs)
     if junit is not None:
         write_output(junit, report.as_junit(card).encode(), "--junit")
     if as_json:

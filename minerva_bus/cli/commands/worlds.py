@@ -334,7 +334,7 @@ def conformance(
         list[str] | None,
         typer.Option(
             help="A role to check: generator, ahead, host, observer, coupled; may be repeated."
-            " Default: those that the member declares.",
+            " Default: those that the member declares. Or `coordinator`, alone.",
             autocompletion=completing.conformance_roles,
         ),
     ] = None,
@@ -355,7 +355,8 @@ def conformance(
 
     The program is started for each case, with MINERVA_WORLD, MINERVA_CONNECT, MINERVA_NAME and,
     with --role, MINERVA_ROLE set. It behaves as "Write a member in another language" describes.
-    The exit code is 1 if a case fails.
+    With --role coordinator, the program is a coordinator, and the suite plays its members: it has
+    MINERVA_WORLD and MINERVA_LISTEN. The exit code is 1 if a case fails.
     """
     from minerva_bus.cli.conforming import check_conformance, list_cases
 

@@ -11,6 +11,15 @@ from minerva_bus.frame import messages as m
 from minerva_bus.testing.conformance.world import MemberRole
 
 
+class CoordinatorRole(StrEnum):
+    """The role of a coordinator under test."""
+
+    COORDINATOR = "coordinator"
+
+
+Role: TypeAlias = MemberRole | CoordinatorRole
+
+
 class Tier(StrEnum):
     """What a member can do, from the least."""
 
@@ -158,7 +167,7 @@ class Case:
     title: str
     requirements: tuple[str, ...]
     tier: Tier
-    roles: Collection[MemberRole]
+    roles: Collection[Role]
     steps: tuple[Step, ...] = ()
     requires: frozenset[str] = frozenset()
     joined: bool = True
@@ -184,7 +193,7 @@ class CaseResult:
     """The outcome of a case: what was sent, and the answers to the last message."""
 
     case: Case
-    role: MemberRole
+    role: Role
     outcome: CaseOutcome
     problem: str = ""
     sent: tuple[str, ...] = ()

@@ -11,7 +11,7 @@ from typing import Final
 from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.frame import messages as m
 from minerva_bus.runtime.scripted import ScriptedHub
-from minerva_bus.testing.conformance.case import Case, CaseOutcome, CaseResult, Tier
+from minerva_bus.testing.conformance.case import Case, CaseOutcome, CaseResult, Role, Tier
 from minerva_bus.testing.conformance.cases import CASES
 from minerva_bus.testing.conformance.launching import StartMember, command
 from minerva_bus.testing.conformance.player import NotJoined, TimeLimits, play, probe
@@ -25,7 +25,7 @@ JOBS: Final = 4
 class ScoreCard:
     """The results of all selected cases, in their order."""
 
-    roles: tuple[MemberRole, ...]
+    roles: tuple[Role, ...]
     results: tuple[CaseResult, ...]
 
     def count(self, tier: Tier, outcome: CaseOutcome) -> int:
@@ -56,7 +56,7 @@ def select(names: Collection[str] = (), roles: Collection[MemberRole] = ()) -> t
     Raises MisuseError if a name selects nothing.
     """
     for name in names:
-        if not any(_is_named(case, name) for case in CASES):
+        if not any(is_named(case, name) for case in CASES):
             known = sorted({part for case in CASES for part in (case.id, case.id.split(".")[0])})
             raise MisuseError(
                 f"there is no case {name!r}{nearest(name, known)}; `minerva conformance --list`"
@@ -65,13 +65,14 @@ def select(names: Collection[str] = (), roles: Collection[MemberRole] = ()) -> t
         [
             case
             for case in CASES
-            if (not names or any(_is_named(case, name) for name in names))
+            if (not names or any(is_named(case, name) for name in names))
             and (not roles or set(case.roles) & set(roles))
         ]
     )
 
 
-def _is_named(case: Case, name: str) -> bool:
+def is_named(case: Case, name: str) -> bool:
+    """Whether a name selects a case: its own, or that of its group."""
     return case.id == name or case.id.startswith(f"{name}.")
 
 
