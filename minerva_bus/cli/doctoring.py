@@ -23,6 +23,7 @@ EXTRAS: Final = {
     "sprites": (("pygame",), "a window in 2D"),
     "opengl": (("moderngl", "pygame"), "a window in 3D"),
     "web": (("viser",), "a page"),
+    "page": (("websockets",), "pages that are members, also on phones"),
     "top": (("textual",), "the terminal dashboard"),
     "record": (("mcap",), "records of runs"),
     "plot": (("matplotlib",), "plots of records"),
