@@ -9,7 +9,7 @@ A vocabulary includes the symbols by `Vocabulary.of(*MINDS, ...)`. See docs/howt
 
 from minerva_bus.minds.mind import Mind
 from minerva_bus.minds.symbols import (
-    PAccount,
+    PAccounts,
     PRequest,
     TMind,
     eAnswer,
@@ -20,13 +20,13 @@ from minerva_bus.minds.symbols import (
     eThink,
 )
 
-MINDS = (Mind, PAccount, PRequest, TMind, eAnswer, eAsk, eNoAnswer, eRemind, eReply, eThink)
+MINDS = (Mind, PAccounts, PRequest, TMind, eAnswer, eAsk, eNoAnswer, eRemind, eReply, eThink)
 """Symbols that a vocabulary needs if agents send requests to a mind."""
 
 __all__ = [
     "MINDS",
     "Mind",
-    "PAccount",
+    "PAccounts",
     "PRequest",
     "TMind",
     "eAnswer",

@@ -16,9 +16,12 @@ import math
 from dataclasses import dataclass, replace
 from typing import Any, cast
 
+import numpy as np
+
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.scene import EMPTY, FigureNode, Scene
-from minerva_bus.minds.symbols import PAccount, PRequest, TMind, eNoAnswer, eRemind
+from minerva_bus.grammar.types import Reals
+from minerva_bus.minds.symbols import PAccounts, PRequest, TMind, eNoAnswer, eRemind
 from minerva_bus.world.agent import Agent, on, view
 from minerva_bus.world.context import Context
 
@@ -39,7 +42,7 @@ class OpenRequest:
 
 @dataclass(frozen=True, slots=True)
 class Account:
-    """What requests have cost; the fields are the parameters of `PAccount`."""
+    """What requests of an agent have cost: a row of `PAccounts`."""
 
     agent: str = ""
     calls: int = 0
@@ -58,11 +61,16 @@ class Account:
         )
 
 
+NOTHING = np.zeros((0, 4))
+"""The usage of no agents."""
+
+
 class Mind(Agent, symbol="AMind"):
     """Represents a backend; `requests` are the open ones, oldest first, `asked` counts all."""
 
     requests: Scene = EMPTY
-    accounts: Scene = EMPTY
+    agents: tuple[str, ...] = ()
+    used: Reals = NOTHING
     asked: int = 0
     answered: int = 0
     failed: int = 0
@@ -94,10 +102,9 @@ class Mind(Agent, symbol="AMind"):
         if reply.sender:
             return
         self._book(reply)
-        request = next((each for each in self._open() if each.number == reply.number), None)
+        request = self._close(reply.number)
         if request is None:
             return
-        self._close(request)
         if reply.outcome == "answered":
             self.answered += 1
             moment.emit(_answer(request, reply.content))
@@ -109,9 +116,11 @@ class Mind(Agent, symbol="AMind"):
         """End the requests whose deadline has passed."""
         if reminder.sender != self.id:
             return
-        for request in self._open():
-            if request.deadline <= moment.number:
-                self._close(request)
+        for figure in _figures(self.requests):
+            if figure.parameters["deadline"] > moment.number:
+                continue
+            request = self._close(figure.parameters["number"])
+            if request is not None:
                 waited = (moment.number - request.frame) * moment.dt
                 self._fail(request, "time", f"no answer within {waited:g} s", moment)
         self.reminded = False
@@ -121,7 +130,7 @@ class Mind(Agent, symbol="AMind"):
     @view("eThink")
     def show(self, event: Event) -> Scene:
         """Its id with the open requests, and what each agent has used."""
-        return TMind(self.id)(self.requests + self.accounts)
+        return TMind(self.id)(self.requests + PAccounts(self.agents, self.used))
 
     def _remind(self, moment: Context) -> None:
         if not self.reminded:
@@ -132,29 +141,24 @@ class Mind(Agent, symbol="AMind"):
         self.failed += 1
         moment.emit(eNoAnswer(reason, detail, request.topic, receivers=[request.asker]))
 
-    def _open(self) -> list[OpenRequest]:
-        return [OpenRequest(**node.parameters) for node in _figures(self.requests)]
-
-    def _close(self, request: OpenRequest) -> None:
-        kept = [
-            node for node in _figures(self.requests) if node.parameters["number"] != request.number
-        ]
-        self.requests = Scene(tuple(kept))
+    def _close(self, number: int) -> OpenRequest | None:
+        """Remove an open request and return it; None if there is none with this number."""
+        figures = _figures(self.requests)
+        for place, figure in enumerate(figures):
+            if figure.parameters["number"] == number:
+                del figures[place]
+                self.requests = Scene(tuple(figures))
+                return OpenRequest(**figure.parameters)
+        return None
 
     def _book(self, reply: Event) -> None:
+        usage = [reply.calls, reply.tokens_in, reply.tokens_out, reply.cost]
         if not reply.calls:
             return
-        figures = _figures(self.accounts)
-        account = Account(reply.agent)
-        for place, figure in enumerate(figures):
-            if figure.parameters["agent"] == reply.agent:
-                account = Account(**figure.parameters)
-                del figures[place]
-                break
-        account = account.plus(reply)
-        usage = account.calls, account.tokens_in, account.tokens_out, account.cost
-        # Only the figure of this agent is made again: there may be hundreds.
-        self.accounts = Scene(tuple(figures)) + PAccount(account.agent, *usage)
+        if reply.agent not in self.agents:
+            self.agents += (reply.agent,)
+            self.used = np.vstack((self.used, np.zeros(len(usage))))
+        self.writable("used")[self.agents.index(reply.agent)] += usage
 
 
 def _figures(scene: Scene) -> list[FigureNode]:

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 from minerva_bus.grammar.fields import Default
 from minerva_bus.grammar.limits import Range
 from minerva_bus.grammar.symbols import EventType, Primitive, Transformation
-from minerva_bus.grammar.types import Seconds
+from minerva_bus.grammar.types import Reals, Seconds
 
 # ruff: noqa: N816 - event types begin with e
 
@@ -77,7 +77,11 @@ PRequest = Primitive(
 )
 """An open request, received in `frame`; it has an answer until the frame `deadline`."""
 
-PAccount = Primitive("PAccount", agent=str, **_usage)
-"""What the requests of an agent have cost so far."""
+PAccounts = Primitive("PAccounts", agents=tuple[str, ...], used=Reals)
+"""What the requests of agents have cost so far.
+
+`used` has a row for each agent: calls, tokens in, tokens out and cost. A matrix, because there may
+be hundreds of agents, and a row for each in each answer.
+"""
 
 TMind = Transformation("TMind", id=str)

@@ -98,10 +98,7 @@ def test_faults_of_some_requests_do_not_reach_other_agents(tmp_path, monkeypatch
     # Each agent has lived in each frame.
     assert all(f"steps={result['frames']}" in line for name, line in town.items() if name != "mind")
     # The server is gone.
-    assert recomputes(tmp_path, "a.mcap") == (
-        True,
-        f"the same: λ gives all {result['frames']} frames again\n",
-    )
+    assert recomputes(tmp_path, "a.mcap")[0]
     frames = here(tmp_path, "replay", "a.mcap", "--no-code", "--json").stdout
     assert "I am anna at" in frames
     assert "tokens_in" in frames

@@ -71,9 +71,8 @@ def test_a_request_has_one_end_even_if_its_answer_is_late():
     assert not [event for event in mind.emitted if event.type == "eRemind"]
     assert mind(6, replied(content='{"text": "eat"}', calls=1, cost=0.5)) == []
     assert mind.state["answered"] == 0
-    assert str(mind.state["accounts"]) == (
-        'PAccount<agent="anna", calls=1, tokens_in=0, tokens_out=0, cost=0.5>'
-    )
+    assert mind.state["agents"] == ("anna",)
+    assert mind.state["used"].tolist() == [[1, 0, 0, 0.5]]
 
 
 @pytest.mark.parametrize("outcome", ["budget", "backend", "invalid"])

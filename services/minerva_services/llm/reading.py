@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
+from minerva_bus.grammar.types import Reals
 from minerva_bus.minds.mind import Account, OpenRequest
 from minerva_bus.semantics.geometry import Geometry
 
@@ -47,9 +48,8 @@ class OpenRequests(Geometry):
         request = MindRequest(self._mind, OpenRequest(**parameters))
         self.requests[request.key] = request
 
-    def PAccount(self, **parameters: Any) -> None:
-        """α: what an agent has used, added over all minds."""
-        account = Account(**parameters)
-        self.accounts[account.agent] = self.accounts.get(
-            account.agent, Account(account.agent)
-        ).plus(account)
+    def PAccounts(self, agents: tuple[str, ...], used: Reals) -> None:
+        """α: what agents have used, added over all minds."""
+        for agent, (calls, tokens_in, tokens_out, cost) in zip(agents, used.tolist(), strict=True):
+            usage = Account(agent, int(calls), int(tokens_in), int(tokens_out), cost)
+            self.accounts[agent] = self.accounts.get(agent, Account(agent)).plus(usage)
