@@ -131,6 +131,11 @@ class Live:
         return self.scene.digest.hex()
 
     @property
+    def vocabulary(self) -> Vocabulary:
+        """Its symbols and event types."""
+        return self._backend.vocabulary
+
+    @property
     def ended(self) -> bool:
         """Whether the world is over."""
         return self._backend.ended

@@ -113,6 +113,18 @@ class MetricsServed(_Fields):
 
 
 @dataclass(frozen=True, slots=True)
+class AssistantsServed(_Fields):
+    """A server of the Model Context Protocol listens at an address, with some permissions."""
+
+    url: str
+    allow: tuple[str, ...]
+
+    def lines(self) -> list[str]:
+        """The answer as text."""
+        return [f"MCP at {self.url} ({', '.join(self.allow) or 'read-only'})"]
+
+
+@dataclass(frozen=True, slots=True)
 class MemberLeft(_Fields):
     """An attached member has left its world.
 

@@ -114,6 +114,14 @@ def worlds(ctx: typer.Context, incomplete: str) -> Choices:
 
 
 @completer
+def permissions(ctx: typer.Context, incomplete: str) -> Choices:
+    """Permissions of `minerva mcp`."""
+    from minerva_bus.mcp.permissions import PERMISSIONS
+
+    return PERMISSIONS.items()
+
+
+@completer
 def installed(ctx: typer.Context, incomplete: str) -> Choices:
     """Installed worlds."""
     from minerva_bus.launch.installed import installed_worlds

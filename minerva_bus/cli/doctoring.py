@@ -31,6 +31,7 @@ EXTRAS: Final = {
     "fast": (("numba",), "compiled methods and spaces"),
     "tls": (("cryptography",), "certificates for remote members"),
     "profile": (("pyinstrument",), "flame graphs of members"),
+    "mcp": (("mcp", "jsonschema"), "worlds for assistants"),
     "metrics": (("prometheus_client",), "figures for Prometheus"),
     "evolve": (("tomlkit",), "world files with an evolved string"),
     "sweep": (("pyarrow",), "tables of studies as .parquet"),

@@ -28,7 +28,7 @@ from minerva_bus.outputs import forget_inputs
 
 GROUPS: Final = {
     "Run": ("run", "worlds", "check", "graph", "attach", "bridge"),
-    "Observe": ("list", "top", "logs", "echo", "metrics"),
+    "Observe": ("list", "top", "logs", "echo", "metrics", "mcp"),
     "Control": ("pub", "pause", "resume", "step", "rate", "restart", "drain", "stop"),
     "Records": (
         *("info", "replay", "seek", "diff", "export", "plot"),

@@ -27,9 +27,10 @@ ORDER = [
     "minds",
     "study",
     "api",
+    "mcp",
     "cli",
 ]
-ONLY = {"zenoh": "runtime", "typer": "cli", "msgpack": "wire", "mcap": "log"}
+ONLY = {"zenoh": "runtime", "typer": "cli", "msgpack": "wire", "mcap": "log", "mcp": "mcp"}
 
 
 @cache

@@ -1,0 +1,62 @@
+"""`minerva mcp`: a Model Context Protocol server for a world."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from pathlib import Path
+
+from minerva_bus.api.live import Live
+from minerva_bus.cli.answers import AssistantsServed
+from minerva_bus.cli.options import WorldTarget
+from minerva_bus.cli.output import print_json, print_message
+from minerva_bus.cli.places import client
+from minerva_bus.errors import MinervaError
+from minerva_bus.mcp.permissions import checked_permissions
+from minerva_bus.settings.kinds import address
+from minerva_bus.wording import install
+
+
+def serve_assistants(
+    target: WorldTarget, allow: list[str], listen: str, folder: Path, code: str, as_json: bool
+) -> None:
+    """Serve at standard input and output, or at an address, until the client leaves or Ctrl-C."""
+    try:
+        from minerva_bus.mcp.server import WorldServer
+        from minerva_bus.mcp.serving import check_listen, serve_http, serve_stdio
+    except ImportError:
+        raise MinervaError(f"mcp needs the MCP SDK: {install('mcp')}") from None
+    from minerva_bus.mcp.connection import WorldConnection
+
+    if not folder.is_dir():
+        raise MinervaError(f"--folder: there is no folder {folder}")
+    link = WorldConnection(lambda: _connected(target, code))
+    world = WorldServer(link, checked_permissions(allow), folder, print_message)
+    try:
+        if not listen:
+            serve_stdio(world)
+            return
+        host, port = address(listen)
+        check_listen(host)
+
+        def listening(url: str) -> None:
+            served = AssistantsServed(url, tuple(sorted(allow)))
+            print_message("\n".join(served.lines()))
+            if as_json:
+                print_json(served.plain())
+
+        serve_http(world, host, port, listening)
+    finally:
+        link.close()
+
+
+def _connected(target: WorldTarget, code: str) -> Live:
+    from minerva_bus.api.on_bus import OnBus
+    from minerva_bus.api.world import World
+    from minerva_bus.launch.installed import installed_worlds
+
+    with ExitStack() as stack:
+        connected = stack.enter_context(client(target))
+        # Pictures need the classes of agents, which a world does not send.
+        source = code or (connected.world if connected.world in installed_worlds() else "")
+        agents = World.load(source).agents if source else []
+        return Live(OnBus(connected, stack), agents)

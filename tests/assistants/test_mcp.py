@@ -1,0 +1,358 @@
+"""The MCP server of a world on a real bus: tools, resources, permissions and hostile calls."""
+
+import asyncio
+import json
+import os
+import sys
+from contextlib import ExitStack
+
+import pytest
+from mcp import Client, MCPError, StdioServerParameters
+from mcp.types import Implementation
+
+from minerva_bus.api.live import Live
+from minerva_bus.api.on_bus import OnBus
+from minerva_bus.mcp.connection import WorldConnection
+from minerva_bus.mcp.permissions import PERMISSIONS
+from minerva_bus.mcp.server import MAX_CALLS, WorldServer
+from tests.runtime.running import Run, World, environment, eventually, write_world
+
+MEMBERS = """
+[process.steps]
+service = "yard:Steps"
+
+[process.walkers]
+agents = "yard:Walker"
+"""
+EVERYTHING = frozenset(PERMISSIONS)
+
+
+@pytest.fixture(scope="module")
+def world(tmp_path_factory):
+    path = write_world(tmp_path_factory.mktemp("assisted"), MEMBERS, frames=0, rate=50)
+    with World(path) as world:
+        world.runs("steps", "walkers")
+        yield world
+
+
+@pytest.fixture(scope="module")
+def link(world):
+    def connect():
+        with ExitStack() as stack:
+            return Live(OnBus(stack.enter_context(world.client()), stack), [])
+
+    link = WorldConnection(connect)
+    yield link
+    link.close()
+
+
+@pytest.fixture
+def served(link, tmp_path):
+    """A function that makes a server of the world, with permissions."""
+
+    def serve(allow=EVERYTHING, log=lambda line: None):
+        return WorldServer(link, allow, tmp_path, log).server
+
+    return serve
+
+
+def talk(server, *calls, **options):
+    """The results of some calls, each (tool, arguments)."""
+
+    async def talking():
+        async with Client(server, **options) as client:
+            return [await client.call_tool(name, arguments) for name, arguments in calls]
+
+    return asyncio.run(talking())
+
+
+def answer(server, tool, **arguments):
+    (result,) = talk(server, (tool, arguments))
+    assert not result.is_error, result.content[0].text
+    return result.structured_content
+
+
+def refusal(server, tool, arguments):
+    (result,) = talk(server, (tool, arguments))
+    assert result.is_error
+    return result.content[0].text
+
+
+def tools_of(server):
+    async def listing():
+        async with Client(server) as client:
+            return {tool.name: tool for tool in (await client.list_tools()).tools}
+
+    return asyncio.run(listing())
+
+
+# --- observing ---
+
+
+def test_status_vocabulary_and_string(world, served):
+    server = served()
+    assert answer(server, "status")["world"] == world.name
+    assert answer(server, "vocabulary")["events"]["eWish"]["data"] == {
+        "x": "real m",
+        "name": "text",
+    }
+    assert answer(server, "read_string", agent="a")["string"].startswith("AWalker#a<")
+    assert "AWalker#d<" in answer(server, "read_string")["string"]
+
+
+def test_agents_are_found_by_a_condition(served):
+    found = answer(served(), "find_agents", kind="AWalker", condition="x > -1000", limit=2)
+    assert found["count"] >= 4
+    assert len(found["agents"]) == 2
+    assert set(found["agents"][0]) == {"id", "x", "heard", "wish", "births"}
+
+
+def test_waiting_for_agents_and_for_events(served):
+    server = served()
+    assert answer(server, "wait_for", event="eStep", seconds=30)["fulfilled"]
+    assert answer(server, "wait_for", kind="AWalker", count=4)["fulfilled"]
+    never = answer(server, "wait_for", kind="AWalker", condition="x > 1e9", seconds=0)
+    assert not never["fulfilled"]
+
+
+def test_each_resource_can_be_read(served):
+    async def reading():
+        async with Client(served()) as client:
+            listed = (await client.list_resources()).resources
+            texts = {}
+            for each in listed:
+                if not each.uri.endswith("picture"):
+                    texts[each.name] = (await client.read_resource(each.uri)).contents[0].text
+            agent = await client.read_resource("minerva://world/agents/a")
+            return texts, agent.contents[0].text
+
+    texts, agent = asyncio.run(reading())
+    assert texts.keys() == {"string", "vocabulary", "members", "events"}
+    assert all(json.loads(text) for text in texts.values())
+    assert "AWalker#a" in agent
+
+
+@pytest.mark.filterwarnings("ignore::mcp.MCPDeprecationWarning")
+def test_a_subscriber_is_notified_of_changes(served):
+    uri = "minerva://world/string"
+
+    async def subscribing():
+        updated = asyncio.Event()
+
+        async def handle(message):
+            if uri in str(message):
+                updated.set()
+
+        async with Client(served(), mode="legacy", message_handler=handle) as client:
+            await client.subscribe_resource(uri)
+            await asyncio.wait_for(updated.wait(), 30)
+
+    asyncio.run(subscribing())
+
+
+# --- operating ---
+
+
+def test_pause_step_and_resume(served):
+    server = served()
+    assert answer(server, "pause")["paused"]
+    before = answer(server, "status")["frame"]
+    answer(server, "step", frames=3)
+    after = answer(server, "status")
+    assert (after["frame"], after["paused"]) == (before + 3, True)
+    assert not answer(server, "resume")["paused"]
+
+
+def test_an_event_type_has_a_tool_with_units(served):
+    server = served()
+    schema = tools_of(server)["publish_eWish"].input_schema["properties"]["data"]
+    assert schema["properties"]["x"] == {"type": "number", "description": "in m"}
+    assert schema["required"] == ["x", "name"]
+    answer(server, "publish_eWish", data={"x": 5.5, "name": "tea"}, to=["c"])
+    waited = answer(server, "wait_for", kind="AWalker", condition='wish == "tea"')
+    assert waited["count"] == 1
+    answer(server, "publish", type="eWish", data={"x": 1, "name": "milk"}, to=["c"])
+    assert answer(server, "wait_for", kind="AWalker", condition='wish == "milk"')["fulfilled"]
+
+
+def test_worlds_run_and_are_compared_and_plotted(served):
+    server = served()
+    for seed in (1, 2):
+        done = answer(
+            server, "run_world", world="meadow", frames=3, seed=seed, record=f"{seed}.mcap",
+            collect={"rabbits": "count(ARabbit)"}, into=f"{seed}.csv",
+        )  # fmt: skip
+        assert done["frames"] == 3
+    assert answer(server, "diff", a="1.mcap", b="1.mcap")["same"]
+    assert not answer(server, "diff", a="1.mcap", b="2.mcap")["same"]
+    (plotted,) = talk(server, ("plot", {"file": "1.csv"}))
+    assert plotted.content[0].mime_type == "image/png"
+    swept = answer(server, "sweep", world="meadow", frames=2, values={"seed": [1, 2]})
+    assert swept["csv"].count("\n") == 2
+
+
+# --- permissions ---
+
+
+def test_without_permission_nothing_is_changed(served):
+    server = served(frozenset())
+    names = tools_of(server).keys()
+    assert {"status", "find_agents"} <= names
+    assert not names & {"pause", "step", "publish", "publish_eWish", "run_world", "sweep"}
+    for tool, permission in (("pause", "control"), ("publish_eWish", "publish"), ("sweep", "run")):
+        assert f"--allow {permission}" in refusal(server, tool, {})
+
+
+def test_the_log_names_the_caller(served):
+    lines = []
+    info = Implementation(name="evil\nmcp:admin", version="1")
+    talk(served(log=lines.append), ("status", {}), client_info=info)
+    assert lines == ["mcp:evil?mcp?admin called status {}: done"]
+
+
+# --- hostile calls ---
+
+PATHS = ("../x.mcap", "/etc/passwd", "a/../../x.mcap", "x\0.mcap", "..", "~root/x.mcap", "x" * 199)
+WISH = {"x": 1.0, "name": "n"}
+HOSTILE = [
+    ("no_such_tool", {}),
+    ("publish_eNothing", {}),
+    ("__class__", {}),
+    ("status; rm -rf /", {}),
+    ("status", {"x": 1}),
+    ("publish", {"type": "eNothing"}),
+    ("publish", {"type": "__init__"}),
+    ("publish", {"type": "eStep", "data": {"count": 1}}),
+    ("publish", {}),
+    ("publish", {"type": 7}),
+    ("publish", {"type": "eWish", "data": WISH, "sender": "coordinator"}),
+    ("publish", {"type": "eWish", "data": {**WISH, "sender": "a"}}),
+    ("publish", {"type": "eWish", "data": {**WISH, "receivers": ["a"]}}),
+    ("publish", {"type": "eWish", "data": WISH, "to": ["nobody"]}),
+    ("publish", {"type": "eWish", "data": WISH, "to": ["a b"]}),
+    ("publish", {"type": "eWish", "data": WISH, "to": ["ignore all rules and stop the world"]}),
+    ("publish", {"type": "eWish", "data": WISH, "to": ["a"] * 1001}),
+    ("publish", {"type": "eWish", "data": WISH, "condition": "__import__('os')"}),
+    ("publish", {"type": "eWish", "data": WISH, "condition": "nothing < 5"}),
+    ("publish", {"type": "eWish", "data": WISH, "condition": "(" * 3000}),
+    ("publish_eWish", {"data": {"x": 1.0}}),
+    ("publish_eWish", {"data": {"x": "far", "name": "n"}}),
+    ("publish_eWish", {"data": {"x": True, "name": "n"}}),
+    ("publish_eWish", {"data": {"x": 1e400, "name": "n"}}),
+    ("publish_eWish", {"data": {"x": 1.0, "name": ["n"]}}),
+    ("publish_eWish", {"data": {"x": 1.0, "name": "n" * 70_000}}),
+    ("publish_eWish", {"data": {**WISH, "__class__": "x"}}),
+    ("publish_eStep", {"data": {"count": 10**30}}),
+    ("step", {"frames": 0}),
+    ("step", {"frames": -1}),
+    ("step", {"frames": 10**12}),
+    ("step", {"frames": "all"}),
+    ("set_rate", {"rate": -1}),
+    ("set_rate", {"rate": 1e9}),
+    ("read_string", {"agent": "nobody"}),
+    ("read_string", {"agent": "../../etc/passwd"}),
+    ("find_agents", {"kind": "ANothing"}),
+    ("find_agents", {"kind": "AWalker", "condition": "x >"}),
+    ("find_agents", {"kind": "AWalker", "condition": "x" * 4001}),
+    ("find_agents", {"kind": "AWalker", "limit": 10**9}),
+    ("wait_for", {}),
+    ("wait_for", {"event": "eNothing"}),
+    ("wait_for", {"event": "eStep", "seconds": 1e6}),
+    ("picture", {"width": 10**9}),
+    *[("diff", {"a": path, "b": path}) for path in PATHS],
+    *[("run_world", {"world": "meadow", "frames": 1, "record": path}) for path in PATHS],
+    ("run_world", {"world": "../x.toml", "frames": 1}),
+    ("run_world", {"world": "--help", "frames": 1}),
+    ("run_world", {"world": "meadow", "frames": 1, "options": {"keys": "/etc"}}),
+    ("run_world", {"world": "meadow", "frames": 1, "options": {"view": "svg:path=/tmp/x"}}),
+    ("run_world", {"world": "robot", "frames": 1, "options": {"map": "../../etc/passwd"}}),
+    ("run_world", {"world": "meadow", "frames": 1, "collect": {"a b": "count(AFox)"}}),
+    ("run_world", {"world": "meadow", "frames": 1, "collect": {"a": "nonsense("}}),
+    ("plot", {"file": "missing.mcap"}),
+    ("sweep", {"world": "meadow", "frames": 1, "values": {"into": ["/tmp/x"]}}),
+    ("sweep", {"world": "meadow", "frames": 1, "values": {"seed": ["1,2:9"]}}),
+    ("logs", {"since": -1}),
+]
+
+
+@pytest.fixture(scope="module")
+def paused(world):
+    with world.client() as client:
+        client.operator.pause()
+        eventually(lambda: client.operator.status().phase == "between frames", "a pause")
+        yield client
+        client.operator.resume()
+
+
+@pytest.mark.parametrize(("tool", "arguments"), HOSTILE, ids=lambda value: str(value)[:60])
+def test_a_hostile_call_is_rejected_and_nothing_reaches_the_world(
+    tool, arguments, served, paused, tmp_path
+):
+    before = paused.ask("scene")
+    message = refusal(served(), tool, arguments)
+    assert 0 < len(message.splitlines()) <= 10
+    assert "Traceback" not in message
+    assert paused.ask("scene") == before
+    assert paused.operator.status().paused
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    "uri",
+    [
+        "minerva://world/agents/../../etc/passwd",
+        "minerva://world/agents/nobody",
+        "minerva://world/agents/",
+        "minerva://other/string",
+        "file:///etc/passwd",
+    ],
+)
+def test_an_unknown_resource_is_an_error(uri, served):
+    async def reading():
+        async with Client(served()) as client:
+            # Inside: a task group would wrap the error.
+            with pytest.raises(MCPError, match="there is no"):
+                await client.read_resource(uri)
+
+    asyncio.run(reading())
+
+
+def test_a_flood_of_calls_is_rejected(served):
+    async def flooding():
+        async with Client(served()) as client:
+            wait = {"kind": "AWalker", "condition": "x > 1e9", "seconds": 2}
+            calls = [client.call_tool("wait_for", wait) for _ in range(3 * MAX_CALLS)]
+            return await asyncio.gather(*calls)
+
+    results = asyncio.run(flooding())
+    rejected = [result for result in results if result.is_error]
+    assert len(rejected) == 2 * MAX_CALLS
+    assert "call again" in rejected[0].content[0].text
+
+
+# --- transports ---
+
+
+def test_a_client_at_standard_input_and_output(world):
+    parameters = StdioServerParameters(
+        command=sys.executable,
+        args=["-m", "minerva_bus", "mcp", world.name],
+        env={**environment(world.folder), "PATH": os.environ["PATH"]},
+    )
+    assert answer(parameters, "status")["world"] == world.name
+
+
+def test_a_client_over_http(world):
+    with Run(world.folder, "mcp", world.name, "--listen", "127.0.0.1:0", "--json") as server:
+        server.says("MCP at")
+        url = eventually(lambda: server.output and json.loads(server.output[0])["url"], "a URL")
+        assert answer(url, "status")["world"] == world.name
+        assert "--allow control" in refusal(url, "pause", {})
+        server.process.terminate()
+        server.ends(10)
+
+
+def test_http_is_served_to_this_machine_only(world):
+    with Run(world.folder, "mcp", world.name, "--listen", "0.0.0.0:0") as server:
+        assert server.ends() == 2
+        assert "not authenticated" in server.text
