@@ -6,17 +6,16 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Mapping
 from typing import Any, Final, cast
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.fields import Field
+from minerva_bus.grammar.json_schema import schema_of_type
 from minerva_bus.grammar.symbols import EventType
 from minerva_bus.grammar.types import Type
 
-_JSON_TYPES: Final = {"bool": "boolean", "int": "integer", "real": "number", "text": "string"}
 TOPIC: Final = "topic"
 MAX_SHOWN: Final = 80
 
@@ -35,14 +34,16 @@ def schema_of(declared: EventType) -> dict[str, Any]:
 
     Raises MisuseError if a field is a matrix or a string, which have no form in JSON.
     """
-    fields = answer_fields(declared)
-    for field in fields:
-        if _base(field.type).kind not in _JSON_TYPES:
+    properties: dict[str, Any] = {}
+    for field in answer_fields(declared):
+        schema = schema_of_type(field.type)
+        if schema is None:
             raise MisuseError(f"{declared.name}.{field.name} is a {field.type}, not a JSON value")
+        properties[field.name] = schema
     return {
         "type": "object",
-        "properties": {field.name: _schema(field.type) for field in fields},
-        "required": [field.name for field in fields],
+        "properties": properties,
+        "required": [*properties],
         "additionalProperties": False,
     }
 
@@ -77,21 +78,3 @@ def _object(text: str) -> Mapping[str, Any] | None:
     except (ValueError, RecursionError):
         return None
     return cast("dict[str, Any]", data) if isinstance(data, dict) else None
-
-
-def _base(kind: Type) -> Type:
-    return kind if kind.item is None else _base(kind.item)
-
-
-def _schema(kind: Type) -> dict[str, Any]:
-    if kind.item is not None:
-        return {"type": "array", "items": _schema(kind.item)}
-    schema: dict[str, Any] = {"type": _JSON_TYPES[kind.kind]}
-    if kind.words:
-        schema["enum"] = list(kind.words)
-    if kind.unit:
-        schema["description"] = f"in {kind.unit}"
-    if kind.range is not None:
-        ends = {"minimum": kind.range.least, "maximum": kind.range.most}
-        schema |= {name: end for name, end in ends.items() if math.isfinite(end)}
-    return schema
