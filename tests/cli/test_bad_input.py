@@ -157,7 +157,7 @@ def test_symbols_are_checked_with_a_vocabulary(folder):
         (("attach", "terminal"), "no service 'terminal' is installed; there are the views opengl,"),
         (
             ("run", "world.toml", "--view", "terminal"),
-            "no view 'terminal' is installed; there are opengl, ros2_view, sound, sprites, svg, web; or",
+            "no view 'terminal' is installed; there are opengl, page, ros2_view, sound, sprites, svg, web",
         ),
         (
             ("run", "world.toml", "--view", "sprite"),

@@ -375,7 +375,7 @@ def test_an_option_is_set_by_its_name(minerva, home):
     (("--set", "walkers.processes=0"), "processes must be at least 1"),
     (("--set", f"walkers.processes={10**40}"), "processes must be at most 1000"),
     (("--view", "swg"), "did you mean 'svg'?"), (("--view", "svg:every"), "expected KEY=VALUE"),
-    (("--view", "svg:evry=3"), "did you mean 'every'?"), (("--view", ""), "no service"),
+    (("--view", "svg:evry=3"), "did you mean 'every'?"), (("--view", ""), "no view"),
     (("--rate", "nan"), "--rate"), (("--rate", "-1"), "--rate"), (("--rate", "inf"), "--rate"),
     (("--rate", "fast"), "--rate"), (("--frames", "-1"), "--frames"), (("--frames", "x"), "--frames"),
     (("--seed", "x"), "--seed"), (("--seed", "99999999999999999999"), "seed"),

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 sys.path.append(str(Path(__file__).parents[1] / "runtime"))
-from running import here
+from running import here, minerva
 
 from minerva_bus.errors import KeysError
 from minerva_bus.security.certificates import Wanted, now
@@ -311,7 +311,7 @@ def test_a_folder_that_cannot_be_read_is_reported(tmp_path):
     folder = tmp_path / ("x" * 300)
     with pytest.raises(KeysError, match="cannot be read: File name too long; the process needs"):
         KeyFolder(folder).rights()
-    done = here(tmp_path, "run", "robot", "--listen", "tls/127.0.0.1:0", "--keys", folder)
+    done = minerva(tmp_path, "run", "robot", "--listen", "tls/127.0.0.1:0", "--keys", folder)
     assert done.returncode == 1
     assert f"{folder} cannot be read" in done.stderr
     assert "Traceback" not in done.stderr
