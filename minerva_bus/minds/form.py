@@ -20,10 +20,6 @@ TOPIC: Final = "topic"
 MAX_SHOWN: Final = 80
 
 
-class InvalidAnswer(Exception):
-    """An answer does not fit its event type; the text gives the reason."""
-
-
 def answer_fields(declared: EventType) -> tuple[Field, ...]:
     """The fields that an answer has to fill."""
     return tuple([field for field in declared.fields.all if field.name != TOPIC])
@@ -51,20 +47,21 @@ def schema_of(declared: EventType) -> dict[str, Any]:
 def event_of(declared: EventType, text: str, topic: str) -> Event:
     """The event in a JSON object, or in free text if the type has a single text.
 
-    Text around the object, such as a code fence, is ignored. Raises InvalidAnswer.
+    Text around the object, such as a code fence, is ignored. Raises MisuseError if the data do not
+    fit the type.
     """
     data = _object(text)
     if data is None:
         fields = answer_fields(declared)
         if len(fields) != 1 or fields[0].type != Type("text"):
-            raise InvalidAnswer(f"expected a JSON object, not {text.strip()[:MAX_SHOWN]!r}")
+            raise MisuseError(f"expected a JSON object, not {text.strip()[:MAX_SHOWN]!r}")
         data = {fields[0].name: text.strip()}
     if TOPIC in declared.fields.names:
         data = {**data, TOPIC: topic}
     try:
         event: Event = declared(**cast("dict[str, Any]", data))
-    except (MisuseError, TypeError) as error:
-        raise InvalidAnswer(str(error)) from None
+    except TypeError as error:
+        raise MisuseError(str(error)) from None
     return event
 
 

@@ -124,7 +124,7 @@ def test_a_record_is_shown_in_a_view_as_by_the_command(folder, tmp_path, monkeyp
 
 
 @pytest.mark.parametrize(("views", "settings", "error", "problem"), [
-    ("svgg", {}, WorldFileError, "no service 'svgg'"),
+    ("svgg", {}, WorldFileError, "no view 'svgg'"),
     ("svg", {"begin": 10}, MisuseError, "it has frames 0 to 9, not 10"),
     ("svg", {"speed": -1}, MisuseError, "must be a number from 0"),
 ])  # fmt: skip

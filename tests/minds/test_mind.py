@@ -9,7 +9,7 @@ import pytest
 from minerva_bus import EventType, Frame, Metres, Range, Reals, Vocabulary, evolve
 from minerva_bus.errors import MisuseError
 from minerva_bus.minds import MINDS, Mind, eAsk, eRemind, eReply
-from minerva_bus.minds.form import InvalidAnswer, event_of, schema_of
+from minerva_bus.minds.form import event_of, schema_of
 
 eChoice = EventType(
     "eChoice",
@@ -139,7 +139,7 @@ def test_the_schema_of_an_event_type():
     ],
 )
 def test_an_invalid_answer_has_a_reason(text, reason):
-    with pytest.raises(InvalidAnswer) as raised:
+    with pytest.raises(MisuseError) as raised:
         event_of(eChoice, text, "")
     assert reason in str(raised.value)
 

@@ -11,7 +11,7 @@ from typing import Final
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.symbols import EventType
-from minerva_bus.minds.form import InvalidAnswer, event_of, schema_of
+from minerva_bus.minds.form import event_of, schema_of
 from minerva_bus.minds.mind import Account
 from minerva_services.llm.backends import Backend, BackendError, Completion, Prompt, Unavailable
 from minerva_services.llm.budgets import Ledger, Prices
@@ -164,7 +164,7 @@ class Answering:
             completion = await self._complete(prompt)
             try:
                 event = event_of(declared, completion.text, request.topic)
-            except InvalidAnswer as error:
+            except MisuseError as error:
                 reason = str(error)
                 prompt = prompt.corrected(completion.text, reason)
             else:
