@@ -21,7 +21,13 @@ PAGE = gardens.ROOT / "docs" / "howto" / "java.md"
 OLDEST = 17
 QUICK = ("-XX:+UseSerialGC", "-XX:TieredStopAtLevel=1", "-Xshare:auto")
 """Options with which a virtual machine starts quickly: the suite starts one for each case."""
-ROLES = [role for role in MemberRole if role is not MemberRole.HOST]
+# Each case starts a virtual machine; the other two roles add rules to these.
+ROLES = [
+    MemberRole.GENERATOR,
+    MemberRole.OBSERVER,
+    pytest.param(MemberRole.AHEAD, marks=pytest.mark.slow),
+    pytest.param(MemberRole.COUPLED, marks=pytest.mark.slow),
+]
 
 
 def missing() -> str:
