@@ -40,6 +40,7 @@ WORLDS: Mapping[str, tuple[str, dict[str, Any]]] = {
     "robot": ("robot", {"frames": 25}),
     "robots": ("worlds/minerva_worlds/robots/robots.toml", {"frames": 12}),
     "traffic": ("worlds/minerva_worlds/traffic/traffic.toml", {"frames": 40}),
+    "village": ("worlds/minerva_worlds/village/village.toml", {"frames": 40}),
     "warehouse": ("worlds/minerva_worlds/warehouse/warehouse.toml", {"frames": 40}),
 }
 HEAD = """\

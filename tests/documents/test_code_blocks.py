@@ -18,6 +18,7 @@ ELSEWHERE = {
     "worlds/minerva_worlds/crowd/README.md": "tests/examples/test_crowd.py",
     "worlds/minerva_worlds/meadow/README.md": "tests/examples/test_meadow.py",
     "worlds/minerva_worlds/plants/README.md": "tests/examples/test_plants.py",
+    "worlds/minerva_worlds/village/README.md": "tests/examples/test_village.py",
     "worlds/minerva_worlds/warehouse/README.md": "tests/examples/test_warehouse.py",
 }
 """Tests that run the Python of a page, or compare it with its source files."""

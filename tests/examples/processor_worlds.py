@@ -67,6 +67,7 @@ WORLDS = {
     "crowd": ("crowd/crowd.toml", 20, {}),
     "plants": ("plants/plants.toml", 8, {}),
     "traffic": ("traffic/traffic.toml", 20, {}),
+    "village": ("village/village.toml", 30, {}),
     "warehouse": ("warehouse/warehouse.toml", 30, {}),
     "forager": ("evolution/forager.toml", 20, {}),
 }
