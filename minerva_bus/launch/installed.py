@@ -64,6 +64,8 @@ def find_world(spec: str) -> Path:
         raise WorldFileError(f"there is no world file {spec}")
     there = ", ".join(sorted(known)) or "none"
     hint = nearest(spec, list(known), f"installed are {there}; or give a world file, NAME.toml")
+    if spec in entries(SERVICES) or spec in entries(AGENTS):
+        hint = f"; {spec} takes part in a running world: minerva attach {spec}"
     raise WorldFileError(f"there is no world {spec!r}{hint}")
 
 

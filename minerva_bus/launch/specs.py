@@ -13,7 +13,14 @@ from typing import Any, cast, get_type_hints
 from minerva_bus.blame import report
 from minerva_bus.errors import MinervaError, WorldFileError, nearest
 from minerva_bus.grammar.printer import value_text
-from minerva_bus.launch.installed import AGENTS, SERVICES, entries, help_line, installed_views
+from minerva_bus.launch.installed import (
+    AGENTS,
+    SERVICES,
+    WORLDS,
+    entries,
+    help_line,
+    installed_views,
+)
 from minerva_bus.launch.user_modules import search
 from minerva_bus.settings.kinds import fits, phrase_of
 from minerva_bus.source import place_of
@@ -124,6 +131,8 @@ def _installed(group: str, name: str) -> Any:
     if name not in known:
         kind = group.split(".")[1]
         hint = nearest(name, list(known), f"there are {_listed(group)}; or write module:Class")
+        if name in entries(WORLDS):
+            hint = f"; {name} is a world: minerva run {name}"
         raise WorldFileError(f"no {kind[:-1]} {name!r} is installed{hint}")
     return load(known[name].value)
 

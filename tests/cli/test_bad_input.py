@@ -155,6 +155,8 @@ def test_symbols_are_checked_with_a_vocabulary(folder):
         (("pub", "eStep", "x"), "expected data as KEY=VALUE"),
         (("attach", "words:Walker"), "no world runs on this machine"),
         (("attach", "terminal"), "no service 'terminal' is installed; there are the views opengl,"),
+        (("attach", "meadow"), "no service 'meadow' is installed; meadow is a world: minerva run"),
+        (("run", "svg"), "no world 'svg'; svg takes part in a running world: minerva attach svg"),
         (
             ("run", "world.toml", "--view", "terminal"),
             "no view 'terminal' is installed; there are opengl, page, ros2_view, sound, sprites, svg, web",
