@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from minerva_bus.collect.table import SEED, DataTable
 from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.plotting import FAINT, Plot
-from minerva_bus.semantics.legend import OKABE_ITO
+from minerva_bus.semantics.colors import OKABE_ITO
 
 COLORS: Final = (*OKABE_ITO, "#000000")
 

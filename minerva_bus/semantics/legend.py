@@ -5,13 +5,11 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
-from typing import Final, TypeAlias
+from typing import TypeAlias
 
 from minerva_bus.grammar.forms import Disc, Line, Raster, Shape
 from minerva_bus.grammar.vocabulary import Vocabulary
-
-OKABE_ITO: Final = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
-"""Colours that people with deficient colour vision distinguish, too (Okabe and Ito, 2008)."""
+from minerva_bus.semantics.colors import is_pale
 
 _WORDS = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+")
 
@@ -30,6 +28,14 @@ class LegendEntry:
     opacity: float = 1.0
     dashed: bool = False
     heading: bool = False
+
+    @property
+    def on_dark(self) -> bool:
+        """Whether this is a line too pale for paper: its swatch has a dark ground.
+
+        Discs and matrices have an outline.
+        """
+        return self.shape is Line and is_pale(self.colors[0])
 
 
 Legend: TypeAlias = tuple[LegendEntry, ...]

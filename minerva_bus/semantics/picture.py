@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any, TypeAlias, cast
 
 import numpy as np
@@ -20,12 +19,12 @@ from minerva_bus.grammar.scene import FigureNode, Scene
 from minerva_bus.grammar.symbols import Primitive
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.semantics.by_parts import ByParts, ItemGeometry, batched
+from minerva_bus.semantics.colors import Color, rgb
 from minerva_bus.semantics.legend import Legend, legend
 from minerva_bus.semantics.plane import raster_corner, resolve, resolve_all
 from minerva_bus.semantics.poses import Pose
 
 Floats: TypeAlias = NDArray[np.float64]
-Color: TypeAlias = tuple[int, int, int]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -134,18 +133,6 @@ def combined(pictures: Sequence[Picture]) -> Picture:
     items = [item for picture in pictures for item in picture.items]
     entries = [entry for picture in pictures for entry in picture.legend]
     return Picture(tuple(items), tuple(dict.fromkeys(entries)))
-
-
-@lru_cache(maxsize=1024)
-def rgb(color: str) -> Color:
-    """A colour `#rrggbb` or `#rgb` as numbers from 0 to 255; grey for any other text."""
-    digits = color.removeprefix("#")
-    digits = "".join(2 * digit for digit in digits) if len(digits) == 3 else digits
-    try:
-        red, green, blue = bytes.fromhex(digits)
-    except ValueError:
-        return (0x88, 0x88, 0x88)
-    return red, green, blue
 
 
 Row: TypeAlias = tuple[float, float, float, float, float, Color, bool, str, str]

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from minerva_agents.robot.world import vocabulary
+from minerva_bus.semantics.colors import rgb
 from minerva_bus.semantics.legend import legend
-from minerva_bus.semantics.picture import rgb
 
 SIGHTS = {
     "normal": np.eye(3),

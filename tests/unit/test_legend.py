@@ -92,6 +92,21 @@ def test_a_mark_colours_labels_and_is_no_label_itself():
     assert shown.marked() == {"gate": "#d55e00"}
 
 
+@pytest.mark.parametrize(
+    ("form", "dark"),
+    [
+        (Line("xs", "ys", "#ffffff"), True),
+        (Line("xs", "ys", "#ff0"), True),
+        (Line("xs", "ys", "#c9ccd1"), False),
+        (Disc(0.3, "#ffffff"), False),
+    ],
+)
+def test_a_line_too_pale_for_paper_has_a_dark_ground(form, dark):
+    stripe = Primitive("PStripe", form, xs=tuple[float, ...], ys=tuple[float, ...])
+    (entry,) = legend(Vocabulary.of(stripe), {"PStripe"})
+    assert entry.on_dark == dark
+
+
 def test_pictures_over_each_other_share_a_legend_without_repetitions():
     fir = Lists(WOOD).picture(PFir(), {})
     both = combined([fir, Lists(WOOD).picture(PFir() + SOIL, {})])

@@ -26,7 +26,7 @@ import {{ readFileSync }} from "node:fs";
 import {{ decode }} from "{SOURCE / "msgpack.js"}";
 import {{ readString, Vocabulary }} from "{SOURCE / "scene.js"}";
 import {{ colourOf, displayList, frameOf }} from "{STATIC / "geometry.js"}";
-import {{ legend }} from "{STATIC / "legend.js"}";
+import {{ isPale, legend }} from "{STATIC / "legend.js"}";
 
 const bytes = (digits) => Uint8Array.from(Buffer.from(digits, "hex"));
 const {{ words, string, agent }} = JSON.parse(readFileSync(0, "utf8"));
@@ -35,7 +35,8 @@ const nodes = readString(decode(bytes(string)), vocabulary).map((node) => ({{ ..
 const items = displayList(nodes, vocabulary);
 const symbols = items.map(({{ symbol }}) => symbol);
 const frame = frameOf(items);
-const entries = legend(new Set(symbols), vocabulary);
+const entries = legend(new Set(symbols), vocabulary)
+  .map((entry) => ({{ ...entry, dark: entry.form === "line" && isPale(entry.colour) }}));
 console.log(JSON.stringify({{ items, frame, entries, again: frameOf([], frame) }}, (name, value) =>
   name === "matrix" ? {{ ...value, values: [...value.values] }} : value));
 """
@@ -139,8 +140,10 @@ def test_the_legend_has_the_same_texts():
     for scene, vocabulary in ((SCENE, WORDS), (house.scene({}), house.vocabulary)):
         page = of_the_page(scene, vocabulary)
         symbols = {item["symbol"] for item in page["items"]}
-        texts = [entry.text for entry in legend(vocabulary, symbols)]
-        assert sorted(entry["text"] for entry in page["entries"]) == sorted(texts)
+        entries = [(entry.text, entry.on_dark) for entry in legend(vocabulary, symbols)]
+        assert sorted((entry["text"], entry["dark"]) for entry in page["entries"]) == sorted(
+            entries
+        )
 
 
 def test_a_figure_of_a_population_has_the_id_that_it_shows():

@@ -21,7 +21,8 @@ from minerva_bus import visualize
 from minerva_bus.frame.phases import Phase
 from minerva_bus.grammar.batch import single
 from minerva_bus.runtime.client import Client
-from minerva_bus.semantics.picture import Lists, Picture, rgb
+from minerva_bus.semantics.colors import rgb
+from minerva_bus.semantics.picture import Lists, Picture
 from minerva_services.views.names import AgentName
 from minerva_services.views.palette import BORDER
 from minerva_services.views.sprites.painter import SpritePainter

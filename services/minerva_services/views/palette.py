@@ -6,6 +6,7 @@ BORDER = "#d3ccbb"
 INK = "#2f3640"
 FAINT = "#857e6e"
 OUTLINE = "#1d232b"
+DARK = "#5b6573"
 CHOSEN = "#1f7a8c"
 BEAM = "#e8963c"
 

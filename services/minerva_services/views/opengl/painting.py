@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from minerva_bus.semantics.picture import Tiles, rgb
+from minerva_bus.semantics.colors import rgb
+from minerva_bus.semantics.picture import Tiles
 from minerva_bus.semantics.rectangles import color_ranges
 from minerva_services.views.blocks import enclosed
 

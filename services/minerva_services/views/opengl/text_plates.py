@@ -8,8 +8,8 @@ from typing import Any
 
 import moderngl
 
+from minerva_bus.semantics.colors import rgb
 from minerva_bus.semantics.legend import Legend
-from minerva_bus.semantics.picture import rgb
 from minerva_services.views.opengl import shaders
 from minerva_services.views.opengl.gpu import LETTERS, program
 

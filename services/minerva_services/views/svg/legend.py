@@ -6,7 +6,7 @@ from minerva_bus.grammar.forms import Disc, Label, Line
 from minerva_bus.semantics.legend import Legend, LegendEntry
 from minerva_bus.semantics.poses import Pose
 from minerva_services.views.layout import flow
-from minerva_services.views.palette import BORDER, HEADING_MARK, INK, PANEL
+from minerva_services.views.palette import BORDER, DARK, HEADING_MARK, INK, PANEL
 from minerva_services.views.svg.markup import line_of_text, paint, short
 from minerva_services.views.svg.page import PIN, Page
 
@@ -77,7 +77,8 @@ def _swatch(entry: LegendEntry) -> str:
         return f'<path d="{PIN}" transform="translate(.5 .5) scale(.045)" fill="{color}"/>'
     if entry.shape is Line:
         dashes = ' stroke-dasharray=".32"' if entry.dashed else ""
-        return f'<path d="M0 0h1.6" stroke="{color}" stroke-width=".2"{dashes}/>'
+        ground = f'<rect y="-.4" width="1.6" height=".8" fill="{DARK}"/>' if entry.on_dark else ""
+        return f'{ground}<path d="M0 0h1.6" stroke="{color}" stroke-width=".2"{dashes}/>'
     side = 1.0 if len(entry.colors) == 1 else 0.5
     whole = side * len(entry.colors)
     cells = "".join(

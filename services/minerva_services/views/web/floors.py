@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from viser import ImageHandle, MeshHandle, SceneApi
 
-from minerva_bus.semantics.picture import Tiles, rgb
+from minerva_bus.semantics.colors import rgb
+from minerva_bus.semantics.picture import Tiles
 from minerva_services.views.web.batch import upright
 from minerva_services.views.web.solids import flat, walls
 

@@ -12,10 +12,11 @@ from minerva_bus.grammar.forms import Disc, Label, Line
 from minerva_bus.grammar.printer import value_text
 from minerva_bus.grammar.scene import AgentNode, Scene, Value
 from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.semantics.colors import rgb
 from minerva_bus.semantics.legend import Legend, LegendEntry
-from minerva_bus.semantics.picture import rgb
 from minerva_bus.wording import duration
 from minerva_bus.world.operator import LogEntry, WorldStatus
+from minerva_services.views.palette import DARK
 
 _MAX_CHARACTERS = 44
 _MARGIN = "padding:0 0.75em;font-size:0.85em;line-height:1.5;overflow-wrap:anywhere"
@@ -66,6 +67,8 @@ def _swatch(entry: LegendEntry) -> str:
     if entry.shape is Line:
         style = "dashed" if entry.dashed else "solid"
         drawn = f"width:1.4em;height:0;vertical-align:0.25em;border-top:0.2em {style} {stops[0]}"
+        if entry.on_dark:
+            drawn += f";box-shadow:0 0 0 0.25em {DARK};background:{DARK}"
     elif entry.shape is Disc:
         drawn = f"width:0.85em;margin-left:0.55em;border-radius:50%;background:{stops[0]}"
     elif entry.shape is Label:

@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 from viser import LineSegmentsHandle, SceneApi
 
-from minerva_bus.semantics.picture import Polyline, rgb
+from minerva_bus.semantics.colors import rgb
+from minerva_bus.semantics.picture import Polyline
 
 # Metres above the floor; the length of a dash (_DASH) is in line widths.
 _LEVEL = 0.06

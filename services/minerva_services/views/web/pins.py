@@ -7,7 +7,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from viser import SceneApi
 
-from minerva_bus.semantics.picture import Texts, rgb
+from minerva_bus.semantics.colors import rgb
+from minerva_bus.semantics.picture import Texts
 from minerva_services.views.web.batch import Batch, upright
 from minerva_services.views.web.labels import LabelNodes, PageLabel
 from minerva_services.views.web.solids import pin

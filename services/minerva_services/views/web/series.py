@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from viser import GuiApi, GuiUplotHandle, uplot
 
-from minerva_bus.semantics.legend import OKABE_ITO
+from minerva_bus.semantics.colors import OKABE_ITO
 from minerva_bus.world.operator import CollectedSeries
 
 _HEIGHT: Final = 140

@@ -7,10 +7,10 @@ from functools import lru_cache
 import pygame
 
 from minerva_bus.grammar.forms import Disc, Label, Line
+from minerva_bus.semantics.colors import rgb
 from minerva_bus.semantics.legend import Legend, LegendEntry
-from minerva_bus.semantics.picture import rgb
 from minerva_services.views.layout import flow
-from minerva_services.views.palette import BORDER, INK, OUTLINE, PANEL, PAPER
+from minerva_services.views.palette import BORDER, DARK, INK, OUTLINE, PANEL, PAPER
 from minerva_services.views.sprites.text import one_line, pin, written
 
 _FONT_SIZE = 19
@@ -57,6 +57,8 @@ def _swatch(entry: LegendEntry, ui: float) -> pygame.Surface:
         return surface
     surface = _blank((round(1.6 * side) if entry.shape is Line else side, side))
     if entry.shape is Line:
+        if entry.on_dark:
+            surface.fill(DARK)
         _draw_line(surface, color, entry.dashed, max(2, round(3 * ui)))
     elif entry.shape is Disc:
         _draw_disc(surface, color, entry.heading)

@@ -5,6 +5,13 @@ const WORDS = /[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+/g;
 /** The words of a symbol's or event type's name: `big tree` for `PBigTree`. */
 export const words = (name) => (name.slice(1).match(WORDS) ?? [name]).join(" ").toLowerCase();
 
+/** Whether a line of this colour is invisible on paper: a relative luminance (WCAG 2.2) above 0.7. */
+export function isPale(colour) {
+  const digits = colour.length === 4 ? [...colour.slice(1)].map((digit) => digit + digit).join("") : colour.slice(1);
+  const [red, green, blue] = digits.match(/../g).map((part) => (parseInt(part, 16) / 255) ** 2.2);
+  return 0.2126 * red + 0.7152 * green + 0.0722 * blue > 0.7;
+}
+
 /** The entries for primitives: `{text, form, colour}`, things first, then matrices. */
 export function legend(symbols, vocabulary) {
   const entries = [...symbols].sort().flatMap((symbol) => entriesOf(symbol, vocabulary));

@@ -4,7 +4,7 @@ import { device } from "minerva-bus";
 
 import { Scene } from "./canvas.js";
 import { displayList } from "./geometry.js";
-import { legend } from "./legend.js";
+import { isPale, legend } from "./legend.js";
 import { loadMember, PageMember } from "./members.js";
 import { Orders } from "./orders.js";
 import { connectToServer } from "./server.js";
@@ -116,7 +116,7 @@ function showLegend(vocabulary) {
   const entries = legend(symbols, vocabulary).map(({ text, form, colour }) => {
     const entry = document.createElement("li");
     const swatch = document.createElement("i");
-    swatch.className = form;
+    swatch.className = form === "line" && isPale(colour) ? "line dark" : form;
     swatch.style[form === "line" ? "borderColor" : "backgroundColor"] = colour;
     entry.append(swatch, text);
     return entry;
