@@ -39,6 +39,7 @@ EXTRAS: Final = {
     "pandas": (("pandas",), "collected data in pandas"),
     "polars": (("polars",), "collected data in Polars"),
     "notebook": (("anywidget", "ipykernel"), "live worlds in notebooks"),
+    "rl": (("gymnasium", "pettingzoo"), "environments for reinforcement learning"),
     "dask": (("distributed",), "studies on a Dask cluster"),
     "video": (("av",), "films of runs"),
     "ros": (("rosbags", "PIL"), "ROS 2 robots, and bags"),

@@ -27,10 +27,19 @@ ORDER = [
     "minds",
     "study",
     "api",
+    "rl",
     "mcp",
     "cli",
 ]
-ONLY = {"zenoh": "runtime", "typer": "cli", "msgpack": "wire", "mcap": "log", "mcp": "mcp"}
+ONLY = {
+    "zenoh": "runtime",
+    "typer": "cli",
+    "msgpack": "wire",
+    "mcap": "log",
+    "mcp": "mcp",
+    "gymnasium": "rl",
+    "pettingzoo": "rl",
+}
 
 
 @cache

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -25,6 +25,7 @@ from minerva_bus import (
     Metres,
     Motion,
     Primitive,
+    Range,
     Raster,
     Scene,
     Transformation,
@@ -58,6 +59,7 @@ eNear = EventType(
     apart_x=Metres,
     apart_y=Metres,
 )
+eTurn = EventType("eTurn", angle=Annotated[Degrees, Range(-30, 30)])  # of people and policies
 
 # --- the agents -----------------------------------------------------------------------------------
 
@@ -79,6 +81,12 @@ class Bird(Agent, symbol="ABird"):
         self.vx, self.vy = vx / speed, vy / speed
         self.x = (self.x + 0.25 * self.vx) % WIDTH
         self.y = (self.y + 0.25 * self.vy) % HEIGHT
+
+    @on("eTurn", population=True)
+    def turn(self, turn: Event, moment: BatchContext) -> None:
+        angle = turn.angle * (math.pi / 180)
+        cos, sin, vx, vy = portable.cos(angle), portable.sin(angle), self.vx, self.vy
+        self.vx, self.vy = cos * vx - sin * vy, sin * vx + cos * vy
 
     @view("eWhere", population=True)
     def where(self, event: Event) -> Scene:
@@ -117,7 +125,7 @@ class Hawk(Agent, symbol="AHawk"):
 # --- the world ------------------------------------------------------------------------------------
 
 vocabulary = Vocabulary.of(
-    *(PSpot, PBird, PHawk, PSky, TMove, TTurn, eWhere, ePicture, eNear, Bird, Hawk)
+    *(PSpot, PBird, PHawk, PSky, TMove, TTurn, eWhere, ePicture, eNear, eTurn, Bird, Hawk)
 )
 
 

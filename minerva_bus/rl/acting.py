@@ -1,0 +1,209 @@
+"""Actions: events that a policy sends to the agents it controls, and their spaces.
+
+| action                              | space                                                    |
+|-------------------------------------|----------------------------------------------------------|
+| an event type whose data are reals  | `Box` of float64, a number for each datum                |
+| ... words, bools, ints with a range | `Discrete`; `MultiDiscrete` for several                  |
+| ... others                          | `Dict` by the names of data                              |
+| an event type without data          | `Discrete(2)`: 1 sends the event                         |
+| a list of events and None           | `Discrete(n)`: the number of the event to send           |
+
+Numbers are of float64, because a float32 may lie outside of a range of the vocabulary.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any, Final, Protocol, TypeAlias, cast
+
+import numpy as np
+from gymnasium import spaces
+
+from minerva_bus.errors import MisuseError, nearest
+from minerva_bus.grammar.events import Event
+from minerva_bus.grammar.fields import Field
+from minerva_bus.grammar.symbols import AgentKind, EventType
+from minerva_bus.grammar.types import Type
+from minerva_bus.grammar.vocabulary import Vocabulary
+
+Act: TypeAlias = "str | EventType | Event | Sequence[Event | None]"
+"""What agents do: an event type (its data are the action), or a list of events to choose from."""
+
+AnySpace: TypeAlias = "spaces.Space[Any]"
+MAX_CHOICES: Final = 10_000
+"""Longest range of a whole number that is a `Discrete` space."""
+
+
+class Acting(Protocol):
+    """Makes events of actions; `space` has the actions."""
+
+    @property
+    def space(self) -> AnySpace: ...
+
+    def event(self, agent: str, action: Any) -> Event | None:
+        """The event of an action for an agent; None: none. Raises MisuseError."""
+        ...
+
+
+def acting_of(act: Act, kind: AgentKind, vocabulary: Vocabulary) -> Acting:
+    """The actions of a kind of agents. Raises MisuseError for events that do not concern it."""
+    if isinstance(act, str | EventType):
+        name = act if isinstance(act, str) else act.name
+        _check_type(name, kind, vocabulary)
+        event_type = vocabulary.events[name]
+        return (
+            DataActions(event_type) if event_type.fields.all else EventActions([None, event_type()])
+        )
+    events = [act] if isinstance(act, Event) else list(act)
+    for event in events:
+        if event is not None:
+            _check_type(event.type, kind, vocabulary)
+    # A single event would be no choice.
+    return EventActions([None, *events] if isinstance(act, Event) else events)
+
+
+def _check_type(name: str, kind: AgentKind, vocabulary: Vocabulary) -> None:
+    if name not in vocabulary.events:
+        raise MisuseError(
+            f"act: the world has no event type {name}{nearest(name, [*vocabulary.events])}"
+        )
+    if name not in kind.subscribes:
+        known = ", ".join(sorted(kind.subscribes)) or "none"
+        raise MisuseError(f"act: {kind.name} does not respond to {name}; it responds to {known}")
+
+
+class EventActions:
+    """Actions that are numbers of events; None sends nothing."""
+
+    def __init__(self, events: Sequence[Event | None]) -> None:
+        if not events:
+            raise MisuseError("act: the list is empty; expected events, or None for no event")
+        self._events = events
+        self.space: AnySpace = spaces.Discrete(len(events))
+
+    def event(self, agent: str, action: Any) -> Event | None:
+        """The event of a number, for one agent. Raises MisuseError."""
+        event = self._events[_index(action, len(self._events), agent)]
+        return None if event is None else replace(event, receivers=(agent,))
+
+
+class DataActions:
+    """Actions that are the data of an event type."""
+
+    def __init__(self, event_type: EventType) -> None:
+        self._type = event_type
+        self._fields = [field for field in event_type.fields.all if _chosen(field, event_type)]
+        if not self._fields:
+            raise MisuseError(
+                f"act: no datum of {event_type.name} can be an action; give events to choose from:"
+                f" act=[None, {event_type.name}(...)]"
+            )
+        types = [field.type for field in self._fields]
+        self._choices = [choices_of(type_) for type_ in types]
+        self.space: AnySpace = self._joined(types)
+
+    def _joined(self, types: Sequence[Type]) -> AnySpace:
+        if all(type_.kind == "real" for type_ in types):
+            low, high = zip(*map(limits_of, types), strict=True)
+            return spaces.Box(np.array(low), np.array(high), dtype=np.float64)
+        counts = [len(choices) for choices in self._choices]
+        if all(counts):
+            return spaces.Discrete(counts[0]) if len(counts) == 1 else spaces.MultiDiscrete(counts)
+        return spaces.Dict(
+            {field.name: _space(field.type) for field in self._fields}  # pyright: ignore[reportArgumentType]
+        )
+
+    def event(self, agent: str, action: Any) -> Event | None:
+        """An event with these data, for one agent. Raises MisuseError."""
+        data = {
+            field.name: _index_value(choices, part, agent) if choices else _number(part)
+            for field, choices, part in zip(
+                self._fields, self._choices, self._parts(agent, action), strict=True
+            )
+        }
+        try:
+            return self._type(**data, receivers=[agent])
+        except MisuseError as error:
+            raise MisuseError(f"the action of {agent}: {error}") from None
+
+    def _parts(self, agent: str, action: Any) -> Sequence[Any]:
+        """The part of an action for each datum."""
+        if isinstance(self.space, spaces.Discrete):
+            return [action]
+        if isinstance(self.space, spaces.Dict):
+            named = cast("Mapping[str, Any]", action if isinstance(action, Mapping) else {})
+            parts = [named[field.name] for field in self._fields if field.name in named]
+        else:
+            parts = list(np.asarray(action).reshape(-1))
+        if len(parts) != len(self._fields):
+            names = ", ".join(field.name for field in self._fields)
+            raise MisuseError(
+                f"the action of {agent} is {action!r:.60}; expected {len(self._fields)} values:"
+                f" {names} of {self._type.name}"
+            )
+        return parts
+
+
+def choices_of(type_: Type) -> Sequence[Any]:
+    """The values of a type, if they are few: bools, words, whole numbers in a range; else none."""
+    if type_.kind == "bool":
+        return (False, True)
+    if type_.words:
+        return type_.words
+    if type_.kind == "int" and type_.range is not None:
+        least, most = type_.range.least, type_.range.most
+        if math.isfinite(least) and math.isfinite(most) and most - least < MAX_CHOICES:
+            return range(math.ceil(least), math.floor(most) + 1)
+    return ()
+
+
+def limits_of(type_: Type) -> tuple[float, float]:
+    """The least and the greatest value of a number type, in its unit."""
+    if type_.range is None:
+        return -math.inf, math.inf
+    return float(type_.range.least), float(type_.range.most)
+
+
+def _chosen(field: Field, event_type: EventType) -> bool:
+    """Whether a datum is part of the action; others have their default. Raises MisuseError."""
+    if field.type.kind in ("real", "int", "bool") or field.type.words:
+        return True
+    if field.default is None:
+        raise MisuseError(
+            f"act: {field.name} of {event_type.name} is a {field.type}, which is no action;"
+            f" expected numbers, bools or Literal words, a default of {field.name}, or events to"
+            f" choose from: act=[None, {event_type.name}(...)]"
+        )
+    return False
+
+
+def _space(type_: Type) -> AnySpace:
+    choices = choices_of(type_)
+    if choices:
+        return spaces.Discrete(len(choices))
+    low, high = limits_of(type_)
+    if type_.kind == "int":
+        bounds = np.iinfo(np.int64)
+        return spaces.Box(int(max(low, bounds.min)), int(min(high, bounds.max)), (), np.int64)
+    return spaces.Box(low, high, (), np.float64)
+
+
+def _number(part: Any) -> Any:
+    """A number of numpy, or an array with one number, as a Python object."""
+    item = getattr(part, "item", None)
+    return item() if callable(item) and np.size(part) == 1 else part
+
+
+def _index_value(choices: Sequence[Any], part: Any, agent: str) -> Any:
+    return choices[_index(part, len(choices), agent)]
+
+
+def _index(action: Any, count: int, agent: str) -> int:
+    number = _number(action)
+    if isinstance(number, bool) or not isinstance(number, int) or not 0 <= number < count:
+        raise MisuseError(
+            f"the action of {agent} is {number!r:.60}; expected a number from 0 to {count - 1}"
+        )
+    return number

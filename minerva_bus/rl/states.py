@@ -1,0 +1,60 @@
+"""The agents of one kind in a string: their ids, attributes as columns, and nodes."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from minerva_bus.collect.rows import agent_rows
+from minerva_bus.errors import MisuseError
+from minerva_bus.grammar.scene import AgentNode, Scene, agents
+from minerva_bus.grammar.symbols import AgentKind
+
+
+class KindStates:
+    """The agents of a kind in the string with which a frame begins, in the order of the string.
+
+    Args:
+        scene: the string.
+        kind: of the agents.
+        only: the id of the only agent that counts; "": all.
+
+    """
+
+    def __init__(self, scene: Scene, kind: AgentKind, only: str = "") -> None:
+        self.scene, self.kind = scene, kind
+        self._rows = agent_rows(scene, kind.name, kind.fields)
+        ids = [str(agent) for agent in self._rows.ids()]
+        self._chosen = [ids.index(only)] if only in ids else [] if only else None
+        self.ids = ids if self._chosen is None else [ids[at] for at in self._chosen]
+
+    @cached_property
+    def row(self) -> dict[str, int]:
+        """The row of each agent in `column`, by id."""
+        return {agent: at for at, agent in enumerate(self.ids)}
+
+    def column(self, name: str) -> NDArray[Any]:
+        """A number, bool or text attribute of all agents, shape (n,)."""
+        values = self._rows.column(name)
+        return values if self._chosen is None else values[np.array(self._chosen, np.intp)]
+
+    @cached_property
+    def nodes(self) -> dict[str, AgentNode]:
+        """The agents by id."""
+        known = set(self.ids)
+        return {
+            node.id: node
+            for node in agents(self.scene)
+            if node.symbol == self.kind.name and node.id in known
+        }
+
+    def check_some(self) -> None:
+        """Raise MisuseError if there is no agent."""
+        if not self.ids:
+            raise MisuseError(
+                f"the string has no agent of the kind {self.kind.name}, or none with this id:"
+                " its observations have no known size"
+            )
