@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from minerva_bus.api.live import Live, connect
     from minerva_bus.api.records import (
         diff,
+        explain,
         record,
         replay,
         replay_swapped,
@@ -64,7 +65,7 @@ _HOMES = {
     "api.graphs": "Graph graph",
     "api.live": "Live connect",
     "api.checking": "check",
-    "api.records": "diff record replay replay_swapped replay_views resume",
+    "api.records": "diff explain record replay replay_swapped replay_views resume",
     "api.run_result": "Interrupted Run",
     "api.running": "run",
     "api.studies": "sweep",
@@ -168,6 +169,7 @@ __all__ = [
     "each",
     "evolve",
     "evolve_strings",
+    "explain",
     "export",
     "graph",
     "interpret",

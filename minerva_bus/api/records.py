@@ -12,10 +12,11 @@ from minerva_bus.api.run_result import Run
 from minerva_bus.api.running import check_film, run_request
 from minerva_bus.api.world import World, world_of
 from minerva_bus.launch.collecting import Collecting
-from minerva_bus.launch.replaying import recomputed
+from minerva_bus.launch.replaying import explained, recomputed
 from minerva_bus.launch.resuming import WorldSource, find_file, option_text
 from minerva_bus.launch.swapping import Swap, Swapped, run_swapped
 from minerva_bus.log.comparison import Difference, compare
+from minerva_bus.log.explanation import Explanation
 from minerva_bus.log.reader import Record
 from minerva_bus.world.agent import Agent
 from minerva_bus.world.services import Service
@@ -49,6 +50,39 @@ def replay(
 
     """
     return recomputed(Path(record), _source(world), progress or _no_progress)
+
+
+def explain(
+    record: str | Path,
+    agent: str,
+    attribute: str,
+    frame: int | None = None,
+    world: World | str | Path = "",
+) -> Explanation:
+    """How an agent's attribute got its value: the methods, events and senders that led to it.
+
+    The methods of the agents in question run again on the recorded events of a few frames.
+
+    Args:
+        record: the file, .mcap.
+        agent: id of the agent, with or without #.
+        attribute: name of the attribute.
+        frame: the value at the beginning of this frame is explained; None: the last one.
+        world: the world with the agents' code; "": the world file that the record names.
+
+    Returns:
+        The explanation: `links` lead from the change of the value back to its `origin`.
+
+    Raises:
+        RecordError: the record cannot be read, or has no such frame, agent or attribute.
+        WorldFileError: the world file is missing.
+        MinervaError: the record is of another world, or code of an agent fails.
+
+    Example:
+        `explain("run.mcap", "r1", "objective", frame=340).origin`
+
+    """
+    return explained(Path(record), _source(world), agent.removeprefix("#"), attribute, frame)
 
 
 def replay_views(

@@ -17,7 +17,7 @@ from typing import Annotated, Any, Final, cast
 
 import typer
 
-from minerva_bus.cli.commands import keys, operating, records, studies, worlds
+from minerva_bus.cli.commands import explaining, keys, operating, records, studies, worlds
 from minerva_bus.cli.options import examples_of
 from minerva_bus.cli.other_options import TAKES_OTHERS, OtherOptionsCommand
 from minerva_bus.cli.output import INTERRUPTED, WRONG, print_result
@@ -28,7 +28,7 @@ from minerva_bus.outputs import forget_inputs
 
 GROUPS: Final = {
     "Run": ("run", "worlds", "check", "graph", "attach", "bridge"),
-    "Observe": ("list", "top", "logs", "echo", "metrics", "mcp"),
+    "Observe": ("list", "top", "logs", "echo", "explain", "metrics", "mcp"),
     "Control": ("pub", "pause", "resume", "step", "rate", "restart", "drain", "stop"),
     "Records": (
         *("info", "replay", "seek", "diff", "export", "plot"),
@@ -87,7 +87,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     epilog="Exit codes: 0 done, 1 a check or a world failed, 2 wrong input, 130 interrupted.",
 )
-_MODULES: Final = (worlds, operating, records, studies)
+_MODULES: Final = (worlds, operating, records, studies, explaining)
 
 
 def command_of(name: str) -> Callable[..., None]:

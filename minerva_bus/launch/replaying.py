@@ -40,6 +40,7 @@ from minerva_bus.world.kinds import Kinds
 if TYPE_CHECKING:
     from minerva_bus.log.comparison import Difference
     from minerva_bus.log.description import Description
+    from minerva_bus.log.explanation import Explanation
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,6 +145,21 @@ def recomputed(path: Path, world: WorldSource, progress: Callable[[int, int], No
         file = world_file_of(path, world, record.description, Overrides())
         last = record.last()[0]
         return recompute(record, kinds_in(file), lambda done: progress(done, last))
+
+
+def explained(
+    path: Path, world: WorldSource, name: str, attribute: str, frame: int | None
+) -> Explanation:
+    """How an agent's attribute got its value in a recorded run; see `explain_value`.
+
+    Raises RecordError and WorldFileError, and ActivityError if user code fails.
+    """
+    from minerva_bus.log.causes import explain_value
+    from minerva_bus.log.reader import Record
+
+    with Record(path) as record:
+        file = world_file_of(path, world, record.description, Overrides())
+        return explain_value(record, kinds_in(file), name, attribute, frame)
 
 
 def world_file_of(

@@ -43,7 +43,17 @@ def evolve_agent(
     concerning = events.to(receiver, kinds[node.symbol].activities)
     if not concerning:
         return node
-    step = AgentStep(node, kinds, context)
+    return process_all(AgentStep(node, kinds, context), receiver, events, concerning, kinds)
+
+
+def process_all(
+    step: AgentStep,
+    receiver: str,
+    events: Addressed,
+    concerning: Sequence[tuple[int, AnyEvent]],
+    kinds: Kinds,
+) -> Scene:
+    """Process the events concerning an agent, also as the kinds that λ turns it into."""
     while concerning:
         index = step.process(concerning)
         if step.symbol not in kinds:

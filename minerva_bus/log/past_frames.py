@@ -1,0 +1,176 @@
+"""Frames of a record with the string before and after each, and the last change of an attribute."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final
+
+from minerva_bus.errors import nearest
+from minerva_bus.frame.checkpoint import Checkpoint
+from minerva_bus.frame.inputs import RecordedFrame
+from minerva_bus.grammar.digest import same_values
+from minerva_bus.grammar.ids import Ids
+from minerva_bus.grammar.scene import EMPTY, AgentNode, Piece, Scene, Value, agents
+from minerva_bus.log.cursor import Cursor
+from minerva_bus.log.errors import RecordError
+from minerva_bus.log.reader import Record
+from minerva_bus.wording import frames_up_to
+
+MAX_NAMED: Final = 20
+
+
+@dataclass(frozen=True, slots=True)
+class PastFrame:
+    """A frame with its initial string and state, and the string after it.
+
+    `checkpoint` is None if the record does not have it.
+    """
+
+    before: Scene
+    checkpoint: Checkpoint | None
+    frame: RecordedFrame
+    after: Scene
+
+
+@dataclass(frozen=True, slots=True)
+class ValueChange:
+    """The frame in which an attribute got its value; the agent is None where it did not exist.
+
+    `frame` is -1 for a value of the initial string. `gap`: frames before it are lost, so the
+    change may have happened in them.
+    """
+
+    frame: int
+    before: AgentNode | None
+    after: AgentNode
+    gap: bool = False
+
+
+def agent_in(scene: Scene, name: str) -> AgentNode | None:
+    """The agent with an id, at any depth, or None."""
+    return next((agent for piece in scene.pieces if (agent := _agent_in(piece, name))), None)
+
+
+def piece_around(scene: Scene, name: str) -> Scene:
+    """The part of a string that is the agent with an id, or contains it; else an empty string."""
+    for piece in scene.pieces:
+        agent = _agent_in(piece, name)
+        if agent is not None:
+            return Scene((agent if piece.ids is not None else piece,))
+    return EMPTY
+
+
+def _agent_in(piece: Piece, name: str) -> AgentNode | None:
+    if piece.ids is not None:
+        rows = piece.ids.rows_of(Ids.of([name])).tolist()
+        node = piece.node(rows[0]) if rows[0] >= 0 else None
+        return node if isinstance(node, AgentNode) else None
+    if piece.still:
+        return None
+    return next((agent for agent in agents(Scene((piece,))) if agent.id == name), None)
+
+
+def last_change(record: Record, name: str, attribute: str, end: int) -> ValueChange:
+    """The frame before `end` in which an attribute got the value that it has when `end` begins.
+
+    Reads backwards from keyframe to keyframe, so recent changes of long runs are found fast.
+
+    Raises:
+        RecordError: there is no such agent or attribute at the beginning of frame `end`.
+
+    """
+    number, newest = end, None
+    while True:
+        begin = record.keyframe(number - 1)[0].number if number else 0
+        change, last = _change_since(record, begin, name, attribute, number)
+        if newest is None:
+            if last is None:
+                raise _missing(record, name, end)
+            _check_attribute(record, last, attribute)
+            newest = last
+        if change is not None:
+            return change
+        if not begin:
+            return ValueChange(-1, None, newest)
+        number = begin
+
+
+def _change_since(
+    record: Record, begin: int, name: str, attribute: str, end: int
+) -> tuple[ValueChange | None, AgentNode | None]:
+    """The last change in the frames from `begin` up to `end`, and the agent at the end."""
+    cursor = Cursor(record)
+    cursor.skip_to(begin)
+    agent, change = agent_in(cursor.scene, name), None
+    while (ahead := cursor.ahead) is not None and ahead.number < end:
+        gap = ahead.number != cursor.number
+        before, scene = agent, cursor.advance()
+        # An unchanged agent is the same object, which saves the search.
+        if not any(agent is piece for piece in scene.pieces):
+            agent = agent_in(scene, name)
+        if agent is not None and agent is not before and not _same(before, agent, attribute):
+            change = ValueChange(ahead.number, before, agent, gap)
+    return change, agent
+
+
+def _same(a: AgentNode | None, b: AgentNode, attribute: str) -> bool:
+    if a is None:
+        return False
+    return same_values((value_of(a, attribute),), (value_of(b, attribute),))
+
+
+def value_of(agent: AgentNode, attribute: str) -> Value:
+    """The value of an attribute; an empty text if the agent has none of this name."""
+    return agent.state.get(attribute, "")
+
+
+def _missing(record: Record, name: str, end: int) -> RecordError:
+    died = _last_frame_of(record, name, end)
+    if died is not None:
+        return RecordError(
+            f"{record.path}: #{name} disappeared in frame {died};"
+            f" --frame {died} explains its last value"
+        )
+    known = [agent.id for agent in agents(record.string(end))]
+    hint = nearest(name, known, f"there are {', '.join(known[:MAX_NAMED])}")
+    return RecordError(f"{record.path}: frame {end} has no agent #{name[:64]}{hint}")
+
+
+def _last_frame_of(record: Record, name: str, end: int) -> int | None:
+    """The frame in which an agent disappeared, or None."""
+    cursor, there, died = Cursor(record), False, None
+    while (ahead := cursor.ahead) is not None and ahead.number < end:
+        there = agent_in(cursor.scene, name) is not None
+        gone = agent_in(cursor.advance(), name) is None
+        died = ahead.number if there and gone else died
+    return died
+
+
+def _check_attribute(record: Record, agent: AgentNode, attribute: str) -> None:
+    if attribute not in agent.names:
+        hint = nearest(attribute, [*agent.names], f"it has {', '.join(agent.names)}")
+        raise RecordError(f"{record.path}: {agent.symbol} has no attribute {attribute!r}{hint}")
+
+
+def past_frames(record: Record, begin: int, end: int) -> Iterator[PastFrame]:
+    """The frames from `begin` up to `end`, with inputs and state as far as recorded."""
+    cursor = Cursor(record, state=True, inputs=True)
+    cursor.skip_to(max(0, begin))
+    while (frame := cursor.ahead) is not None and frame.number < end:
+        cursor.settle()
+        before, checkpoint = cursor.scene, cursor.checkpoint
+        yield PastFrame(before, checkpoint, frame, cursor.advance())
+
+
+def end_of(record: Record, frame: int | None) -> int:
+    """The number of a frame whose initial string is asked for; None: the end of the record.
+
+    Raises RecordError if the record does not have it.
+    """
+    end = record.last()[0]
+    if frame is None:
+        return end
+    if not 0 <= frame <= end:
+        raise RecordError(f"{record.path}: it has {frames_up_to(end)}, not {frame}")
+    return frame

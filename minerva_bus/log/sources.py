@@ -1,0 +1,82 @@
+"""The sources of a frame's events: agents, generators, people and norms."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from minerva_bus.frame.collection import HANDED_OVER
+from minerva_bus.frame.inbox import AGENTS, PEOPLE
+from minerva_bus.grammar.batch import AnyEvent, Events, single
+from minerva_bus.grammar.digest import same_values
+from minerva_bus.grammar.events import Event
+from minerva_bus.log.explanation import EventSource
+from minerva_bus.log.past_frames import PastFrame
+from minerva_bus.world.norms import REFUSED, Norm
+
+
+def sources_of(past: PastFrame) -> dict[str, list[AnyEvent]]:
+    """What each source sent for a frame, before norms; empty for a record without inputs."""
+    inputs, sent = past.frame.inputs, dict[str, list[AnyEvent]]()
+    if inputs is not None:
+        for member, reply in inputs.ticked.items():
+            sent.setdefault(member, []).extend(reply.events)
+        for source, events in inputs.taken.items():
+            if source != HANDED_OVER:
+                sent.setdefault(source, []).extend(events)
+    if past.checkpoint is not None and past.checkpoint.emitted:
+        sent[AGENTS] = list(past.checkpoint.emitted)
+    return sent
+
+
+def source_of(
+    event: Event, frames: Mapping[int, PastFrame], number: int, norms: Sequence[Norm]
+) -> EventSource:
+    """The source of an event of frame `number`; `frames` are the frames before it, too."""
+    past = frames[number]
+    sent = sources_of(past)
+    for source in sorted(sent):
+        if source == AGENTS or not _has(sent[source], event):
+            continue
+        if source == PEOPLE:
+            return EventSource("person", "", number)
+        people = past.frame.inputs.people if past.frame.inputs is not None else ()
+        if source in people:
+            return EventSource("person", source, number)
+        return EventSource("generator", source, number, _order_before(event, frames, number))
+    if event.sender:
+        return EventSource("agent", event.sender, number - 1)
+    sanctions = {norm.sanction.type for norm in norms if norm.sanction is not None}
+    if event.type in sanctions or (norms and event.type == REFUSED):
+        return EventSource("norm", str(event.data.get("norm", "")), number - 1)
+    return EventSource("generator" if not sent else "unknown", "", number)
+
+
+def _has(sent: Sequence[AnyEvent], event: Event) -> bool:
+    """Whether an event, or one that contains its receiver, is among those of a source."""
+    for each in sent:
+        if each.type != event.type:
+            continue
+        own = each
+        if isinstance(each, Events) and event.receivers and each.receivers is not None:
+            own = each.to(event.receivers[0])
+        if any(same_event(event, row) for row in own):
+            return True
+    return False
+
+
+def same_event(a: Event, b: Event) -> bool:
+    """Whether two events have the same type, data and receivers; senders may differ."""
+    if a.type != b.type or not same_values(a.values, b.values):
+        return False
+    # A row of a batch names the receiver of that row alone.
+    return set(a.receivers) == set(b.receivers) or bool(set(a.receivers) & set(b.receivers))
+
+
+def _order_before(event: Event, frames: Mapping[int, PastFrame], number: int) -> str:
+    """The last order of a person of this type and with these data that members were given."""
+    for earlier in sorted((n for n in frames if n <= number), reverse=True):
+        inputs = frames[earlier].frame.inputs
+        for order in single(inputs.taken.get(HANDED_OVER, ()) if inputs is not None else ()):
+            if order.type == event.type and same_values(order.values, event.values):
+                return f"{order} in frame {earlier}"
+    return ""
