@@ -2,17 +2,26 @@
 
 import numpy as np
 import pytest
+from floor_plans import FloorPlan
 from floor_simulator import Simulator
 from robot_steps import after, robot
 
-from minerva_agents.robot.deciding import MAX_FAILURES, MAX_SEARCHES
 from minerva_agents.robot.knowledge import FREE, SEEN
 from minerva_agents.robot.motion import STAY, action_of, move_of
 from minerva_agents.robot.occupancy import OccupancyMap
+from minerva_agents.robot.patience import (
+    COUNT_FRAMES,
+    MAX_FAILURES,
+    MAX_SEARCHES,
+    METRES_PER_NEWS,
+    gives_up,
+    patience,
+    restart_search,
+)
 from minerva_agents.robot.robot import ARobot
 from minerva_agents.robot.vocabulary import eDecide
 from minerva_agents.robot.world import scene
-from minerva_bus import Frame, evolve
+from minerva_bus import Context, Frame, World, evolve, run
 from minerva_bus.grammar.scene import agents
 
 STANDING = {"action": action_of(STAY, "r", 0.18), "speed": 0.5, "objective": "kitchen"}
@@ -56,10 +65,39 @@ def test_it_gives_up_when_nothing_new_is_seen_for_long(planner):
     assert decision(robot(grid, **state, stale=200.0)) == []
 
 
-def test_news_keep_it_searching():
+def test_news_pay_for_driving():
     grid = np.full((40, 40), SEEN, np.int16)
     now = after(robot(grid, **STANDING, most_known=3000, stale=200.0), eDecide(), frame=20)
-    assert (now.most_known, now.stale) == (3200, 0.0)
+    paid = 200 * 0.1**2 * METRES_PER_NEWS / 0.5
+    assert (now.most_known, now.stale) == (3200, pytest.approx(200.1 - paid))
+
+
+def searching(**state):
+    (node,) = agents(robot(**STANDING, **state))
+    return ARobot.thaw(node)
+
+
+def test_single_cells_of_news_do_not_prolong_a_search_without_limit():
+    """Whenever the robot is about to give up, one more cell becomes known or is inspected."""
+    seeker, seconds, dt, shown = searching(), 0.0, 1.0, 0
+    area = seeker.grid.size * seeker.cell**2
+    limit = patience(seeker) + 2 * area * METRES_PER_NEWS * (MAX_SEARCHES + 1) / seeker.speed
+    while not gives_up(seeker, Context(Frame(round(seconds), dt), "#r")):
+        seconds += dt
+        assert seconds <= limit + COUNT_FRAMES * dt
+        if seeker.stale > patience(seeker) - 2 * COUNT_FRAMES * dt:
+            cell, shown = shown % seeker.grid.size, shown + 1
+            seeker.writable("grid").flat[cell] = FREE if shown <= seeker.grid.size else SEEN
+    assert shown > 1
+    assert seeker.objective == ""
+
+
+def test_a_restarted_search_may_inspect_everything_again():
+    grid = np.full((40, 40), SEEN, np.int16)
+    seeker = searching(grid=grid, most_known=3200, stale=50.0)
+    restart_search(seeker)
+    assert not gives_up(seeker, Context(Frame(COUNT_FRAMES, 0.1), "#r"))
+    assert (seeker.most_known, seeker.stale, seeker.searches) == (3200, 0.0, 1)
 
 
 def test_in_a_room_without_the_marker_it_stops(tmp_path):
@@ -75,3 +113,14 @@ def test_in_a_room_without_the_marker_it_stops(tmp_path):
     assert run.metres < 60
     (node,) = agents(simulator.scene)
     assert node.state["objective"] == ""
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(600)
+@pytest.mark.parametrize("seed", range(4))
+def test_a_marker_that_no_camera_recognises_is_reported(seed, tmp_path):
+    path = str(FloorPlan(seed).save(tmp_path))
+    world = World.load("robot", map=path, objective="bed", parcels="", camera_miss=1.0)
+    result = run(world, frames=20_000)
+    assert "eUnreachable" in result.events
+    assert result.frames < 20_000

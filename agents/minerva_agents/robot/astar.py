@@ -31,6 +31,7 @@ from minerva_agents.robot.knowledge import UNKNOWN, Cell, Mask, doubt, reopen
 from minerva_agents.robot.looking import forget_looks
 from minerva_agents.robot.motion import STAY, Move, turn_to, wrapped
 from minerva_agents.robot.narrows import Narrows
+from minerva_agents.robot.patience import restart_search
 from minerva_agents.robot.planning import GridPath, nearest, shortest_path
 from minerva_agents.robot.searching import Goal, SearchState, news_ahead, news_at, next_goal
 from minerva_bus import Context, portable
@@ -213,8 +214,7 @@ def _recover(robot: ARobot, closed: Mask, here: Cell, moment: Context) -> None:
     reopen(robot.writable("grid"))
     if robot.objective_cell() is None:
         forget_looks(robot.writable("grid"))
-        robot.been = robot.dull = ()
-        robot.searches += 1
+        restart_search(robot)
     path = _path_aside(robot, closed, here, moment)
     if path is not None:
         robot.pause = 0

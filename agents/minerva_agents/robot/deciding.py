@@ -5,9 +5,7 @@ The paper leaves the algorithm open and gives two examples: `random` (module `wa
 position where its next move begins, and returns that move; it may store a plan in the robot's
 state.
 
-A robot gives up its objective once everything is searched or nothing new is observed. The paper's
-robot searches forever: if its marker lies outside the walls, inside a pillar or does not exist, it
-would drive until its battery is empty without reporting a reason.
+A robot gives up an objective without prospect (see `patience`).
 """
 
 from __future__ import annotations
@@ -22,83 +20,12 @@ from minerva_agents.robot.ground import cell_of
 from minerva_agents.robot.knowledge import holds
 from minerva_agents.robot.looking import look
 from minerva_agents.robot.motion import STAY, Move
+from minerva_agents.robot.patience import gives_up
 from minerva_agents.robot.vocabulary import eReached
 from minerva_bus import Context
 
 if TYPE_CHECKING:
     from minerva_agents.robot.robot import ARobot
-
-
-from typing import TYPE_CHECKING
-
-import numpy as np
-
-from minerva_agents.robot.knowledge import SEEN, UNKNOWN
-from minerva_agents.robot.vocabulary import eUnreachable
-from minerva_bus import portable
-
-if TYPE_CHECKING:
-    from minerva_agents.robot.robot import ARobot
-
-
-MAX_SEARCHES: Final = 2
-"""Number of restarts of an exhausted search."""
-
-MAX_FAILURES: Final = 12
-"""Consecutive failed attempts to plan a path to a known marker."""
-
-_COUNT_FRAMES: Final = 20
-"""Frames between two counts of known cells."""
-
-_MIN_SECONDS: Final = 300.0
-_CROSSINGS: Final = 10.0
-"""Time without news before giving up: five minutes, plus ten crossings of the grid."""
-
-
-def gives_up(robot: ARobot, moment: Context) -> bool:
-    """Give up the objective, report why and clear it, if there is no prospect left."""
-    why = _why(robot, moment)
-    if not why:
-        return False
-    if robot.target:
-        errand.give_up(robot, why, moment)
-    else:
-        moment.emit(eUnreachable(robot.objective, why))
-        robot.seek("")
-    return True
-
-
-def _why(robot: ARobot, moment: Context) -> str:
-    if robot.objective_cell() is not None:
-        # The marker has been seen; from here on, only failed attempts to reach it count.
-        robot.stale = 0.0
-        return (
-            f"no way to it after {robot.failures} attempts"
-            if robot.failures >= MAX_FAILURES
-            else ""
-        )
-    if robot.searches > MAX_SEARCHES:
-        return f"not found, though the robot has looked everywhere {robot.searches} times"
-    _count_news(robot, moment)
-    if robot.stale > _patience(robot):
-        return f"not found, and nothing new seen for {robot.stale:.0f} s"
-    return ""
-
-
-def _count_news(robot: ARobot, moment: Context) -> None:
-    """Update the time since the number of known or inspected cells last grew."""
-    robot.stale += moment.dt
-    if moment.number % _COUNT_FRAMES:
-        return
-    known = np.count_nonzero(robot.grid != UNKNOWN) + np.count_nonzero(robot.grid >= SEEN)
-    if known > robot.most_known:
-        robot.most_known, robot.stale = int(known), 0.0
-
-
-def _patience(robot: ARobot) -> float:
-    across = portable.hypot(*robot.grid.shape) * robot.cell
-    return _MIN_SECONDS + _CROSSINGS * across / max(robot.speed, 0.01)
-
 
 PLANNERS: Final[Mapping[str, Callable[[ARobot, Context], Move]]] = {
     "astar": astar.decide,

@@ -68,8 +68,8 @@ class ARobot(Agent, symbol="ARobot", rest=("action",)):
         been: viewpoints visited in this search, as row * columns + column.
         dull: cells where a turn revealed nothing new, likewise.
         searches: how often the search for this objective was exhausted.
-        most_known: maximum number of known or inspected cells since this objective was set.
-        stale: time since that maximum last grew.
+        most_known: maximum number of known or inspected cells in this search.
+        stale: time that news have not paid for, see `patience`.
 
     Attributes of an errand, see `errand`:
         target: destination of the load; empty without an errand.
