@@ -277,7 +277,7 @@ class EvolutionStep:
         result, inbox = in_flight.result, algorithm.inbox
         algorithm.goal.note(result.sent, algorithm.out)
         # Before the replacement, because an agent that died in this frame has no place after it.
-        inbox.emitted = self._sent_in_order()
+        inbox.emitted = self.sent_in_order()
         try:
             algorithm.placement.outdated |= algorithm.composition.replace(result.changed)
         except VocabularyError as error:
@@ -304,7 +304,7 @@ class EvolutionStep:
         for fragment in result.rejected:
             placement.resend(fragment)
 
-    def _sent_in_order(self) -> list[AnyEvent]:
+    def sent_in_order(self) -> list[AnyEvent]:
         """The events that agents sent, in the order of the agents in the string."""
         sent = self._algorithm.in_flight.result.sent
         if not sent:

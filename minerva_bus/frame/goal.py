@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from typing import Any, Final
 
@@ -16,6 +17,11 @@ GIVEN_UP: Final = "~given up"
 
 _MAX_REASONS: Final = 3
 """Maximum number of agents that are named at the end with their reasons for giving up."""
+
+
+def all_sent(until: str) -> str:
+    """Reason for an end by `until`."""
+    return f"every agent has sent {until}"
 
 
 class WorldGoal:
@@ -51,11 +57,18 @@ class WorldGoal:
         reasons = [f"#{agent} has given up: {given_up[agent]}" for agent in sorted(given_up)]
         over = len(reasons) - _MAX_REASONS
         more = [f"and {over} more"] if over > 0 else []
-        return "; ".join([*reasons[:_MAX_REASONS], *more]) or f"every agent has sent {self._until}"
+        return "; ".join([*reasons[:_MAX_REASONS], *more]) or all_sent(self._until)
 
     def _striving_agents(self) -> Iterable[str]:
         kind = self._composition.kind
         return (agent for agent in self._composition.agents() if kind(agent) in self.striving)
+
+    def left(self) -> Mapping[str, int]:
+        """The number of agents of each kind that have not sent `until`."""
+        kind, left = self._composition.kind, Counter[str]()
+        if self._until:
+            left.update(map(kind, (a for a in self._composition.agents() if a not in self.reached)))
+        return left
 
     def _given_up(self) -> Mapping[str, Any]:
         """Agents that have sent `give_up` and not `until` since, with the event as text."""

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.collection import CollectionStep
+from minerva_bus.frame.description import World
 from minerva_bus.frame.evolution import EvolutionStep
 from minerva_bus.frame.members import MemberEntry
 
@@ -103,11 +104,20 @@ class LiveSource(FrameSource):
     def why_over(self) -> str:
         """Step 9: reason why no frame follows, or an empty string."""
         algorithm = self._algorithm
-        if algorithm.composition.empty:
-            return "the string is empty"
-        if algorithm.goal.finished:
-            return algorithm.goal.finished
-        # Last, because an empty string or a reached goal is the more specific reason.
-        if algorithm.world.frames and algorithm.frame >= algorithm.world.frames:
-            return "the frames are over"
-        return ""
+        composition, goal = algorithm.composition, algorithm.goal
+        return why_over(algorithm.world, algorithm.frame, composition.empty, goal.finished)
+
+
+def why_over(world: World, frame: int, empty: bool, finished: str) -> str:
+    """Step 9: reason why this frame does not begin, or an empty string.
+
+    `empty` is whether w is ε, and `finished` the reason of an end by the world's goal.
+    """
+    if empty:
+        return "the string is empty"
+    if finished:
+        return finished
+    # Last, because an empty string or a reached goal is the more specific reason.
+    if world.frames and frame >= world.frames:
+        return "the frames are over"
+    return ""

@@ -17,6 +17,7 @@ ORDER = [
     "world",
     "space",
     "frame",
+    "regions",
     "collect",
     "wire",
     "log",

@@ -1,0 +1,38 @@
+"""Parcels: what one region sends to another after a frame."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from minerva_bus.regions.merging import PlacedEvent, Units
+
+
+@dataclass(frozen=True, slots=True)
+class Progress:
+    """What every region has to know of another one's frame to end the world in the same frame.
+
+    `empty`: its string is ε. `reached`: its agents that have sent `until` so far, and `striving`
+    their kinds. `left`: the number of its agents of each kind that have not sent it.
+    """
+
+    empty: bool
+    reached: frozenset[str]
+    striving: frozenset[str]
+    left: Mapping[str, int]
+
+
+@dataclass(frozen=True, slots=True)
+class Parcel:
+    """The only message from one region to another in a frame.
+
+    `units` become part of the receiver's string, and `events` belong to the next frame, unless
+    `frame` is the last one.
+    """
+
+    frame: int
+    source: int
+    target: int
+    units: Units
+    events: tuple[PlacedEvent, ...]
+    progress: Progress

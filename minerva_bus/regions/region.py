@@ -1,0 +1,209 @@
+"""A region: the frame algorithm on a part of a world's string, between parcels of the others.
+
+A region runs through `enter`, one frame of its algorithm, and `leave`, which returns the parcels
+for the others. It needs their parcels of frame t before frame t+1 begins, and may therefore be at
+most one frame ahead of another region. It knows neither clocks nor how parcels travel; they may
+arrive in any order and more than once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from minerva_bus.frame.algorithm import FrameAlgorithm
+from minerva_bus.frame.description import World
+from minerva_bus.frame.goal import all_sent
+from minerva_bus.frame.live import LiveSource, why_over
+from minerva_bus.grammar.columns import Columns
+from minerva_bus.grammar.scene import Piece, Scene, agents
+from minerva_bus.regions.merging import PlacedEvent, Units, in_order, merged
+from minerva_bus.regions.parcel import Parcel, Progress
+from minerva_bus.regions.partition import Partition, regions_of
+from minerva_bus.regions.places import Place, SenderPlaces, after_frame
+from minerva_bus.regions.routing import Routing
+
+HOME = 0
+"""The region of units without agents; they stay where they are."""
+
+
+class RegionSource(LiveSource):
+    """The frames of a region; keeps the places of its nodes, and of the senders of its events."""
+
+    def __init__(self, algorithm: FrameAlgorithm) -> None:
+        super().__init__(algorithm)
+        self.places: Sequence[Place] = ()
+        self.sent: list[PlacedEvent] = []
+        self.commit = self._commit
+
+    def why_over(self) -> str:
+        """No reason: the region ends when all others do, which its algorithm does not know."""
+        return ""
+
+    def _commit(self) -> None:
+        algorithm = self._algorithm
+        composition, changed = algorithm.composition, algorithm.in_flight.result.changed
+        # Before the replacement, because agents that died in this frame have no place after it.
+        sent = self.evolution.sent_in_order()
+        senders = SenderPlaces(self.places, composition) if sent else None
+        self.sent = [PlacedEvent(senders.of(event), event) for event in sent] if senders else []
+        if changed:
+            self.places = after_frame(self.places, composition, changed, algorithm.frame)
+        self.evolution.commit()
+
+
+class Region:
+    """One region of a world. `partition` applies to the frames that begin next.
+
+    `over` is the reason why no further frame begins, known after `enter`, and `reached` whether the
+    world has ended by its goal.
+    """
+
+    def __init__(self, world: World, number: int, partition: Partition) -> None:
+        """`world` is the whole world, whose string is cut here, equally in each region."""
+        own = cut(world.scene, partition)[number]
+        self.number = number
+        self.partition = partition
+        self.over = ""
+        self.reached = False
+        self.algorithm = FrameAlgorithm(replace(world, scene=own.scene), RegionSource)
+        assert isinstance(self.algorithm.source, RegionSource)
+        self._source = self.algorithm.source
+        self._source.places = own.places
+        self._world = world
+        self._entered = 0
+        self._parcels: dict[int, dict[int, Parcel]] = {}
+        self._remaining: Units | None = None
+        self._settled: dict[int, Piece] = {}
+        self._settled_by = partition
+
+    @property
+    def frame(self) -> int:
+        """Number of the next frame, or of the one in progress."""
+        return self.algorithm.frame
+
+    @property
+    def units(self) -> Units:
+        """The region's part of w, before agents that leave it have been removed."""
+        return Units(self._source.places, self.algorithm.scene.pieces)
+
+    # --- before a frame ---
+
+    def receive(self, parcel: Parcel) -> None:
+        """Accept a parcel; those that arrive again do not count."""
+        if parcel.frame + 1 >= self._entered:
+            self._parcels.setdefault(parcel.frame, {}).setdefault(parcel.source, parcel)
+
+    @property
+    def ready(self) -> bool:
+        """Whether the parcels that the next frame needs have arrived."""
+        if self._is_first:
+            return True
+        return len(self._parcels.get(self.frame - 1, ())) == self.partition.count
+
+    def enter(self) -> None:
+        """Prepare the next frame from the parcels: agents that arrive, and events of all regions.
+
+        The world is over if `over` is set afterwards.
+        """
+        if self._is_first:
+            return
+        parcels = [parcel for _, parcel in sorted(self._parcels.pop(self.frame - 1).items())]
+        self._entered = self.frame + 1
+        self._join([parcel.units for parcel in parcels])
+        events = in_order(event for parcel in parcels for event in parcel.events)
+        self.algorithm.inbox.emitted = events
+        self._note_progress([parcel.progress for parcel in parcels])
+
+    @property
+    def _is_first(self) -> bool:
+        return self.frame == self._world.past.frame
+
+    def _join(self, arriving: Sequence[Units]) -> None:
+        remaining, self._remaining = self._remaining, None
+        if remaining is None and not any(arriving):
+            return
+        units = merged([self.units if remaining is None else remaining, *arriving])
+        self.algorithm.composition.become(units.scene)
+        self.algorithm.placement.outdated = True
+        self._source.places = units.places
+
+    def _note_progress(self, progress: Sequence[Progress]) -> None:
+        goal, until = self.algorithm.goal, self._world.until
+        goal.reached = goal.reached.union(*(each.reached for each in progress))
+        goal.striving = goal.striving.union(*(each.striving for each in progress))
+        left = sum(each.left.get(kind, 0) for each in progress for kind in goal.striving)
+        self.reached = bool(until and goal.reached) and not left
+        empty = all(each.empty for each in progress)
+        finished = all_sent(until) if self.reached else ""
+        self.over = why_over(self._world, self.frame, empty, finished)
+
+    # --- after a frame ---
+
+    def leave(self) -> list[Parcel]:
+        """The parcels after a frame, one for each region, itself included."""
+        frame, composition = self.frame - 1, self.algorithm.composition
+        leaving = self._leaving()
+        moving = {
+            agent.id: region for region, units in leaving.items() for agent in agents(units.scene)
+        }
+        routing = Routing(self.number, self.partition.count, composition, moving)
+        routed = routing.route(self._source.sent)
+        goal = self.algorithm.goal
+        progress = Progress(composition.empty, goal.reached, goal.striving, goal.left())
+        return [
+            Parcel(frame, self.number, to, leaving.get(to, NOTHING), tuple(events), progress)
+            for to, events in enumerate(routed)
+        ]
+
+    def _leaving(self) -> dict[int, Units]:
+        """The units whose agents are now in other regions, by region; the others remain."""
+        if self._settled_by is not self.partition:
+            self._settled, self._settled_by = {}, self.partition
+        regions: list[NDArray[np.intp]] = []
+        for piece in self.algorithm.scene.pieces:
+            own = np.full(piece.count, self.number, np.intp)
+            regions.append(own if id(piece) in self._settled else self._regions_of(piece, own))
+        if all((each == self.number).all() for each in regions):
+            # Pieces are kept, not only their ids: Python reuses the id of an object that is gone.
+            self._settled = {id(piece): piece for piece in self.algorithm.scene.pieces}
+            return {}
+        parts = divided(self.units, regions)
+        self._remaining = parts.pop(self.number, NOTHING)
+        return parts
+
+    def _regions_of(self, piece: Piece, own: NDArray[np.intp]) -> NDArray[np.intp]:
+        regions = regions_of(self.partition, piece)
+        return own if regions is None else regions
+
+
+NOTHING = Units((), ())
+
+
+def cut(scene: Scene, partition: Partition) -> list[Units]:
+    """The units of each region in a world's initial string."""
+    places = [(number,) for number in range(sum(piece.count for piece in scene.pieces))]
+    regions: list[NDArray[np.intp]] = []
+    for piece in scene.pieces:
+        of_agents = regions_of(partition, piece)
+        home = np.full(piece.count, HOME, np.intp)
+        regions.append(home if of_agents is None else of_agents)
+    parts = divided(Units(places, scene.pieces), regions)
+    return [parts.get(number, NOTHING) for number in range(partition.count)]
+
+
+def divided(units: Units, regions: Sequence[NDArray[np.intp]]) -> dict[int, Units]:
+    """Units by region; `regions` has the region of each node of each piece."""
+    places: dict[int, list[Place]] = {}
+    pieces: dict[int, list[Piece]] = {}
+    for (own, piece), each in zip(units.each(), regions, strict=True):
+        for region in np.unique(each).tolist():
+            rows = np.flatnonzero(each == region)
+            whole = len(rows) == piece.count
+            places.setdefault(region, []).extend(own[row] for row in rows.tolist())
+            part = piece if whole or not isinstance(piece, Columns) else piece.take(rows)
+            pieces.setdefault(region, []).append(part)
+    return {region: Units(places[region], tuple(pieces[region])) for region in sorted(places)}

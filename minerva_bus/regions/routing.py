@@ -1,0 +1,76 @@
+"""Routing: which regions need the events of a region's agents."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from minerva_bus.frame.composition import Composition
+from minerva_bus.grammar.batch import AnyEvent, Events
+from minerva_bus.grammar.ids import Ids
+from minerva_bus.regions.merging import PlacedEvent
+
+ELSEWHERE: Final = -1
+
+
+class Routing:
+    """Routes the events of one frame.
+
+    An event without receivers goes to all regions. One for an agent of this region stays here, or
+    follows the agent. One for an agent that is elsewhere goes to all regions: only the region that
+    has an agent knows it, and the agent may be on its way to this region.
+    """
+
+    def __init__(
+        self, number: int, count: int, composition: Composition, moving: Mapping[str, int]
+    ) -> None:
+        """`composition` includes the agents `moving`, which have the region to which they go."""
+        self._number = number
+        self._regions = range(count)
+        self._composition = composition
+        self._moving = moving
+        self._moving_ids = Ids.of(list(moving)) if moving else None
+        self._targets = np.array(list(moving.values()), np.intp)
+
+    def route(self, placed: Iterable[PlacedEvent]) -> list[list[PlacedEvent]]:
+        """The events for each region, in their order."""
+        routed: list[list[PlacedEvent]] = [[] for _ in self._regions]
+        for each in placed:
+            event = each.event
+            if isinstance(event, Events) and event.receivers is not None:
+                self._divide(each, event.receivers, routed)
+                continue
+            regions = self._regions_of(event) if event.receivers else self._regions
+            for region in regions:
+                routed[region].append(each)
+        return routed
+
+    def _regions_of(self, event: AnyEvent) -> set[int]:
+        regions = set[int]()
+        for receiver in event.receivers or ():
+            if receiver in self._moving:
+                regions.add(self._moving[receiver])
+            elif self._composition.home(receiver) is not None:
+                regions.add(self._number)
+            else:
+                regions.update(self._regions)
+        return regions
+
+    def _divide(self, batch: PlacedEvent, receivers: Ids, routed: list[list[PlacedEvent]]) -> None:
+        homes = self._homes(receivers)
+        for region in self._regions:
+            rows = np.flatnonzero((homes == region) | (homes == ELSEWHERE))
+            if len(rows):
+                routed[region].append(batch.take(rows))
+
+    def _homes(self, receivers: Ids) -> NDArray[np.intp]:
+        """The region of each receiver, shape (n,), or `ELSEWHERE`."""
+        homes = np.full(len(receivers), ELSEWHERE, np.intp)
+        homes[self._composition.kinds(receivers) != ""] = self._number
+        if self._moving_ids is not None:
+            rows = self._moving_ids.rows_of(receivers)
+            homes[rows >= 0] = self._targets[rows[rows >= 0]]
+        return homes

@@ -1,0 +1,176 @@
+"""Laws of regions: together they have the string of a single coordinator in every frame."""
+
+from dataclasses import dataclass, field
+from functools import cache
+from random import Random
+from zlib import crc32
+
+import hypothesis.strategies as st
+import nomads
+import pytest
+from hypothesis import HealthCheck, given, settings
+
+from minerva_bus.errors import MisuseError
+from minerva_bus.frame import stimuli as s
+from minerva_bus.frame.algorithm import FrameAlgorithm
+from minerva_bus.frame.description import World
+from minerva_bus.frame.member import Member
+from minerva_bus.grammar.columns import packed
+from minerva_bus.grammar.scene import Scene
+from minerva_bus.regions.merging import merged
+from minerva_bus.regions.partition import ByFunction, ById, ByPosition
+from minerva_bus.regions.region import Region
+from minerva_bus.runtime.direct import InProcessRunner
+from minerva_bus.testing.family import (
+    FAMILY,
+    FAMILY_VOCABULARY,
+    Caller,
+    Mortal,
+    Parent,
+    Walker,
+    eHit,
+)
+from minerva_bus.testing.strategies import family_events, family_strings, with_unique_ids
+
+NEIGHBOURS = 40  # enough neighbours of one kind to be held in columns
+
+
+def population(kind):
+    nodes = [node for n in range(NEIGHBOURS) for node in kind(f"population{n}").string.nodes]
+    return packed(Scene(tuple(nodes)))
+
+
+def restless(name, state):
+    """A region that changes with nearly every change of an agent."""
+    return crc32(f"{name}{state}".encode()) % 4
+
+
+PARTITIONS = {
+    1: [ById(1)],
+    2: [ById(2), ByPosition((0.5,))],
+    4: [ById(4), ByPosition((0.5,), (2.5,), ("x", "energy")), ByFunction(4, restless)],
+    9: [ById(9), ByPosition((0.0, 1.0), (1.0, 2.0), ("x", "energy"))],
+    16: [ById(16), ByPosition((-1.0, 0.0, 1.0), (1.0, 2.0, 3.0), ("x", "energy"))],
+}
+strings = st.tuples(
+    family_strings(),
+    st.sampled_from([Scene(), *map(population, (Walker, Parent, Caller))]),
+    family_strings(),
+).map(lambda parts: FAMILY_VOCABULARY.check(joined(parts)))
+
+
+def joined(parts):
+    first, middle, last = parts
+    # Drawn ids are shorter than those of populations.
+    pieces = with_unique_ids(first + last).pieces
+    cut = len(first.pieces)
+    return Scene((*pieces[:cut], *middle.pieces, *pieces[cut:]))
+
+
+def members(world):
+    kinds = FAMILY if world.vocabulary is FAMILY_VOCABULARY else nomads.KINDS
+    return [Member("hosts", None, kinds)]
+
+
+def begin(runner, events):
+    """Run one frame with these events of a generator."""
+    runner.algorithm.inbox.replace({"generator": events})
+    runner.handle(s.Begin())
+
+
+def digests_of_one(world, frames):
+    algorithm = FrameAlgorithm(world)
+    runner = InProcessRunner(algorithm, members(world))
+    runner.start()
+    digests = []
+    for events in frames:
+        begin(runner, events)
+        digests.append(algorithm.scene.digest)
+    return digests
+
+
+@dataclass
+class Regions:
+    """Regions that run in any order, with parcels that arrive in any order and repeatedly."""
+
+    world: World
+    frames: list
+    partitions: list
+    chance: Random
+    ahead: int = 0
+    parcels: list = field(default_factory=list)
+    units: dict = field(default_factory=dict)
+
+    def digests(self):
+        first = self.partitions[0]
+        runners = {}
+        for number in range(first.count):
+            region = Region(self.world, number, first)
+            runners[number] = region, InProcessRunner(region.algorithm, members(self.world))
+            runners[number][1].start()
+        while any(region.frame < len(self.frames) for region, _ in runners.values()):
+            region, runner = runners[self.chance.randrange(first.count)]
+            if region.frame < len(self.frames) and region.ready:
+                self.advance(region, runner)
+            numbers = [region.frame for region, _ in runners.values()]
+            self.ahead = max(self.ahead, max(numbers) - min(numbers))
+            self.deliver(runners)
+        return [merged(units).scene.digest for _, units in sorted(self.units.items())]
+
+    def advance(self, region, runner):
+        frame = region.frame
+        region.enter()
+        begin(runner, self.frames[frame])
+        self.units.setdefault(frame, []).append(region.units)
+        region.partition = self.partitions[(frame + 1) % len(self.partitions)]
+        self.parcels += region.leave()
+
+    def deliver(self, runners):
+        for _ in range(self.chance.randrange(len(self.parcels) + 1)):
+            parcel = self.chance.choice(self.parcels)
+            if self.chance.random() < 0.8:  # Otherwise it arrives once more.
+                self.parcels.remove(parcel)
+            runners[parcel.target][0].receive(parcel)
+
+
+FRAMES = [[nomads.eStep(), nomads.eCall(value=n, receivers=["n1", "s2"])] for n in range(6)]
+
+
+@cache
+def nomads_of_one(seed):
+    return digests_of_one(World("w", nomads.string(), nomads.VOCABULARY, seed=seed), FRAMES)
+
+
+@pytest.mark.parametrize("count", sorted(PARTITIONS))
+@pytest.mark.parametrize("seed", [0])
+def test_regions_keep_births_deaths_calls_and_migration_in_order(count, seed):
+    world = World("w", nomads.string(), nomads.VOCABULARY, seed=seed)
+    regions = Regions(world, FRAMES, PARTITIONS[count], Random(seed))
+    assert regions.digests() == nomads_of_one(seed)
+    assert regions.ahead == (count > 1)
+
+
+@settings(max_examples=20, deadline=None, suppress_health_check=list(HealthCheck))
+@given(
+    strings.flatmap(
+        lambda w: st.tuples(st.just(w), st.lists(family_events(w), min_size=2, max_size=4))
+    ),
+    st.sampled_from(sorted(PARTITIONS)).flatmap(lambda count: st.permutations(PARTITIONS[count])),
+    st.integers(0, 99),
+)
+def test_regions_have_the_string_of_one_coordinator_in_every_frame(case, partitions, seed):
+    w, frames = case
+    world = World("w", w, FAMILY_VOCABULARY, seed=seed)
+    regions = Regions(world, frames, partitions, Random(seed))
+    assert regions.digests() == digests_of_one(world, frames)
+    assert regions.ahead <= 1
+
+
+def test_a_node_without_an_author_is_refused_in_columns():
+    world = World("w", population(Mortal), FAMILY_VOCABULARY)
+    region = Region(world, 0, ById(1))
+    runner = InProcessRunner(region.algorithm, members(world))
+    runner.start()
+    region.enter()
+    with pytest.raises(MisuseError, match="AMortal, held in columns"):
+        begin(runner, [eHit(amount=2.0, receivers=["population3"])])
