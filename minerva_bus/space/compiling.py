@@ -14,6 +14,7 @@ from typing import Any, Final
 from minerva_bus.compiled.loading import generated, versions
 from minerva_bus.compiled.origin import NotCompilable
 from minerva_bus.space.checking import uncompilable
+from minerva_bus.space.guarded import Guard
 from minerva_bus.space.kernels import (
     ALLOCATING_OPTIONS,
     OPTIONS,
@@ -71,7 +72,7 @@ class RuleLoop:
     def _compile(self) -> Function:
         library = numba()
         scope = {
-            name: value.compiled if isinstance(value, Kernel) else value
+            name: value.compiled if isinstance(value, Kernel | Guard) else value
             for name, value in self.scope.items()
         }
         options = repr(sorted(OPTIONS.items()))
@@ -106,7 +107,13 @@ class RuleLoop:
         """Digests of the objects in the scope, by name."""
         for name, value in sorted(self.scope.items()):
             yield name
-            yield key(value.function) if isinstance(value, Kernel) else str(value._fields)
+            match value:
+                case Kernel():
+                    yield key(value.function)
+                case Guard():
+                    yield value.key
+                case _:
+                    yield str(value._fields)
 
 
 def _with_globals(module: ModuleType, scope: Mapping[str, Any]) -> Function:

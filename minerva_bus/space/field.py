@@ -6,7 +6,7 @@ import math
 from typing import Any, Final, NamedTuple
 
 from minerva_bus.space.kernels import kernel
-from minerva_bus.space.occupancy import FIRST, NEXT, move_to
+from minerva_bus.space.occupancy import FIRST, FOUND, NEXT, move_to
 
 MARGIN: Final = 1e-9
 
@@ -72,6 +72,7 @@ def near(table: Any, x: float, y: float, radius: float, other_than: int) -> int:
     top, rows = cells_between(y - radius, y + radius, field.height, field.down, field.periodic)
     half_width, half_height, square = 0.5 * field.width, 0.5 * field.height, radius * radius
     count = 0
+    table.counts[FOUND] = table.links.shape[1]
     for _ in range(columns):
         v = top
         for _ in range(rows):
@@ -93,6 +94,7 @@ def near(table: Any, x: float, y: float, radius: float, other_than: int) -> int:
                 j = table.links[NEXT, j]
             v = v + 1 if v + 1 < field.down else 0
         u = u + 1 if u + 1 < field.across else 0
+    table.counts[FOUND] = count
     return count
 
 

@@ -18,6 +18,16 @@ class CellGrid(NamedTuple):
     periodic: bool
 
 
+NO_CELL = "a cell is outside of the lattice, as -1 of `beside` or `random_free` is; test it before"
+
+
+@kernel
+def inside(lattice: CellGrid, cell: int) -> None:
+    """Raise IndexError if there is no such cell."""
+    if not 0 <= cell < lattice.width * lattice.height:
+        raise IndexError(NO_CELL)
+
+
 @kernel
 def row_of(lattice: CellGrid, cell: int) -> int:
     """The row y of a cell."""
@@ -28,6 +38,7 @@ def row_of(lattice: CellGrid, cell: int) -> int:
 @kernel
 def beside(lattice: CellGrid, cell: int, dx: int, dy: int) -> int:
     """The cell at a distance of dx columns and dy rows; -1 if it is outside."""
+    inside(lattice, cell)
     row = row_of(lattice, cell)
     x, y = cell - row * lattice.width + dx, row + dy
     if 0 <= x < lattice.width and 0 <= y < lattice.height:

@@ -11,21 +11,24 @@ from typing import Any
 
 from minerva_bus.space.draws import Draws, integers
 from minerva_bus.space.kernels import kernel
-from minerva_bus.space.lattice import row_of
+from minerva_bus.space.lattice import NO_CELL, inside, row_of
 
 # Rows of `table.links`: the next and the previous row in the same cell, and whether a row exists.
 NEXT, PREVIOUS, ALIVE = 0, 1, 2
 # Rows of `table.places`: the first row in each cell, the free cells, and where a cell is in these.
 FIRST, FREE, SLOT = 0, 1, 2
-# Items of `table.counts`: rows in use, and free cells.
-ROWS, VACANT = 0, 1
+# Items of `table.counts`: rows in use, free cells, and rows that the last search has found.
+ROWS, VACANT, FOUND = 0, 1, 2
 
 TOO_MANY = "one activation made more copies than `births` of the rule allows"
+REMOVED = "a row that was removed cannot move or be removed again"
 
 
 @kernel
 def place(table: Any, i: int, cell: int) -> None:
     """Enter row i into the list of a cell."""
+    if not 0 <= cell < table.places.shape[1]:
+        raise IndexError(NO_CELL)
     first = table.places[FIRST, cell]
     table.links[NEXT, i], table.links[PREVIOUS, i], table.cell[i] = first, -1, cell
     table.places[FIRST, cell] = i
@@ -43,6 +46,8 @@ def place(table: Any, i: int, cell: int) -> None:
 def take_out(table: Any, i: int) -> None:
     """Remove row i from the list of its cell."""
     cell, before, after = table.cell[i], table.links[PREVIOUS, i], table.links[NEXT, i]
+    if not table.links[ALIVE, i]:
+        raise IndexError(REMOVED)
     if after >= 0:
         table.links[PREVIOUS, after] = before
     if before >= 0:
@@ -73,8 +78,8 @@ def remove(table: Any, i: int) -> None:
 @kernel
 def copy(table: Any, i: int) -> int:
     """Add a copy of row i in its cell, with a new id; returns its row."""
-    j = table.counts[ROWS]
-    if j == len(table.cell):
+    j, cell = table.counts[ROWS], table.cell[i]
+    if j == table.links.shape[1]:
         raise IndexError(TOO_MANY)
     table.counts[ROWS] = j + 1
     for column in range(len(table.values)):
@@ -82,13 +87,15 @@ def copy(table: Any, i: int) -> int:
     table.values[0, j] = table.births[0]
     table.births[0] += 1
     table.links[ALIVE, j] = 1
-    place(table, j, table.cell[i])
+    place(table, j, cell)
     return j
 
 
 @kernel
 def random_at(table: Any, cell: int, draws: Draws) -> int:
     """A random row of a cell; -1 if there is none. Draws only if there are several."""
+    if not 0 <= cell < table.places.shape[1]:
+        raise IndexError(NO_CELL)
     first = table.places[FIRST, cell]
     if first < 0 or table.links[NEXT, first] < 0:
         return first
@@ -117,6 +124,8 @@ def within(table: Any, cell: int, radius: int) -> int:
     on, until the next search.
     """
     lattice, count = table.lattice, 0
+    table.counts[FOUND] = table.links.shape[1]
+    inside(lattice, cell)
     y = row_of(lattice, cell)
     x = cell - y * lattice.width
     left, right = span(x, radius, lattice.width, lattice.periodic)
@@ -127,6 +136,7 @@ def within(table: Any, cell: int, radius: int) -> int:
             while j >= 0:
                 table.nearby[count] = j
                 count, j = count + 1, table.links[NEXT, j]
+    table.counts[FOUND] = count
     return count
 
 

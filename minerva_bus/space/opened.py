@@ -63,7 +63,7 @@ class Opened:
         count, cells = matrix.shape[1], _cells(self.shape)
         self.arrays |= {
             "places": np.empty((3, cells), np.int64),
-            "counts": np.array([count, cells]),
+            "counts": np.array([count, cells, 0]),
             "values": np.array(matrix),
             "links": np.empty((3, count), np.int64),
             "cell": np.empty(count, np.int64),

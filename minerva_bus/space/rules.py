@@ -15,11 +15,12 @@ from minerva_bus.space.checking import check_rule
 from minerva_bus.space.compiling import RuleLoop
 from minerva_bus.space.draws import Draws, shuffle
 from minerva_bus.space.field import FieldGrid
+from minerva_bus.space.guarded import Guard
 from minerva_bus.space.kernels import Kernel
 from minerva_bus.space.lattice import CellGrid
-from minerva_bus.space.occupancy import ALIVE, ROWS, TOO_MANY
+from minerva_bus.space.occupancy import ALIVE, FOUND, ROWS, TOO_MANY
 from minerva_bus.space.opened import loops_of_table
-from minerva_bus.space.tables import InField, Inhabitants, columns_of
+from minerva_bus.space.tables import INDEX, InField, Inhabitants, columns_of
 
 
 class Activation(Enum):
@@ -108,16 +109,23 @@ class SpaceRule:
         return self.parameters[0]
 
     def _driver(self) -> RuleLoop:
-        """A loop over rows; it stops early if a table has too little room for newborns."""
+        """A loop over the rows at `begin` to `end`; `progress` has the place of the current one.
+
+        It stops early, and returns the place, if a table has too little room for newborns.
+        """
         heads, types, calls, scope = self._arguments()
         tables = [n for n, p in enumerate(self.parameters) if p.table and p.name != BEFORE]
-        room = [f"len(p{n}.cell) - p{n}.counts[{ROWS}] < {self.births}" for n in tables]
+        room = [f"p{n}.links.shape[1] - p{n}.counts[{ROWS}] < {self.births}" for n in tables]
         over = [f"p{n}.counts[{ROWS}] > u{n} + {self.births}" for n in tables]
-        lines = [f"def drive(begin, rows, draws, {', '.join(heads)}):"]
+        lines = [f"def drive(begin, end, rows, progress, draws, {', '.join(heads)}):"]
         lines += [f"    p{number} = {call}" for number, call in enumerate(calls)]
         if self.order is SHUFFLED:
             lines += ["    if begin == 0:", "        shuffle(draws, rows)"]
-        lines += ["    for k in range(begin, len(rows)):", "        i = rows[k]"]
+        lines += [
+            "    for k in range(begin, end):",
+            "        i = rows[k]",
+            "        progress[0] = k",
+        ]
         if self.subject.table is not None:
             lines += [f"        if not p0.links[{ALIVE}, i]:", "            continue"]
         if tables and self.births:
@@ -129,8 +137,9 @@ class SpaceRule:
                 f"        if {' or '.join(over)}:",
                 f"            raise IndexError({TOO_MANY!r})",
             ]
-        lines += ["    return len(rows)", ""]
-        signature = f"int64({', '.join(['int64', 'int64[::1]', 'uint64[::1]', *types])})"
+        lines += ["    return end", ""]
+        first = ("int64", "int64", "int64[::1]", "int64[::1]", "uint64[::1]")
+        signature = f"int64({', '.join([*first, *types])})"
         return RuleLoop(self.name, "\n".join(lines), scope, signature)
 
     def _arguments(self) -> tuple[list[str], list[str], list[str], dict[str, Any]]:
@@ -188,18 +197,32 @@ def loops_of(rules: Iterable[SpaceRule]) -> list[RuleLoop]:
 def _built(parameter: RuleParameter, names: list[str], number: int, scope: dict[str, Any]) -> str:
     """The expression of a parameter's value from the arguments of the driver."""
     if parameter.table is not None:
-        kind, shape = (
-            parameter.table,
-            FieldGrid if issubclass(parameter.table, InField) else CellGrid,
-        )
-        scope |= {f"T{number}": kind.type, shape.__name__: shape}
-        size = len(_SHAPES[shape])
-        inner = f"{shape.__name__}({', '.join(names[-size:])})"
-        return f"T{number}({', '.join([*names[:-size], inner])})"
+        return _table(parameter.name, parameter.table, names, number, scope)
+    if parameter.matrix:
+        scope[f"g{number}"] = Guard(parameter.name)
+        return f"g{number}({names[0]}, rows)"
     if parameter.type is CellGrid:
         scope["CellGrid"] = CellGrid
         return f"CellGrid({', '.join(names)})"
     return names[0]
+
+
+def _table(
+    name: str, kind: type[Inhabitants], names: list[str], number: int, scope: dict[str, Any]
+) -> str:
+    """The tuple of a table, whose columns and lists of neighbours are guarded."""
+    shape = FieldGrid if issubclass(kind, InField) else CellGrid
+    scope |= {f"T{number}": kind.type, shape.__name__: shape}
+    size = len(_SHAPES[shape])
+    counts = names[INDEX.index("counts")]
+    made = names[:-size]
+    for part in range(INDEX.index("cell"), len(made)):
+        field = kind.type._fields[part]
+        guard = f"g{number}_{part}"
+        scope[guard] = Guard(f"{name}.{field}", FOUND if field in kind.extra else ROWS)
+        made[part] = f"{guard}({names[part]}, {counts})"
+    inner = f"{shape.__name__}({', '.join(names[-size:])})"
+    return f"T{number}({', '.join([*made, inner])})"
 
 
 def _parameters(function: Callable[..., None], name: str) -> tuple[RuleParameter, ...]:

@@ -1,0 +1,90 @@
+"""Arrays of a rule that refuse every index but those of rows or cells that exist.
+
+numpy and numba read a negative index from the end of an array, and the arrays of a table have room
+for newborns after its rows. A rule that computes an index, such as `i - 1` or the result of
+`beside`, must not read or change those.
+"""
+
+from __future__ import annotations
+
+import operator
+from dataclasses import dataclass
+from functools import cache
+from hashlib import blake2b
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+ALL: Final = -1
+"""In place of an item of `counts`: all items of the array may be used."""
+
+
+class Guarded:
+    """An array as a rule that runs as Python sees it."""
+
+    __slots__ = ("_counts", "_name", "_slot", "_values")
+
+    def __init__(
+        self, name: str, values: NDArray[Any], counts: NDArray[np.int64], slot: int
+    ) -> None:
+        self._name = name
+        self._values = values
+        self._counts = counts
+        self._slot = slot
+
+    def __len__(self) -> int:
+        return len(self._values) if self._slot == ALL else int(self._counts[self._slot])
+
+    def __getitem__(self, index: int) -> Any:
+        # A number of Python, because numpy's have no ZeroDivisionError, and fewer bits.
+        return self._values[self._checked(index)].item()
+
+    def __setitem__(self, index: int, value: float) -> None:
+        self._values[self._checked(index)] = value
+
+    def _checked(self, index: Any) -> int:
+        try:
+            place = operator.index(index)
+        except TypeError:
+            raise TypeError(f"{self._name}[{index!r}]: a rule has one int as index") from None
+        if not 0 <= place < len(self):
+            raise IndexError(f"{self._name}[{index}]: the index must be from 0 to {len(self) - 1}")
+        return place
+
+
+@dataclass(frozen=True, slots=True)
+class Guard:
+    """Makes the guarded form of an array, with its number of items in `counts`.
+
+    Attributes:
+        name: of the array, for messages.
+        slot: the item of `counts` with the number of items that exist, or ALL.
+
+    """
+
+    name: str
+    slot: int = ALL
+
+    def __call__(self, values: NDArray[Any], counts: NDArray[np.int64]) -> Guarded:
+        return Guarded(self.name, values, counts, self.slot)
+
+    @property
+    def compiled(self) -> Any:
+        """The same for machine code. Raises ImportError without numba."""
+        # Here, because numba is optional.
+        from minerva_bus.space.machine import guard
+
+        return guard(self.slot)
+
+    @property
+    def key(self) -> str:
+        """A digest of what machine code with it depends on."""
+        return f"{self.slot} {_source()}"
+
+
+@cache
+def _source() -> str:
+    """A digest of the type of numba, which changes between two versions."""
+    return blake2b(Path(__file__).with_name("machine.py").read_bytes()).hexdigest()

@@ -1,0 +1,167 @@
+"""A space while rules are applied to it: its tables and matrices as arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from minerva_bus.errors import MinervaError, MisuseError
+from minerva_bus.space.draws import Draws
+from minerva_bus.space.kernels import interpreted, interpreting
+from minerva_bus.space.lattice import CellGrid
+from minerva_bus.space.occupancy import ROWS
+from minerva_bus.space.opened import Opened
+from minerva_bus.space.rules import BEFORE, RuleParameter, SpaceRule
+from minerva_bus.world.context import Context
+
+if TYPE_CHECKING:
+    from minerva_bus.space.space import Space
+
+
+@dataclass(frozen=True, slots=True)
+class Failure:
+    """An error of machine code, in the activation at `place` of the last of `rules` rules."""
+
+    error: Exception
+    rules: int
+    place: int
+
+
+@dataclass(frozen=True, slots=True)
+class _Started:
+    """A rule with the rows for which it runs, in order, and the state before it, if it asks."""
+
+    rule: SpaceRule
+    rows: NDArray[np.int64]
+    before: list[Any]
+
+
+class OpenedSpace:
+    """The tables and matrices of a space, opened once for several rules."""
+
+    def __init__(self, space: Space, moment: Context, data: dict[str, float]) -> None:
+        self._space = space
+        self._moment = moment
+        self._data = data
+        self._lattice = CellGrid(int(space.width), int(space.height), space.periodic)
+        self._births = np.array([space.births])
+        self._draws: Draws = np.array([moment.chance.word], np.uint64)
+        self._tables: dict[str, Opened] = {}
+        self._originals: dict[str, NDArray[Any]] = {}
+        self._progress = np.zeros(1, np.int64)
+
+    def failure(self, rules: Sequence[SpaceRule]) -> Failure | None:
+        """Apply rules in turn; the error of machine code that ended this early.
+
+        Raises any error of rules that run as Python, and MisuseError.
+        """
+        for number, each in enumerate(rules, 1):
+            try:
+                self._apply(each)
+            except MinervaError:
+                raise
+            except Exception as error:
+                if interpreting():
+                    raise
+                return Failure(error, number, int(self._progress[0]))
+        return None
+
+    def repeat(self, rules: Sequence[SpaceRule], place: int) -> None:
+        """Apply rules again, and only the activation at a place of the last one as Python."""
+        *earlier, last = rules
+        for each in earlier:
+            self._apply(each)
+        started = self._start(last)
+        self._activate(started, 0, place)
+        with interpreted():
+            self._activate(started, place, place + 1)
+
+    def reset(self) -> None:
+        """Give the space the matrices that it had before the rules."""
+        for name, matrix in self._originals.items():
+            setattr(self._space, name, matrix)
+
+    def _apply(self, rule: SpaceRule) -> None:
+        """Run a rule for all rows that exist at its start."""
+        started = self._start(rule)
+        self._activate(started, 0, len(started.rows))
+
+    def _start(self, rule: SpaceRule) -> _Started:
+        subject = rule.subject
+        before = self._snapshot(subject) if any(p.name == BEFORE for p in rule.parameters) else []
+        return _Started(rule, np.arange(self._count(subject)), before)
+
+    def _activate(self, started: _Started, begin: int, end: int) -> None:
+        """Run a rule for the rows at these places of its order."""
+        rule = started.rule
+        while begin < end:
+            for parameter in rule.parameters if rule.births else ():
+                if parameter.table is not None and parameter.name != BEFORE:
+                    self._table(parameter).reserve(rule.births)
+            arguments: list[Any] = []
+            for parameter in rule.parameters:
+                known = parameter.name == BEFORE
+                arguments += started.before if known else self._arguments(parameter)
+            begin = rule.drive(begin, end, started.rows, self._progress, self._draws, *arguments)
+
+    def close(self) -> None:
+        """Write everything back to the space and its stream."""
+        for name, table in self._tables.items():
+            setattr(self._space, name, table.close())
+        self._space.births = int(self._births[0])
+        self._moment.chance.word = int(self._draws[0])
+
+    def _count(self, subject: RuleParameter) -> int:
+        if subject.table is not None:
+            return int(self._table(subject).arrays["counts"][ROWS])
+        return self._attribute(subject).size
+
+    def _snapshot(self, subject: RuleParameter) -> list[Any]:
+        if subject.table is not None:
+            return self._table(subject).snapshot().arguments()
+        return [argument.copy() for argument in self._arguments(subject)]
+
+    def _arguments(self, parameter: RuleParameter) -> list[Any]:
+        if parameter.table is not None:
+            return self._table(parameter).arguments()
+        if parameter.type == Draws:
+            return [self._draws]
+        if parameter.type is CellGrid:
+            return [*self._lattice]
+        if parameter.matrix:
+            return [self._matrix(parameter)]
+        if parameter.name in self._data:
+            return [self._data[parameter.name]]
+        return [self._attribute(parameter)]
+
+    def _matrix(self, parameter: RuleParameter) -> NDArray[Any]:
+        """The cells of a matrix, writable and in one dimension."""
+        name, matrix = parameter.name, self._attribute(parameter)
+        if name not in self._originals:
+            self._originals[name] = matrix.copy() if matrix.flags.writeable else matrix
+        return self._space.writable(name).reshape(-1)
+
+    def _table(self, parameter: RuleParameter) -> Opened:
+        opened = self._tables.get(parameter.name)
+        if opened is None:
+            kind: Any = parameter.table
+            matrix = self._attribute(parameter)
+            extent = self._space.width, self._space.height
+            opened = Opened.of(kind, matrix, self._lattice, extent, self._births)
+            self._tables[parameter.name] = opened
+        return opened
+
+    def _attribute(self, parameter: RuleParameter) -> Any:
+        if parameter.name not in self._space.kind.fields.names:
+            raise MisuseError(
+                f"{self._space.kind.name} has no attribute {parameter.name}, which a rule expects;"
+                " declare it in the class, or pass a number to `run`"
+            )
+        value: Any = getattr(self._space, parameter.name)
+        if (parameter.table or parameter.matrix) and not isinstance(value, np.ndarray):
+            raise MisuseError(f"{self._space.kind.name}.{parameter.name} must be a matrix")
+        return cast("Any", value)
