@@ -24,6 +24,8 @@ EXTRAS: Final = {
     "opengl": (("moderngl", "pygame"), "a window in 3D"),
     "web": (("viser",), "a page"),
     "page": (("websockets",), "pages that are members, also on phones"),
+    "foxglove": (("foxglove",), "live views in Foxglove"),
+    "rerun": (("rerun",), "recordings for Rerun"),
     "top": (("textual",), "the terminal dashboard"),
     "record": (("mcap",), "records of runs"),
     "plot": (("matplotlib",), "plots of records"),

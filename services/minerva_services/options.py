@@ -70,6 +70,18 @@ def event_types(service: str, text: str) -> tuple[str, ...]:
     return types
 
 
+def check_port(service: str, port: int) -> None:
+    """Raise MisuseError if a port is not one, and not 0."""
+    if not 0 <= port <= 65535:
+        raise MisuseError(f"{service}: port is {port}; expected 1 to 65535, or 0 for a free one")
+
+
+def check_rate(service: str, rate: float) -> None:
+    """Raise MisuseError for a rate of views that is not possible."""
+    if not 0 < rate <= 1000:
+        raise MisuseError(f"{service}: rate is {rate:g}; expected up to 1000 views per second")
+
+
 def require(service: str, module: str, library: str, extra: str) -> None:
     """Raise MisuseError, with the command that installs it, if a library is not installed.
 

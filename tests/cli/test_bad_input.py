@@ -154,12 +154,15 @@ def test_symbols_are_checked_with_a_vocabulary(folder):
         (("list", "--world", "none"), "no world 'none' runs on this machine"),
         (("pub", "eStep", "x"), "expected data as KEY=VALUE"),
         (("attach", "words:Walker"), "no world runs on this machine"),
-        (("attach", "terminal"), "no service 'terminal' is installed; there are the views opengl,"),
+        (
+            ("attach", "terminal"),
+            "no service 'terminal' is installed; there are the views foxglove,",
+        ),
         (("attach", "meadow"), "no service 'meadow' is installed; meadow is a world: minerva run"),
         (("run", "svg"), "no world 'svg'; svg takes part in a running world: minerva attach svg"),
         (
             ("run", "world.toml", "--view", "terminal"),
-            "no view 'terminal' is installed; there are opengl, page, ros2_view, sound, sprites, svg, web",
+            "no view 'terminal' is installed; there are foxglove, opengl, page, rerun, ros2_view, sound, sprites, svg, web",
         ),
         (
             ("run", "world.toml", "--view", "sprite"),

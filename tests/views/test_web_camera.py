@@ -12,8 +12,8 @@ pytest.importorskip("viser")
 
 from minerva_bus.semantics.bounds import Bounds
 from minerva_bus.semantics.picture import Discs, Texts
+from minerva_services.views.disc_table import disc_table
 from minerva_services.views.web.camera_control import FIELD, bounds_of, camera_pose
-from minerva_services.views.web.discs import disc_table
 from minerva_services.views.web.picking import Clicked, clicked
 
 sides = st.floats(0.01, 1e4)

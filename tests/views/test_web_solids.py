@@ -10,8 +10,8 @@ pytest.importorskip("viser")
 
 from minerva_bus import Line
 from minerva_bus.semantics.picture import Polyline
-from minerva_services.views.web.lines import segments
-from minerva_services.views.web.solids import arrow, cylinder, flat, pin, ring, walls
+from minerva_services.views.line_segments import segments
+from minerva_services.views.solids import arrow, cylinder, flat, pin, ring, walls
 
 masks = arrays(np.bool_, array_shapes(min_dims=2, max_dims=2, max_side=7))
 

@@ -118,7 +118,7 @@ def test_a_floor_without_coloured_cells_may_get_some(stage):
 
 
 def test_a_matrix_is_a_picture_with_rows_along_x():
-    from minerva_services.views.web.floors import image
+    from minerva_services.views.floor_parts import image
 
     cells = np.zeros((2, 3), np.int16)
     cells[1, 0] = 1

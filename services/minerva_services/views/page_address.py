@@ -13,8 +13,8 @@ FIRST_PORT = 8080
 _PORTS = 1000
 
 
-def free_port(service: str, host: str, port: int) -> int:
-    """The port, or for 0 the first free one of the host from 8080.
+def free_port(service: str, host: str, port: int, first: int = FIRST_PORT) -> int:
+    """The port, or for 0 the first free one of the host from `first`.
 
     Raises MisuseError if the port is in use or the host is not an address of this machine.
     """
@@ -25,10 +25,10 @@ def free_port(service: str, host: str, port: int) -> int:
                 " free one"
             )
         return port
-    ports = range(FIRST_PORT, FIRST_PORT + _PORTS)
+    ports = range(first, first + _PORTS)
     chosen = next((candidate for candidate in ports if _is_free(service, host, candidate)), 0)
     if not chosen:
-        raise MisuseError(f"{service}: no port of {host} from {FIRST_PORT} is free; set port")
+        raise MisuseError(f"{service}: no port of {host} from {first} is free; set port")
     return chosen
 
 

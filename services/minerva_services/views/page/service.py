@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.world.services import Device, View, WorldInfo
-from minerva_services.options import event_types, names_in, require
+from minerva_services.options import check_port, check_rate, event_types, names_in, require
 from minerva_services.views.page.names import PageNames, read_joins
 from minerva_services.views.page.people import PageOptions, People
 from minerva_services.views.page.relay import check_relayed
@@ -66,10 +66,8 @@ class MemberPage(Device):
         slide: str = "",
     ) -> None:
         require("page", "websockets", "websockets", "page")
-        if not 0 <= port <= 65535:
-            raise MisuseError(f"page: port is {port}; expected 1 to 65535, or 0 for a free one")
-        if not 0 < rate <= 1000:
-            raise MisuseError(f"page: rate is {rate:g}; expected up to 1000 views per second")
+        check_port("page", port)
+        check_rate("page", rate)
         self._options = PageOptions(event_types("page", draws), rate, click, slide)
         self._address = host, port
         self._module = _module(module, joins)

@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from viser import BatchedMeshHandle, SceneApi
 
-from minerva_services.views.web.solids import Solid
+from minerva_services.views.solids import Solid
 
 Array = NDArray[Any]
 MANY_COPIES = 1000
@@ -67,10 +67,3 @@ def _linear(colors: Array) -> NDArray[np.uint8]:
     shares = colors / 255.0
     light = np.where(shares <= 0.04045, shares / 12.92, ((shares + 0.055) / 1.055) ** 2.4)
     return np.round(255 * light).astype(np.uint8)
-
-
-def upright(angles: ArrayLike) -> NDArray[np.float64]:
-    """Quaternions of shape (..., 4) for angles in degrees, counter-clockwise, of shape (...)."""
-    half = np.radians(np.asarray(angles, np.float64)) / 2
-    nothing = np.zeros_like(half)
-    return np.stack([np.cos(half), nothing, nothing, np.sin(half)], axis=-1)

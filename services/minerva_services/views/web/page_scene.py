@@ -11,16 +11,17 @@ from viser import SceneApi, ViserServer
 
 from minerva_bus.semantics.bounds import Bounds
 from minerva_bus.semantics.picture import Discs, Picture, Polyline, Texts, Tiles
+from minerva_services.views.disc_table import DiscTable, disc_table
 from minerva_services.views.names import AgentName, agent_names
-from minerva_services.views.web.batch import Batch, upright
+from minerva_services.views.solids import ring, upright
+from minerva_services.views.web.batch import Batch
 from minerva_services.views.web.camera_control import CameraControl, bounds_of
-from minerva_services.views.web.discs import DiscNodes, DiscTable, disc_table
+from minerva_services.views.web.discs import DiscNodes
 from minerva_services.views.web.floors import FloorNodes
 from minerva_services.views.web.labels import Eye, LabelNodes, PageLabel, clicked_label
 from minerva_services.views.web.lines import LineNodes
 from minerva_services.views.web.picking import Clicked, clicked
 from minerva_services.views.web.pins import PinNodes
-from minerva_services.views.web.solids import ring
 
 _NAME_HEIGHT = 0.3
 """Distance of an agent's name from its disc, in heights of a pin."""

@@ -9,9 +9,9 @@ from viser import SceneApi
 
 from minerva_bus.semantics.colors import rgb
 from minerva_bus.semantics.picture import Texts
-from minerva_services.views.web.batch import Batch, upright
+from minerva_services.views.solids import pin, upright
+from minerva_services.views.web.batch import Batch
 from minerva_services.views.web.labels import LabelNodes, PageLabel
-from minerva_services.views.web.solids import pin
 
 MAX_LABELS = 300
 _MARKED = 1.35

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.scene import Scene, agents
-from minerva_bus.semantics.picture import Lists, Picture, combined
 from minerva_bus.world.services import Device, View, WorldInfo
-from minerva_services.options import event_types, names_in, require
+from minerva_services.options import check_port, check_rate, event_types, names_in, require
+from minerva_services.views.overlay import Overlay
 
 if TYPE_CHECKING:
     from minerva_services.views.web.controller import PageController
@@ -65,18 +65,14 @@ class Web(Device, draws=("ePicture",)):
         names: str = "",
     ) -> None:
         require("web", "viser", "viser", "web")
-        if not 0 <= port <= 65535:
-            raise MisuseError(f"web: port is {port}; expected 1 to 65535, or 0 for a free one")
-        if not 0 < rate <= 1000:
-            raise MisuseError(f"web: rate is {rate:g}; expected up to 1000 views per second")
+        check_port("web", port)
+        check_rate("web", rate)
         self.rate = rate
         self.draws = event_types("web", draws)
         self._address = _Address(host, port, names_in(names))
         self._click = click
         self._shadows = shadows
         self._server: PageServer | None = None
-        self._lists: dict[str, Lists] = {}
-        self._pictures: dict[str, Picture] = {}
         self._skeletons: dict[str, Scene] = {}
         self._views = 0
         self._seconds = 0.0
@@ -91,7 +87,7 @@ class Web(Device, draws=("ePicture",)):
 
         self._check_click(world)
         self._ended = world.ended
-        self._lists = {event_type: Lists(world.vocabulary) for event_type in self.draws}
+        self._overlay = Overlay(world.vocabulary, self.draws)
         address = self._address
         self._server = server = serve(address.host, address.port, address.names, world.world)
         self._scene: PageScene = PageScene(server, shadows=self._shadows)
@@ -111,11 +107,8 @@ class Web(Device, draws=("ePicture",)):
 
     def show(self, view: View) -> None:
         began = time.perf_counter()
-        self._pictures[view.event_type] = self._lists[view.event_type].picture(
-            view.skeleton, view.parts
-        )
-        known = [self._pictures[name] for name in self.draws if name in self._pictures]
-        picture = combined(known)
+        self._overlay.add(view)
+        picture = self._overlay.picture()
         self._scene.show(picture)
         self._panel.show_legend(picture.legend)
         self._update_agents(view)

@@ -6,13 +6,14 @@ from collections import deque
 
 import numpy as np
 
-from minerva_bus.semantics.picture import Lists, Picture, combined
+from minerva_bus.semantics.picture import Picture
 from minerva_bus.semantics.poses import Pose
 from minerva_bus.world.beams import origins
 from minerva_bus.world.operator import WorldStatus
 from minerva_bus.world.readings import Reading, Scan
 from minerva_bus.world.services import View, WorldInfo
 from minerva_services.views.names import agent_names
+from minerva_services.views.overlay import Overlay
 from minerva_services.views.window.controls import WindowControls
 from minerva_services.views.window.painter import Beams, Sight
 from minerva_services.views.window.picking import spots_of
@@ -90,14 +91,13 @@ class Composer:
 
     def __init__(self, world: WorldInfo, draws: tuple[str, ...]) -> None:
         self._world = world
-        self._lists = {event_type: Lists(world.vocabulary) for event_type in draws}
-        self._views: dict[str, View] = {}
+        self._overlay = Overlay(world.vocabulary, draws)
         self._scans = ScanBuffer()
         self.picture = Picture()
 
     def add_view(self, view: View) -> None:
         """Replace the view of its event type."""
-        self._views[view.event_type] = view
+        self._overlay.add(view)
 
     def add_reading(self, reading: Reading) -> None:
         """Keep a scan, to draw its beams."""
@@ -107,14 +107,8 @@ class Composer:
         self, controls: WindowControls, text: tuple[str, str, str], *, keys: bool = False
     ) -> Sight:
         """Everything to display; `text`: title, subtitle, notice; `keys`: whether keys act."""
-        views = [self._views[kind] for kind in self._lists if kind in self._views]
-        pictures = [
-            self._lists[view.event_type].picture(view.skeleton, view.parts) for view in views
-        ]
-        # A single view keeps its picture, by whose identity painters notice that nothing has
-        # changed.
-        self.picture = combined(pictures)
-        time = max((view.frame for view in views), default=0) * self._world.dt
+        self.picture = self._overlay.picture()
+        time = max(self._overlay.frame, 0) * self._world.dt
         return Sight(
             self.picture,
             tuple(self._scans.beams(self.picture, time)) if controls.beams else (),
@@ -131,6 +125,5 @@ class Composer:
         self, controls: WindowControls, status: WorldStatus | None, notice: str, report: str = ""
     ) -> tuple[str, str, str]:
         """Title, subtitle and notice of the current state."""
-        frame = max((view.frame for view in self._views.values()), default=-1)
-        subtitle = caption(frame, self._world.dt, status, controls.doing, report)
+        subtitle = caption(self._overlay.frame, self._world.dt, status, controls.doing, report)
         return self._world.world, subtitle, notice

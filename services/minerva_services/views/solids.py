@@ -1,4 +1,4 @@
-"""Solids of the page: vertices and triangles in metres, z up."""
+"""Solids of 3D views: vertices and triangles in metres, z up."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from functools import cache
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from minerva_bus.semantics.rectangles import mask_rectangles
 from minerva_services.views.blocks import sides
@@ -62,6 +62,13 @@ def ring(sides: int = 48) -> Solid:
         end = (start + 1) % sides
         faces += [(start, sides + start, sides + end), (start, sides + end, end)]
     return _solid(edges, faces)
+
+
+def upright(angles: ArrayLike) -> NDArray[np.float64]:
+    """Quaternions (w, x, y, z) of shape (..., 4) for angles in degrees of shape (...)."""
+    half = np.radians(np.asarray(angles, np.float64)) / 2
+    nothing = np.zeros_like(half)
+    return np.stack([np.cos(half), nothing, nothing, np.sin(half)], axis=-1)
 
 
 def _around(profile: tuple[tuple[float, float], ...], sides: int) -> Solid:

@@ -1,0 +1,37 @@
+"""The latest views of several event types as one picture."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.semantics.picture import Lists, Picture, combined
+from minerva_bus.world.services import View
+
+
+class Overlay:
+    """Views of the event types `draws`, drawn over each other in this order."""
+
+    def __init__(self, vocabulary: Vocabulary, draws: Sequence[str]) -> None:
+        self._lists = {event_type: Lists(vocabulary) for event_type in draws}
+        self._views: dict[str, View] = {}
+
+    @property
+    def frame(self) -> int:
+        """The frame of the newest view; -1 before the first one."""
+        return max((view.frame for view in self._views.values()), default=-1)
+
+    def add(self, view: View) -> None:
+        """Replace the view of its event type."""
+        self._views[view.event_type] = view
+
+    def picture(self) -> Picture:
+        """The picture of the latest views.
+
+        A single view keeps its picture, by whose identity painters notice that nothing has changed.
+        """
+        views = [self._views[kind] for kind in self._lists if kind in self._views]
+        pictures = [
+            self._lists[view.event_type].picture(view.skeleton, view.parts) for view in views
+        ]
+        return combined(pictures)
