@@ -68,6 +68,19 @@ def to_bool(value: Any) -> bool:
     return bool(cast("bool", value))
 
 
+def are_plain(kind: str, items: tuple[Any, ...]) -> bool:
+    """Whether all items certainly are values of a type of numbers or texts, without conversion.
+
+    A fast check of long lists; False says nothing about the items.
+    """
+    types = set(map(type, items))
+    if kind == "text":
+        return types <= {str} and all(map(str.isascii, items))
+    if kind == "int":
+        return types == {int} and min(items) >= -(1 << 63) and max(items) < 1 << 63
+    return kind == "real" and types == {float} and all(map(math.isfinite, items))
+
+
 def to_string(value: Any) -> Scene:
     """A string of L(M) that is valid as a value in braces. Raises Unfit."""
     if not isinstance(value, Scene):

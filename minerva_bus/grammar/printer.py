@@ -1,7 +1,7 @@
 """The canonical text of a string: parse(text(w)) = w."""
 
 import json
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +10,9 @@ from minerva_bus.grammar.scene import AgentNode, Array, FigureNode, Node, Scene,
 from minerva_bus.grammar.units import Quantity
 
 CONCATENATION = " · "
+
+# `json.dumps` with an option makes an encoder for each call.
+_quoted: Final = json.JSONEncoder(ensure_ascii=False).encode
 
 
 def text(scene: Scene) -> str:
@@ -43,7 +46,7 @@ def head(node: Node) -> str:
 def value_text(value: Value) -> str:
     """The canonical text of one value."""
     if isinstance(value, str):
-        return json.dumps(value, ensure_ascii=False)
+        return _quoted(value)
     # Before int, because a bool is an int.
     if isinstance(value, bool):
         return "true" if value else "false"

@@ -30,6 +30,7 @@ from numpy.typing import NDArray
 from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.grammar.fitting import (
     Unfit,
+    are_plain,
     shallow,
     shown,
     to_bool,
@@ -122,6 +123,9 @@ class Type:
         if not isinstance(value, tuple | list):
             raise Unfit(f"a {self}, not {shown(value)}")
         items = cast("tuple[Any, ...] | list[Any]", value)
+        limited = item.words or item.range is not None
+        if not limited and isinstance(items, tuple) and are_plain(item.kind, items):
+            return cast("tuple[Value, ...]", items)
         fitted = tuple([item.fit(element) for element in items])
         # The same tuple, so that an unchanged value is recognized by identity.
         if isinstance(value, tuple) and all(map(is_, fitted, items)):

@@ -10,7 +10,7 @@ A vocabulary includes the symbols by `Vocabulary.of(*MINDS, ...)`. See docs/howt
 from minerva_bus.minds.mind import Mind
 from minerva_bus.minds.symbols import (
     PAccounts,
-    PRequest,
+    PRequests,
     TMind,
     eAnswer,
     eAsk,
@@ -20,14 +20,14 @@ from minerva_bus.minds.symbols import (
     eThink,
 )
 
-MINDS = (Mind, PAccounts, PRequest, TMind, eAnswer, eAsk, eNoAnswer, eRemind, eReply, eThink)
+MINDS = (Mind, PAccounts, PRequests, TMind, eAnswer, eAsk, eNoAnswer, eRemind, eReply, eThink)
 """Symbols that a vocabulary needs if agents send requests to a mind."""
 
 __all__ = [
     "MINDS",
     "Mind",
     "PAccounts",
-    "PRequest",
+    "PRequests",
     "TMind",
     "eAnswer",
     "eAsk",

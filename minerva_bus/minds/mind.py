@@ -1,9 +1,9 @@
 """The agent that represents a slow participant outside of the world, such as a language model.
 
-An agent sends `eAsk` to a mind, which keeps the request as a figure until it has an answer, and
-shows it. A service is a device whose geometric system is one of calls: α of `PRequest` begins one.
-The result is an event `eReply` of the service, which is a free-running generator. So requests,
-answers and their costs are part of the string and of the record, and no frame waits.
+An agent sends `eAsk` to a mind, which keeps the request in a figure until it has an answer, and
+shows it. A service is a device whose geometric system is one of calls, which α of `PRequests`
+begins. The result is an event `eReply` of the service, which is a free-running generator. So
+requests, answers and their costs are part of the string and of the record, and no frame waits.
 
 The mind sends exactly one event for each request: the answer, or `eNoAnswer`. It decides by frames
 and received events only, so every repetition of the run decides alike.
@@ -13,7 +13,8 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, fields, replace
 from typing import Any, cast
 
 import numpy as np
@@ -21,14 +22,14 @@ import numpy as np
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.scene import EMPTY, FigureNode, Scene
 from minerva_bus.grammar.types import Reals
-from minerva_bus.minds.symbols import PAccounts, PRequest, TMind, eNoAnswer, eRemind
+from minerva_bus.minds.symbols import PAccounts, PRequests, TMind, eNoAnswer, eRemind
 from minerva_bus.world.agent import Agent, on, view
 from minerva_bus.world.context import Context
 
 
 @dataclass(frozen=True, slots=True)
 class OpenRequest:
-    """A request without an answer so far; the fields are the parameters of `PRequest`."""
+    """A request without an answer so far; the fields are the parameters of `PRequests`."""
 
     number: int
     asker: str
@@ -38,6 +39,12 @@ class OpenRequest:
     topic: str
     frame: int
     deadline: int
+
+    @staticmethod
+    def all_of(lists: Mapping[str, Sequence[Any]]) -> list[OpenRequest]:
+        """The requests of a figure `PRequests`, by its parameters."""
+        rows = zip(*lists.values(), strict=True)
+        return [OpenRequest(**dict(zip(lists, row, strict=True))) for row in rows]
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,12 +68,13 @@ class Account:
         )
 
 
+REQUEST_NAMES = tuple([each.name for each in fields(OpenRequest)])
 NOTHING = np.zeros((0, 4))
 """The usage of no agents."""
 
 
 class Mind(Agent, symbol="AMind"):
-    """Represents a backend; `requests` are the open ones, oldest first, `asked` counts all."""
+    """Represents a backend; `requests` is ε or a figure of the open ones, `asked` counts all."""
 
     requests: Scene = EMPTY
     agents: tuple[str, ...] = ()
@@ -83,7 +91,7 @@ class Mind(Agent, symbol="AMind"):
             return  # Only an agent can receive the answer.
         self.asked += 1
         frames = math.ceil(question.within / moment.dt)
-        self.requests += PRequest(
+        request = OpenRequest(
             number=self.asked,
             asker=question.sender,
             prompt=question.prompt,
@@ -92,6 +100,10 @@ class Mind(Agent, symbol="AMind"):
             topic=question.topic,
             frame=moment.number,
             deadline=moment.number + frames,
+        )
+        lists = self._lists()
+        self.requests = PRequests(
+            **{name: (*lists[name], value) for name, value in asdict(request).items()}
         )
         self._remind(moment)
 
@@ -116,10 +128,11 @@ class Mind(Agent, symbol="AMind"):
         """End the requests whose deadline has passed."""
         if reminder.sender != self.id:
             return
-        for figure in _figures(self.requests):
-            if figure.parameters["deadline"] > moment.number:
+        lists = self._lists()
+        for number, deadline in zip(lists["number"], lists["deadline"], strict=True):
+            if deadline > moment.number:
                 continue
-            request = self._close(figure.parameters["number"])
+            request = self._close(number)
             if request is not None:
                 waited = (moment.number - request.frame) * moment.dt
                 self._fail(request, "time", f"no answer within {waited:g} s", moment)
@@ -143,13 +156,20 @@ class Mind(Agent, symbol="AMind"):
 
     def _close(self, number: int) -> OpenRequest | None:
         """Remove an open request and return it; None if there is none with this number."""
-        figures = _figures(self.requests)
-        for place, figure in enumerate(figures):
-            if figure.parameters["number"] == number:
-                del figures[place]
-                self.requests = Scene(tuple(figures))
-                return OpenRequest(**figure.parameters)
-        return None
+        lists = self._lists()
+        if number not in lists["number"]:
+            return None
+        at = lists["number"].index(number)
+        left = {name: column[:at] + column[at + 1 :] for name, column in lists.items()}
+        self.requests = PRequests(**left) if left["number"] else EMPTY
+        return OpenRequest(**{name: column[at] for name, column in lists.items()})
+
+    def _lists(self) -> dict[str, tuple[Any, ...]]:
+        """The open requests as lists by name."""
+        for node in self.requests:
+            if isinstance(node, FigureNode):
+                return cast("dict[str, tuple[Any, ...]]", node.parameters)
+        return dict.fromkeys(REQUEST_NAMES, ())
 
     def _book(self, reply: Event) -> None:
         usage = [reply.calls, reply.tokens_in, reply.tokens_out, reply.cost]
@@ -159,10 +179,6 @@ class Mind(Agent, symbol="AMind"):
             self.agents += (reply.agent,)
             self.used = np.vstack((self.used, np.zeros(len(usage))))
         self.writable("used")[self.agents.index(reply.agent)] += usage
-
-
-def _figures(scene: Scene) -> list[FigureNode]:
-    return [node for node in scene if isinstance(node, FigureNode)]
 
 
 def _answer(request: OpenRequest, content: str) -> Event:

@@ -64,20 +64,27 @@ eRemind = EventType("eRemind")
 
 eThink = EventType("eThink", visual=True)
 
-PRequest = Primitive(
-    "PRequest",
-    number=int,
-    asker=str,
-    prompt=str,
-    system=str,
-    answer=str,
-    topic=str,
-    frame=int,
-    deadline=int,
-)
-"""An open request, received in `frame`; it has an answer until the frame `deadline`."""
+_Numbers = tuple[int, ...]
+_Texts = tuple[str, ...]
 
-PAccounts = Primitive("PAccounts", agents=tuple[str, ...], used=Reals)
+PRequests = Primitive(
+    "PRequests",
+    number=_Numbers,
+    asker=_Texts,
+    prompt=_Texts,
+    system=_Texts,
+    answer=_Texts,
+    topic=_Texts,
+    frame=_Numbers,
+    deadline=_Numbers,
+)
+"""The open requests, oldest first; each list has a value for each request.
+
+A request was received in `frame`, and has an answer until the frame `deadline`. Lists, because a
+figure for each of a hundred requests takes ten times as long to check and to send.
+"""
+
+PAccounts = Primitive("PAccounts", agents=_Texts, used=Reals)
 """What the requests of agents have cost so far.
 
 `used` has a row for each agent: calls, tokens in, tokens out and cost. A matrix, because there may

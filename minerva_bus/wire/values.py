@@ -67,6 +67,8 @@ def plain_value(value: Value) -> Any:
     if isinstance(value, Scene):
         return msgpack.ExtType(_SCENE, msgpack.packb(plain_scene(value)))
     if isinstance(value, tuple):
+        if _PLAIN_TYPES.issuperset(map(type, value)):
+            return list(value)
         return [plain_value(item) for item in value]
     return value
 
@@ -142,8 +144,12 @@ class Reader:
         if isinstance(plain, bool | int | float | str):
             return plain
         if isinstance(plain, list):
+            items = cast("list[Any]", plain)
             with self._deeper():
-                return tuple([self.value(item) for item in cast("list[Any]", plain)])
+                # Most lists are long and flat, such as routes.
+                if _PLAIN_TYPES.issuperset(map(type, items)):
+                    return tuple(items)
+                return tuple([self.value(item) for item in items])
         raise ProtocolError(f"a value cannot be {name_of(plain)}")
 
     @contextmanager

@@ -1,6 +1,7 @@
 """Types of values: accepted, converted and rejected values."""
 
 import math
+from typing import Annotated, Literal
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ import pytest
 from minerva_bus import Cells, Degrees, Metres, Reals, Scene, parse
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.fitting import Unfit
+from minerva_bus.grammar.limits import Range
 from minerva_bus.grammar.types import Type, parse_type, type_of
 from minerva_bus.grammar.units import Quantity
 
@@ -65,6 +67,12 @@ def test_values_that_fit(annotation, value, expected):
         (str, "\ud800", "surrogate"),
         (tuple[int, ...], 1, "a list of int, not 1"),
         (tuple[int, ...], [1, "x"], "a whole number, not 'x'"),
+        (tuple[int, ...], (1, True), "a whole number, not True"),
+        (tuple[int, ...], (1, 1 << 63), "at most 64 bits"),
+        (tuple[float, ...], (1.0, math.nan), "a finite number"),
+        (tuple[str, ...], ("a", "\ud800"), "surrogate"),
+        (tuple[Literal["a"], ...], ("b",), "one of a"),
+        (tuple[Annotated[int, Range(1, 9)], ...], (10,), "from 1 to 9"),
         (Scene, "PA", "a string in braces, not 'PA'"),
         (Cells, [[1]], "a matrix RxC[...], not a list"),
         (Cells, np.zeros(3, np.int16), "a matrix RxC"),

@@ -29,11 +29,11 @@ class MindRequest:
 
 
 class OpenRequests(Geometry):
-    """A geometric system of calls: α of `PRequest` is an open request of the enclosing `TMind`."""
+    """A geometric system of calls: α of `PRequests` are open requests of the enclosing `TMind`."""
 
     def __init__(self) -> None:
         self.requests: dict[RequestKey, MindRequest] = {}
-        self.accounts: dict[str, Account] = {}
+        self._accounts: list[tuple[tuple[str, ...], Reals]] = []
         self._mind = ""
 
     @contextmanager
@@ -43,13 +43,23 @@ class OpenRequests(Geometry):
         yield
         self._mind = ""
 
-    def PRequest(self, **parameters: Any) -> None:
-        """α: a request."""
-        request = MindRequest(self._mind, OpenRequest(**parameters))
-        self.requests[request.key] = request
+    def PRequests(self, **lists: tuple[Any, ...]) -> None:
+        """α: the open requests of a mind."""
+        for opened in OpenRequest.all_of(lists):
+            request = MindRequest(self._mind, opened)
+            self.requests[request.key] = request
 
     def PAccounts(self, agents: tuple[str, ...], used: Reals) -> None:
-        """α: what agents have used, added over all minds."""
-        for agent, (calls, tokens_in, tokens_out, cost) in zip(agents, used.tolist(), strict=True):
-            usage = Account(agent, int(calls), int(tokens_in), int(tokens_out), cost)
-            self.accounts[agent] = self.accounts.get(agent, Account(agent)).plus(usage)
+        """α: what agents have used."""
+        self._accounts.append((agents, used))
+
+    def accounts(self) -> dict[str, Account]:
+        """What agents have used, added over all minds."""
+        accounts: dict[str, Account] = {}
+        for agents, used in self._accounts:
+            for agent, (calls, tokens_in, tokens_out, cost) in zip(
+                agents, used.tolist(), strict=True
+            ):
+                usage = Account(agent, int(calls), int(tokens_in), int(tokens_out), cost)
+                accounts[agent] = accounts.get(agent, Account(agent)).plus(usage)
+        return accounts

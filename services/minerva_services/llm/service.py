@@ -135,13 +135,13 @@ class Llm(Generator, Device, events=("eReply",), draws=("eThink",), lockstep=Fal
     # --- open requests ---
 
     def show(self, view: View) -> None:
-        """Begin new requests, and cancel those that are no longer open (α of `PRequest`)."""
+        """Begin new requests, and cancel those that are no longer open (α of `PRequests`)."""
         shown = OpenRequests()
         interpret(view.scene, shown)
         caller = cast("CallRunner", self._caller)
         if self._skeleton is None:
             # What a former process of the service has used counts, too.
-            self._setup.ledger.begin(shown.accounts)
+            self._setup.ledger.begin(shown.accounts())
         left = self._agents_left(view)
         with self._lock:
             for key, asked in shown.requests.items():
