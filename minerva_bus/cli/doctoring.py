@@ -50,6 +50,7 @@ EXTRAS: Final = {
     "serial": (("serial", "pynmea2"), "lidars and GPS on a serial line"),
     "vision": (("cv2",), "markers that cameras see"),
     "gamepad": (("pygame",), "gamepads"),
+    "mosaik": (("mosaik_api_v3",), "worlds in mosaik's scenarios"),
     "spade": (("spade", "greenlet"), "agents of SPADE"),
 }
 

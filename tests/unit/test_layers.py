@@ -29,6 +29,7 @@ ORDER = [
     "study",
     "api",
     "rl",
+    "cosimulation",
     "mcp",
     "cli",
 ]
@@ -40,6 +41,7 @@ ONLY = {
     "mcp": "mcp",
     "gymnasium": "rl",
     "pettingzoo": "rl",
+    "mosaik_api_v3": "cosimulation",
 }
 
 

@@ -1,0 +1,13 @@
+"""Worlds in co-simulations, where another program controls the time.
+
+    stepped = SteppedWorld("house.toml", seed=7)
+    stepped.set("eHeat.watts", 1000.0)
+    stepped.step()
+    print(stepped.get("room.celsius"))
+
+`minerva_bus.cosimulation.mosaik` is the same as a simulator of mosaik.
+"""
+
+from minerva_bus.cosimulation.stepped_world import SteppedWorld
+
+__all__ = ["SteppedWorld"]

@@ -1,0 +1,153 @@
+"""A world that another program steps: events as inputs, attributes of agents as outputs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Final, Self, cast
+
+import numpy as np
+
+from minerva_bus.api.live import Live
+from minerva_bus.api.world import World, world_of
+from minerva_bus.errors import MisuseError, nearest
+from minerva_bus.grammar.scene import AgentNode, agents
+from minerva_bus.grammar.symbols import EventType
+from minerva_bus.grammar.vocabulary import Vocabulary
+
+ALL: Final = ""
+"""In place of an agent's id: an event for all agents that respond to its type."""
+
+
+class SteppedWorld:
+    """A world in this process, paused between two steps.
+
+    Inputs are data of events: `eHeat.watts` of an event for all agents that respond to `eHeat`,
+    `room.eHeat.watts` of one for the agent `room`. Each step sends the events of which a datum was
+    set since the previous one, sorted by type and receiver; data that were not set keep their
+    value, or have the default of the vocabulary. Outputs are attributes: `room.celsius`.
+
+    Args:
+        world: a `World`, a world file, or the name of an installed world.
+        seed: of all random numbers; default: the world's own.
+        options: the world's own options.
+
+    Raises MinervaError if the world cannot start.
+
+    """
+
+    def __init__(self, world: World | str | Path, seed: int | None = None, **options: Any) -> None:
+        settings: dict[str, Any] = {} if seed is None else {"seed": seed}
+        if isinstance(world, World):
+            settings |= options
+        self._live: Live = world_of(world, options).start(**settings)
+        self._values: dict[tuple[str, str], dict[str, Any]] = {}
+        self._due: set[tuple[str, str]] = set()
+        self._agents: dict[str, AgentNode] | None = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None
+    ) -> None:
+        self.close()
+
+    @property
+    def vocabulary(self) -> Vocabulary:
+        """Its symbols and event types."""
+        return self._live.vocabulary
+
+    @property
+    def frame(self) -> int:
+        """The number of completed frames."""
+        return self._live.frame
+
+    @property
+    def digest(self) -> str:
+        """The digest of the string, in hexadecimal."""
+        return self._live.digest
+
+    @property
+    def agents(self) -> Mapping[str, AgentNode]:
+        """The agents of the string, by id."""
+        if self._agents is None:
+            self._agents = {agent.id: agent for agent in agents(self._live.scene)}
+        return self._agents
+
+    def set(self, name: str, value: Any) -> None:
+        """Set an input for the next step. Raises MisuseError if there is no such input."""
+        agent, event_type, datum = self._input(name)
+        place = event_type.name, agent
+        self._values.setdefault(place, {})[datum] = _plain(value)
+        self._due.add(place)
+
+    def get(self, name: str) -> Any:
+        """The value of an output: a bool, number, text, or list of these. Raises MisuseError."""
+        agent, _, attribute = name.partition(".")
+        node = self._agent(agent, name)
+        if attribute not in node.names:
+            raise MisuseError(
+                f"{name}: {node.symbol} has no attribute {attribute!r}"
+                f"{nearest(attribute, list(node.names))}"
+            )
+        return _plain(node.state[attribute])
+
+    def step(self, frames: int = 1) -> None:
+        """Send the inputs that were set, and run this number of frames.
+
+        Raises MinervaError for values that do not fit their event type, for events that people may
+        not send, if the world has ended, and if its code fails.
+        """
+        for event_type, agent in sorted(self._due):
+            receivers = [agent] if agent else []
+            values = self._values[event_type, agent]
+            self._live.publish(self.vocabulary.events[event_type](**values, receivers=receivers))
+        self._due.clear()
+        before = self.frame
+        self._live.step(frames)
+        self._agents = None
+        if self.frame < before + frames:
+            raise MisuseError(
+                f"the world ended after frame {self.frame}, {before + frames - self.frame} before"
+                " the end of the step; a world in a co-simulation must not end by itself"
+            )
+
+    def close(self) -> None:
+        """End the world."""
+        self._live.close()
+
+    def _agent(self, agent: str, name: str) -> AgentNode:
+        if agent not in self.agents:
+            raise MisuseError(
+                f"{name}: the string has no agent {agent!r} in frame {self.frame}"
+                f"{nearest(agent, list(self.agents))}"
+            )
+        return self.agents[agent]
+
+    def _input(self, name: str) -> tuple[str, EventType, str]:
+        """The agent ("": all), event type and datum of an input."""
+        parts = name.split(".")
+        if len(parts) not in (2, 3):
+            raise MisuseError(f"{name!r} is no input; expected EVENT.DATUM or AGENT.EVENT.DATUM")
+        agent = parts[0] if len(parts) == 3 else ALL
+        if agent:
+            self._agent(agent, name)
+        event, datum = parts[-2:]
+        events = self.vocabulary.events
+        if event not in events:
+            raise MisuseError(
+                f"{name}: the world has no event type {event}{nearest(event, list(events))}"
+            )
+        names = events[event].fields.names
+        if datum not in names:
+            raise MisuseError(f"{name}: {event} has no {datum!r}{nearest(datum, list(names))}")
+        return agent, events[event], datum
+
+
+def _plain(value: Any) -> Any:
+    """A value without types of numpy."""
+    if isinstance(value, np.ndarray | np.generic):
+        return cast("Any", value).tolist()
+    return value
