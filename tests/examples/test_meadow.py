@@ -9,7 +9,6 @@ import shlex
 import shutil
 import subprocess
 import sys
-import time
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
@@ -259,32 +258,3 @@ def commands(block: str) -> list[list[str]]:
 def test_the_digests_that_the_readme_promises(here: Path):
     _, runs, _ = map(commands, blocks("sh"))
     assert len({json.loads(minerva(here, [*run, "--json"]))["digest"] for run in runs}) == 1
-
-
-def test_the_commands_of_the_readme(here: Path):
-    (run,), _, others = map(commands, blocks("sh"))
-    world = subprocess.Popen([*MINERVA, *run], cwd=here, stdout=subprocess.DEVNULL)
-    processes = [world]
-    try:
-        wait_for_members(here, 7)
-        for words in others:
-            if words[0] == "attach":
-                processes.append(subprocess.Popen([*MINERVA, *words], cwd=here))
-                wait_for_members(here, 6 + len(processes))
-            else:
-                minerva(here, words)
-        assert [process.wait(30) for process in processes] == [0, 0, 0]
-        assert {"minerva.svg", "live.svg"} <= {path.name for path in here.iterdir()}
-    finally:
-        for process in processes:
-            process.kill()
-            process.wait()
-
-
-def wait_for_members(here: Path, count: int) -> None:
-    deadline, found = time.monotonic() + 60, 0
-    while found < count:
-        assert time.monotonic() < deadline, f"{found} members are present, not {count}"
-        listed = minerva(here, ["list", "--json"]).strip() or "{}"
-        members = json.loads(listed).get("members", []) if listed.startswith("{") else []
-        found = sum(member["state"] == "present" for member in members)
