@@ -38,8 +38,15 @@ def world_in(folder, into, ending, rate):
     return write_world(folder, members, frames=FRAMES, rate=rate, name=f"frozen-{os.getpid()}")
 
 
-@pytest.mark.parametrize("is_over", [False, True], ids=["while it runs", "after its end"])
-@pytest.mark.parametrize("ending", [".csv", ".parquet"])
+@pytest.mark.parametrize(
+    ("ending", "is_over"),
+    [
+        pytest.param(".csv", False, id=".csv, while it runs", marks=pytest.mark.slow),
+        pytest.param(".csv", True, id=".csv, after its end"),
+        pytest.param(".parquet", False, id=".parquet, while it runs"),
+        pytest.param(".parquet", True, id=".parquet, after its end", marks=pytest.mark.slow),
+    ],
+)
 def test_a_replaced_coordinator_that_wakes_changes_no_file(tmp_path, ending, is_over):
     whole, shared = tmp_path / "whole", tmp_path / "shared"
     alone = world_in(tmp_path / "alone", whole, ending, 0)
