@@ -8,12 +8,21 @@ from typing import TYPE_CHECKING, Final
 
 import typer
 
-from minerva_bus.cli.completing import Choices, completer
+from minerva_bus.cli.completing import Choices, completer, paths
 
 if TYPE_CHECKING:
     from minerva_bus.log.reader import Record
 
 MAX_AGENTS: Final = 200
+
+
+@completer
+def records_and_worlds(ctx: typer.Context, incomplete: str) -> Choices:
+    """Records, and the worlds that run on this machine."""
+    from minerva_bus.launch.registry import running
+
+    yield from ((world.world, world.endpoint) for world in running())
+    yield from paths(incomplete, ".mcap")
 
 
 @completer
@@ -46,5 +55,5 @@ def _record(ctx: typer.Context) -> Record:
     from minerva_bus.log.reader import Record
 
     # The parser stops at an option that lacks its value, which is the one to complete.
-    words = [str(ctx.params.get("file") or ""), *ctx.args]
+    words = [str(ctx.params.get("record") or ""), *ctx.args]
     return Record(Path(next(word for word in words if word.endswith(".mcap"))))

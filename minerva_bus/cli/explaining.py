@@ -1,12 +1,21 @@
-"""`minerva explain`: the causes of a value in a record."""
+"""`minerva explain`: the causes of a value in a record, and of a world that does not advance."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 from minerva_bus.api.records import explain
+from minerva_bus.cli.options import WorldTarget
 from minerva_bus.cli.output import print_answer
+from minerva_bus.cli.places import client
 from minerva_bus.errors import MisuseError
+from minerva_bus.launch.explaining import explain_world
+
+
+def explain_running(target: WorldTarget, as_json: bool) -> None:
+    """Print why a running world does not advance. Raises BusError."""
+    with client(target) as world:
+        print_answer(explain_world(world.operator), as_json)
 
 
 def explain_record(

@@ -99,15 +99,12 @@ class CoordinatorRun:
         # Before any member starts: one that cannot read its fragments would fail at each restart.
         check_sizes(algorithm.composition.fragments, file.processes)
 
-        def log(text: str) -> None:
-            reports.send("log", member="record", text=text)
-
         def note(text: str) -> None:
             reports.send("note", text=text)
 
         # Record and tables come first: they get the frames that are only in the journal while the
         # algorithm catches up.
-        reporter.record = recording(file, algorithm, log, again=past is not None)
+        reporter.record = recording(file, algorithm, reporter.say, again=past is not None)
         reporter.collected = collect_sink(file.collect, algorithm, note, again=past is not None)
         if past is not None:
             resume_from(past, algorithm, reporter.caught_up)
@@ -133,7 +130,7 @@ class CoordinatorRun:
             queued=start.queued,
             system=system,
         )
-        reporter.journal = RunJournal(file, self.coordinator, past, log)
+        reporter.journal = RunJournal(file, self.coordinator, past, reporter.say)
 
     def life(self) -> Generator[None, None, int]:
         """Run the world to its end, one turn of the loop per iteration; returns the exit code."""
@@ -186,6 +183,7 @@ class _Reporter:
             operated=lambda: self.journal.operated(),
             stopping=lambda reason: send("stopping", reason=reason),
             restart=self._restart,
+            stack=self._stack,
             opened=self._opened,
             collected=None if self.collected is None else self.collected.history,
         )
@@ -194,6 +192,12 @@ class _Reporter:
         if member in self._remote:
             return f"{member} runs on another machine: restart it there"
         self._reports.send("restart", member=member)
+        return ""
+
+    def _stack(self, member: str) -> str:
+        if member in self._remote:
+            return f"{member} runs on another machine: its stack is not known here"
+        self._reports.send("stack", member=member)
         return ""
 
     def _opened(self, session: Any) -> list[Any]:
@@ -221,6 +225,13 @@ class _Reporter:
             self._members = len(self.coordinator.algorithm.members.active())
             at = self.coordinator.schedule.last_frame_at
             self._reports.send("first_frame", frame=done.frame, at=at)
+
+    def say(self, text: str) -> None:
+        """Log a line about the record or the journal."""
+        self._reports.send("log", member="record", text=text)
+        # A record is opened before there is a coordinator, which keeps the lines for `logs`.
+        if (coordinator := getattr(self, "coordinator", None)) is not None:
+            coordinator.inbox.put(Printed("record", text, "warning"))
 
     def save(self) -> None:
         """Save the rows that were collected up to the last frame."""

@@ -185,6 +185,7 @@ class InProcessRun:
             status,
             _no_rejections,
             _no_restart,
+            _no_stack,
             None if self.collected is None else self.collected.history,
         )
         for member in members:
@@ -294,6 +295,10 @@ def _no_rejections() -> Mapping[str, int]:
 
 def _no_restart(_: str) -> str:
     return "all members run in one process: a single one cannot be restarted"
+
+
+def _no_stack(_: str) -> str:
+    return "all members run in one process: none has a stack of its own"
 
 
 class _Progress(Sink):

@@ -9,6 +9,7 @@ import os
 import time
 from dataclasses import dataclass, field
 from functools import partial
+from pathlib import Path
 from typing import Final
 
 from minerva_bus.launch import capacity, forking
@@ -88,6 +89,15 @@ class Machine:
     def signal(self, pid: int, number: int) -> None:
         """Send a signal to a process."""
         os.kill(pid, number)
+
+    def is_stopped(self, pid: int) -> bool:
+        """Whether a process is stopped by a signal; False where /proc does not exist."""
+        try:
+            stat = Path(f"/proc/{pid}/stat").read_text()
+        except OSError:
+            return False
+        # The name in brackets may contain anything; the state follows it.
+        return stat.rpartition(")")[2].split()[:1] in (["T"], ["t"])
 
     def kill(self, pid: int) -> None:
         """Kill a child and its process group."""

@@ -24,7 +24,7 @@ REPORT_SECONDS: Final = 0.4
 """Time for the last reports about a process, or about the end of the world, to arrive."""
 
 STACK_SECONDS: Final = 0.5
-STACK_GAP_SECONDS: Final = 0.05
+STACK_GAP_SECONDS: Final = 0.2
 """Time to wait for the stacks of a process, and for each further line of them."""
 
 MIN_RESTART_SECONDS: Final = 0.05
@@ -178,9 +178,11 @@ class ProcessTable:
         return process
 
     def _read(self, process: SupervisedProcess, line: str) -> None:
-        # An empty line separates the stacks of two threads.
-        if process.stacks is not None and (is_stack(line) or not line):
-            process.stacks.append(line)
+        stacks = process.stacks
+        # An empty line separates the stacks of two threads; others are output of the process.
+        separates = not line and stacks and is_stack(stacks[-1])
+        if stacks is not None and (is_stack(line) or separates):
+            stacks.append(line)
             return
         refusal = line.removeprefix(f"{process.name} ")
         if refusal.startswith(CANNOT_TAKE_PART):

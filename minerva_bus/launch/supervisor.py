@@ -30,7 +30,7 @@ from minerva_bus.launch.recording import check_record
 from minerva_bus.launch.registry import WorldLock
 from minerva_bus.launch.succession import MAX_SUCCESSIONS, Succession
 from minerva_bus.launch.summary import EndReport, RunSummary, Startup
-from minerva_bus.launch.traces import blocked_at
+from minerva_bus.launch.traces import END_OF_STACKS, NOT_STARTED, STOPPED, blocked_at
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.runtime.coordinator import Coordinator
 from minerva_bus.runtime.member import RAISED, RAISED_BY_CHANCE
@@ -312,6 +312,15 @@ class Supervisor:
         if process is not None and self._ending.reason is None:
             self._log(member, "restarting on request")
             process.restart()
+
+    def _on_stack(self, member: str) -> None:
+        """Keep the stacks of a process in its log, followed by a line that ends them."""
+        process = self._processes.get(member)
+        child = None if process is None else process.child
+        stacks = [] if process is None else self._processes.stacks(process)
+        is_stopped = child is not None and self._machine.is_stopped(child.pid)
+        end = NOT_STARTED if child is None else STOPPED if is_stopped else END_OF_STACKS
+        self._keep(member, "\n".join([*filter(None, stacks), end]), "info")
 
     def _on_stopping(self, reason: str) -> None:
         self._ending.reason = reason

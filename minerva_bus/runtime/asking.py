@@ -89,6 +89,10 @@ class AskingOperator:
         """Restart a process of the world file."""
         self._ask("restart", member=member)
 
+    def stack(self, member: str) -> None:
+        """Write the stacks of a process of the world file to its log."""
+        self._ask("stack", member=member)
+
     def drain(self, member: str) -> tuple[str, ...]:
         """Move a host's agents to other hosts; returns the names of these hosts."""
         hosts = as_list(self._ask("drain", member=member).get("to"), "hosts")

@@ -12,6 +12,7 @@
     {"ask": "step", "frames": 1}          → {"frame": the frame that follows them}
     {"ask": "rate", "rate": 30.0}         → {"rate": ...}
     {"ask": "restart", "member": name}    → {}
+    {"ask": "stack", "member": name}      → {}
     {"ask": "drain", "member": name}      → {"to": [hosts]}
     {"ask": "logs", "since": 0, ...}      → {"lines": [...]}
 
@@ -59,8 +60,8 @@ class Operated:
     """The parts of a running world that operators' commands use.
 
     `rejected` gives the number of rejections by sender; `restart` requests a restart of a
-    member and returns the reason if that is impossible, otherwise an empty string. `collected`
-    has the collected series, if any.
+    member, `stack` that its stacks are written to its log; both return the reason if that is
+    impossible, otherwise an empty string. `collected` has the collected series, if any.
     """
 
     runner: Runner
@@ -70,6 +71,7 @@ class Operated:
     status: StatusMeter
     rejected: Callable[[], Mapping[str, int]]
     restart: Callable[[str], str]
+    stack: Callable[[str], str]
     collected: SeriesHistory | None = None
 
     @property
@@ -240,6 +242,22 @@ def _rate(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _restart(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
+    return _accepted(running.restart(_own_process(running, asked, "restart it where it runs")))
+
+
+def _stack(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
+    """Let a process write the stacks of its threads to its log, where `logs` finds them."""
+    return _accepted(running.stack(_own_process(running, asked, "its stack is not known here")))
+
+
+def _accepted(refused: str) -> dict[str, Any]:
+    if refused:
+        raise ProtocolError(refused)
+    return {}
+
+
+def _own_process(running: Operated, asked: Mapping[str, Any], otherwise: str) -> str:
+    """The name of a process of the world file. Raises ProtocolError."""
     member = as_text(asked.get("member"), "the member")
     members = running.algorithm.members
     # `get` would create an entry for any name.
@@ -247,11 +265,8 @@ def _restart(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
         names = ", ".join(entry.name for entry in members)
         raise ProtocolError(f"there is no member {member[:64]!r}; there are {names}")
     if not members.get(member).expected:
-        raise ProtocolError(f"{member} is no process of the world file: restart it where it runs")
-    refused = running.restart(member)
-    if refused:
-        raise ProtocolError(refused)
-    return {}
+        raise ProtocolError(f"{member} is no process of the world file: {otherwise}")
+    return member
 
 
 def _drain(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
@@ -342,6 +357,7 @@ COMMANDS: Final[Mapping[str, Command]] = {
     "step": _step,
     "rate": _rate,
     "restart": _restart,
+    "stack": _stack,
     "drain": _drain,
     "seek": _seek,
     "logs": _logs,

@@ -115,6 +115,7 @@ class Coordinator(Sink):
             self.status,
             self.admission.rules.counts,
             watchers.restart,
+            watchers.stack,
             watchers.collected,
         )
         self._answers = Answers(

@@ -58,6 +58,7 @@ class Watchers:
     stopping: Callable[[str], None] = field(default=lambda _: None)
     """No frame follows; the argument is the reason."""
     restart: Callable[[str], str] = field(default=lambda _: "no launcher restarts its processes")
+    stack: Callable[[str], str] = field(default=lambda _: "no launcher started its processes")
     opened: Callable[[zenoh.Session], list[Any]] = field(default=lambda _: list[Any]())
     """Returns further declarations on the hub's session."""
     collected: SeriesHistory | None = None

@@ -171,6 +171,10 @@ class Operator(Protocol):
         """Restart a process of the world file."""
         ...
 
+    def stack(self, member: str) -> None:
+        """Write the stacks of a process of the world file to its log."""
+        ...
+
     def drain(self, member: str) -> Sequence[str]:
         """Move the agents of a host to other hosts; returns these hosts."""
         ...

@@ -1,4 +1,4 @@
-"""The command that explains values of a record."""
+"""The command that explains values of a record, and running worlds."""
 
 from __future__ import annotations
 
@@ -8,22 +8,30 @@ from typing import Annotated
 import typer
 
 from minerva_bus.cli import completing, completing_agents
-from minerva_bus.cli.options import Json, examples
+from minerva_bus.cli.options import Json, NamedTarget, WorldTarget, examples, grouped
 from minerva_bus.cli.startup import uncollected
+from minerva_bus.errors import MisuseError
 
 
 @examples(
     "minerva explain run.mcap --agent r1 --attribute objective --frame 340",
-    "minerva explain run.mcap --agent f2 --attribute energy --json",
+    "minerva explain meadow",
 )
+@grouped
 def explain(
-    file: Annotated[
-        Path, typer.Argument(help="A record, .mcap.", autocompletion=completing.records)
-    ],
-    world: Annotated[
+    record: Annotated[
         str,
         typer.Argument(
-            help="World file or installed world, if the original one has moved.",
+            metavar="RECORD|WORLD",
+            help="A record, .mcap, or a running world.",
+            autocompletion=completing_agents.records_and_worlds,
+        ),
+    ] = "",
+    code: Annotated[
+        str,
+        typer.Argument(
+            metavar="FILE",
+            help="Of a record: its world file or installed world, if that has moved.",
             autocompletion=completing.worlds,
         ),
     ] = "",
@@ -39,14 +47,26 @@ def explain(
         typer.Option(help="Explain the value at the beginning of this frame; default: the end."),
     ] = None,
     json: Json = False,
+    *,
+    target: WorldTarget,
 ) -> None:
-    """Explain a value of a recorded run.
+    """Explain a value of a record, or why a world stops.
 
-    It prints the frame in which the value changed last, the method, the event that caused the call,
-    who sent it and why, back to a generator, a person or the initial string; and what norms have
-    rejected since. Like replay, this runs the Python code of the world file that the record names.
+    Of a record, it prints the frame in which the value of --attribute changed last, the method, the
+    event that caused the call, who sent it and why, back to a generator, a person or the initial
+    string; and what norms have rejected since. Like replay, this runs the Python code of the world
+    file that the record names.
+
+    Of a running world, it prints who is awaited, in which call, what happens next and what to do.
     """
     with uncollected():
-        from minerva_bus.cli.explaining import explain_record
+        from minerva_bus.cli.explaining import explain_record, explain_running
 
-    explain_record(file, world, agent, attribute, frame, json)
+    if record.endswith(".mcap"):
+        explain_record(Path(record), code, agent, attribute, frame, json)
+        return
+    about_value = {"--agent": agent, "--attribute": attribute, "--frame": frame is not None}
+    for option in [option for option, given in about_value.items() if given]:
+        raise MisuseError(f"{option} needs a record (.mcap) of the run: minerva run --record")
+    name = NamedTarget(target.connect, target.keys, target.world, record)
+    explain_running(name, json)

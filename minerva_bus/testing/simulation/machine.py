@@ -199,6 +199,10 @@ class SimulatedMachine(Machine):
     def signal(self, pid: int, number: int) -> None:
         """Do nothing: there are no stacks to request."""
 
+    def is_stopped(self, pid: int) -> bool:
+        """False: these are no processes of the operating system."""
+        return False
+
     def kill(self, pid: int) -> None:
         """Kill a process."""
         self.processes[pid].kill()

@@ -1,0 +1,163 @@
+"""`minerva explain WORLD` names who is awaited, in which call, what follows and what to do."""
+
+import json
+import os
+import shutil
+import signal
+from pathlib import Path
+
+import pytest
+from running import Run, World, eventually, here
+
+from minerva_bus.launch.explaining import explain_world
+
+WORLD = """
+[world]
+name = "NAME"
+string = "AMind#mind · APerson#anna"
+vocabulary = "town:vocabulary"
+rate = 20
+frames = 0
+people = ["eHappy"]
+
+[bus]
+soft = 0.1
+hard = 300
+
+[process.people]
+agents = ["town:Person", "mind"]
+"""
+FAULTS = """
+[process.clock]
+service = "faulty:Clock"
+
+[process.llm]
+service = "llm"
+backend = "faulty:decide"
+wait = true
+
+[norm.fence]
+applies = "APerson"
+when = "steps > 3"
+"""
+REMOTE = """
+[process.far]
+service = "faulty:Extra"
+elsewhere = true
+"""
+TESTS = Path(__file__).parents[1]
+
+
+def world_in(folder, tables):
+    for module in ("minds/town.py", "runtime/faulty.py"):
+        shutil.copy(TESTS / module, folder)
+    name = f"halts-{os.getpid()}-{folder.name}"
+    path = folder / f"{name}.toml"
+    path.write_text(WORLD.replace("NAME", name) + tables)
+    (folder / "fault.txt").write_text("none")
+    return path
+
+
+@pytest.fixture(scope="module")
+def faulty(tmp_path_factory):
+    path = world_in(tmp_path_factory.mktemp("faulty"), FAULTS)
+    (path.parent / "fault.txt").write_text("llm")
+    # Files of its processes have at most 8 kB, as on a disk that is full.
+    limited = ("bash", "-c", 'ulimit -f 8; exec "$@"', "bash")
+    with World(path, "--record", "run.mcap", "--flush", "0", inside=limited) as world:
+        yield world
+
+
+def cause(world, kind):
+    """The cause of this kind, once the world has it."""
+
+    def named():
+        with world.client() as client:
+            halt = explain_world(client.operator)
+        assert len(halt.lines()) <= 24
+        return next((each for each in halt.causes if each.kind == kind), None)
+
+    return eventually(named, f"a cause {kind!r}\n{world.text}")
+
+
+def test_a_pending_request_of_a_study_that_waits(faulty):
+    found = cause(faulty, "pending request")
+    assert found.member == "llm"
+    assert "wait = true" in found.advice
+
+
+def test_a_norm_that_rejects_everything(faulty):
+    (faulty.folder / "fault.txt").write_text("none")
+    found = cause(faulty, "norm")
+    assert "the norm fence rejects: fence is broken by #anna" in found.what
+
+
+@pytest.mark.parametrize(
+    ("fault", "kind", "function", "advice"),
+    [
+        ("sleep", "sleeping call", "sleeps", "minerva restart clock"),
+        ("lock", "deadlock", "waits_for_lock", "find its holder"),
+        ("compile", "compilation", "compiles", "cache"),
+    ],
+)
+def test_the_call_that_a_frame_waits_for(faulty, fault, kind, function, advice):
+    (faulty.folder / "fault.txt").write_text(fault)
+    found = cause(faulty, kind)
+    (faulty.folder / "fault.txt").write_text("none")
+    assert found.member == "clock"
+    assert (Path(found.place.file).name, found.place.function) == ("faulty.py", function)
+    assert advice in found.advice
+    eventually(lambda: "restarted in" in found.then or cause(faulty, "norm"), "an outlook")
+
+
+def test_a_stopped_process(faulty):
+    pid = faulty.runs("clock")["clock"]
+    os.kill(pid, signal.SIGSTOP)
+    try:
+        found = cause(faulty, "stopped process")
+    finally:
+        os.kill(pid, signal.SIGCONT)
+    assert found.advice == f"kill -CONT {pid}"
+
+
+def test_a_slow_consumer_of_time(faulty):
+    (faulty.folder / "fault.txt").write_text("slow")
+    found = cause(faulty, "slow consumer")
+    assert found.member == "clock"
+    assert "of 20 frames per second" in found.what
+
+
+def test_no_events(faulty):
+    (faulty.folder / "fault.txt").write_text("quiet")
+    assert "minerva pub" in cause(faulty, "no events").advice
+
+
+def test_a_full_disk(faulty):
+    found = cause(faulty, "full disk")
+    assert "File too large; the world continues" in found.what
+
+
+def test_a_paused_world_as_text_and_json(faulty):
+    (faulty.folder / "fault.txt").write_text("none")
+    assert here(faulty.folder, "pause").returncode == 0
+    text = here(faulty.folder, "explain", faulty.name).stdout
+    assert "does not advance (between frames)" in text
+    assert f"do: minerva resume {faulty.name}" in text
+    plain = json.loads(here(faulty.folder, "explain", "--json").stdout)
+    assert plain["advances"] is False
+    assert plain["causes"][0]["kind"] == "paused world"
+    wrong = here(faulty.folder, "explain", faulty.name, "--agent", "anna")
+    assert wrong.returncode == 2
+    assert "--agent needs a record" in wrong.stderr
+
+
+def test_a_missing_member_and_a_lost_link(tmp_path):
+    with World(world_in(tmp_path, REMOTE)) as world:
+        found = cause(world, "missing member")
+        assert (found.member, found.what) == ("far", "far has not joined")
+        words = ("attach", "faulty:Extra", "--name", "far", "--world", world.name)
+        with Run(tmp_path, *words) as far:
+            world.runs("far")
+            far.kill()
+            far.ends()
+        assert cause(world, "lost link").member == "far"
