@@ -100,7 +100,7 @@ class InProcessRun:
         """Let all members join. Raises MinervaError if one cannot, or if user code fails."""
         with self._questions.deferred(), printed(self._print):
             compile_agents(self._file.processes, self._console.progress)
-            members = _members(self._file)
+            members = members_of(self._file)
             runner, record = self._prepare(members)
             self._parts = _Parts(runner, members, record, FreeRunning(runner, members))
             with self._reporting():
@@ -234,15 +234,8 @@ class InProcessRun:
         member = MEMBERS if running is None else running.name
         frame = max(self.algorithm.frame if running is None else running.frame, 0)
         self._console.frame = frame
-        problem = report(error)
-        text = f"failed in frame {frame}: {problem}"
-        self._console.log(member, text, "error")
-        self._console.details(member, whole(error))
-        record.said(member, f"{text}\n{whole(error)}")
-        what = problem.partition("\n")[0]
-        hint = "" if self._console.traceback else " (--traceback shows all frames)"
-        failed, stops = f"{member} failed in frame {frame}", f"the world stops{hint}"
-        return WorldStopped(f"{failed}: {what}; {stops}", f"{failed}; {stops}")
+        record.said(member, f"failed in frame {frame}: {report(error)}\n{whole(error)}")
+        return stopped_by(error, member, frame, self._console)
 
     def _print(self, text: str) -> None:
         self._console.frame = self.algorithm.frame
@@ -271,7 +264,7 @@ class _Parts:
     closed: bool = False
 
 
-def _members(file: WorldFile) -> list[Member]:
+def members_of(file: WorldFile) -> list[Member]:
     """The members of all processes. Raises MinervaError for one that needs its own process."""
     for process in file.processes:
         if process.command:
@@ -279,6 +272,17 @@ def _members(file: WorldFile) -> list[Member]:
         if process.elsewhere:
             raise MinervaError(f"{process.name} runs elsewhere: run without --in-process")
     return [process.participant() for process in file.processes]
+
+
+def stopped_by(error: Exception, member: str, frame: int, console: Console) -> WorldStopped:
+    """Show an error in the code of a member; returns the exception that stops the world."""
+    problem = report(error)
+    console.log(member, f"failed in frame {frame}: {problem}", "error")
+    console.details(member, whole(error))
+    what = problem.partition("\n")[0]
+    hint = "" if console.traceback else " (--traceback shows all frames)"
+    failed, stops = f"{member} failed in frame {frame}", f"the world stops{hint}"
+    return WorldStopped(f"{failed}: {what}; {stops}", f"{failed}; {stops}")
 
 
 def _recorded(record: RunRecord) -> Callable[[Notice], None]:

@@ -92,6 +92,7 @@ def laid_out(
         access=Access(),
         record=RecordSettings(str(record)),
         watch=WatchSettings(),
+        partition=None,
     )
 
 

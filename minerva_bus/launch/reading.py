@@ -16,6 +16,7 @@ from minerva_bus.launch.distribution import distributed
 from minerva_bus.launch.norms import read_norms
 from minerva_bus.launch.options import filled, read_options
 from minerva_bus.launch.processes import check_members, read_patience, read_processes
+from minerva_bus.launch.region_settings import check_regions, read_partition
 from minerva_bus.launch.specs import called
 from minerva_bus.launch.table import Table
 from minerva_bus.launch.toml import TomlError, read_toml
@@ -28,7 +29,7 @@ from minerva_bus.settings.tables import BusSettings, RecordSettings, WatchSettin
 MAX_BYTES: Final = 16 * 1024 * 1024
 TABLES: Final = (
     *("world", "options", "choices", "process", "norm", "bus"),
-    *("limits", "placement", "metrics", "log", "collect"),
+    *("limits", "placement", "metrics", "log", "collect", "regions"),
 )
 
 
@@ -104,7 +105,7 @@ def _read(top: Table, text: str, path: Path) -> WorldFile:
     completed_by = top.table("world").get("defaults", TEXT, "")
     # Options come first, because the other tables may refer to them as `${name}`.
     options = read_options(top, path, overrides.options, completed_by)
-    for name in ("world", "process", "bus", "norm", "collect"):
+    for name in ("world", "process", "bus", "norm", "collect", "regions"):
         if name in top:
             top.put(name, filled(top.data[name], options, path))
     # Before the description, which compares the agents of processes with the vocabulary.
@@ -120,7 +121,8 @@ def _read(top: Table, text: str, path: Path) -> WorldFile:
     norms = read_norms(top.table("norm"), world.vocabulary, world.scene, names)
     watch = top.read(WatchSettings)
     collect = read_collecting(top, world.vocabulary)
-    for name in ("world", "bus", "limits", "metrics", "log", "collect"):
+    partition = read_partition(top, path)
+    for name in ("world", "bus", "limits", "metrics", "log", "collect", "regions"):
         # Every reader has taken its keys, so the remaining ones are unknown.
         top.table(name).done()
     members = check_members(processes, world.vocabulary, path)
@@ -138,7 +140,9 @@ def _read(top: Table, text: str, path: Path) -> WorldFile:
         text,
         watch,
         collect,
+        partition,
     )
+    check_regions(file, members)
     file = distributed(file)
     interactive = any(each.service is not None and each.service.interactive for each in members)
     return _interactive(file, overrides) if interactive else file

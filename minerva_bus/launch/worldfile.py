@@ -23,6 +23,7 @@ from minerva_bus.frame.description import World
 from minerva_bus.frame.member import Member
 from minerva_bus.launch.access import Access
 from minerva_bus.launch.collecting import Collecting
+from minerva_bus.regions.partition import Partition
 from minerva_bus.runtime.waiting import Deadlines, Patience
 from minerva_bus.settings.tables import BusSettings, RecordSettings, WatchSettings
 from minerva_bus.world.agent import Agent
@@ -64,7 +65,7 @@ class WorldFile:
     """A world file with the settings of the command line, checked.
 
     `patience` has the time-outs for all members; a process may have its own. `notes` are lines to
-    print at the start.
+    print at the start. `partition` has the regions as which `minerva run` runs the world, if any.
     """
 
     path: Path
@@ -80,6 +81,7 @@ class WorldFile:
     text: str = ""
     watch: WatchSettings = field(default_factory=WatchSettings)
     collect: Collecting = field(default_factory=Collecting)
+    partition: Partition | None = None
 
     @property
     def deadlines(self) -> Deadlines:

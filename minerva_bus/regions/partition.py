@@ -104,12 +104,12 @@ class ByFunction:
     """Regions by a function of the user, which takes an agent's id and its attributes."""
 
     count: int
-    function: Callable[[str, Any], int]
+    function: Callable[[str, Any], object]
 
     def region_of(self, agent: AgentNode) -> int:
         """The region of an agent. Raises MisuseError for a number that is no region."""
         with blamed(self.function):
-            region: object = self.function(agent.id, agent.state)
+            region = self.function(agent.id, agent.state)
         if type(region) is not int or not 0 <= region < self.count:
             name = getattr(self.function, "__name__", "the function")
             raise MisuseError(

@@ -29,6 +29,10 @@ from minerva_bus.world.lineage import parents_of
 Place: TypeAlias = tuple[int, ...]
 
 
+class UnknownAuthor(MisuseError):
+    """Agents in columns have left nodes beside themselves, and nothing shows which of them."""
+
+
 def heirs(place: Place, count: int, frame: int) -> list[Place]:
     """The places of `count` nodes that replace the node at a place in a frame."""
     return [place, *((*place, -frame, number) for number in range(1, count))][:count]
@@ -46,7 +50,7 @@ def after_frame(
         frame: number of the frame.
 
     Raises:
-        MisuseError: agents in columns leave nodes beside themselves whose author is unknown.
+        UnknownAuthor: agents in columns leave nodes beside themselves.
 
     """
     made: list[Place] = []
@@ -164,7 +168,7 @@ def _between(authors: Sequence[int | None], old: Columns) -> list[int]:
         if author is None:
             author = before
             if before != after:
-                raise MisuseError(
+                raise UnknownAuthor(
                     f"regions: agents of the kind {old.symbol}, held in columns, have left nodes"
                     " beside themselves that show no author; return agents by `self.child(...)`,"
                     " or run this world without regions"

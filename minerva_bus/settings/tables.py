@@ -34,6 +34,9 @@ MODULE: Final = '`"module:function"`'
 MAX_PROCESSES: Final = 1000
 """Processes of one table [process.NAME]."""
 
+MAX_REGIONS: Final = 256
+"""Each region runs the world's generators, and sends a parcel to each other one."""
+
 _world = partial(setting, "world")
 _bus = partial(setting, "bus")
 _process = partial(setting, "process.NAME")
@@ -432,6 +435,36 @@ class PlacementSettings:
     )
 
 
+@dataclass(frozen=True, slots=True)
+class RegionSettings:
+    """The table [regions]; docs/howto/regions.md explains it."""
+
+    count: int = setting(
+        "regions",
+        0,
+        "Run the world in this process as this many regions; 0: with one coordinator.",
+        whole(0, MAX_REGIONS),
+        option="regions",
+        more="The string is the same. See [Run a world as regions](howto/regions.md).",
+        shown="0, or the cells of `grid`",
+    )
+    grid: object = setting(
+        "regions",
+        None,
+        "Borders between regions, by one or two attributes of agents.",
+        TABLE,
+        form="`{ x = [8, 16], y = [7] }`",
+        shown="regions by id",
+    )
+    function: str = setting(
+        "regions",
+        "",
+        "A function that takes the id and the attributes of an agent, and returns its region.",
+        form=MODULE,
+        shown="none",
+    )
+
+
 TABLES: Final = (
     WorldSettings,
     RecordSettings,
@@ -442,4 +475,5 @@ TABLES: Final = (
     NormSettings,
     PlacementSettings,
     CollectSettings,
+    RegionSettings,
 )

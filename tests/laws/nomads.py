@@ -12,6 +12,7 @@ PStone = Primitive("PStone")
 TWrap = Transformation("TWrap")
 eStep = EventType("eStep")
 eCall = EventType("eCall", value=int)
+eArrive = EventType("eArrive")
 
 
 class Settler(Agent, symbol="ASettler"):
@@ -70,8 +71,21 @@ class Nomad(Settler, symbol="ANomad"):
         return super().replaced(drawn)
 
 
-KINDS = (Settler, Nomad)
-VOCABULARY = Vocabulary.of(PStone, TWrap, eStep, eCall, *KINDS)
+class Pilgrim(Settler, symbol="APilgrim"):
+    """Moves, and arrives after some frames."""
+
+    left: int = 1
+
+    @on("eStep")
+    def act(self, step, moment):
+        self.x += moment.chance.uniform(-1.0, 1.0)
+        self.left -= 1
+        if self.left == 0:
+            moment.emit(eArrive())
+
+
+KINDS = (Settler, Nomad, Pilgrim)
+VOCABULARY = Vocabulary.of(PStone, TWrap, eStep, eCall, eArrive, *KINDS)
 
 
 def string():

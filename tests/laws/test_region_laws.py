@@ -84,6 +84,8 @@ def digests_of_one(world, frames):
     runner.start()
     digests = []
     for events in frames:
+        if runner.ended:
+            break
         begin(runner, events)
         digests.append(algorithm.scene.digest)
     return digests
@@ -100,6 +102,7 @@ class Regions:
     ahead: int = 0
     parcels: list = field(default_factory=list)
     units: dict = field(default_factory=dict)
+    ends: list = field(default_factory=list)
 
     def digests(self):
         first = self.partitions[0]
@@ -108,18 +111,24 @@ class Regions:
             region = Region(self.world, number, first)
             runners[number] = region, InProcessRunner(region.algorithm, members(self.world))
             runners[number][1].start()
-        while any(region.frame < len(self.frames) for region, _ in runners.values()):
+        while any(self.goes_on(region) for region, _ in runners.values()):
             region, runner = runners[self.chance.randrange(first.count)]
-            if region.frame < len(self.frames) and region.ready:
+            if self.goes_on(region) and region.ready:
                 self.advance(region, runner)
             numbers = [region.frame for region, _ in runners.values()]
             self.ahead = max(self.ahead, max(numbers) - min(numbers))
             self.deliver(runners)
         return [merged(units).scene.digest for _, units in sorted(self.units.items())]
 
+    def goes_on(self, region):
+        return region.frame < len(self.frames) and not region.over
+
     def advance(self, region, runner):
         frame = region.frame
         region.enter()
+        if region.over:
+            self.ends.append((region.over, region.reached, frame))
+            return
         begin(runner, self.frames[frame])
         self.units.setdefault(frame, []).append(region.units)
         region.partition = self.partitions[(frame + 1) % len(self.partitions)]
@@ -133,7 +142,7 @@ class Regions:
             runners[parcel.target][0].receive(parcel)
 
 
-FRAMES = [[nomads.eStep(), nomads.eCall(value=n, receivers=["n1", "s2"])] for n in range(6)]
+FRAMES = [[nomads.eStep(), nomads.eCall(value=n, receivers=["n1", "s2"])] for n in range(5)]
 
 
 @cache
@@ -141,13 +150,28 @@ def nomads_of_one(seed):
     return digests_of_one(World("w", nomads.string(), nomads.VOCABULARY, seed=seed), FRAMES)
 
 
-@pytest.mark.parametrize("count", sorted(PARTITIONS))
-@pytest.mark.parametrize("seed", [0])
+@pytest.mark.parametrize(("count", "seed"), [(4, 0), (9, 1), (16, 0)])
 def test_regions_keep_births_deaths_calls_and_migration_in_order(count, seed):
     world = World("w", nomads.string(), nomads.VOCABULARY, seed=seed)
     regions = Regions(world, FRAMES, PARTITIONS[count], Random(seed))
     assert regions.digests() == nomads_of_one(seed)
     assert regions.ahead == (count > 1)
+
+
+@pytest.mark.parametrize("count", [2, 16])
+def test_all_regions_end_in_the_frame_of_the_last_arrival(count):
+    string = Scene(tuple(nomads.Pilgrim(f"p{n}", left=1 + n % 4).string.nodes[0] for n in range(9)))
+    world = World("w", string, nomads.VOCABULARY, until="eArrive")
+    regions = Regions(world, FRAMES, PARTITIONS[count], Random(count))
+    regions.digests()
+    assert regions.ends == [("every agent has sent eArrive", True, 4)] * count
+
+
+def test_a_region_without_agents_goes_on_until_all_are_empty():
+    world = World("w", Scene(), nomads.VOCABULARY)
+    regions = Regions(world, FRAMES, [ById(2)], Random(0))
+    regions.digests()
+    assert regions.ends == [("the string is empty", False, 1)] * 2
 
 
 @settings(max_examples=20, deadline=None, suppress_health_check=list(HealthCheck))

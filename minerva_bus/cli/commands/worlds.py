@@ -38,7 +38,7 @@ def run(
             *("seed", "rate", "frames", "view", "set_", "name", "until", "compiled"),
             *("record", "record_topics", "flush", "durable", "journal", "collect", "into"),
             *("listen", "connect", "keys", "insecure", "audit", "coordinator_only"),
-            *("metrics", "log_format", "processes"),
+            *("metrics", "log_format", "processes", "regions"),
         ),
     ],
     options: RunOptions,

@@ -1,0 +1,178 @@
+"""Runs a world as regions in this process: `minerva run --regions`."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+from minerva_bus.errors import WorldStopped
+from minerva_bus.frame import stimuli as s
+from minerva_bus.frame.member import Member, Unready
+from minerva_bus.frame.pace import Pace
+from minerva_bus.launch.compiling import compile_agents
+from minerva_bus.launch.console import Console
+from minerva_bus.launch.free_running import close_services
+from minerva_bus.launch.in_process import members_of, stopped_by
+from minerva_bus.launch.printed import MEMBERS, printed
+from minerva_bus.launch.summary import RunSummary
+from minerva_bus.launch.worldfile import WorldFile
+from minerva_bus.regions.merging import Units, merged
+from minerva_bus.regions.places import UnknownAuthor
+from minerva_bus.regions.region import Region
+from minerva_bus.runtime.direct import InProcessRunner
+from minerva_bus.runtime.runner import Notice
+
+
+@dataclass(frozen=True, slots=True)
+class _Part:
+    """A region with its members."""
+
+    region: Region
+    members: list[Member]
+    runner: InProcessRunner
+
+
+class RegionRun:
+    """One world as regions: the same digests as with one coordinator.
+
+    `run` runs it to its end. Each region has a member for each process of the world file, so a
+    generator makes its events in each region, equally.
+    """
+
+    def __init__(self, file: WorldFile, console: Console, began: float) -> None:
+        """`file` has a partition; `began` is the program's start, on the monotonic clock."""
+        self._file = file
+        self._console = console
+        self._began = began
+        self._parts: list[_Part] = []
+        self._pace = Pace(file.rate)
+        self._frame = 0
+        self._units: list[Units] = []
+        self._first_at: float | None = None
+        self._last_at = began
+        self._reason = ""
+        self._running: InProcessRunner | None = None
+
+    def run(self) -> RunSummary:
+        """Run the world to its end. Raises WorldStopped if user code fails."""
+        with printed(self._print):
+            try:
+                with self._reporting():
+                    self._open()
+                    while not self._reason:
+                        self._wait()
+                        self._advance()
+            except KeyboardInterrupt:
+                self._reason = "interrupted"
+            finally:
+                self._console.end()
+                for part in self._parts:
+                    close_services(part.members)
+            return self._summary()
+
+    def _open(self) -> None:
+        file, partition = self._file, self._file.partition
+        assert partition is not None
+        compile_agents(file.processes, self._console.progress)
+        for note in file.notes:
+            self._console.note(f"{file.world.name}: {note}")
+        for number in range(partition.count):
+            region, members = Region(file.world, number, partition), members_of(file)
+            runner = InProcessRunner(region.algorithm, members, self._observer(number))
+            self._parts.append(_Part(region, members, runner))
+        for part in self._parts:
+            self._running = part.runner
+            part.runner.start()
+        self._running = None
+        self._units = [part.region.units for part in self._parts]
+
+    def _observer(self, number: int) -> Callable[[Notice], None]:
+        def observe(notice: Notice) -> None:
+            if isinstance(notice, s.Notify):
+                self._log(f"{notice.member}, region {number}", notice.text, "warning")
+            elif isinstance(notice, s.Stopping) and not self._reason:
+                # Only a failure ends the algorithm of a region by itself.
+                self._reason = notice.reason
+
+        return observe
+
+    def _wait(self) -> None:
+        """Wait until the next frame is due; at rest, frames are as rare as with one coordinator."""
+        now = time.monotonic()
+        due = self._pace.due(now) or now
+        if all(part.region.algorithm.at_rest for part in self._parts):
+            due = max(due, self._pace.rest(self._last_at, float("inf")))
+        if due > now:
+            time.sleep(due - now)
+
+    def _advance(self) -> None:
+        """Run one frame in all regions, or end the world."""
+        for part in self._parts:
+            part.region.enter()
+        over = self._parts[0].region.over
+        if over:
+            self._end(over)
+            return
+        for part in self._parts:
+            self._running = part.runner
+            part.runner.handle(s.Begin())
+            if self._reason:
+                return
+        self._running = None
+        units = [part.region.units for part in self._parts]
+        parcels = [parcel for part in self._parts for parcel in part.region.leave()]
+        for parcel in parcels:
+            self._parts[parcel.target].region.receive(parcel)
+        # Together, so that an interrupted frame does not count.
+        self._frame, self._units = self._parts[0].region.frame, units
+        self._last_at = time.monotonic()
+        self._first_at = self._last_at if self._first_at is None else self._first_at
+
+    def _end(self, reason: str) -> None:
+        self._reason = reason
+        for part in self._parts:
+            self._running = part.runner
+            part.runner.handle(s.End(reason))
+
+    @contextmanager
+    def _reporting(self) -> Generator[None]:
+        """Turn errors in a member's code into WorldStopped."""
+        try:
+            yield
+        except (Unready, UnknownAuthor) as error:
+            # No failure of code: a service, or the world, does not support regions.
+            raise WorldStopped(str(error)) from None
+        except Exception as error:
+            running = None if self._running is None else self._running.direct.running
+            # Without one it is the function that assigns regions.
+            member = "regions" if running is None else running.name
+            self._console.frame = self._frame
+            raise stopped_by(error, member, self._frame, self._console) from error
+
+    def _summary(self) -> RunSummary:
+        first, file = self._first_at, self._file
+        # The members of one region report the figures of all, because generators are equal.
+        ended = self._parts[0].runner.ended if self._parts else None
+        figures = {} if ended is None else dict(ended.figures)
+        return RunSummary(
+            world=file.world.name,
+            frames=self._frame,
+            digest=merged(self._units).scene.digest.hex(),
+            reached=bool(self._parts) and self._parts[0].region.reached,
+            ended=self._reason,
+            wall_seconds=0.0 if first is None else self._last_at - first,
+            first_frame_seconds=None if first is None else max(0.0, first - self._began),
+            members=len(file.processes),
+            seed=file.world.seed,
+            startup={},
+            figures={"regions": len(self._parts), **figures},
+        )
+
+    def _print(self, text: str) -> None:
+        self._log(MEMBERS, text, "info")
+
+    def _log(self, member: str, text: str, level: str) -> None:
+        self._console.frame = self._frame
+        self._console.log(member, text, level)

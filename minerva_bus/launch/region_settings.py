@@ -1,0 +1,126 @@
+"""The table [regions] of a world file, and what a world that runs as regions cannot contain."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import pairwise
+from math import isfinite, prod
+from pathlib import Path
+from typing import Any, Final, cast
+
+from minerva_bus.errors import WorldFileError
+from minerva_bus.frame.member import Member
+from minerva_bus.launch.specs import load
+from minerva_bus.launch.table import Table
+from minerva_bus.launch.worldfile import Process, WorldFile
+from minerva_bus.regions.partition import ByFunction, ById, ByPosition, Partition
+from minerva_bus.settings.tables import MAX_REGIONS, RegionSettings
+from minerva_bus.world.evolution import Policy
+from minerva_bus.world.services import Device, Generator, Service
+
+_INSTEAD: Final = "run it with one coordinator (--regions 0); its string is the same"
+
+
+def read_partition(top: Table, path: Path) -> Partition | None:
+    """The regions of a world file and command line; None for one coordinator.
+
+    Raises WorldFileError.
+    """
+    settings = top.read(RegionSettings)
+    table = top.table("regions")
+    if settings.grid is not None and settings.function:
+        table.wrong("function", "and grid are both given; expected one of them")
+    if settings.grid is not None:
+        return _grid(top, table, cast("dict[str, Any]", settings.grid), settings.count)
+    if not settings.count:
+        if settings.function and "count" not in table:
+            table.wrong("function", "needs the number of regions: add count")
+        return None
+    if not settings.function:
+        return ById(settings.count)
+    with table.loading("function"):
+        function: Any = load(settings.function, path.parent)
+    if not callable(function):
+        table.wrong("function", f"names {settings.function}, which is not a function")
+    return ByFunction(settings.count, function)
+
+
+def _grid(top: Table, table: Table, grid: dict[str, Any], count: int) -> Partition | None:
+    if "regions" in top.overrides.values and not count:
+        return None  # --regions 0
+    if not 1 <= len(grid) <= 2:
+        table.wrong("grid", "must have one or two attributes, such as { x = [8, 16], y = [7] }")
+    borders = [_borders(table, name, values) for name, values in grid.items()]
+    cells = prod(len(each) + 1 for each in borders)
+    if cells > MAX_REGIONS:
+        table.wrong("grid", f"has {cells} cells; expected at most {MAX_REGIONS}")
+    if count not in (0, cells):
+        problem = f"is {count}, but the grid has {cells} cells; omit it, or change the grid"
+        top.wrong_setting(RegionSettings, "count", problem)
+    names = [*grid, *grid][:2]
+    return ByPosition(borders[0], *borders[1:], names=(names[0], names[1]))
+
+
+def _borders(table: Table, name: str, values: object) -> tuple[float, ...]:
+    numbers = cast("list[float]", values) if isinstance(values, list) else [float("nan")]
+    if not all(type(each) in (int, float) and isfinite(each) for each in numbers):
+        table.wrong("grid", f"must have a list of numbers for {name}, not {values!r:.40}")
+    if any(low >= high for low, high in pairwise(numbers)):
+        table.wrong("grid", f"must have ascending borders for {name}, not {values!r:.40}")
+    return tuple(map(float, numbers))
+
+
+def check_regions(file: WorldFile, members: Sequence[Member]) -> None:
+    """Raise WorldFileError if the world contains what regions do not support."""
+    world = file.world
+    unsupported = {
+        "norms": bool(world.norms),
+        'policy = "literal"': world.policy is Policy.LITERAL,
+        f"give_up ({world.give_up})": bool(world.give_up),
+        "[placement]": bool(world.placement.rules or world.placement.agents_per_host),
+    }
+    services = [f"{_unsupported_service(each.service)} ({each.name})" for each in members]
+    reasons = [what for what, is_used in unsupported.items() if is_used]
+    reasons += _unsupported_processes(file.processes)
+    reasons += [reason for reason in services if not reason.startswith(" ")]
+    _refuse(file, reasons)
+
+
+def check_region_run(file: WorldFile) -> None:
+    """Raise WorldFileError if a run as regions cannot have its settings."""
+    unsupported = {
+        "--resume": bool(file.world.past.frame),
+        "records (--record)": bool(file.record.path),
+        "tables of collected data ([collect], --collect)": bool(file.collect.entries),
+        "metrics ([metrics], --metrics)": bool(file.watch.metrics),
+        "journals (--journal)": bool(file.bus.journal),
+    }
+    _refuse(file, [what for what, is_used in unsupported.items() if is_used])
+
+
+def _refuse(file: WorldFile, reasons: Sequence[str]) -> None:
+    if file.partition is not None and reasons:
+        raise WorldFileError(f"{file.path}: regions do not support {reasons[0]}; {_INSTEAD}")
+
+
+def _unsupported_processes(processes: Iterable[Process]) -> Iterator[str]:
+    for process in processes:
+        if process.command:
+            yield f"commands ({process.name})"
+        elif process.elsewhere:
+            yield f"processes elsewhere ({process.name})"
+        elif process.speaks_for:
+            yield f"generators that send in the name of agents ({process.name})"
+
+
+def _unsupported_service(service: Service | None) -> str:
+    """Why a service cannot run in each region with the same results; "" if it can."""
+    if service is None:
+        return ""
+    if isinstance(service, Device):
+        return "devices and views, which draw the whole string"
+    if service.topics or service.publishes:
+        return "sensor topics"
+    if not isinstance(service, Generator) or not service.lockstep:
+        return "generators that run freely"
+    return ""

@@ -1,0 +1,102 @@
+"""The table [regions]: how agents are divided, and what is refused."""
+
+import time
+from pathlib import Path
+
+import pytest
+
+from minerva_bus.errors import MisuseError, WorldFileError, WorldStopped
+from minerva_bus.grammar.scene import AgentNode
+from minerva_bus.launch.console import Console
+from minerva_bus.launch.in_process import InProcessRun
+from minerva_bus.launch.installed import find_world
+from minerva_bus.launch.reading import read_world_file, read_world_text
+from minerva_bus.launch.region_run import RegionRun
+from minerva_bus.launch.region_settings import check_region_run
+from minerva_bus.settings.overrides import Overrides
+
+MEADOW = find_world("meadow")
+TEXT = MEADOW.read_text(encoding="utf-8")
+
+
+def read(table, **values):
+    return read_world_text(f"{TEXT}\n[regions]\n{table}\n", MEADOW, Overrides(**values))
+
+
+def rabbit(x, y):
+    return AgentNode("ARabbit", "r", ("x", "y"), (x, y))
+
+
+def test_a_grid_has_a_region_for_each_cell():
+    partition = read("grid = { x = [8, 16], y = [7] }").partition
+    assert partition.count == 6
+    corners = [rabbit(x, y) for y in (0.0, 7.0) for x in (-1.0, 8.0, 99.0)]
+    assert [partition.region_of(corner) for corner in corners] == list(range(6))
+
+
+def test_a_grid_may_have_one_attribute():
+    partition = read("grid = { y = [7] }").partition
+    assert [partition.region_of(rabbit(0.0, y)) for y in (6.9, 7.1)] == [0, 1]
+
+
+def test_the_command_line_replaces_the_number():
+    assert read("count = 3", regions=5).partition.count == 5
+    assert read("grid = { x = [8] }", regions=0).partition is None
+    assert read_world_file(MEADOW).partition is None
+
+
+@pytest.mark.parametrize(
+    ("table", "problem"),
+    [
+        ("grid = { x = [9, 8] }", "grid must have ascending borders for x"),
+        ("grid = { x = 8 }", "grid must have a list of numbers for x, not 8"),
+        ("grid = { x = [nan] }", "grid must have a list of numbers for x"),
+        ("grid = {}", "grid must have one or two attributes"),
+        ("grid = { x = [8] }\ncount = 3", "count is 3, but the grid has 2 cells"),
+        ("count = 257", "count must be at most 256"),
+        ("cuont = 2", "cuont is unknown"),
+        ('function = "meadow:Rabbit"', "function needs the number of regions"),
+        ('count = 2\nfunction = "meadow:WIDTH"', "names meadow:WIDTH, which is not a function"),
+        ('count = 2\nfunction = "meadow:none"', "meadow has no none"),
+    ],
+)
+def test_mistakes_are_named(table, problem):
+    with pytest.raises(WorldFileError, match=problem):
+        read(table)
+
+
+@pytest.mark.parametrize(
+    ("world", "reason"),
+    [("flock", r"devices and views.*\(neighbours\)"), ("traffic", "norms")],
+)
+def test_an_unsupported_world_is_refused_with_the_reason(world, reason):
+    with pytest.raises(WorldFileError, match=rf"{reason}.*--regions 0"):
+        read_world_file(find_world(world), Overrides(regions=4))
+
+
+def test_a_run_with_a_record_is_refused(tmp_path: Path):
+    file = read("count = 2", record=str(tmp_path / "run.mcap"))
+    with pytest.raises(WorldFileError, match="records"):
+        check_region_run(file)
+
+
+def test_a_world_has_the_digest_of_one_coordinator():
+    run = {"frames": 30, "rate": 0.0}
+    file = read("grid = { x = [8, 16], y = [7] }", **run)
+    console = Console(quiet=True)
+    regions = RegionRun(file, console, time.monotonic()).run().plain()
+    single = InProcessRun(file, console, time.monotonic()).run().plain()
+    same = ("digest", "frames", "ended", "reached", "members")
+    assert {name: regions[name] for name in same} == {name: single[name] for name in same}
+    assert regions["regions"] == 6
+
+
+def test_a_number_that_is_no_region_stops_the_world(monkeypatch):
+    import meadow
+
+    monkeypatch.setattr(meadow, "wrong", lambda name, state: 2, raising=False)
+    file = read('count = 2\nfunction = "meadow:wrong"')
+    with pytest.raises(WorldStopped) as stopped:
+        RegionRun(file, Console(quiet=True), time.monotonic()).run()
+    assert isinstance(stopped.value.__cause__, MisuseError)
+    assert "returned 2 for #meadow; expected an integer from 0 to 1" in str(stopped.value)
