@@ -10,6 +10,7 @@ TYPE_CHECKING = False  # Instead of typing.TYPE_CHECKING, because importing typi
 if TYPE_CHECKING:
     from typing import Any
 
+    from minerva_bus.api.branching import branch
     from minerva_bus.api.checking import check
     from minerva_bus.api.evolving import evolve_strings
     from minerva_bus.api.exporting import Export, export
@@ -60,6 +61,7 @@ if TYPE_CHECKING:
 __version__ = "0.5.0"
 
 _HOMES = {
+    "api.branching": "branch",
     "api.evolving": "evolve_strings",
     "api.exporting": "Export export",
     "api.graphs": "Graph graph",
@@ -161,6 +163,7 @@ __all__ = [
     "Vocabulary",
     "World",
     "WorldInfo",
+    "branch",
     "check",
     "connect",
     "count",

@@ -126,7 +126,7 @@ def replay_views(
     """
     texts = (views,) if isinstance(views, str) else tuple(views)
     past = Past(str(record), plays=True, begin=begin, speed=speed)
-    request = request_of(_world_of_record(record, world), {}, views=texts, past=past)
+    request = request_of(world_of_record(record, world), {}, views=texts, past=past)
     # The record is replayed, not the collected data of its world file.
     request = replace(request, file=replace(request.file, collect=Collecting()))
     return run_request(request, bus=True, quiet=quiet)
@@ -231,7 +231,7 @@ def resume(
     """
     check_film(film)
     request = request_of(
-        _world_of_record(record, world),
+        world_of_record(record, world),
         options,
         collect=collect,
         into=into,
@@ -245,7 +245,7 @@ def resume(
     return run_request(request, bus=bus or processes is not None, quiet=quiet, film=film)
 
 
-def _world_of_record(record: str | Path, world: World | str | Path) -> World:
+def world_of_record(record: str | Path, world: World | str | Path) -> World:
     """The world with the code of a record: a given one, or that of the file that it names."""
     if world != "":
         return world_of(world, {})

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from minerva_bus.api.pictures import Film, Still
 from minerva_bus.api.world_views import PICTURE, WIDTH, Visual, WorldViews, figure, unpictured
@@ -13,6 +13,9 @@ from minerva_bus.collect.table import DataTable
 from minerva_bus.errors import MinervaError, MisuseError, nearest
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.wording import counted
+
+if TYPE_CHECKING:
+    from minerva_bus.api.world import World
 
 FRAMES = "frames"
 SHOWN_DIGITS = 8
@@ -33,6 +36,8 @@ class Run:
         into: the file for collected data; "": they are in `tables`.
         views: draws strings of its world.
         kept: numbers of frames, and the strings with which they begin, for `film`.
+        record: the file in which it was recorded; "": none.
+        world: what ran, with its code, for `branch`.
 
     """
 
@@ -48,6 +53,8 @@ class Run:
     tables: Mapping[str, DataTable] = field(default_factory=dict[str, DataTable])
     into: str = ""
     kept: tuple[tuple[int, Scene], ...] = ()
+    record: str = ""
+    world: World | None = None
 
     def table(self, name: str = "") -> DataTable:
         """A table of collected data.
@@ -97,6 +104,29 @@ class Run:
         if not self.kept:
             raise MisuseError("no film was kept: run(world, film=10) keeps every 10th frame")
         return self.views.film(self.kept, event, width)
+
+    def branch(
+        self, frame: int, grid: Mapping[str, Iterable[Any]] | None = None, **arguments: Any
+    ) -> DataTable:
+        """Continue the recorded run from one of its frames in many ways; see `branch`.
+
+        Args:
+            frame: branches begin with the string of this frame.
+            grid: values by option of the world, or by PROCESS.KEY.
+            arguments: all others of `branch`: `seeds`, `collect`, `frames`, ...
+
+        Raises MisuseError if the run was not recorded.
+
+        Example:
+            `run("meadow", frames=500, record="run.mcap").branch(400, seeds=20)`
+
+        """
+        from minerva_bus.api.branching import branch  # which imports this module
+
+        if not self.record:
+            raise MisuseError('the run has no record: run(world, record="run.mcap")')
+        known: dict[str, Any] = {} if self.world is None else {"world": self.world}
+        return branch(self.record, frame, grid, **{**known, **arguments})
 
     @property
     def _facts(self) -> list[str]:

@@ -105,8 +105,10 @@ def run_request(request: Request, *, bus: bool, quiet: bool, film: int = 0) -> R
     """Run a checked world, in processes or in this one; see `run`."""
     console = Console(quiet=quiet, world=request.file.world.name)
     if bus:
-        return _run_on_bus(request, console, film)
-    return run_file(request.file, time.monotonic(), console, film)
+        done = _run_on_bus(request, console, film)
+    else:
+        done = run_file(request.file, time.monotonic(), console, film)
+    return replace(done, record=request.file.record.path, world=request.world)
 
 
 def check_film(film: int) -> None:

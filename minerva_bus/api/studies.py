@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from minerva_bus.api.requests import request_of
 from minerva_bus.api.run_result import pick_table
 from minerva_bus.api.world import World, world_of
-from minerva_bus.collect.plans import TablePlan, plans_of, read_entries
+from minerva_bus.collect.plans import Entries, TablePlan, plans_of, read_entries
 from minerva_bus.collect.reading import plain_value
 from minerva_bus.collect.table import ARRAY_TYPES, SEED, DataTable, Gathered
 from minerva_bus.collect.writers import path_of, read_columns
@@ -141,30 +141,54 @@ def sweep(
 
     """
     own = world_of(world, {})
-    combinations = _grid(grid or {}, seeds)
+    combinations = grid_of(grid or {}, seeds)
     # For its checks only: an error appears here, not once in each run.
     request_of(own, {}, frames=frames)
-    entries = read_entries(collect) if collect is not None else own.read().collect.entries
-    plans = plans_of(entries, own.vocabulary)
+    entries, plans = collected_of(own, collect)
+
+    def make(collecting: Collecting) -> Sweep:
+        runs = _sweep_of(own, combinations, frames, collecting)
+        if executor is not None:
+            runs.sent = sent_world(own)
+        return runs
+
+    return table_of_study(
+        make, entries, plans, table, folder, Workers(workers, limit, executor), quiet
+    )
+
+
+def collected_of(world: World, collect: Any) -> tuple[Entries, list[TablePlan]]:
+    """What runs of a world collect (None: as the world says), and the tables of it."""
+    entries = read_entries(collect) if collect is not None else world.read().collect.entries
+    return entries, plans_of(entries, world.vocabulary)
+
+
+def table_of_study(
+    make: Callable[[Collecting], Sweep],
+    entries: Entries,
+    plans: Sequence[TablePlan],
+    table: str,
+    folder: str | Path,
+    workers: Workers,
+    quiet: bool,
+) -> DataTable:
+    """Run a study; see `sweep`. `make` returns its runs, which collect `entries` into a folder."""
     with ExitStack() as stack:
         if folder:
             kept = Path(folder)
             kept.mkdir(parents=True, exist_ok=True)
         else:
             kept = stack.enter_context(temporary_folder("sweep"))
-        runs = _sweep_of(own, combinations, frames, Collecting(entries, str(kept)))
-        if executor is not None:
-            runs.sent = sent_world(own)
+        runs = make(Collecting(entries, str(kept)))
         runs.check()
-        console = Console(quiet=quiet)
-        if run_sweep(runs, kept / "runs.journal", Workers(workers, limit, executor), console):
+        if run_sweep(runs, kept / "runs.journal", workers, Console(quiet=quiet)):
             raise KeyboardInterrupt
         _check_any_succeeded(runs)
         if not entries:
             return _outcomes(runs)
-        collected, keys = _collected(runs, combinations, plans)
+        collected, keys = _collected(runs, runs.grid, plans)
     wanted = pick_table(collected, table)
-    return _with_keys(combinations.keys, keys[wanted.name], wanted)
+    return _with_keys(runs.grid.keys, keys[wanted.name], wanted)
 
 
 def _sweep_of(world: World, grid: Grid, frames: int | None, collect: Collecting) -> Sweep:
@@ -214,7 +238,8 @@ def sent_world(world: World, given: Overrides = AS_WRITTEN, *more: object) -> Se
     return SentWorld.of(world.toml(), path, given.over(world.given), *more)
 
 
-def _grid(grid: Mapping[str, Iterable[Any]], seeds: int | Iterable[int]) -> Grid:
+def grid_of(grid: Mapping[str, Iterable[Any]], seeds: int | Iterable[int]) -> Grid:
+    """All combinations of values and seeds. Raises MisuseError."""
     values: dict[str, tuple[str, ...]] = {}
     for key, given in grid.items():
         if isinstance(given, str) or not isinstance(given, Iterable):  # pyright: ignore[reportUnnecessaryIsInstance]

@@ -313,6 +313,17 @@ def swept(ctx: typer.Context, incomplete: str) -> Choices:
     yield from ((f"{key}=", text) for key, text in _process_keys(spec))
 
 
+@completer
+def branched(ctx: typer.Context, incomplete: str) -> Choices:
+    """As `swept`, for the world of a record."""
+    from minerva_bus.log.reader import Record
+
+    if not ctx.params.get("world"):
+        with Record(Path(ctx.params["file"])) as record:
+            ctx.params["world"] = record.description.path
+    yield from swept(ctx, incomplete)
+
+
 def _process_keys(spec: str) -> Iterator[tuple[str, str]]:
     import tomllib
 

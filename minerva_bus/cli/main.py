@@ -34,7 +34,7 @@ GROUPS: Final = {
         *("info", "replay", "seek", "diff", "export", "plot"),
         *("conversation", "recover", "map"),
     ),
-    "Studies": ("sweep", "evolve"),
+    "Studies": ("sweep", "branch", "evolve"),
     "Set up": ("new", "schema", "doctor", "keys", "conformance", "version"),
 }
 """The commands by topic, in the order of the help."""

@@ -30,6 +30,18 @@ def sweep_world(
 
     Raises MisuseError for files that cannot be written, and MinervaError if the world cannot run.
     """
+    code = run_to_table(sweep, table, plot, workers, console)
+    if as_json:
+        print_json(plain_sweep(sweep, table, code))
+    else:
+        print_result("\n".join(lines_of_sweep(sweep, table, code)))
+    return code
+
+
+def run_to_table(
+    sweep: Sweep, table: Path, plot: Path | None, workers: Workers, console: Console
+) -> int:
+    """Run the remaining combinations, write table and plot; returns the exit code."""
     check_table(table)
     if plot is not None:
         check_picture(plot)
@@ -37,10 +49,6 @@ def sweep_world(
     code = _sweep(sweep, table, workers, console)
     if plot is not None:
         _draw(sweep, plot, console)
-    if as_json:
-        print_json(_plain(sweep, table, code))
-    else:
-        print_result("\n".join(_lines(sweep, table, code)))
     return code
 
 
@@ -64,7 +72,8 @@ def _draw(sweep: Sweep, plot: Path, console: Console) -> None:
         console.note(f"plot saved to {plot}")
 
 
-def _lines(sweep: Sweep, table: Path, code: int) -> list[str]:
+def lines_of_sweep(sweep: Sweep, table: Path, code: int) -> list[str]:
+    """The results as text: a row for each combination, failures, and where the table is."""
     lines = shown(sweep.table) if sweep.table.rows else []
     failures, done = sweep.failures, len(sweep.table.rows)
     if failures:
@@ -78,7 +87,8 @@ def _lines(sweep: Sweep, table: Path, code: int) -> list[str]:
     return [*lines, f"{done} runs are in {table}"]
 
 
-def _plain(sweep: Sweep, table: Path, code: int) -> dict[str, object]:
+def plain_sweep(sweep: Sweep, table: Path, code: int) -> dict[str, object]:
+    """The results as JSON."""
     done = len(sweep.table.rows)  # The journal may have more, of values not given now.
     return {
         "world": sweep.path.stem,

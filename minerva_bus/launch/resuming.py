@@ -63,11 +63,7 @@ def read_resumed(path: Path, world: WorldSource, overrides: Overrides) -> Resume
         check_same(file.world, description.world, path)
         damage = tuple(damage_of(record))
         checkpoint, scene = record.end()
-        if file.world.until != description.world.until:
-            # Agents that have sent the old `until`, or have given up, have not sent the new one.
-            saved = {name: data for name, data in checkpoint.saved.items() if name != GIVEN_UP}
-            nobody: frozenset[str] = frozenset()
-            checkpoint = replace(checkpoint, saved=saved, reached=nobody, reaching=nobody)
+        checkpoint = toward(checkpoint, file.world, description.world)
         shown = last_views(record, file, checkpoint)
         past = replace(file.world, scene=scene, past=checkpoint, shown=shown)
         check_unfinished(past, path)
@@ -80,6 +76,16 @@ def read_resumed(path: Path, world: WorldSource, overrides: Overrides) -> Resume
     settings: dict[str, Any] = {f.name: getattr(file, f.name) for f in fields(WorldFile)}
     settings.update(world=past, notes=notes, record=kept, origin=path)
     return Resumed(**settings)
+
+
+def toward(checkpoint: Checkpoint, world: World, recorded: World) -> Checkpoint:
+    """The checkpoint of a recorded world for one that may have another goal `until`."""
+    if world.until == recorded.until:
+        return checkpoint
+    # Agents that have sent the old `until`, or have given up, have not sent the new one.
+    saved = {name: data for name, data in checkpoint.saved.items() if name != GIVEN_UP}
+    nobody: frozenset[str] = frozenset()
+    return replace(checkpoint, saved=saved, reached=nobody, reaching=nobody)
 
 
 def damage_of(record: Record) -> Iterator[str]:

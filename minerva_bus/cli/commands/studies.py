@@ -29,15 +29,21 @@ Limit = Annotated[float, typer.Option(help="Time limit of a run, seconds.", min=
 
 
 @dataclass(frozen=True, slots=True)
-class StudyOptions:
+class LocalStudyOptions:
     """Options of all studies."""
 
-    frames: Annotated[int | None, typer.Option(help="Frames per run.", min=1)] = None
     workers: Annotated[int, typer.Option(help="Parallel runs; 0: one per core.", min=0)] = 0
     in_process: Annotated[
         bool,
         typer.Option(help="Run each world in one process, without a bus: faster, same result."),
     ] = False
+
+
+@dataclass(frozen=True, slots=True)
+class StudyOptions(LocalStudyOptions):
+    """Options of studies of whole runs."""
+
+    frames: Annotated[int | None, typer.Option(help="Frames per run.", min=1)] = None
     dask: Annotated[
         str,
         typer.Option(
@@ -181,6 +187,81 @@ def sweep(
     with _workers(study, limit) as workers:
         code = sweep_world(runs, table, plot, workers, console, json)
     raise typer.Exit(code)
+
+
+@examples(
+    "minerva branch run.mcap --frame 400 --seeds 20",
+    "minerva branch run.mcap --frame 400 --set weather.amount=0.005,0.02 --seeds 5",
+    "minerva branch run.mcap --frame 400 --runs 100 --tree tree.svg",
+)
+@grouped
+def branch(
+    file: Annotated[
+        Path, typer.Argument(help="A record, .mcap.", autocompletion=completing.records)
+    ],
+    frame: Annotated[int, typer.Option(help="Continue from the string of this frame.", min=0)],
+    world: Annotated[
+        str,
+        typer.Argument(
+            help="World file or installed world, if the original one has moved.",
+            autocompletion=completing.worlds,
+        ),
+    ] = "",
+    set_: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set",
+            help="KEY=A,B,... or KEY=FROM:TO[:STEP]; KEY: an option, seed or PROCESS.KEY.",
+            autocompletion=completing.branched,
+        ),
+    ] = None,
+    seeds: Annotated[
+        int | None,
+        typer.Option(help="Seeds of each combination, the first that of the record.", min=1),
+    ] = None,
+    runs: Annotated[
+        int | None,
+        typer.Option(help="Limit of runs; without --seeds, as many seeds as it allows.", min=1),
+    ] = None,
+    frames: Annotated[
+        int | None, typer.Option(help="Last frame; default: that of the record.", min=1)
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output",
+            "-o",
+            help="The table of results, .csv or .parquet; default: NAME-FRAME.csv.",
+        ),
+    ] = None,
+    limit: Limit = 600.0,
+    plot: Annotated[Path | None, typer.Option(help="Plot a comparison of the runs.")] = None,
+    tree: Annotated[Path | None, typer.Option(help="Plot the record and its branches.")] = None,
+    json: Json = False,
+    quiet: QuietStudy = False,
+    force: Force = False,
+    *,
+    study: LocalStudyOptions,
+) -> None:
+    """Continue a recorded run from one of its frames in many ways.
+
+    The runs have all combinations of seeds and --set. The one without a change has the strings of
+    the record, which is checked: the exit code is 1 if it differs. Rows that are already in the
+    table are kept.
+    """
+    from minerva_bus.api.branching import Branches
+    from minerva_bus.cli.branching import BranchFiles, branch_record, grid_of_branches
+    from minerva_bus.launch.console import Console
+    from minerva_bus.settings.overrides import Overrides
+    from minerva_bus.study.executor_pool import Workers
+
+    branches = Branches.read(file, frame, world)
+    grid = grid_of_branches(branches, tuple(set_ or ()), seeds, runs)
+    given = Overrides(frames=frames)
+    sweep = branches.sweep(grid, given, in_process=study.in_process)
+    files = BranchFiles(output or Path(f"{file.stem}-{frame}.csv"), plot, tree)
+    workers = Workers(study.workers, limit)
+    raise typer.Exit(branch_record(branches, sweep, files, workers, Console(quiet=quiet), json))
 
 
 @contextmanager

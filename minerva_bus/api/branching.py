@@ -1,0 +1,150 @@
+"""Branches of a recorded run: `branch` as a function, which `minerva branch` calls."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from minerva_bus.api.records import world_of_record
+from minerva_bus.api.studies import collected_of, grid_of, table_of_study
+from minerva_bus.api.world import World
+from minerva_bus.collect.table import SEED, DataTable
+from minerva_bus.errors import MisuseError
+from minerva_bus.launch.branching import BranchPoint, read_branch_point, recorded_digest
+from minerva_bus.launch.collecting import Collecting
+from minerva_bus.settings.overrides import AS_WRITTEN, Overrides
+from minerva_bus.study.code_digests import identity, named_objects
+from minerva_bus.study.executor_pool import Workers
+from minerva_bus.study.grid import Grid
+from minerva_bus.study.results import Row
+from minerva_bus.study.sweep import Sweep
+
+
+@dataclass(frozen=True, slots=True)
+class Branches:
+    """A frame of a record with the code of its world: runs that continue from there."""
+
+    point: BranchPoint
+    world: World
+
+    @staticmethod
+    def read(record: str | Path, frame: int, world: World | str | Path = "") -> Branches:
+        """Read a frame; see `branch`. Raises MinervaError."""
+        own = world_of_record(record, world)
+        return Branches(read_branch_point(Path(record), frame, own.read), own)
+
+    def seeds(self, count: int) -> range:
+        """The seeds of as many runs; the first is that of the record."""
+        first = self.point.description.world.seed
+        return range(first, first + count)
+
+    def sweep(
+        self,
+        grid: Grid,
+        given: Overrides = AS_WRITTEN,
+        *,
+        in_process: bool = True,
+        collect: Collecting | None = None,
+    ) -> Sweep:
+        """The runs for all combinations; `given` are settings of all of them."""
+        tables, point = self.world.tables(), self.point
+        code = named_objects(tables, (self.world.path or Path.cwd() / "world.toml").parent)
+        given = Overrides(rate=0.0).over(given)
+        own = identity(tables, point(given), code)
+        return Sweep(
+            point.path,
+            grid,
+            given,
+            in_process=in_process,
+            read=point,
+            collect=collect or Collecting(),
+            identity={**own, "branch": point.past.frame},
+            code=code,
+        )
+
+    def unchanged(self, runs: Sweep) -> Row | None:
+        """The finished run in which seed and options are those of the record, if there is one."""
+        recorded = {**self.point.description.options, SEED: str(self._seed)}
+        for row in runs.rows.values():
+            pairs = zip(runs.grid.keys, row.combination, strict=True)
+            same = all(recorded.get(key) == value for key, value in pairs)
+            if same and not row.error and not runs.given.options and not runs.given.settings:
+                return row
+        return None
+
+    def continues(self, row: Row) -> bool | None:
+        """Whether an unchanged run has the string of the record; None: the record ends earlier."""
+        frames = int(row.outcome["frames"])
+        if frames > self.point.end:
+            return None
+        return row.outcome["digest"] == recorded_digest(self.point.path, frames)
+
+    @property
+    def _seed(self) -> int:
+        return self.point.description.world.seed
+
+
+def branch(
+    record: str | Path,
+    frame: int,
+    grid: Mapping[str, Iterable[Any]] | None = None,
+    *,
+    seeds: int | Iterable[int] = 1,
+    world: World | str | Path = "",
+    frames: int | None = None,
+    collect: Any = None,
+    table: str = "",
+    folder: str | Path = "",
+    workers: int = 0,
+    limit: float = 0.0,
+    quiet: bool = False,
+) -> DataTable:
+    """Continue a recorded run from one of its frames in many ways, in parallel.
+
+    The record is read once, up to that frame. With the seed and the options of the record, a
+    branch has its strings.
+
+    Args:
+        record: the file, .mcap.
+        frame: branches begin with the string of this frame.
+        grid: values by option of the world, or by PROCESS.KEY, as for `sweep`. They apply from
+            that frame on.
+        seeds: the number of seeds, of which the first is that of the record, or the seeds.
+        world: the world with the agents' code; "": the world file that the record names.
+        frames: the last frame; default: that of the record.
+        collect: as for `run`, from that frame on; without it, the table has the outcomes.
+        table: which table of collected data; "": that of frames, or the only one.
+        folder: stores finished runs, so that the same call continues after a kill. "": none.
+        workers: parallel runs; 0: one per core.
+        limit: seconds that a run may take; 0: no limit.
+        quiet: show no progress, only failures.
+
+    Returns:
+        The table of `sweep`: a column for each option and for the seed, and the results.
+
+    Raises:
+        RecordError: the record cannot be read, or has no checkpoints.
+        MisuseError: there is no such frame, an argument is wrong, or all runs failed.
+        MinervaError: the record is of another world, or the run is over at that frame.
+        KeyboardInterrupt: after Ctrl-C; finished runs are in the folder.
+
+    Example:
+        >>> branch("run.mcap", 400, {"weather.amount": [0.005, 0.02]}, seeds=5,
+        ...        collect={"rabbits": "count(ARabbit)"})
+
+    """
+    branches = Branches.read(record, frame, world)
+    numbers = tuple(branches.seeds(seeds) if isinstance(seeds, int) else seeds)
+    if not numbers:
+        raise MisuseError(f"seeds={seeds!r:.40}: expected at least one seed")
+    combinations = grid_of(grid or {}, numbers)
+    entries, plans = collected_of(branches.world, collect)
+    make = partial(_make, branches, combinations, Overrides(frames=frames))
+    return table_of_study(make, entries, plans, table, folder, Workers(workers, limit), quiet)
+
+
+def _make(branches: Branches, grid: Grid, given: Overrides, collect: Collecting) -> Sweep:
+    return branches.sweep(grid, given, collect=collect)
