@@ -42,6 +42,7 @@ EXTRAS: Final = {
     "polars": (("polars",), "collected data in Polars"),
     "notebook": (("anywidget", "ipykernel"), "live worlds in notebooks"),
     "rl": (("gymnasium", "pettingzoo"), "environments for reinforcement learning"),
+    "onnx": (("onnxruntime",), "trained policies in ONNX files"),
     "dask": (("distributed",), "studies on a Dask cluster"),
     "video": (("av",), "films of runs"),
     "ros": (("rosbags", "PIL"), "ROS 2 robots, and bags"),

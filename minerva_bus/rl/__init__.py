@@ -5,9 +5,16 @@
     actions = {agent: env.action_space(agent).sample() for agent in env.agents}
     observations, rewards, terminations, truncations, infos = env.step(actions)
 
-They need `pip install 'minerva-bus[rl]'`.
+`follow_policy` lets agents of a world do what a trained policy says. All of this needs
+`pip install 'minerva-bus[rl]'`; importing this package raises MisuseError without it.
 """
 
-from minerva_bus.rl.making import parallel_env, single_env
+from minerva_bus.collect.table import needed
 
-__all__ = ["parallel_env", "single_env"]
+for _library in ("gymnasium", "pettingzoo"):
+    needed(_library, "rl")
+
+from minerva_bus.rl.following import follow_policy  # noqa: E402
+from minerva_bus.rl.making import parallel_env, single_env  # noqa: E402
+
+__all__ = ["follow_policy", "parallel_env", "single_env"]

@@ -14,7 +14,7 @@ Numbers are of float64, because a float32 may lie outside of a range of the voca
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, Final, Protocol, TypeAlias, cast
 
@@ -26,7 +26,6 @@ from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.fields import Field
 from minerva_bus.grammar.symbols import AgentKind, EventType
 from minerva_bus.grammar.types import Type
-from minerva_bus.grammar.vocabulary import Vocabulary
 
 Act: TypeAlias = "str | EventType | Event | Sequence[Event | None]"
 """What agents do: an event type (its data are the action), or a list of events to choose from."""
@@ -47,31 +46,32 @@ class Acting(Protocol):
         ...
 
 
-def acting_of(act: Act, kind: AgentKind, vocabulary: Vocabulary) -> Acting:
-    """The actions of a kind of agents. Raises MisuseError for events that do not concern it."""
+def acting_of(act: Act, kind: AgentKind, known: Mapping[str, EventType]) -> Acting:
+    """The actions of a kind of agents; `known` are event types by name.
+
+    Raises MisuseError for events that do not concern the kind.
+    """
     if isinstance(act, str | EventType):
         name = act if isinstance(act, str) else act.name
-        _check_type(name, kind, vocabulary)
-        event_type = vocabulary.events[name]
+        _check_type(name, kind, known)
+        event_type = known[name]
         return (
             DataActions(event_type) if event_type.fields.all else EventActions([None, event_type()])
         )
     events = [act] if isinstance(act, Event) else list(act)
     for event in events:
         if event is not None:
-            _check_type(event.type, kind, vocabulary)
+            _check_type(event.type, kind, known)
     # A single event would be no choice.
     return EventActions([None, *events] if isinstance(act, Event) else events)
 
 
-def _check_type(name: str, kind: AgentKind, vocabulary: Vocabulary) -> None:
-    if name not in vocabulary.events:
-        raise MisuseError(
-            f"act: the world has no event type {name}{nearest(name, [*vocabulary.events])}"
-        )
+def _check_type(name: str, kind: AgentKind, known: Collection[str]) -> None:
+    if name not in known:
+        raise MisuseError(f"act: the world has no event type {name}{nearest(name, [*known])}")
     if name not in kind.subscribes:
-        known = ", ".join(sorted(kind.subscribes)) or "none"
-        raise MisuseError(f"act: {kind.name} does not respond to {name}; it responds to {known}")
+        own = ", ".join(sorted(kind.subscribes)) or "none"
+        raise MisuseError(f"act: {kind.name} does not respond to {name}; it responds to {own}")
 
 
 class EventActions:

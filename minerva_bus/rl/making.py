@@ -3,24 +3,22 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from minerva_bus.api.live import Live
 from minerva_bus.api.world import World, world_of
 from minerva_bus.api.world_views import WorldViews
-from minerva_bus.collect.table import needed
 from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.grammar.scene import Scene, agents
 from minerva_bus.grammar.symbols import AgentKind
 from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.rl.acting import Act, acting_of
+from minerva_bus.rl.observing import Observe, observing_of
+from minerva_bus.rl.parallel import AttachedEpisodes, LearningTask, OwnEpisodes, WorldEnv
+from minerva_bus.rl.scoring import Done, Reward, ending_of, rewarding_of
+from minerva_bus.rl.single import AgentEnv
+from minerva_bus.rl.states import KindStates
 from minerva_bus.world.agent import Agent
-
-if TYPE_CHECKING:
-    from minerva_bus.rl.acting import Act
-    from minerva_bus.rl.observing import Observe
-    from minerva_bus.rl.parallel import WorldEnv
-    from minerva_bus.rl.scoring import Done, Reward
-    from minerva_bus.rl.single import AgentEnv
 
 BIRTHS = "births"
 """The attribute that a kind needs to give birth; see `Agent.child`."""
@@ -71,13 +69,6 @@ def parallel_env(
         >>> observations, infos = env.reset(seed=7)
 
     """
-    _check_libraries()
-    from minerva_bus.rl.acting import acting_of
-    from minerva_bus.rl.observing import observing_of
-    from minerva_bus.rl.parallel import AttachedEpisodes, LearningTask, OwnEpisodes, WorldEnv
-    from minerva_bus.rl.scoring import ending_of, rewarding_of
-    from minerva_bus.rl.states import KindStates
-
     seed = settings.pop("seed", None)
     if isinstance(world, Live):
         if settings or seed is not None:
@@ -97,10 +88,8 @@ def parallel_env(
     task = LearningTask(
         kind,
         only,
-        acting_of(act, kind, vocabulary),
-        observing_of(
-            observe, first, vocabulary, lambda string, event: views.view(string, event, 0)
-        ),
+        acting_of(act, kind, vocabulary.events),
+        observing_of(observe, first, lambda string, event: views.view(string, event, 0)),
         rewarding_of(reward, kind),
         ending_of(done, kind),
         limit if frames is None else frames,
@@ -139,18 +128,11 @@ def single_env(
     """
     more: dict[str, Any] = {"births": False, **settings}
     env = parallel_env(world, agent, act, observe, reward, done, **more)
-    from minerva_bus.rl.single import AgentEnv
-
     ids = env.possible_agents
     if len(ids) != 1:
         shown = ", ".join(f"#{name}" for name in ids[:5]) or "none"
         raise MisuseError(f"agent {agent}: expected one agent, there are {shown}")
     return AgentEnv(env, ids[0])
-
-
-def _check_libraries() -> None:
-    for library in ("gymnasium", "pettingzoo"):
-        needed(library, "rl")
 
 
 def _kind_of(

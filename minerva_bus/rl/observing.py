@@ -24,14 +24,12 @@ from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.grammar.scene import AgentNode, FigureNode, Scene, TransformationNode, scene_of
 from minerva_bus.grammar.symbols import AgentKind, EventType
 from minerva_bus.grammar.types import Type
-from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.rl.acting import AnySpace
 from minerva_bus.rl.states import KindStates
 from minerva_bus.semantics.geometry import Geometry, interpret
 
 Observe: TypeAlias = "str | EventType | Sequence[Any] | Callable[[Scene, AgentNode], Any] | None"
 Observations: TypeAlias = dict[str, Any]
-Draw: TypeAlias = "Callable[[Scene], Scene]"
 
 MATRICES = {"cells": np.int16, "matrix": np.float64}
 NUMBERS = ("real", "int", "bool")
@@ -51,7 +49,6 @@ class Observing(Protocol):
 def observing_of(
     observe: Observe,
     states: KindStates,
-    vocabulary: Vocabulary,
     view: Callable[[Scene, str], Scene],
 ) -> Observing:
     """The observations of a kind of agents; `states` are those of the initial string.
@@ -60,9 +57,7 @@ def observing_of(
     """
     kind = states.kind
     name = observe.name if isinstance(observe, EventType) else observe
-    if isinstance(name, str) and name in vocabulary.events:
-        if name not in kind.views:
-            raise MisuseError(f"observe: {kind.name} has no view for {name}")
+    if isinstance(name, str) and name in kind.views:
         event_type = name
         return FunctionObserving(
             lambda _, agent: _numbers_of(view(scene_of(agent), event_type)), states
@@ -73,7 +68,7 @@ def observing_of(
         names = [field.name for field in kind.fields.all if _is_scalar(field.type)]
     else:
         names = [name] if isinstance(name, str) else [_attribute(each) for each in name]
-    types = {each: _type_of(each, kind, vocabulary) for each in names}
+    types = {each: _type_of(each, kind) for each in names}
     if not types:
         raise MisuseError(
             f"observe: {kind.name} has no numbers; name attributes, or give a function"
@@ -92,11 +87,11 @@ def _is_scalar(type_: Type) -> bool:
     return type_.kind in NUMBERS or bool(type_.words)
 
 
-def _type_of(name: str, kind: AgentKind, vocabulary: Vocabulary) -> Type:
+def _type_of(name: str, kind: AgentKind) -> Type:
     types = {field.name: field.type for field in kind.fields.all}
     if name not in types:
-        visual = [event for event in kind.views if event in vocabulary.events]
-        raise MisuseError(f"observe: {kind.name} has no {name}{nearest(name, [*types, *visual])}")
+        near = nearest(name, [*types, *sorted(kind.views)])
+        raise MisuseError(f"observe: {kind.name} has no attribute and no view {name}{near}")
     type_ = types[name]
     inner = type_.item if type_.item is not None else type_
     if type_.kind not in MATRICES and not _is_scalar(inner):

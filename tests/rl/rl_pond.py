@@ -15,6 +15,7 @@ from minerva_bus import (
     on,
     view,
 )
+from minerva_bus.rl import follow_policy
 
 PFin = Primitive("PFin", size=float, angles=tuple[float, ...], name=str)
 TAt = Transformation("TAt", x=float)
@@ -68,10 +69,28 @@ class Fish(Agent, symbol="AFish"):
         return TAt(self.x)(PFin(self.food, self.tail, self.id))
 
 
-pond = World(
-    "AFish#a · AFish#b<x=2> · AFish#c<x=3, food=1>",
-    services=[each(eTick)],
-    symbols=[eSwim, eEat, eMix, ePick, eSee, PFin, TAt],
-    order=[eSwim, eEat, ePick, eTick],
-    name="rl_pond",
-)
+def shy(observation):
+    """A policy: away from 0 with less food."""
+    x, food = observation
+    return [-0.5 if x > 2 else 0.25 * food / (1 + food), 1.0]
+
+
+class ShyFish(Fish):
+    """A fish that follows a policy."""
+
+    follow = follow_policy(shy, when="eTick", act=eSwim, observe=["x", "food"])
+
+
+def pond_of(fish):
+    """A pond whose fish are of a class."""
+    return World(
+        "AFish#a · AFish#b<x=2> · AFish#c<x=3, food=1>",
+        agents=[fish],
+        services=[each(eTick)],
+        symbols=[eSwim, eEat, eMix, ePick, eSee, PFin, TAt],
+        order=[eSwim, eEat, ePick, eTick],
+        name="rl_pond",
+    )
+
+
+pond = pond_of(Fish)

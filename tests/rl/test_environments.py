@@ -167,7 +167,7 @@ def test_spaces_of_observations_follow_from_the_vocabulary():
         ({"act": "eEatt"}, "no event type eEatt; did you mean 'eEat'?"),
         ({"act": "eMix"}, "note of eMix is a text, which is no action"),
         ({"act": []}, "the list is empty"),
-        ({"observe": ["fod"]}, "AFish has no fod; did you mean 'food'?"),
+        ({"observe": ["fod"]}, "no attribute and no view fod; did you mean 'food'?"),
         ({"observe": lambda string, agent: "no"}, "the observation of a is 'no'"),
         ({"reward": "colr"}, "no number colr; did you mean 'color'?"),
         ({"done": "fod > 1"}, "AFish has no fod; did you mean 'food'?"),
