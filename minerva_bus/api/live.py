@@ -150,12 +150,12 @@ class Live:
         """Further operations: `pause`, `resume`, `set_rate`, `restart`, `logs`."""
         return self._backend.operator
 
-    def publish(self, event: AnyEvent) -> None:
-        """Send an event as a person; it belongs to the next frame.
+    def publish(self, event: AnyEvent, by: str = "") -> None:
+        """Send an event as a person, by name if `by` is given; it belongs to the next frame.
 
         Raises BusError if people may not send events of its type; see docs/worlds.md, `people`.
         """
-        self._backend.operator.order(event)
+        (self._backend.operator.named(by) if by else self._backend.operator).order(event)
 
     def view(self, event: Visual) -> Scene:
         """The view π of the string for a visual event.

@@ -170,10 +170,11 @@ def publish(
     data: list[str],
     to: list[str],
     condition: str,
+    by: str,
     target: WorldTarget,
     as_json: bool,
 ) -> None:
-    """Send an event."""
+    """Send an event as a person, with a name or without."""
     pairs: dict[str, str] = {}
     for word in data:
         name, equals, value = word.partition("=")
@@ -181,7 +182,9 @@ def publish(
             raise MinervaError(f"{word!r}: expected data as KEY=VALUE")
         pairs[name] = value
     with client(target) as connected:
-        answer = connected.ask("pub", type=type_, data=pairs, receivers=to, condition=condition)
+        answer = connected.ask(
+            "pub", type=type_, data=pairs, receivers=to, condition=condition, by=by
+        )
     if as_json:
         print_json(answer)
         return

@@ -19,7 +19,7 @@ from minerva_bus.frame.constraints import Offers
 from minerva_bus.frame.description import World
 from minerva_bus.frame.goal import WorldGoal
 from minerva_bus.frame.in_flight import FrameInFlight
-from minerva_bus.frame.inbox import PEOPLE, FrameInbox
+from minerva_bus.frame.inbox import FrameInbox, is_people
 from minerva_bus.frame.inputs import FrameInputs
 from minerva_bus.frame.instructions import Instructions
 from minerva_bus.frame.joining import MemberLifecycle
@@ -402,12 +402,12 @@ class FrameAlgorithm:
         taken: dict[str, Sequence[AnyEvent]] = {}
         if self.phase is Phase.EVOLVE:
             taken |= events.taken
-        if self.in_frame and events.orders:
-            taken[PEOPLE] = [*events.orders, *taken.get(PEOPLE, ())]
+        for source, orders in events.orders.items() if self.in_frame else ():
+            taken[source] = [*orders, *taken.get(source, ())]
         # The same events as `events.orders`, which have been added as people's.
-        taken.pop(HANDED_OVER, None)
+        taken = {name: each for name, each in taken.items() if not name.startswith(HANDED_OVER)}
         waiting = self.inbox.events
-        if PEOPLE not in taken and PEOPLE not in waiting:
+        if not any(map(is_people, (*taken, *waiting))):
             return {}
         sources = sorted({*taken, *waiting})
         return {name: [*taken.get(name, ()), *waiting.get(name, ())] for name in sources}

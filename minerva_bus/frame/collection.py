@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.calling import NOTHING
-from minerva_bus.frame.inbox import AGENTS, PEOPLE
+from minerva_bus.frame.inbox import AGENTS, PEOPLE, Orders, is_people, person_of
 from minerva_bus.frame.inputs import FrameInputs
 from minerva_bus.frame.members import MemberChange, MemberEntry, MemberState
 from minerva_bus.frame.senders import SenderRights
@@ -20,6 +20,9 @@ from minerva_bus.world.order import collect
 
 if TYPE_CHECKING:
     from minerva_bus.frame.algorithm import FrameAlgorithm
+
+ORDERS: Final = "orders"
+"""Name under which orders are logged."""
 
 HANDED_OVER: Final = "~handed"
 """Key of the orders taken by generators in the inputs of a frame."""
@@ -55,7 +58,7 @@ class CollectionStep:
         self._give_orders(member)
         self._algorithm.out.send(member.name, m.TickRequest(self._algorithm.frame))
 
-    def _hand_over(self, orders: tuple[AnyEvent, ...]) -> None:
+    def _hand_over(self, orders: Orders) -> None:
         """Apply norms to the orders that generators take, and send the permitted ones.
 
         Orders are people's events; the events that a generator derives from them are its own.
@@ -72,7 +75,9 @@ class CollectionStep:
         algorithm.inbox.replace(inputs.taken)
         in_flight.ticked |= inputs.ticked
         in_flight.events.people = inputs.people
-        self._hand_over(tuple(algorithm.inbox.events.pop(HANDED_OVER, ())))
+        inbox = algorithm.inbox.events
+        handed = [source for source in sorted(inbox) if source.startswith(HANDED_OVER)]
+        self._hand_over({_people(source): inbox.pop(source) for source in handed})
 
     def _has_taker(self, event_type: str) -> bool:
         return bool(self._algorithm.members.takers(event_type))
@@ -141,7 +146,7 @@ class CollectionStep:
 
     def order(self, order: s.Publish) -> None:
         """Accept an event from a person for the next frame."""
-        self._algorithm.inbox.add_order(order.event)
+        self._algorithm.inbox.add_order(order.event, order.person)
 
     def _may_generate(self, member: MemberEntry, events: tuple[AnyEvent, ...]) -> bool:
         declared = member.hello.generates if member.hello is not None else ()
@@ -180,7 +185,8 @@ class CollectionStep:
         algorithm, events = self._algorithm, self._algorithm.in_flight.events
         taken, emitted = algorithm.inbox.take(self._has_taker), algorithm.inbox.emitted
         # The log needs the orders too: a recomputed frame hands them over again.
-        events.taken = {**taken, HANDED_OVER: events.orders} if events.orders else taken
+        handed = {_handed(source): orders for source, orders in events.orders.items()}
+        events.taken = {**taken, **handed}
         events.due = due
         # A copy, because the log needs `taken` as it was, before norms and rights remove events.
         sources: dict[str, Sequence[AnyEvent]] = {**taken}
@@ -242,16 +248,34 @@ class CollectionStep:
             people = algorithm.in_flight.events.people
             sources = dict(algorithm.norms.events(algorithm.frame, sources, people))
             algorithm.norms.publish(algorithm.out, algorithm.inbox, algorithm.members.saved)
+        self._log_orders(sources)
         return {**sources, SOURCE: sanctions} if sanctions else sources
 
-    def _permitted_orders(self, orders: Sequence[AnyEvent]) -> tuple[AnyEvent, ...]:
+    def _permitted_orders(self, orders: Orders) -> tuple[AnyEvent, ...]:
         """People's orders that norms permit, before a generator takes them."""
-        algorithm = self._algorithm
-        if not algorithm.norms or not orders:
-            return tuple(orders)
-        permitted = algorithm.norms.events(algorithm.frame, {PEOPLE: orders})
-        algorithm.norms.publish(algorithm.out, algorithm.inbox, algorithm.members.saved)
-        return tuple(permitted[PEOPLE])
+        algorithm, permitted = self._algorithm, orders
+        if algorithm.norms and orders:
+            permitted = algorithm.norms.events(algorithm.frame, orders)
+            algorithm.norms.publish(algorithm.out, algorithm.inbox, algorithm.members.saved)
+        self._log_orders(permitted)
+        return tuple([event for source in sorted(permitted) for event in permitted[source]])
+
+    def _log_orders(self, permitted: Orders) -> None:
+        """Log the orders that count in this frame; norms log those that they reject."""
+        for source in sorted(filter(is_people, permitted)):
+            for event in permitted[source]:
+                line = f"{event} of {person_of(source)} counts in frame {self._algorithm.frame}"
+                self._algorithm.out.log(ORDERS, line)
+
+
+def _handed(source: str) -> str:
+    """The name under which a record has the orders of a source that a generator took."""
+    return HANDED_OVER + source.removeprefix(PEOPLE)
+
+
+def _people(handed: str) -> str:
+    """The inverse of `_handed`."""
+    return PEOPLE + handed.removeprefix(HANDED_OVER)
 
 
 def visual_events(algorithm: FrameAlgorithm, due: Sequence[str]) -> tuple[Event, ...]:

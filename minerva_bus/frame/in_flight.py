@@ -8,6 +8,7 @@ from typing import Any, Final, cast
 
 from minerva_bus.frame import messages as m
 from minerva_bus.frame.composition import Layout
+from minerva_bus.frame.inbox import Orders
 from minerva_bus.frame.inputs import FrameInputs
 from minerva_bus.frame.trial import Trial
 from minerva_bus.grammar.batch import AnyEvent
@@ -29,13 +30,14 @@ _NO_STAGES: Final[Iterator[Events]] = iter(())
 class FrameEvents:
     """Events of a frame (steps 2 to 4 of Table 2).
 
-    `orders`: people's orders that generators take, and `permitted`, those that norms permit.
+    `orders`: people's orders that generators take, by source; `permitted`: those that norms
+    permit.
     `taken`: events from the inbox, by source; `people`: the sources that represent people.
     `due`: visual event types that devices generate in this frame.
     `ordered`: e*, of which `visual` is e^v and `evolving` is e^u.
     """
 
-    orders: Events = ()
+    orders: Orders = field(default_factory=_DICT)
     permitted: Events = ()
     taken: Mapping[str, Sequence[AnyEvent]] = field(default_factory=_DICT)
     people: tuple[str, ...] = ()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import accumulate
-from typing import Final
+from typing import Final, TypeAlias
 
 from minerva_bus.frame import messages as m
 from minerva_bus.frame.checkpoint import Checkpoint
@@ -14,7 +14,11 @@ from minerva_bus.grammar.events import Event
 from minerva_bus.world.norms import SOURCE
 
 PEOPLE: Final = "~order"
-"""Source of people's events, to which norms apply as to those of generators."""
+"""Source of people's events, to which norms apply as to those of generators; of a person with a
+name it is `~order:NAME`."""
+
+Orders: TypeAlias = Mapping[str, Sequence[AnyEvent]]
+"""People's orders by source."""
 
 AGENTS: Final = "#"
 """Source of all events that agents send; no generator can have this name."""
@@ -24,6 +28,21 @@ MAX_WAITING: Final = 100_000
 
 MAX_SINGLE_EVENTS: Final = 2_000
 """Maximum events of one free-running generator, outside columns, in a frame; others wait."""
+
+
+def source_of(person: str) -> str:
+    """The source of a person's events; "" is a person without a name."""
+    return f"{PEOPLE}:{person}" if person else PEOPLE
+
+
+def is_people(source: str) -> bool:
+    """Whether events of a source are sent by people."""
+    return source.partition(":")[0] == PEOPLE
+
+
+def person_of(source: str) -> str:
+    """The name of the person who is a source, or `people`."""
+    return source.partition(":")[2] or "people"
 
 
 class EarlyTicks:
@@ -101,17 +120,19 @@ class FrameInbox:
         waiting.extend(events)
         return True
 
-    def add_order(self, event: Event) -> None:
+    def add_order(self, event: Event, person: str = "") -> None:
         """Add an event from a person."""
-        self.events.setdefault(PEOPLE, []).append(event)
+        self.events.setdefault(source_of(person), []).append(event)
 
-    def take_orders(self, is_taken: Callable[[str], bool]) -> tuple[AnyEvent, ...]:
-        """Remove the orders whose event type a generator takes, and return them."""
-        orders = self.events.get(PEOPLE, ())
-        taken = tuple([event for event in orders if is_taken(event.type)])
-        if taken:
-            left = [event for event in self.events.pop(PEOPLE) if not is_taken(event.type)]
-            self.events |= {PEOPLE: left} if left else {}
+    def take_orders(self, is_taken: Callable[[str], bool]) -> Orders:
+        """Remove the orders whose event type a generator takes, and return them by source."""
+        taken: dict[str, tuple[AnyEvent, ...]] = {}
+        for source in sorted(filter(is_people, self.events)):
+            orders = tuple([event for event in self.events[source] if is_taken(event.type)])
+            if orders:
+                taken[source] = orders
+                left = [event for event in self.events.pop(source) if not is_taken(event.type)]
+                self.events |= {source: left} if left else {}
         return taken
 
     def take(self, is_taken: Callable[[str], bool]) -> dict[str, list[AnyEvent]]:
@@ -121,11 +142,12 @@ class FrameInbox:
         """
         # The counts start again with the queues; held-back events are counted by the next `add`.
         taken, self.events, self._counts = self.events, {}, {}
-        late = [event for event in taken.get(PEOPLE, ()) if is_taken(event.type)]
-        if late:
-            self.events[PEOPLE] = late
-            in_time = [event for event in taken.pop(PEOPLE) if not is_taken(event.type)]
-            taken |= {PEOPLE: in_time} if in_time else {}
+        for source in sorted(filter(is_people, taken)):
+            late = [event for event in taken[source] if is_taken(event.type)]
+            if late:
+                self.events[source] = late
+                in_time = [event for event in taken.pop(source) if not is_taken(event.type)]
+                taken |= {source: in_time} if in_time else {}
         return taken
 
     def hold_back(self) -> dict[str, list[AnyEvent]]:
@@ -134,7 +156,7 @@ class FrameInbox:
         for source, events in self.events.items():
             singles = accumulate(isinstance(event, Event) for event in events)
             # Batches do not count: the limit bounds the work for events outside columns.
-            if len(events) > self.max_single_events and source != PEOPLE:
+            if len(events) > self.max_single_events and not is_people(source):
                 taken = bisect_right(list(singles), self.max_single_events)
                 later[source] = events[taken:]
                 self.events[source] = events[:taken]

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minerva_bus.frame.composition import Composition
-from minerva_bus.frame.inbox import PEOPLE, FrameInbox
+from minerva_bus.frame.inbox import PEOPLE, FrameInbox, is_people, person_of
 from minerva_bus.frame.instructions import Instructions
 from minerva_bus.frame.trial import NormVerdict, Trial
 from minerva_bus.grammar.batch import AnyEvent, Events
@@ -79,11 +79,11 @@ class Norms:
         """
         # Other internal sources are not acts of a member or person,
         # such as views that devices request.
-        judged = [name for name in sorted(sources) if not name.startswith("~") or name == PEOPLE]
+        judged = [name for name in sorted(sources) if not name.startswith("~") or is_people(name)]
         if not self._on_events or not judged:
             return sources
         self._begin(frame)
-        self._people = frozenset((PEOPLE, *people))
+        self._people = frozenset(people)
         left = {name: list(sources[name]) for name in judged}
         # Norms apply in the order of declaration: an event that one
         # refuses does not count for the next.
@@ -158,7 +158,7 @@ class Norms:
 
     def _known_as(self, source: str) -> tuple[str, ...]:
         """The names under which norms may mention a source."""
-        return (source, PEOPLE) if source in self._people else (source,)
+        return (source, PEOPLE) if is_people(source) or source in self._people else (source,)
 
     def _many(self, norm: Norm, events: Events) -> dict[str, Any]:
         state: dict[str, Any] = {EVENT + name: events.data(name) for name in events.names}
@@ -207,11 +207,13 @@ class Norms:
             return False
         is_agent = self._composition.home(who) is not None
         # Only the first violation of a norm is logged, since there may be one per agent and frame.
-        if self._counts.broken[norm.name] == 1:
-            whom = "people" if who == PEOPLE else f"#{who}" if is_agent else who
+        # People need to know what becomes of each order.
+        if self._counts.broken[norm.name] == 1 or is_people(who):
+            whom = person_of(who) if is_people(who) else f"#{who}" if is_agent else who
+            later = "" if is_people(who) else "; from now on this is only counted"
             self._lines.append(
                 f"{norm.name} is broken by {whom} in frame {self._frame}"
-                f"{what[:_MAX_SHOWN]}: {_FOLLOWS[norm.then]}; from now on this is only counted"
+                f"{what[:_MAX_SHOWN]}: {_FOLLOWS[norm.then]}{later}"
             )
         if is_agent:
             sanctions = self._sanctions_of(norm)

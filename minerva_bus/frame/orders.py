@@ -59,12 +59,13 @@ def unknown_value(world: FrameAlgorithm, event: Event) -> str:
             if known and text not in known:
                 return (
                     f"{event.type}: {field.name} is {text!r}, but no {source.symbol} of the world"
-                    f" has this {source.parameter}; expected {_listed(known)}{nearest(text, known)}"
+                    f" has this {source.parameter}; expected {listed(known)}{nearest(text, known)}"
                 )
     return ""
 
 
-def _listed(names: Iterable[str]) -> str:
+def listed(names: Iterable[str]) -> str:
+    """The first names of many, for a message."""
     shown = list(names)
     more = len(shown) - _MAX_LISTED
     return ", ".join(shown[:_MAX_LISTED]) + (f" or one of {more} more" if more > 0 else "")

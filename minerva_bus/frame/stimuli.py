@@ -52,9 +52,10 @@ class Violation:
 
 @dataclass(frozen=True, slots=True)
 class Publish:
-    """A person sends an event."""
+    """A person sends an event; `person` is the name, if known."""
 
     event: Event
+    person: str = ""
 
 
 @dataclass(frozen=True, slots=True)

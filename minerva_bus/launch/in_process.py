@@ -190,7 +190,7 @@ class InProcessRun:
         )
         for member in members:
             # A window in this process sends the same questions as one that is connected by the bus.
-            member.operator = AskingOperator(self._questions.ask)
+            member.operator = AskingOperator(self._questions.ask, member.name)
         return runner, record
 
     def _loop(self, end: int | None, interrupted: Callable[[], bool]) -> None:

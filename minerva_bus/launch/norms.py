@@ -17,6 +17,7 @@ from collections.abc import Collection, Iterable
 from typing import Any, Final, cast
 
 from minerva_bus.errors import MisuseError, VocabularyError, WorldFileError, nearest
+from minerva_bus.frame.inbox import source_of
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.vocabulary import Vocabulary
@@ -25,11 +26,9 @@ from minerva_bus.settings.tables import NormSettings
 from minerva_bus.world.norms import REFUSED, Norm, Then, check_condition, sanction_of
 
 PEOPLE: Final = "people"
-"""In `applies`: the people who send events from a terminal or a window."""
+"""In `applies`: the people who send events from a terminal or a window; `people:NAME` is one."""
 
 _MAX_FLOAT = sys.float_info.max
-# The frame algorithm's name for the source of people's events.
-_SOURCES = {PEOPLE: "~order"}
 
 
 def read_norms(
@@ -63,7 +62,9 @@ def _norm(
         if vocabulary.events[event].visual:
             table.wrong("on", f"names {event}, which is visual: norms are not about views")
     who = "agent kind or process"
-    _check_known(table, "applies", settings.applies, [*kinds, *members, PEOPLE], who)
+    persons = [subject for subject in settings.applies if subject.startswith(f"{PEOPLE}:")]
+    known = [*kinds, *members, PEOPLE, *persons]
+    _check_known(table, "applies", settings.applies, known, who)
     for subject in settings.applies:
         if not settings.on and subject not in kinds:
             table.wrong(
@@ -71,7 +72,7 @@ def _norm(
             )
     return Norm(
         name,
-        tuple([_SOURCES.get(subject, subject) for subject in settings.applies]),
+        tuple([_source(subject) for subject in settings.applies]),
         settings.on,
         settings.when,
         _where(table, settings),
@@ -80,6 +81,12 @@ def _norm(
         Then(settings.then),
         _sanction(name, table, settings, vocabulary),
     )
+
+
+def _source(subject: str) -> str:
+    """A subject of `applies` as the frame algorithm names it."""
+    who, _, name = subject.partition(":")
+    return source_of(name) if who == PEOPLE else subject
 
 
 def _check_known(table: Table, key: str, names: Iterable[str], known: list[str], what: str) -> None:

@@ -62,7 +62,7 @@ def _send(call: ToolCall, name: str, data: Mapping[str, Any]) -> dict[str, Any]:
     values = declared.fields.bind(name, (), dict(data))
     receivers = tuple(sorted(set(call.arguments.get("to", ()))))
     event = Event(name, declared.fields.names, values, condition, receivers=receivers)
-    live.publish(event)
+    live.publish(event, call.person)
     return {"event": str(event), "frame": live.frame}
 
 

@@ -125,18 +125,20 @@ class WorldServer:
         self, context: Context, params: types.CallToolRequestParams
     ) -> types.CallToolResult:
         caller, name = _caller(context), params.name
-        result = await self._checked_call(name, params.arguments or {})
+        result = await self._checked_call(name, params.arguments or {}, _person(context))
         outcome = "rejected or failed" if result.is_error else "done"
         shown = json.dumps(params.arguments or {}, ensure_ascii=True)
         self._log(f"{caller} called {ascii(name[:MAX_NAME])[1:-1]} {shown[:200]}: {outcome}")
         return result
 
-    async def _checked_call(self, name: str, arguments: Mapping[str, Any]) -> types.CallToolResult:
+    async def _checked_call(
+        self, name: str, arguments: Mapping[str, Any], person: str
+    ) -> types.CallToolResult:
         if len(self._calls) >= MAX_CALLS:
             return _failure(f"{MAX_CALLS} calls are in progress; call again when one has ended")
         stop = threading.Event()
         self._calls.add(stop)
-        call = ToolCall(arguments, self._link, self._folder, stop)
+        call = ToolCall(arguments, self._link, self._folder, person, stop)
         try:
             return await anyio.to_thread.run_sync(
                 functools.partial(self._run, name, call), abandon_on_cancel=True
@@ -284,9 +286,18 @@ def _listed(tool: Tool) -> types.Tool:
 
 def _caller(context: Context) -> str:
     """The name that the client gives itself; printable, because it goes into logs."""
+    return f"mcp:{re.sub(r'[^A-Za-z0-9._-]', '?', _client_name(context))[:MAX_NAME] or 'unnamed'}"
+
+
+def _person(context: Context) -> str:
+    """The name that the client gives itself, as the name of a person who gives orders."""
+    name = re.sub(r"[^A-Za-z0-9_.~-]", "_", _client_name(context))
+    return name.lstrip(".~-")[:MAX_NAME] or "unnamed"
+
+
+def _client_name(context: Context) -> str:
     params = context.session.client_params
-    name = "" if params is None else params.client_info.name
-    return f"mcp:{re.sub(r'[^A-Za-z0-9._-]', '?', name)[:MAX_NAME] or 'unnamed'}"
+    return "" if params is None else params.client_info.name
 
 
 def _oversized(arguments: Mapping[str, Any]) -> str:

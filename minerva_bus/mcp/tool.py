@@ -26,12 +26,15 @@ Result: TypeAlias = dict[str, Any] | ToolImage
 class ToolCall:
     """One call of a tool.
 
-    `arguments` fit the schema of the tool. `stop` is set when the result is no longer wanted.
+    `arguments` fit the schema of the tool. `person` is the caller's name,
+    under which the world logs, records and judges orders. `stop` is set when the result is no
+    longer wanted.
     """
 
     arguments: Mapping[str, Any]
     link: WorldConnection
     folder: Path
+    person: str = ""
     stop: threading.Event = field(default_factory=threading.Event)
 
 

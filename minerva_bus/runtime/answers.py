@@ -12,7 +12,7 @@ import zenoh
 
 from minerva_bus.errors import MinervaError
 from minerva_bus.runtime.admission import Admission
-from minerva_bus.runtime.control import Command, Operated, answer
+from minerva_bus.runtime.control import ASKER, Command, Operated, answer
 from minerva_bus.runtime.inbox import Question, question
 from minerva_bus.runtime.system import System
 from minerva_bus.runtime.watchers import LocalQuestion
@@ -94,7 +94,9 @@ class Answers:
             asked = as_map(unpack(question.data), "a question")
             objection = self._admission.objection_to_question(asker, orders, asked.get("ask"))
             reply = (
-                {"error": objection} if objection else answer(asked, self._world, self._commands)
+                {"error": objection}
+                if objection
+                else answer({**asked, ASKER: asker}, self._world, self._commands)
             )
         except MinervaError as error:
             reply = {"error": str(error)}

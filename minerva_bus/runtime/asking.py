@@ -49,13 +49,21 @@ def ask(
 
 
 class AskingOperator:
-    """Operates a world through questions; `ask` sends one and returns the coordinator's answer.
+    """Operates a world through questions, as commands, windows and pages do.
 
-    Commands, windows and pages use the same operator.
+    Args:
+        ask: sends a question and returns the coordinator's answer.
+        by: name of the person or window that gives orders.
+
     """
 
-    def __init__(self, ask: Callable[..., Mapping[str, Any]]) -> None:
+    def __init__(self, ask: Callable[..., Mapping[str, Any]], by: str = "") -> None:
         self._ask = ask
+        self._by = by
+
+    def named(self, by: str) -> AskingOperator:
+        """The same operator for another person."""
+        return AskingOperator(self._ask, by)
 
     def status(self, since: int = 0) -> WorldStatus:
         """State of the world, with the log entries since a number."""
@@ -67,7 +75,7 @@ class AskingOperator:
 
     def order(self, event: AnyEvent) -> None:
         """Send an event to the world."""
-        self._ask("order", event=plain_event(event))
+        self._ask("order", event=plain_event(event), by=self._by)
 
     def pause(self) -> None:
         """Pause the world until `resume` or `step`."""

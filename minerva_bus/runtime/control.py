@@ -6,8 +6,8 @@
     {"ask": "vocabulary"}                 → {"vocabulary": ...}
     {"ask": "scene"}                      → {"scene": text of w, "frame": ...}
     {"ask": "fragment", "agent": id}      → {"fragment": text, "frame": ...}
-    {"ask": "pub", "event": [...], ...}   → {"frame": ...}
-    {"ask": "order", "event": [...]}      → {"frame": ...}
+    {"ask": "pub", "type": ..., ...}      → {"frame": ..., "by": person, ...}
+    {"ask": "order", "event": [...], ...} → {"frame": ..., "by": person, ...}
     {"ask": "pause"}                      → {"frame": ...}; also resume, stop
     {"ask": "step", "frames": 1}          → {"frame": the frame that follows them}
     {"ask": "rate", "rate": 30.0}         → {"rate": ...}
@@ -25,22 +25,23 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
-from minerva_bus.errors import MinervaError, ProtocolError, SceneError
+from minerva_bus.errors import MinervaError, ProtocolError, SceneError, nearest
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.composition import PART
 from minerva_bus.frame.event_log import EventLog
 from minerva_bus.frame.members import MemberEntry
-from minerva_bus.frame.orders import refusal_of_order, unknown_value
+from minerva_bus.frame.orders import listed, refusal_of_order, unknown_value
 from minerva_bus.frame.pace import Pace
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.fitting import Unfit
 from minerva_bus.grammar.parser import parse
-from minerva_bus.grammar.scene import Scene
+from minerva_bus.grammar.scene import Scene, agents
 from minerva_bus.runtime.metrics import Meter
 from minerva_bus.runtime.runner import Runner
 from minerva_bus.runtime.schedule import FrameSchedule
 from minerva_bus.runtime.status import StatusMeter
+from minerva_bus.wire.keys import is_name
 from minerva_bus.wire.plain import as_int, as_list, as_map, as_number, as_text
 from minerva_bus.wire.status import plain_lines, plain_series, plain_status
 from minerva_bus.wire.values import Reader
@@ -49,6 +50,9 @@ from minerva_bus.world.operator import MemberStatus, WorldStatus
 
 if TYPE_CHECKING:
     from minerva_bus.collect.history import SeriesHistory
+
+ASKER: Final = "asker"
+"""Name of the certificate of a question, which the coordinator adds; empty without certificates."""
 
 MAX_STEPS = 1_000_000_000
 MAX_RATE = 1_000_000.0
@@ -194,21 +198,34 @@ def _order(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
     # Agents trust the sender of an event, so an operator must not set one.
     if not isinstance(event, Event) or event.sender:
         raise ProtocolError("an order is one event, of people: it has no sender")
-    return _send(running, event)
+    return _send(running, event, _person(asked))
 
 
-def _send(running: Operated, event: Event) -> dict[str, Any]:
+def _person(asked: Mapping[str, Any]) -> str:
+    """The name of the person who asks.
+
+    With certificates it begins with the name of the certificate, which a question cannot change.
+    """
+    by, asker = as_text(asked.get("by", ""), "by"), as_text(asked.get(ASKER, ""), "the asker")
+    if by and not is_name(by):
+        raise ProtocolError(f"by: {by[:64]!r} is not a name: use letters, digits, _, - and .")
+    return "/".join(dict.fromkeys(name for name in (asker, by) if name))
+
+
+def _send(running: Operated, event: Event, person: str) -> dict[str, Any]:
     algorithm = running.algorithm
     for receiver in event.receivers:
         if algorithm.composition.agent(receiver) is None:
-            raise ProtocolError(f"there is no agent #{receiver[:64]}")
+            known = sorted(node.id for node in agents(algorithm.scene))
+            hint = nearest(receiver, known) or f"; there are {listed(known)}"
+            raise ProtocolError(f"there is no agent #{receiver[:64]}{hint}")
     refusal = refusal_of_order(algorithm, event.type)
     refusal = refusal or unknown_value(algorithm, event)
     if refusal:
         raise ProtocolError(refusal)
     takers = [member.name for member in algorithm.members.takers(event.type)]
-    running.runner.handle(s.Publish(event))
-    return {"frame": algorithm.frame, "event": str(event), "through": takers}
+    running.runner.handle(s.Publish(event, person))
+    return {"frame": algorithm.frame, "event": str(event), "through": takers, "by": person}
 
 
 def _pause(running: Operated, _: Mapping[str, Any]) -> dict[str, Any]:
@@ -321,7 +338,8 @@ def _pub(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
     except Unfit as unfit:
         raise ProtocolError(str(unfit)) from None
     to = tuple(sorted(set(receivers)))
-    return _send(running, Event(name, declared.fields.names, fitted, condition, receivers=to))
+    event = Event(name, declared.fields.names, fitted, condition, receivers=to)
+    return _send(running, event, _person(asked))
 
 
 def _value(shown: str, name: str) -> Any:

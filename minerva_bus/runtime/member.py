@@ -187,7 +187,7 @@ class MemberProcess:
         """Find the world, then wait for a free name; yields before each further attempt."""
         yield from self._find_world(session)
         self._session = session
-        self.member.operator = AskingOperator(self._ask)
+        self.member.operator = AskingOperator(self._ask, self.member.name)
         self.member.endpoint = self._connect.endpoint
         within = self._connect.arrival.named
         yield from self._rejoin.name.until_free(session, self._system.monotonic, within)

@@ -139,6 +139,10 @@ class Operator(Protocol):
     Every method raises BusError if the world does not answer or rejects the request.
     """
 
+    def named(self, by: str) -> Operator:
+        """The same operator, whose orders have the name of a person."""
+        ...
+
     def status(self, since: int = 0) -> WorldStatus:
         """The state of the world; `happenings` are the log entries after the number `since`."""
         ...

@@ -210,6 +210,18 @@ def test_the_log_names_the_caller(served):
     assert lines == ["mcp:evil?mcp?admin called status {}: done"]
 
 
+def test_an_order_has_the_name_of_the_caller(served, link):
+    info = Implementation(name="-my assistant", version="1")
+    data = {"data": {"x": 1.0, "name": "n"}}
+    talk(served(), ("publish_eWish", data), client_info=info)
+
+    def logged():
+        lines = link.live().operator.logs(member="orders")
+        return any("eWish" in line.text and "of my_assistant counts" in line.text for line in lines)
+
+    eventually(logged, "the order of an assistant in the log")
+
+
 # --- hostile calls ---
 
 PATHS = ("../x.mcap", "/etc/passwd", "a/../../x.mcap", "x\0.mcap", "..", "~root/x.mcap", "x" * 199)

@@ -52,7 +52,7 @@ event = "eFine"
 data = { amount = 30 }
 
 [norm.quiet]
-applies = ["ARunner", "steps", "people"]
+applies = ["ARunner", "steps", "people", "people:anna"]
 on = ["eShout", "eStep"]
 when = "event.loud > 1"
 in_force = "${strict}"
@@ -69,7 +69,10 @@ in_force = "${strict}"
         sanction=eFine(30, "limit"),
     )
     assert quiet == Norm(
-        "quiet", ("ARunner", "steps", "~order"), ("eShout", "eStep"), when="event.loud > 1"
+        "quiet",
+        ("ARunner", "steps", "~order", "~order:anna"),
+        ("eShout", "eStep"),
+        when="event.loud > 1",
     )
     assert norms_of(tmp_path, text, most="5", strict="false")[0].most == 5
     assert len(norms_of(tmp_path, text, strict="false")) == 1

@@ -316,11 +316,25 @@ def ordered(members, orders, norms=(HUSH,), expected=None, emitted=()):
     bus.start()
     bus.run(1)
     for event in orders:
-        bus.handle(Publish(event))
+        bus.handle(event if isinstance(event, Publish) else Publish(event))
     for name, event in emitted:
         bus.handle(Emitted(name, (event,)))
     bus.run(2)
     return [str(e) for one in bus.records for e in single(one.events) if e.type == "eShout"], bus
+
+
+@pytest.mark.parametrize("through", [{}, {"passes": service("passes", Passes)}])
+def test_a_norm_for_one_person_leaves_the_orders_of_others(through):
+    norm = Norm("hush", (f"{PEOPLE}:anna",), on=("eShout",))
+    orders = [Publish(eShout(4.0), "anna"), Publish(eShout(5.0), "bert"), Publish(eShout(6.0))]
+    shouts, bus = ordered(through, orders, [norm])
+    factor = 2 if through else 1
+    # In the order of their sources: people without a name come first.
+    assert shouts == [f"eShout<loud={factor * loud}>" for loud in (6, 5)]
+    assert bus.algorithm.norms.broken == {"hush": 1}
+    assert any("hush is broken by anna in frame 1" in line for line in bus.trace)
+    fates = [line for line in bus.trace if "counts in frame 1" in line]
+    assert ["of bert" in fate for fate in fates] == ["of people" not in fate for fate in fates]
 
 
 def test_a_norm_for_people_covers_what_a_generator_takes():

@@ -31,6 +31,7 @@ def test_an_order_goes_through_the_generator_that_takes_it():
         """
         > order: eAdd<n=3>
         > begin
+            says orders: eAdd<n=3> of people counts in frame 1
             add ← orders: eAdd<n=3>
             ~tick ← tick 1
         > add: ticked 1: eAdd<n=6>
@@ -62,6 +63,7 @@ def test_an_order_without_a_taker_counts_in_the_next_frame():
         > begin
             ~tick ← tick 1
         > add: ticked 1: eAdd<n=1>
+            says orders: eAdd<n=3> to #b of people counts in frame 1
             ~hosts ← evolve 1 on host: eAdd<n=1>, eAdd<n=3> to #b
         > host: evolved 1: #a #b
             frame 1 done: eAdd<n=1>, eAdd<n=3> to #b; #a: ACounter#a<n=2>(), #b: ACounter#b<n=5>()

@@ -73,6 +73,9 @@ def pub(
     condition: Annotated[
         str, typer.Option("--if", help="Condition of the event, such as 'energy < 5'.")
     ] = "",
+    by: Annotated[
+        str, typer.Option("--as", help="Your name, for norms, the log and the record.")
+    ] = "",
     json: Json = False,
     *,
     target: WorldTarget,
@@ -80,7 +83,7 @@ def pub(
     """Send an event into a running world."""
     from minerva_bus.cli.asking import publish
 
-    publish(type, data or [], to or [], condition, target, json)
+    publish(type, data or [], to or [], condition, by, target, json)
 
 
 @examples(

@@ -93,7 +93,7 @@ class People:
             try:
                 await self._send(page, {"welcome": self._welcome(number), "status": self._status})
                 async for text in page:
-                    await self._send(page, await self._reply(text))
+                    await self._send(page, await self._reply(text, self._names.of_page(number)))
             except ConnectionClosed:
                 pass
             finally:
@@ -158,15 +158,15 @@ class People:
 
     # --- actions ---
 
-    async def _reply(self, text: str | bytes) -> dict[str, Any]:
+    async def _reply(self, text: str | bytes, person: str) -> dict[str, Any]:
         try:
-            return {"note": await asyncio.to_thread(self._do, _read(text))}
+            return {"note": await asyncio.to_thread(self._do, _read(text), person)}
         except MinervaError as error:
             return {"error": str(error)}
 
-    def _do(self, action: Mapping[str, Any]) -> str:
-        """Perform an action; returns a line for the user. Raises MinervaError."""
-        operator = self._world.operator
+    def _do(self, action: Mapping[str, Any], person: str) -> str:
+        """Perform a person's action; returns a line for the user. Raises MinervaError."""
+        operator = self._world.operator.named(person)
         match action:
             case {"order": str(name), "data": dict(data), "to": list(to)}:
                 return OrderAction(self._event(name, cast("Any", data), _ids(cast("Any", to)))).do(
