@@ -12,7 +12,9 @@ from minerva_bus.settings.schema import world_schema
 from minerva_bus.settings.tables import TABLES
 
 ROOT = Path(__file__).parents[2]
-WORLDS = sorted({*ROOT.glob("worlds/*/*/*.toml"), *ROOT.glob("agents/*/*/*.toml")})
+FILES = sorted({*ROOT.glob("worlds/*/*/*.toml"), *ROOT.glob("agents/*/*/*.toml")})
+# A world may have other files beside it, such as the answers of a script.
+WORLDS = [path for path in FILES if "[world]" in path.read_text(encoding="utf-8")]
 SCHEMA = Draft202012Validator(world_schema())
 # No 0.0: an integer in JSON Schema, but not in TOML.
 VALUES = (
