@@ -19,7 +19,7 @@ from minerva_agents.robot import deciding
 from minerva_agents.robot.distances import clearance
 from minerva_agents.robot.knowledge import (
     at_distance,
-    clear_beam,
+    at_distances,
     clear_open_beam,
     clearing_part,
     mark_marker,
@@ -28,6 +28,7 @@ from minerva_agents.robot.knowledge import (
 from minerva_agents.robot.maps import Marker, OccupancyMap
 from minerva_agents.robot.motion import STAY, Move
 from minerva_agents.robot.robot import ARobot
+from minerva_agents.robot.scans import mark_scan
 from minerva_bus import Frame
 from minerva_bus.world.context import Context
 
@@ -166,16 +167,11 @@ class Drive:
         if self._noise.dropout:
             hit &= self._chance.random(BEAMS) >= self._noise.dropout
         part, row, column = clearing_part(self.run.frames), robot.row, robot.column
-        beams = list(zip(angles.tolist(), ranges.tolist(), hit.tolist(), strict=True))
-        for angle, dist, is_hit in beams:
-            if is_hit:
-                to = at_distance(row, column, robot.angle + angle, dist / robot.cell)
-                clear_beam(grid, row, column, *to, part)
-                mark_obstacle(grid, *to)
-        for angle, _, is_hit in beams:
-            if not is_hit:
-                to = at_distance(row, column, robot.angle + angle, REACH / robot.cell)
-                clear_open_beam(grid, row, column, *to, part)
+        hits = at_distances(row, column, robot.angle + angles[hit], ranges[hit] / robot.cell)
+        mark_scan(grid, row, column, *hits, part)
+        for angle in angles[~hit].tolist():
+            to = at_distance(row, column, robot.angle + angle, REACH / robot.cell)
+            clear_open_beam(grid, row, column, *to, part)
         for name, dist, angle in self._sightings(x, y):
             to = at_distance(row, column, robot.angle + angle, dist / robot.cell)
             mark_marker(grid, *to, robot.markers.index(name))

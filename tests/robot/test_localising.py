@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from drifting import House
 
-from minerva_agents.robot.knowledge import clear_beam, mark_obstacle
 from minerva_agents.robot.localising import ALocalisingRobot
 from minerva_agents.robot.matching import Uncertainty, match
 from minerva_agents.robot.motion import GridPose
 from minerva_agents.robot.robot import ARobot
+from minerva_agents.robot.scans import mark_scan
 from minerva_agents.robot.vocabulary import eDecide, eLaser
 from minerva_agents.robot.world import scene
 from minerva_bus import Frame, evolve
@@ -50,8 +50,7 @@ def room_drawn(*poses):
         for dist, angle in zip(*room_seen_from(pose), strict=True):
             heading = math.radians(pose.angle + angle)
             to = pose.row + dist * math.cos(heading), pose.column + dist * math.sin(heading)
-            clear_beam(grid, pose.row, pose.column, *to)
-            mark_obstacle(grid, *to)
+            mark_scan(grid, pose.row, pose.column, *np.array([to]).T)
     return grid
 
 

@@ -15,10 +15,12 @@ from minerva_agents.robot.knowledge import (
     SEEN,
     SURE,
     UNKNOWN,
+    after_passing,
     at_distance,
-    clear_beam,
     doubt,
+    mark_obstacle,
 )
+from minerva_agents.robot.scans import mark_scan
 from minerva_agents.robot.vocabulary import eClear, eLaser
 from minerva_agents.robot.world import vocabulary
 
@@ -74,12 +76,47 @@ def test_a_beam_leaves_no_gap_and_may_leave_the_grid(angle, dist, row, column):
 @pytest.mark.parametrize("beyond", [-0.5, 0.2, 4e6])
 def test_a_beam_clears_the_longest_grid_to_its_end(side, beyond):
     end = side + beyond
-    for grid, ends in (
-        (np.zeros((side, 1), np.int16), (0.0, 0.5, end, 0.5)),
-        (np.zeros((1, side), np.int16), (0.5, 0.0, 0.5, end)),
+    for grid, start, to in (
+        (np.zeros((side, 1), np.int16), (0.0, 0.5), (end, 0.5)),
+        (np.zeros((1, side), np.int16), (0.5, 0.0), (0.5, end)),
     ):
-        clear_beam(grid, *ends)
+        mark_scan(grid, *start, *np.array([to]).T)
         assert np.count_nonzero(grid == FREE) == side - (beyond < 0)
+
+
+def one_by_one(grid, row, column, ends, part):
+    """The marks of a scan, beam by beam and cell by cell."""
+    for to_row, to_column in ends:
+        down, across = to_row - row, to_column - column
+        count = math.ceil(max(abs(down), abs(across)))
+        cells = [
+            (math.floor(k * (down / count) + row), math.floor(k * (across / count) + column))
+            for k in range(count)
+        ]
+        passed = count - (cells[-1:] == [(math.floor(to_row), math.floor(to_column))])
+        inside = [c for c in cells[:passed] if 0 <= c[0] < len(grid) and 0 <= c[1] < len(grid)]
+        before = grid.copy()
+        for number, cell in enumerate(inside):
+            grid[cell] = after_passing(int(before[cell]), number < math.ceil(part * passed))
+        mark_obstacle(grid, to_row, to_column)
+
+
+places = st.floats(-3.0, 15.0)
+
+
+@given(
+    st.lists(st.tuples(places, places), max_size=25),
+    st.tuples(st.floats(0, 11.9), st.floats(0, 11.9)),
+    st.integers(0, 99),
+    st.sampled_from([0.5, 1.0]),
+)
+def test_a_scan_gives_the_grid_of_one_beam_after_another(ends, start, seed, part):
+    codes = [0, 1, 2, 3, 5, 9, 10, 11, 16, 18]
+    whole = np.random.default_rng(seed).choice(codes, (12, 12)).astype(np.int16)
+    beams = whole.copy()
+    one_by_one(beams, *start, ends, part)
+    mark_scan(whole, *start, *np.reshape(ends, (-1, 2)).T, part)
+    assert whole.tolist() == beams.tolist()
 
 
 def test_a_robot_clears_a_literal_grid_of_any_length_to_the_end():

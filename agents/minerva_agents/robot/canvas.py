@@ -9,13 +9,9 @@ from typing import Final
 
 import numpy as np
 
-from minerva_agents.robot.knowledge import (
-    at_distance,
-    clear_beam,
-    clearing_part,
-    mark_obstacle,
-)
+from minerva_agents.robot.knowledge import at_distance, at_distances, clearing_part
 from minerva_agents.robot.posing import Posed, Unposed
+from minerva_agents.robot.scans import mark_scan
 from minerva_bus import Cells
 from minerva_bus.errors import MisuseError
 from minerva_bus.world import beams
@@ -117,7 +113,6 @@ class Canvas:
             self.first_angle = posed.angle
         self.way.append((posed.x, posed.y))
         row, column = (posed.x - self.x) / cell, (posed.y - self.y) / cell
-        for dist, angle in hits(posed.scan):
-            to = at_distance(row, column, posed.angle + angle, dist / cell)
-            clear_beam(grid, row, column, *to, part)
-            mark_obstacle(grid, *to)
+        beams = np.array(list(hits(posed.scan)), np.float64).reshape(-1, 2)
+        ends = at_distances(row, column, posed.angle + beams[:, 1], beams[:, 0] / cell)
+        mark_scan(grid, row, column, *ends, part)

@@ -39,12 +39,17 @@ _HIT: Final = 3
 """Evidence added by a hit; a passing beam removes 1."""
 
 
-def _after_passing() -> Cells:
-    """Code of each cell after a beam has passed through, indexed by the code before."""
-    # All non-negative codes of 16 bits.
-    codes = np.arange(1 << 15, dtype=np.int16)
-    lowered = np.maximum(codes - 1, FREE).astype(np.int16)
-    return np.where(codes <= SURE, lowered, codes)
+def after_passing(code: int, near: bool = True) -> int:
+    """The code of a cell after a beam has passed; only near obstacles lose evidence."""
+    return max(code - 1 if near and code <= SURE else code, FREE)
+
+
+def after_hit(code: int) -> int:
+    """The code of a cell after a hit; markers and closed cells stay."""
+    if code >= MARKER or code == CLOSED:
+        return code
+    # All other codes stand for no evidence.
+    return min(SURE, (code if FREE < code <= SURE else FREE) + _HIT)
 
 
 def clearing_part(frame: int) -> float:
@@ -62,9 +67,10 @@ def doubt(grid: Cells) -> None:
     grid[:] = np.where(grid <= SURE, np.where(grid > FREE, grid - 1, grid), grid)
 
 
-# Tables: hundreds of beams are drawn per frame, and each then needs one look-up and no allocation.
-_PASSED: Final = _after_passing()
-_STEPS: Final = np.arange(100_000, dtype=np.float64)
+LONGEST: Final = 100_000
+"""Samples of a beam that need no allocation."""
+
+_STEPS: Final = np.arange(LONGEST, dtype=np.float64)
 _NONE: Final = np.empty(0, np.intp)
 
 
@@ -90,11 +96,7 @@ def mark_obstacle(grid: Cells, row: float, column: float) -> None:
     cell = math.floor(row), math.floor(column)
     if not holds(grid, cell):
         return
-    code = int(grid[cell])
-    if code < MARKER and code != CLOSED:
-        # All other codes stand for no evidence.
-        evidence = code if FREE < code <= SURE else FREE
-        grid[cell] = min(SURE, evidence + _HIT)
+    grid[cell] = after_hit(int(grid[cell]))
 
 
 def close(grid: Cells, row: float, column: float) -> None:
@@ -117,23 +119,6 @@ def mark_marker(grid: Cells, row: float, column: float, marker: int) -> None:
         grid[cell] = MARKER + marker
 
 
-def clear_beam(
-    grid: Cells, row: float, column: float, to_row: float, to_column: float, part: float = 1.0
-) -> None:
-    """Mark the cells that a beam passes before its end as free.
-
-    Unknown cells become free along the whole beam; obstacles lose evidence on its first `part`
-    only.
-    """
-    cells, count = _passed(grid, row, column, to_row, to_column)
-    flat: Codes = grid.reshape(-1)
-    codes: Codes = flat.take(cells)
-    np.maximum(codes, FREE, out=codes)
-    near = codes[: math.ceil(part * count)]
-    _PASSED.take(near, out=near, mode="clip")  # "clip" avoids a copy; every code is in bounds
-    flat[cells] = codes
-
-
 def clear_open_beam(
     grid: Cells, row: float, column: float, to_row: float, to_column: float, part: float = 1.0
 ) -> None:
@@ -150,7 +135,7 @@ def clear_open_beam(
         end = int(walls[0])
         cells, codes = cells[: end + 1], codes[: end + 1]
         if end < part * count:
-            codes[end] = _PASSED[codes[end]]
+            codes[end] = after_passing(int(codes[end]))
     np.maximum(codes, FREE, out=codes)
     flat[cells] = codes
 

@@ -21,14 +21,14 @@ from numpy.typing import NDArray
 
 from minerva_agents.robot.knowledge import (
     at_distance,
-    clear_beam,
+    at_distances,
     clear_open_beam,
     clearing_part,
-    mark_obstacle,
 )
 from minerva_agents.robot.matching import Uncertainty, match
 from minerva_agents.robot.motion import wrapped
 from minerva_agents.robot.robot import ARobot
+from minerva_agents.robot.scans import mark_scan
 from minerva_bus import Context, Degrees, Event, EventBatch, Metres, on, portable
 
 Reals: TypeAlias = NDArray[np.float64]
@@ -134,10 +134,8 @@ class ALocalisingRobot(ARobot, symbol="ALocalisingRobot"):
 
     def _draw(self, hits: NDArray[np.float64], misses: NDArray[np.float64], part: float) -> None:
         grid, row, column = self.writable("grid"), self.row, self.column
-        for dist, angle in hits.tolist():
-            to = at_distance(row, column, self.angle + angle, dist)
-            clear_beam(grid, row, column, *to, part)
-            mark_obstacle(grid, *to)
+        ends = at_distances(row, column, self.angle + hits[:, 1], hits[:, 0])
+        mark_scan(grid, row, column, *ends, part)
         for dist, angle in misses.tolist():
             to = at_distance(row, column, self.angle + angle, dist)
             clear_open_beam(grid, row, column, *to, part)

@@ -20,10 +20,10 @@ def look(grid: Cells, pose: GridPose, fov: float, reach: float) -> None:
     """Mark visible free cells as seen: `fov` degrees wide, `reach` cells far, up to a wall."""
     # Neighbouring rays are at most one cell apart at full range.
     rays = 2 + int(math.radians(fov) * reach)
-    headings = [math.radians(pose.angle + fov * (i / (rays - 1) - 0.5)) for i in range(rays)]
+    headings = np.radians(pose.angle + fov * (np.arange(rays) / (rays - 1) - 0.5))
     steps = np.arange(int(reach) + 1, dtype=np.float64)
-    rows = _along(pose.row, steps, [portable.cos(heading) for heading in headings])
-    columns = _along(pose.column, steps, [portable.sin(heading) for heading in headings])
+    rows = _along(pose.row, steps, portable.cos(headings))
+    columns = _along(pose.column, steps, portable.sin(headings))
     inside = (rows >= 0) & (rows < grid.shape[0]) & (columns >= 0) & (columns < grid.shape[1])
     # Positions off the grid read cell 0, but they end their ray, so its code has no effect.
     flat = np.where(inside, rows * grid.shape[1] + columns, 0)
@@ -69,7 +69,9 @@ def grown_to_sides(mask: Mask) -> Mask:
     return result
 
 
-def _along(origin: float, steps: NDArray[np.float64], slopes: list[float]) -> NDArray[np.intp]:
+def _along(
+    origin: float, steps: NDArray[np.float64], slopes: NDArray[np.float64]
+) -> NDArray[np.intp]:
     return np.floor(np.outer(slopes, steps) + origin).astype(np.intp)
 
 

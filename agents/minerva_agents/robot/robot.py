@@ -11,9 +11,9 @@ import numpy as np
 from minerva_agents.robot import deciding, errand
 from minerva_agents.robot.ground import Position, room_of
 from minerva_agents.robot.knowledge import (
+    Reals,
     at_distance,
     at_distances,
-    clear_beam,
     clear_open_beam,
     clearing_part,
     close,
@@ -22,6 +22,7 @@ from minerva_agents.robot.knowledge import (
     place_of,
 )
 from minerva_agents.robot.motion import STAY, GridPose, Move, action_of, move_of
+from minerva_agents.robot.scans import mark_scan
 from minerva_agents.robot.vocabulary import PGoal, PGrid, PObjective, PPath, PRobot, TPlace
 from minerva_bus import (
     EMPTY,
@@ -116,18 +117,16 @@ class ARobot(Agent, symbol="ARobot", rest=("action",)):
     @on("eLaser", together=True, population=False)
     def sense_obstacle(self, laser: EventBatch | Event, moment: Context) -> None:
         """g': obstacles at (r + dist cos(ang + angle), c + dist sin(ang + angle)), in order."""
-        # All beams of a scan at once: a call for each would take several times as long.
         grid, part = self.writable("grid"), clearing_part(moment.number)
-        for end in self.ends(laser):
-            clear_beam(grid, self.row, self.column, *end, part)
-            mark_obstacle(grid, *end)
+        mark_scan(grid, self.row, self.column, *self.ends(laser), part)
 
     @on("eClear", together=True, population=False)
     def sense_free(self, beam: EventBatch | Event, moment: Context) -> None:
         """g': no obstacle up to (r + dist cos(ang + angle), c + dist sin(ang + angle))."""
         grid, part = self.writable("grid"), clearing_part(moment.number)
-        for end in self.ends(beam):
-            clear_open_beam(grid, self.row, self.column, *end, part)
+        rows, columns = self.ends(beam)
+        for row, column in zip(rows.tolist(), columns.tolist(), strict=True):
+            clear_open_beam(grid, self.row, self.column, row, column, part)
 
     @on("eCamera")
     def sense_marker(self, camera: Event, moment: Context) -> None:
@@ -271,11 +270,10 @@ class ARobot(Agent, symbol="ARobot", rest=("action",)):
             return None
         return place_of(self.grid, self.markers.index(self.objective))
 
-    def ends(self, beams: EventBatch | Event) -> list[Position]:
-        """Where beams end, in cells, from `dist` in metres and `angle` in degrees."""
+    def ends(self, beams: EventBatch | Event) -> tuple[Reals, Reals]:
+        """Where n beams end, in cells, (n,) each, from `dist` in metres and `angle` in degrees."""
         angles, dist = self.angle + np.atleast_1d(beams.angle), np.atleast_1d(beams.dist)
-        rows, columns = at_distances(self.row, self.column, angles, dist / self.cell)
-        return list(zip(rows.tolist(), columns.tolist(), strict=True))
+        return at_distances(self.row, self.column, angles, dist / self.cell)
 
     def metres(self, position: Position) -> Position:
         """A grid position in metres of the world."""

@@ -14,6 +14,7 @@ import math
 from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -139,6 +140,13 @@ class PhysicalGeometry(Geometry):
 
 def _within(outer: Pose, x: float, y: float, angle: float) -> Pose:
     """World pose of a pose given relative to another."""
-    heading = math.radians(outer.angle)
-    cos, sin = portable.cos(heading), portable.sin(heading)
+    # Cosine and sine of 0 keep its sign, which a cache would not.
+    cos, sin = _direction(outer.angle) if outer.angle else (1.0, outer.angle)
     return Pose(outer.x + (x * cos - y * sin), outer.y + (x * sin + y * cos), outer.angle + angle)
+
+
+@lru_cache(maxsize=1024)
+def _direction(angle: float) -> tuple[float, float]:
+    """Cosine and sine of an angle in degrees; most poses of a frame are those of the last."""
+    heading = math.radians(angle)
+    return portable.cos(heading), portable.sin(heading)
