@@ -272,10 +272,14 @@ class Figure:
 
 @dataclass(frozen=True, slots=True)
 class Shown:
-    """An output with the parameters of the figures that a view returns, in their order."""
+    """An output with the parameters of the figures that a view returns, numbered in their order.
+
+    `shared`: numbers of those that are attributes, with their names; they are not in `slots`.
+    """
 
     figures: tuple[Figure, ...]
     slots: tuple[Slot, ...]
+    shared: tuple[tuple[str, str], ...] = ()
 
 
 Output: TypeAlias = Newborn | Emission | Shown

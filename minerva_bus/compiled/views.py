@@ -34,6 +34,7 @@ from minerva_bus.compiled.names import (
     event_type_of,
 )
 from minerva_bus.compiled.origin import Origin
+from minerva_bus.compiled.shared import with_shared
 from minerva_bus.compiled.statements import Statements
 from minerva_bus.grammar.symbols import Primitive, Transformation
 
@@ -58,7 +59,8 @@ def _checked(
     meanings = AgentItself(), EventItself(batch=False)
     scope = LocalNames(origin, parameters_of(origin, ("self", "event"), meanings))
     body = _ViewStatements(method, scope).function()
-    return CheckedMethod(program_of(event_type, method, scope, body), method.constants)
+    program = with_shared(program_of(event_type, method, scope, body))
+    return CheckedMethod(program, method.constants)
 
 
 class _ViewStatements(Statements):

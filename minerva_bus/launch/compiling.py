@@ -14,9 +14,9 @@ from minerva_bus.world.compiling import IF_POSSIBLE, Mode, compile_all
 
 
 def apply_mode(processes: Sequence[Process], mode: Mode, path: Path) -> list[str]:
-    """Mark the methods of all agent classes as `[world] compiled` asks; returns lines to print.
+    """Mark methods and views of all agent classes as `[world] compiled` asks; returns lines.
 
-    Raises WorldFileError if a method cannot be compiled and `mode` is True.
+    Raises WorldFileError if one cannot be compiled and `mode` is True.
     """
     notes: list[str] = []
     for cls in _classes(processes):
@@ -27,8 +27,10 @@ def apply_mode(processes: Sequence[Process], mode: Mode, path: Path) -> list[str
                 f'{path}: [world] compiled = true: {error}\n  or: compiled = "{IF_POSSIBLE}"'
             ) from None
     if mode == IF_POSSIBLE:
-        compiled = sum(len(cls.compiled or ()) for cls in _classes(processes))
-        notes.insert(0, f"compiled {counted(compiled, 'method')} of agents")
+        classes = _classes(processes)
+        methods = counted(sum(len(cls.compiled or ()) for cls in classes), "method")
+        views = counted(sum(len(cls.compiled_views or ()) for cls in classes), "view")
+        notes.insert(0, f"compiled {methods} and {views} of agents")
     return notes
 
 

@@ -266,8 +266,22 @@ class KernelCall:
             self._state.write(name, every, self.codes.texts(self._texts[name][rows]))
 
     def cells_of(self, index: int) -> list[NDArray[Any]]:
-        """What was appended to an output."""
-        return [array[: self._counts[index]] for array in self._outputs[index]]
+        """What was appended to an output, as arrays that nothing writes to any more."""
+        parts = [array[: self._counts[index]] for array in self._outputs[index]]
+        for part in parts:
+            # Columns of nodes share the memory of read-only arrays, and copy others.
+            part.flags.writeable = False
+        return parts
+
+    def shared(self, output: Shown, place: Rows) -> dict[str, NDArray[Any]]:
+        """The columns of attributes that a view shows unchanged, by their number."""
+        rows = self.turn.rows
+        every = len(place) == len(rows) == self._state.part.count
+        columns: dict[str, NDArray[Any]] = {}
+        for number, name in output.shared:
+            array = self._state.value(name)
+            columns[number] = array if every else array[rows[place]]
+        return columns
 
     def decoded(self, output: Output, values: Sequence[NDArray[Any]]) -> dict[str, NDArray[Any]]:
         """The values of an output by name, texts decoded."""

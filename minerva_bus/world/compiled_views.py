@@ -40,7 +40,8 @@ def compiled_view(
     for index, output in enumerate(program.outputs):
         place, *values = call.cells_of(index)
         if len(place) and isinstance(output, Shown):
-            arrays = iter(call.decoded(output, values).values())
+            named = call.decoded(output, values) | call.shared(output, place)
+            arrays = iter([named[number] for number in sorted(named, key=int)])
             figures = [_figure(figure, arrays) for figure in output.figures]
             whole = Scene(tuple([piece for figure in figures for piece in figure.pieces]))
             shown.append((place, one_each(whole, len(place))))

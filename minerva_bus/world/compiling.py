@@ -33,9 +33,43 @@ def marked_compiled(cls: Any) -> CompiledMethods | None:
 
 def marked_views(cls: Any) -> CompiledViews | None:
     """The views of a class that are marked as compiled. Raises NotCompilable."""
+    views, reasons = _compiled_views(cls, _modes_of_views(cls, False))
+    for reason in reasons:
+        warnings.warn(reason, UserWarning, stacklevel=4)
+    return views
+
+
+def compile_all(cls: Any, mode: Mode) -> list[str]:
+    """Compile all methods and views of a class for one agent, beside those marked.
+
+    Returns why methods are not compiled, for `mode` "if possible". Raises NotCompilable for True.
+    """
+    reasons: list[str] = []
+    modes = _modes(cls, mode)
+    if {event_type for event_type, each in modes.items() if each} != set(cls.compiled or ()):
+        cls.compiled, reasons = _compiled(cls, modes)
+    modes = _modes_of_views(cls, mode)
+    if {event_type for event_type, each in modes.items() if each} != set(cls.compiled_views or ()):
+        cls.compiled_views, more = _compiled_views(cls, modes)
+        reasons += more
+    return reasons
+
+
+def _modes_of_views(cls: Any, default: Mode) -> dict[str, Mode]:
+    """How each view for one agent is to be compiled, by event type."""
+    return {
+        event_type: getattr(function, COMPILED, False) or default
+        for event_type, function in sorted(cls.views.items())
+        if event_type not in cls.population_views
+    }
+
+
+def _compiled_views(cls: Any, modes: Mapping[str, Mode]) -> tuple[CompiledViews | None, list[str]]:
+    """The compiled views for one agent, and why others are not."""
     chosen: dict[str, Callable[..., Any]] = {}
-    for event_type, function in cls.views.items():
-        mode: Mode = getattr(function, COMPILED, False)
+    reasons: list[str] = []
+    for event_type, mode in modes.items():
+        function = cls.views[event_type]
         try:
             if mode:
                 CompiledViews(cls, {event_type: function})
@@ -43,20 +77,8 @@ def marked_views(cls: Any) -> CompiledViews | None:
         except NotCompilable as error:
             if mode != IF_POSSIBLE:
                 raise
-            warnings.warn(str(error), UserWarning, stacklevel=4)
-    return CompiledViews(cls, chosen) if chosen else None
-
-
-def compile_all(cls: Any, mode: Mode) -> list[str]:
-    """Compile all methods of a class for one agent, beside those marked.
-
-    Returns why methods are not compiled, for `mode` "if possible". Raises NotCompilable for True.
-    """
-    modes = _modes(cls, mode)
-    if {event_type for event_type, each in modes.items() if each} == set(cls.compiled or ()):
-        return []
-    cls.compiled, reasons = _compiled(cls, modes)
-    return reasons
+            reasons.append(str(error))
+    return (CompiledViews(cls, chosen) if chosen else None), reasons
 
 
 def _modes(cls: Any, default: Mode) -> dict[str, Mode]:

@@ -116,6 +116,11 @@ def test_views_of_one_form_are_columns_without_a_call_of_the_method(monkeypatch)
     assert str(shown) == str(picture(PLAIN, foxes([1, 8])))
 
 
+def test_attributes_that_are_shown_unchanged_are_not_copied():
+    outputs = COMPILED.compiled_views.program("ePicture").outputs
+    assert [dict(each.shared) for each in outputs] == [{}, {"1": "y", "4": "name"}, {}, {"0": "x"}]
+
+
 def test_an_error_is_that_of_the_method():
     assert "ZeroDivisionError" in same(foxes([0], ("b",)))
 

@@ -17,9 +17,13 @@ from minerva_bus.launch.reading import read_world_file
 
 MODULE = """
 import numpy as np
-from minerva_bus import EMPTY, Agent, EventType, Generator, Vocabulary, on
+from minerva_bus import EMPTY, Agent, Disc, EventType, Generator, Metres, Motion
+from minerva_bus import Primitive, Transformation, Vocabulary, on, view
 
 eDay = EventType("eDay", grass=float)
+ePicture = EventType("ePicture", visual=True)
+TAt = Transformation("TAt", Motion(x="x"), x=Metres)
+PSpot = Primitive("PSpot", Disc("size"), size=Metres)
 eCall = EventType("eCall", loud=float)
 
 
@@ -46,6 +50,10 @@ class Sheep(Agent, symbol="ASheep"):
         self.energy += 0.01 * call.loud
         self.friend = call.sender
 
+    @view("ePicture")
+    def picture(self, picture):
+        return TAt(self.x)(PSpot(0.1 * self.energy))
+
 
 class Odd(Agent, symbol="AOdd"):
     n: int = 0
@@ -54,8 +62,12 @@ class Odd(Agent, symbol="AOdd"):
     def live(self, day, moment):
         self.n = len([1, 2])
 
+    @view("ePicture")
+    def picture(self, picture):
+        return self.string
 
-vocabulary = Vocabulary.of(eDay, eCall, Sheep, Odd)
+
+vocabulary = Vocabulary.of(eDay, eCall, ePicture, TAt, PSpot, Sheep, Odd)
 
 
 class Days(Generator, events=("eDay",), ahead=True):
@@ -127,12 +139,14 @@ def test_a_method_that_cannot_be_compiled_is_an_error_of_the_world_file(world):
 def test_if_possible_reports_what_it_did(world):
     more = '[process.odd]\nagents = "compiled_pasture:Odd"\n'
     file = read_world_file(world('compiled = "if possible"', more=more))
-    assert file.notes[0] == "compiled 2 methods of agents"
+    assert file.notes[0] == "compiled 2 methods and 1 view of agents"
     assert file.notes[1].startswith("not compiled: Odd.live cannot be compiled: ")
+    assert file.notes[2].startswith("not compiled: Odd.picture cannot be compiled: ")
     # The setting is that of a world: the same classes in another one are not compiled.
     file = read_world_file(world(more=more))
     classes = [cls for process in file.processes for cls in process.agents]
     assert [cls.compiled for cls in classes] == [None, None]
+    assert [cls.compiled_views for cls in classes] == [None, None]
 
 
 def test_another_value_is_an_error(world):
