@@ -189,7 +189,8 @@ def publish(
         print_json(answer)
         return
     through = f" through {', '.join(answer['through'])}" if answer["through"] else ""
-    print_result(f"{answer['event']} sent{through}, after frame {answer['frame']} began")
+    sender = f" by {answer['by']}" if answer["by"] else ""
+    print_result(f"{answer['event']} sent{sender}{through}, after frame {answer['frame']} began")
 
 
 def show_version(as_json: bool) -> None:

@@ -30,6 +30,9 @@ from minerva_bus.wording import install
 from minerva_bus.world.operator import LogLine
 
 POLL_SECONDS: Final = 0.1
+COORDINATOR: Final = ("coordinator", "norms", "orders")
+"""Names under which the coordinator logs lines that are about no member."""
+
 MAX_LINES: Final = 1000
 """Lines in one answer of the world."""
 
@@ -134,7 +137,7 @@ def show_logs(member: str, follow: bool, target: WorldTarget, as_json: bool) -> 
 
 def _check_member(world: Client, member: str) -> None:
     known = [each.name for each in world.operator.status().members]
-    if member and member not in [*known, "coordinator"]:
+    if member and member not in [*known, *COORDINATOR]:
         raise MinervaError(f"{world.world} has no member {member!r}{nearest(member, known)}")
 
 

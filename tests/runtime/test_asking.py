@@ -114,9 +114,13 @@ def test_pub_reaches_the_agents_through_the_generator_that_takes_it(world):
 
     eventually(lambda: 'wish="north"' in scene(), "the wish arrives")
     assert scene().count('wish="north"') == 1
-    done = ask(world, "pub", "eWish", "x=2", 'name="so uth"', "--if", "x < 100000")
-    assert 'eWish<x=2, name="so uth"> if x < 100000 sent through wishes' in done.stdout
+    words = "--if", "x < 100000", "--as", "anna"
+    done = ask(world, "pub", "eWish", "x=2", 'name="so uth"', *words)
+    assert 'eWish<x=2, name="so uth"> if x < 100000 sent by anna through wishes' in done.stdout
     eventually(lambda: 'wish="so uth"' in scene(), "all receive the wish")
+    fates = [line["message"] for line in lines(ask(world, "logs", "orders", "--json"))]
+    assert "to #a of people counts in frame" in fates[0]
+    assert "if x < 100000 of anna counts in frame" in fates[1]
 
 
 @pytest.mark.parametrize(("words", "problem"), [
