@@ -195,6 +195,8 @@ class _Causes:
             return "the code computes another value now: it has changed since the run"
         if self._world.policy is Policy.LITERAL:
             return 'methods are not traced under the policy "literal"'
+        if not self._kinds:
+            return "no code was run, so the method is unknown"
         known = change.after.symbol in self._kinds
         return "" if known else f"the code of {change.after.symbol} is not Python here"
 

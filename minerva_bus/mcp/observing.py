@@ -14,7 +14,7 @@ from minerva_bus.grammar.scene import AgentNode, Scene, agents
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.launch.installed import installed_worlds
 from minerva_bus.launch.registry import running
-from minerva_bus.mcp.tool import Result, Tool, ToolCall, ToolImage, text, whole
+from minerva_bus.mcp.tool import AGENT_ID, Result, Tool, ToolCall, ToolImage, text, whole
 from minerva_bus.world.operator import WorldStatus
 
 MAX_TEXT: Final = 100_000
@@ -212,7 +212,7 @@ TOOLS: Final = (
         "read_string",
         "Read the string of the world, or the text of one agent.",
         _string,
-        {"agent": text("Id of an agent, without #.", pattern="^[A-Za-z0-9_][A-Za-z0-9_:-]*$")},
+        {"agent": text("Id of an agent, without #.", pattern=AGENT_ID)},
     ),
     Tool("recent_events", "List the latest events, in their order.", _events, {"since": _SINCE}),
     Tool(

@@ -10,7 +10,7 @@ from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.json_schema import schema_of_fields
 from minerva_bus.grammar.symbols import EventType
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.mcp.tool import Result, Tool, ToolCall, text, whole
+from minerva_bus.mcp.tool import AGENT_ID, Result, Tool, ToolCall, text, whole
 from minerva_bus.world.operator import WorldStatus
 
 PREFIX: Final = "publish_"
@@ -68,7 +68,7 @@ def _send(call: ToolCall, name: str, data: Mapping[str, Any]) -> dict[str, Any]:
 
 _TO: Final = {
     "type": "array",
-    "items": text("Id of an agent.", pattern="^[A-Za-z0-9_][A-Za-z0-9_:-]*$"),
+    "items": text("Id of an agent.", pattern=AGENT_ID),
     "maxItems": 1000,
     "description": "Receiving agents; default: all that respond to the type.",
 }

@@ -43,7 +43,8 @@ def file_inside(folder: Path, name: str, *suffixes: str) -> Path:
     return path
 
 
-def _input(call: ToolCall, argument: str, *suffixes: str) -> str:
+def input_file(call: ToolCall, argument: str, *suffixes: str) -> str:
+    """The path of an existing file that an argument names. Raises MisuseError."""
     path = file_inside(call.folder, call.arguments[argument], *suffixes)
     if not path.is_file():
         raise MisuseError(f"there is no file {call.arguments[argument]!r} in the server's folder")
@@ -55,7 +56,7 @@ def _world(call: ToolCall) -> str:
     if name in installed:
         return name
     if name.endswith(".toml"):
-        return _input(call, "world", ".toml")
+        return input_file(call, "world", ".toml")
     hint = nearest(name, [*installed]) or f"; there are {', '.join(installed)}"
     raise MisuseError(f"there is no installed world {name!r}, and no world file{hint}")
 
@@ -78,7 +79,7 @@ def _check_options(world: str, names: Sequence[str], *more: str) -> None:
             raise MisuseError(f"the world has no option {name!r}{hint}")
 
 
-def _command(call: ToolCall, *words: str) -> dict[str, Any]:
+def run_command(call: ToolCall, *words: str) -> dict[str, Any]:
     """The JSON object that a command prints. Raises MisuseError if it fails or takes too long."""
     seconds = call.arguments.get("seconds", 60)
     process = subprocess.Popen(  # noqa: S603
@@ -151,7 +152,7 @@ def _run(call: ToolCall) -> Result:
     if "collect" in arguments:
         into = file_inside(call.folder, arguments.get("into", "collected.csv"), ".csv", ".parquet")
         words.append(f"--into={into}")
-    return _command(call, *words)
+    return run_command(call, *words)
 
 
 def _sweep(call: ToolCall) -> Result:
@@ -166,7 +167,7 @@ def _sweep(call: ToolCall) -> Result:
         words.append(f"--set={name}={','.join(texts)}")
     with temporary_folder("mcp") as folder:
         table = folder / "sweep.csv"
-        answer = _command(call, *words, f"--output={table}")
+        answer = run_command(call, *words, f"--output={table}")
         rows = table.read_text(encoding="utf-8").splitlines()
     more = max(0, len(rows) - 1 - MAX_ROWS)
     kept = {name: answer[name] for name in ("world", "runs", "failed") if name in answer}
@@ -174,25 +175,25 @@ def _sweep(call: ToolCall) -> Result:
 
 
 def _diff(call: ToolCall) -> Result:
-    return _command(call, "diff", _input(call, "a", ".mcap"), _input(call, "b", ".mcap"))
+    return run_command(call, "diff", input_file(call, "a", ".mcap"), input_file(call, "b", ".mcap"))
 
 
 def _plot(call: ToolCall) -> Result:
     arguments = call.arguments
-    words = ["plot", _input(call, "file", ".mcap", ".csv", ".parquet")]
+    words = ["plot", input_file(call, "file", ".mcap", ".csv", ".parquet")]
     words += [f"--collect={entry}" for entry in arguments.get("collect", ())]
     words += [f"--{name}={arguments[name]}" for name in ("series", "x") if name in arguments]
     words += ["--bars"] if arguments.get("bars") else []
     with temporary_folder("mcp") as folder:
         picture = folder / "plot.png"
-        _command(call, *words, f"--output={picture}")
+        run_command(call, *words, f"--output={picture}")
         return ToolImage(picture.read_bytes(), "image/png")
 
 
 _NAME: Final = "^[A-Za-z_][A-Za-z0-9_.-]*$"
 _WORLD: Final = text("Installed world, or a world file (.toml) in the server's folder.")
 _FRAMES: Final = whole("Number of frames.", 1, 1_000_000)
-_SECONDS: Final = whole("Time limit in seconds.", 1, MAX_SECONDS, default=60)
+SECONDS: Final = whole("Time limit in seconds.", 1, MAX_SECONDS, default=60)
 _SCALAR: Final = {"type": ["number", "boolean", "string"], "maxLength": 1000}
 
 READING: Final = (
@@ -200,7 +201,7 @@ READING: Final = (
         "diff",
         "Compare two records: the first frame in which they differ, and why.",
         _diff,
-        {"a": text("Record (.mcap)."), "b": text("Other record (.mcap)."), "seconds": _SECONDS},
+        {"a": text("Record (.mcap)."), "b": text("Other record (.mcap)."), "seconds": SECONDS},
         ("a", "b"),
     ),
     Tool(
@@ -217,7 +218,7 @@ READING: Final = (
             "series": text("Columns to plot, separated by commas."),
             "x": text("Column along the axis."),
             "bars": {"type": "boolean", "description": "Histograms of the last frame."},
-            "seconds": _SECONDS,
+            "seconds": SECONDS,
         },
         ("file",),
     ),
@@ -248,7 +249,7 @@ RUNNING: Final = (
                 "maxProperties": 50,
             },
             "into": text("Table for collected data (.csv, .parquet).", default="collected.csv"),
-            "seconds": _SECONDS,
+            "seconds": SECONDS,
         },
         ("world", "frames"),
         permission="run",
@@ -273,7 +274,7 @@ RUNNING: Final = (
                 "minProperties": 1,
                 "maxProperties": 10,
             },
-            "seconds": _SECONDS,
+            "seconds": SECONDS,
         },
         ("world", "frames", "values"),
         permission="run",

@@ -28,6 +28,7 @@ from minerva_bus import __version__
 from minerva_bus.errors import MinervaError, nearest
 from minerva_bus.mcp import observing, operating, programs
 from minerva_bus.mcp.connection import WorldConnection
+from minerva_bus.mcp.explaining import EXPLAIN
 from minerva_bus.mcp.resources import AGENT_TEMPLATE, RESOURCES, read
 from minerva_bus.mcp.tool import Result, Tool, ToolCall, ToolImage
 
@@ -105,7 +106,7 @@ class WorldServer:
 
     def _tools(self) -> Iterator[Tool]:
         """All tools, also those that need a permission."""
-        yield from (*observing.TOOLS, *programs.READING)
+        yield from (*observing.TOOLS, *programs.READING, EXPLAIN)
         yield from (*operating.CONTROL, operating.PUBLISH, *programs.RUNNING)
         try:
             yield from operating.event_tools(self._link.vocabulary())

@@ -6,9 +6,12 @@ import threading
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any, Final, TypeAlias
 
 from minerva_bus.mcp.connection import WorldConnection
+
+AGENT_ID: Final = "^[A-Za-z0-9_][A-Za-z0-9_:-]*$"
+"""Pattern of the id of an agent, without #."""
 
 
 @dataclass(frozen=True, slots=True)

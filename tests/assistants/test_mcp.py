@@ -191,6 +191,22 @@ def test_worlds_run_and_are_compared_and_plotted(served):
     assert swept["csv"].count("\n") == 2
 
 
+def test_a_halt_and_a_value_are_explained_without_permission(served, tmp_path):
+    answer(served(), "run_world", world="warehouse", frames=30, record="w.mcap")
+    server = served(frozenset())
+    assert answer(served(), "pause")["paused"]
+    assert [cause["kind"] for cause in answer(server, "explain")["causes"]] == ["paused world"]
+    answer(served(), "resume")
+    value = {"file": "w.mcap", "agent": "carrier1", "attribute": "talks"}
+    known = answer(server, "explain", world="warehouse", **value)
+    assert [link["method"] for link in known["links"]] == ["Talker.listen", "Manager.manage"]
+    events = answer(server, "explain", **value)
+    assert events["links"][0]["method"] == ""
+    assert set(events["links"][0]["perceived"]) == {"eMessage", "eStep"}
+    assert "no installed world" in refusal(server, "explain", {**value, "world": "w.toml"})
+    assert "needs `agent`" in refusal(server, "explain", {"file": "w.mcap"})
+
+
 # --- permissions ---
 
 

@@ -46,6 +46,9 @@ def explain(
         int | None,
         typer.Option(help="Explain the value at the beginning of this frame; default: the end."),
     ] = None,
+    no_code: Annotated[
+        bool, typer.Option("--no-code", help="Run no code: explain by recorded events only.")
+    ] = False,
     json: Json = False,
     *,
     target: WorldTarget,
@@ -55,15 +58,16 @@ def explain(
     Of a record, it prints the frame in which the value of --attribute changed last, the method, the
     event that caused the call, who sent it and why, back to a generator, a person or the initial
     string; and what norms have rejected since. Like replay, this runs the Python code of the world
-    file that the record names.
+    file that the record names; --no-code runs none, and names no methods.
 
     Of a running world, it prints who is awaited, in which call, what happens next and what to do.
     """
     with uncollected():
-        from minerva_bus.cli.explaining import explain_record, explain_running
+        from minerva_bus.cli.explaining import ValueQuestion, explain_record, explain_running
 
     if record.endswith(".mcap"):
-        explain_record(Path(record), code, agent, attribute, frame, json)
+        question = ValueQuestion(Path(record), code, agent, attribute, frame, no_code)
+        explain_record(question, json)
         return
     about_value = {"--agent": agent, "--attribute": attribute, "--frame": frame is not None}
     for option in [option for option, given in about_value.items() if given]:
