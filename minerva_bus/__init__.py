@@ -5,6 +5,7 @@ line answers without importing numpy.
 """
 
 from minerva_bus.moved import install as _install
+from minerva_bus.uncaught import install as _report_uncaught_errors
 
 TYPE_CHECKING = False  # Instead of typing.TYPE_CHECKING, because importing typing takes time.
 if TYPE_CHECKING:
@@ -99,6 +100,7 @@ _FORMER = {"Moment": "Context", "Moments": "BatchContext", "Received": "EventBat
 """Former public names; worlds written for them keep working."""
 
 _install()
+_report_uncaught_errors()
 
 
 def __getattr__(name: str) -> "Any":

@@ -44,10 +44,10 @@ class MinervaError(Exception):
     """Base of all errors of Minerva Bus."""
 
     def _render_traceback_(self) -> list[str]:
-        """What IPython and notebooks show: the error and the line of the caller's code."""
-        from minerva_bus.blame import report  # which imports this module
+        """What scripts and notebooks show: the error and the line of the caller's code."""
+        from minerva_bus.uncaught import rendered  # which imports this module
 
-        return [f"{type(self).__name__}: {report(self)}"]
+        return rendered(self)
 
 
 class SceneError(MinervaError):

@@ -35,6 +35,7 @@ from minerva_bus.runtime.schedule import FrameSchedule
 from minerva_bus.runtime.status import StatusMeter
 from minerva_bus.runtime.system import REAL
 from minerva_bus.runtime.world_log import WorldLog
+from minerva_bus.uncaught import VARIABLE
 from minerva_bus.wire.keys import COORDINATOR
 
 POLL_SECONDS: Final = 0.01
@@ -281,8 +282,11 @@ def stopped_by(error: Exception, member: str, frame: int, console: Console) -> W
     console.details(member, whole(error))
     what = problem.partition("\n")[0]
     hint = "" if console.traceback else " (--traceback shows all frames)"
-    failed, stops = f"{member} failed in frame {frame}", f"the world stops{hint}"
-    return WorldStopped(f"{failed}: {what}; {stops}", f"{failed}; {stops}")
+    failed = f"{member} failed in frame {frame}"
+    return WorldStopped(
+        f"{failed}: {what}; the world stops ({VARIABLE}=1 shows all frames)",
+        f"{failed}; the world stops{hint}",
+    )
 
 
 def _recorded(record: RunRecord) -> Callable[[Notice], None]:

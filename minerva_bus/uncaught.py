@@ -1,0 +1,45 @@
+"""What a script, an interactive Python and a notebook show of an error that nobody catches.
+
+A traceback through the framework has up to a hundred lines, of which the reader wrote two. The
+report of `minerva_bus.blame` names these. MINERVA_TRACEBACK=1 shows all frames.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+
+TYPE_CHECKING = False  # Instead of typing.TYPE_CHECKING, because importing typing takes time.
+if TYPE_CHECKING:
+    from types import TracebackType
+    from typing import Final
+
+VARIABLE: Final = "MINERVA_TRACEBACK"
+"""The environment variable that asks for all frames."""
+
+
+def install() -> None:
+    """Print uncaught errors of Minerva Bus as reports; all others are printed as before.
+
+    A program that has replaced `sys.excepthook` keeps its own.
+    """
+    if sys.excepthook is sys.__excepthook__:
+        sys.excepthook = _print
+
+
+def rendered(error: BaseException) -> list[str]:
+    """The lines to show of an error of Minerva Bus."""
+    from minerva_bus.blame import report, whole  # which import all error classes
+
+    if os.environ.get(VARIABLE):
+        return whole(error).splitlines()
+    return f"{type(error).__name__}: {report(error)}".splitlines()
+
+
+def _print(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
+    # The method by which a notebook asks an exception for its lines.
+    render = getattr(error, "_render_traceback_", None)
+    if not kind.__module__.startswith("minerva_") or render is None or sys.stderr is None:
+        sys.__excepthook__(kind, error, trace)
+        return
+    sys.stderr.write("\n".join(render()) + "\n")

@@ -1,0 +1,72 @@
+"""What a script prints for an error that it does not catch."""
+
+import subprocess
+import sys
+
+import pytest
+
+from minerva_bus.errors import MisuseError
+from minerva_bus.uncaught import install
+
+SNAIL = """
+from minerva_bus import Agent, EventType, World, each, on, run
+
+eTick = EventType("eTick")
+
+class Snail(Agent, symbol="ASnail"):
+    water: float = 3.0
+
+    @on("eTick")
+    def dry(self, tick, moment):
+        self.water -= 1 / 0
+
+world = World("ASnail#a", agents=[Snail], services=[each(eTick)])
+run(world, frames=3)
+"""
+
+
+def test_an_error_of_a_world_is_reported_without_frames_of_the_framework(tmp_path):
+    script = tmp_path / "snail.py"
+    script.write_text(SNAIL)
+    done = subprocess.run([sys.executable, script], capture_output=True, text=True)
+    assert done.returncode == 1
+    lines = done.stderr.replace(str(tmp_path), "").splitlines()
+    assert not any("Traceback" in line or "minerva_bus/" in line for line in lines)
+    (start,) = [i for i, line in enumerate(lines) if line.startswith("WorldStopped: ")]
+    head, *rest = lines[start:]
+    assert "Snail.dry of ASnail#a at eTick: ZeroDivisionError" in head
+    assert "MINERVA_TRACEBACK=1 shows all frames" in head
+    assert rest[:2] == ["  /snail.py:14", "    run(world, frames=3)"]
+    assert "    /snail.py:11, in Snail.dry" in rest
+    assert len(lines) - start <= 10
+
+
+def printed(error, capsys):
+    """What the hook prints for an error that has been raised here."""
+    try:
+        raise error
+    except Exception as raised:
+        sys.excepthook(type(raised), raised, raised.__traceback__)
+    return capsys.readouterr().err
+
+
+@pytest.fixture
+def installed(monkeypatch):
+    monkeypatch.setattr(sys, "excepthook", sys.__excepthook__)
+    install()
+
+
+def test_the_variable_shows_all_frames(installed, monkeypatch, capsys):
+    assert "Traceback" not in printed(MisuseError("no good"), capsys)
+    monkeypatch.setenv("MINERVA_TRACEBACK", "1")
+    assert "Traceback" in printed(MisuseError("no good"), capsys)
+
+
+def test_other_errors_keep_their_tracebacks(installed, capsys):
+    assert "Traceback" in printed(ValueError("no good"), capsys)
+
+
+def test_a_hook_of_the_program_stays(monkeypatch):
+    monkeypatch.setattr(sys, "excepthook", print)
+    install()
+    assert sys.excepthook is print
