@@ -1,5 +1,6 @@
 """Phrases for messages that several layers use."""
 
+import importlib.util
 import shlex
 import sys
 from collections.abc import Sequence
@@ -33,5 +34,8 @@ def frames_up_to(end: int) -> str:
 
 def install(extra: str) -> str:
     """The command that installs an extra into the environment that runs this program."""
-    # A plain `pip` may belong to another environment.
-    return f"{shlex.quote(sys.executable)} -m pip install 'minerva-bus[{extra}]'"
+    # A plain `pip` may belong to another environment, and one that uv has made has no pip.
+    python, package = shlex.quote(sys.executable), f"'minerva-bus[{extra}]'"
+    if importlib.util.find_spec("pip") is None:
+        return f"uv pip install --python {python} {package}"
+    return f"{python} -m pip install {package}"

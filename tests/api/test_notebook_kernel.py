@@ -115,7 +115,7 @@ def test_without_anywidget_the_picture_names_the_command_that_installs_it(kernel
     kernel.cell("del sys.modules['anywidget']")
     assert WIDGET not in shown
     assert "data:image/svg+xml" in shown["text/html"]
-    assert re.search(r"needs anywidget: .* -m pip install .*minerva-bus\[notebook\]",
+    assert re.search(r"needs anywidget: .*pip install .*minerva-bus\[notebook\]",
                      shown["text/html"])  # fmt: skip
 
 
