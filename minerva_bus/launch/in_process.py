@@ -17,6 +17,7 @@ from minerva_bus.errors import BusError, MinervaError, WorldStopped
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.member import Member, Unready
+from minerva_bus.frame.phases import Phase
 from minerva_bus.launch.collecting import CollectSink, collect_sink
 from minerva_bus.launch.compiling import compile_agents
 from minerva_bus.launch.console import Console, live_line
@@ -24,6 +25,7 @@ from minerva_bus.launch.exporting import exported
 from minerva_bus.launch.free_running import FreeRunning, close_services
 from minerva_bus.launch.printed import MEMBERS, printed
 from minerva_bus.launch.recording import RunRecord, recording
+from minerva_bus.launch.slow_frames import slow_frames_reported
 from minerva_bus.launch.summary import RunSummary
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.runtime.asking import AskingOperator
@@ -35,8 +37,10 @@ from minerva_bus.runtime.schedule import FrameSchedule
 from minerva_bus.runtime.status import StatusMeter
 from minerva_bus.runtime.system import REAL
 from minerva_bus.runtime.world_log import WorldLog
+from minerva_bus.source import SourceLine
 from minerva_bus.uncaught import VARIABLE
 from minerva_bus.wire.keys import COORDINATOR
+from minerva_bus.wording import duration
 
 POLL_SECONDS: Final = 0.01
 """Longest sleep between two turns, while no frame is due."""
@@ -88,13 +92,14 @@ class InProcessRun:
 
     def run(self) -> RunSummary:
         """Run the world to its end. Raises WorldStopped if user code fails."""
-        try:
-            self.open()
-            self.advance()
-        except KeyboardInterrupt:
-            self.end("interrupted")
-        finally:
-            self.close()
+        with slow_frames_reported(lambda: self.algorithm.frame, self._warn_of_slow_code, __file__):
+            try:
+                self.open()
+                self.advance()
+            except KeyboardInterrupt:
+                self.end("interrupted")
+            finally:
+                self.close()
         return self.summary()
 
     def open(self) -> None:
@@ -237,6 +242,14 @@ class InProcessRun:
         self._console.frame = frame
         record.said(member, f"failed in frame {frame}: {report(error)}\n{whole(error)}")
         return stopped_by(error, member, frame, self._console)
+
+    def _warn_of_slow_code(self, waited: float, place: SourceLine) -> None:
+        # Between two frames, windows and commands are served; before the first call of a member,
+        # code is imported and compiled.
+        member = None if self._parts is None else self._parts.runner.direct.running
+        if member is not None and self.algorithm.phase is not Phase.READY:
+            text = f"frame {self.algorithm.frame} has been waiting for it for {duration(waited)}"
+            self._console.log(member.name, "\n".join([f"{text}; it executes", *place.lines()]))
 
     def _print(self, text: str) -> None:
         self._console.frame = self.algorithm.frame
