@@ -44,11 +44,11 @@ def made_events(made: Any) -> Iterator[AnyEvent]:
         yield made
         return
     if not isinstance(made, Iterable):
-        raise TypeError(f"it makes events, one event or None, not {_named(made)}")
+        raise TypeError(f"expected events, one event or None, not {_named(made)}")
     for item in cast("Iterable[object]", made):
         if item is not None:
             if not isinstance(item, Event | Events):
-                raise TypeError(f"it makes events, not {_named(item)}")
+                raise TypeError(f"expected events, not {_named(item)}")
             yield item
 
 

@@ -390,7 +390,7 @@ RAISED: Final[Mapping[str, Callable[[Path], object]]] = {
     # --- slow worlds ---
     "cannot be compiled: the function print": not_compilable,
     # --- pictures ---
-    "sprites: it needs a library": no_library,
+    "sprites: it needs pygame": no_library,
     "there is no display to open a window on": no_display,
     "opengl: no driver for OpenGL 3.3": no_driver,
 }

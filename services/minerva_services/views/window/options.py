@@ -109,12 +109,13 @@ class WindowOptions:
         return RATE if self.medium is Medium.WINDOW and not self.every else 0.0
 
     def _check_installed(self) -> None:
-        extras = [(module, self.service) for module in self.needs]
-        extras += [("av", "video")] if self.video else []
-        missing = [extra for module, extra in extras if importlib.util.find_spec(module) is None]
+        extras = dict.fromkeys(self.needs, self.service)
+        if self.video:
+            extras["av"] = "video"
+        missing = [module for module in extras if importlib.util.find_spec(module) is None]
         if missing:
-            wanted = ",".join(dict.fromkeys(missing))
-            raise self._wrong(f"it needs a library: {install(wanted)}")
+            wanted = ",".join(dict.fromkeys(extras[module] for module in missing))
+            raise self._wrong(f"it needs {', '.join(missing)}: {install(wanted)}")
 
     def _check_display(self) -> None:
         if self.medium is Medium.WINDOW and not has_display(self.environment):
