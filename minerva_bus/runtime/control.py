@@ -215,7 +215,8 @@ def _person(asked: Mapping[str, Any]) -> str:
 def _send(running: Operated, event: Event, person: str) -> dict[str, Any]:
     algorithm = running.algorithm
     for receiver in event.receivers:
-        if algorithm.composition.agent(receiver) is None:
+        # Not `agent`, which makes the node of an agent in columns.
+        if algorithm.composition.home(receiver) is None:
             known = sorted(node.id for node in agents(algorithm.scene))
             hint = nearest(receiver, known) or f"; there are {listed(known)}"
             raise ProtocolError(f"there is no agent #{receiver[:64]}{hint}")
