@@ -13,9 +13,11 @@ eLeave = EventType("eLeave")
 class Room(Agent, symbol="ARoom"):
     celsius: float = 18.0
     watts: float = 0.0
+    heated: int = 0
 
     @on("eHeat")
     def heat(self, heat, moment):
+        self.heated += 1
         self.watts = heat.watts * heat.share
 
     @on("eStep")
@@ -49,6 +51,9 @@ def test_an_input_is_an_event_of_one_step(rooms):
     rooms.set("bath.eHeat.share", 0.5)
     rooms.step()
     assert (rooms.get("hall.watts"), rooms.get("bath.watts")) == (1000.0, 100.0)
+    rooms.step(2)
+    rooms.step()
+    assert (rooms.get("hall.heated"), rooms.get("bath.heated")) == (1, 2)
 
 
 def test_data_that_were_not_set_keep_their_value(rooms):
