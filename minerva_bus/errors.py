@@ -47,7 +47,7 @@ class MinervaError(Exception):
         """What scripts and notebooks show: the error and the line of the caller's code."""
         from minerva_bus.uncaught import rendered  # which imports this module
 
-        return rendered(self)
+        return [rendered(self)]
 
 
 class SceneError(MinervaError):

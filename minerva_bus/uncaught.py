@@ -27,13 +27,13 @@ def install() -> None:
         sys.excepthook = _print
 
 
-def rendered(error: BaseException) -> list[str]:
-    """The lines to show of an error of Minerva Bus."""
+def rendered(error: BaseException) -> str:
+    """The text to show of an error of Minerva Bus."""
     from minerva_bus.blame import report, whole  # which import all error classes
 
     if os.environ.get(VARIABLE):
-        return whole(error).splitlines()
-    return f"{type(error).__name__}: {report(error)}".splitlines()
+        return whole(error)
+    return f"{type(error).__name__}: {report(error)}"
 
 
 def _print(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
