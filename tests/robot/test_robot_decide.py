@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from robot_steps import PAPER, after, changed, emitted, robot
 
+from minerva_agents.robot.arriving import MAKE_WAY
 from minerva_agents.robot.ground import blocked, cell_of, is_clear, room_of, sees, straightened
 from minerva_agents.robot.knowledge import FREE, MARKER, obstacles
 from minerva_agents.robot.motion import STAY, TURNING, GridPose, Move, action_of, move_of, towards
@@ -214,6 +215,19 @@ def test_then_it_makes_way_and_stands_still():
     assert move_of(now.action) == STAY
     again = after(now.string, eObjective("store"), eDecide())
     assert again.objective == "store"
+
+
+def test_a_blocked_way_out_of_the_way_is_replaced():
+    """Beside the marker, the robot would hide it from others."""
+    now, frame = after(seeking(with_marker(floor(), 24, 20)), eDecide()), 0
+    while math.dist(now.position, (24.5, 20.5)) > 2 or now.purpose != MAKE_WAY:
+        frame += 1
+        now = after(now.string, eDecide(), frame=frame)
+        assert frame < 60
+    now.writable("grid")[27:29] = 9
+    now, places = drive(now.string, 60)
+    assert math.dist(now.position, (24.5, 20.5)) > 5
+    assert places[-1] == places[-10]
 
 
 @pytest.mark.parametrize("approach", [45.0, 20.0, 70.0])

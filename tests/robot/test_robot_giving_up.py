@@ -122,5 +122,5 @@ def test_a_marker_that_no_camera_recognises_is_reported(seed, tmp_path):
     path = str(FloorPlan(seed).save(tmp_path))
     world = World.load("robot", map=path, objective="bed", parcels="", camera_miss=1.0)
     result = run(world, frames=20_000)
-    assert "eUnreachable" in result.events
+    assert "eUnreachable" in result.ended
     assert result.frames < 20_000

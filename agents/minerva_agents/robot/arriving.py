@@ -11,14 +11,15 @@ it moves to the side: a robot that stays in front also hides the marker from the
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from minerva_agents.robot.ground import blocked, cell_of, centre_of, sees, straightened
-from minerva_agents.robot.knowledge import Cell, Mask, free, obstacles
-from minerva_agents.robot.planning import shortest_path
+from minerva_agents.robot.knowledge import MARKER, Cell, Mask, free, obstacles
+from minerva_agents.robot.wave import STEP, Wave
 from minerva_bus import portable
 
 if TYPE_CHECKING:
@@ -38,8 +39,6 @@ Leaves a margin for errors of a few centimetres.
 
 # In metres, in the order in which they are tried.
 _DISTANCES: Final = (STOP, 0.6, 0.8, 1.0, NEAR)
-# Each try is a search for a path.
-_MAX_TRIES: Final = 5
 _MAX_DISTANCE: Final = 3.0
 """Maximum path length for clearing the way, in metres."""
 
@@ -81,24 +80,33 @@ def good_places(robot: ARobot, place: Cell) -> Iterator[Mask]:
 def make_way(robot: ARobot, place: Cell) -> None:
     """Plan a path out of the way of other robots heading for the marker, if there is space."""
     robot.forget_plan()
-    grid, room = robot.grid, robot.room
-    closed = blocked(grid, robot.position, room)
-    walls = obstacles(grid)
-    ring = _around(walls, place, NEAR / robot.cell) & ~_around(walls, place, REACH / robot.cell)
-    cells = np.argwhere(ring & free(grid) & ~closed)
+    grid, cell = robot.grid, robot.cell
+    closed = blocked(grid, robot.position, robot.room)
+    wave = Wave(~closed, cell_of(robot.position))
+    rows, columns = wave.grow(math.floor(_MAX_DISTANCE / (STEP * cell)))
+    to_rows, to_columns = rows - place[0], columns - place[1]
+    squares = to_rows * to_rows + to_columns * to_columns
     # Projected on the direction from the robot to the marker: positive is beyond the marker.
     down, across = place[0] + 0.5 - robot.row, place[1] + 0.5 - robot.column
-    rows, columns = (cells - place).T
-    behind = rows * down + columns * across
-    # Beside the marker, up to half way back to the robot, a cell of the ring lies off the approach.
-    least = -0.5 * (down * down + across * across)
-    for index in np.argsort(-behind, kind="stable")[:_MAX_TRIES].tolist():
-        row, column = cells[index].tolist()
-        path = shortest_path(closed, cell_of(robot.position), (row, column))
-        if behind[index] > least and path is not None and path.length * robot.cell <= _MAX_DISTANCE:
-            way = straightened(grid, robot.position, path.cells, room)
-            return robot.set_way(way, MAKE_WAY)
-    return None
+    behind = to_rows * down + to_columns * across
+    is_good = (squares > (REACH / cell) ** 2) & (squares <= (NEAR / cell) ** 2)
+    is_good &= free(grid)[rows, columns]
+    # As seen from the marker, a cell at least 60 degrees from the robot lies off the approach.
+    is_good &= behind > -0.5 * np.sqrt(squares * (down * down + across * across))
+    if is_good.any():
+        best = int(np.argmax(np.where(is_good, behind, -math.inf)))
+        path = wave.path_to((int(rows[best]), int(columns[best])))
+        robot.set_way(straightened(grid, robot.position, path, robot.room), MAKE_WAY)
+
+
+def make_way_again(robot: ARobot) -> None:
+    """Plan another path out of the way: a robot that stops half-way may hide the nearest marker."""
+    places = np.argwhere(robot.grid >= MARKER)
+    squares = ((places + 0.5 - robot.position) ** 2).sum(axis=1)
+    if not squares.size:
+        return robot.forget_plan()
+    row, column = places[int(np.argmin(squares))].tolist()
+    return make_way(robot, (row, column))
 
 
 def _around(walls: Mask, place: Cell, cells: float) -> Mask:

@@ -14,7 +14,7 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Final
 
 from minerva_agents.robot import astar, errand, wandering
-from minerva_agents.robot.arriving import MAKE_WAY, has_arrived, make_way
+from minerva_agents.robot.arriving import MAKE_WAY, has_arrived, make_way, make_way_again
 from minerva_agents.robot.following import is_open, pass_corners, step
 from minerva_agents.robot.ground import cell_of
 from minerva_agents.robot.knowledge import holds
@@ -67,6 +67,8 @@ def decide(robot: ARobot, moment: Context) -> Move:
 
 
 def _stand_or_make_way(robot: ARobot, dt: float) -> Move:
+    if robot.purpose == MAKE_WAY and robot.plan_rows and not is_open(robot):
+        make_way_again(robot)
     if robot.purpose != MAKE_WAY or not is_open(robot):
         if robot.plan_rows:
             robot.forget_plan()
