@@ -86,17 +86,15 @@ class Fields:
     all: tuple[Field, ...] = ()
     names: tuple[str, ...] = field(init=False)
     hold_strings: bool = field(init=False, repr=False, compare=False)
-    _reals: tuple[bool, ...] = field(init=False, repr=False, compare=False)
+    _plain: tuple[type | None, ...] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "names", tuple([parameter.name for parameter in self.all]))
         holds = any(parameter.type.holds_strings for parameter in self.all)
         object.__setattr__(self, "hold_strings", holds)
-        # Fields whose finite floats need no conversion, determined once for all occurrences.
-        reals = [
-            parameter.type.kind == "real" and parameter.type.range is None for parameter in self.all
-        ]
-        object.__setattr__(self, "_reals", tuple(reals))
+        # Types whose finite floats or ASCII texts need no conversion, once for all occurrences.
+        plain = [_plain_type(parameter.type) for parameter in self.all]
+        object.__setattr__(self, "_plain", tuple(plain))
 
     @staticmethod
     def of(annotations: Mapping[str, Any]) -> Fields:
@@ -125,10 +123,11 @@ class Fields:
     def fitted(self, owner: str, values: Sequence[Any]) -> list[Value]:
         """Values in the declared order, typed. Raises Unfit."""
         return [
-            value  # The most frequent case, without calls.
-            if real and type(value) is float and isfinite(value)
+            value  # The most frequent cases, without calls of ours.
+            if (plain is float and type(value) is float and isfinite(value))
+            or (plain is str and type(value) is str and value.isascii())
             else self.fit(owner, parameter, value)
-            for parameter, real, value in zip(self.all, self._reals, values, strict=True)
+            for parameter, plain, value in zip(self.all, self._plain, values, strict=True)
         ]
 
     def refit(
@@ -138,10 +137,11 @@ class Fields:
 
         Raises Unfit.
         """
-        if len(names) != len(values) or len(set(names)) != len(names):
+        is_declared = names is self.names  # The usual case: each name once, in order.
+        if len(names) != len(values) or (not is_declared and len(set(names)) != len(names)):
             raise Unfit(f"{owner} needs one value for each name, and each name once")
         # Another order of names, or missing ones with defaults.
-        if names is not self.names and names != self.names:
+        if not is_declared and names != self.names:
             return self.names, self.values(owner, dict(zip(names, values, strict=True)))
         fitted = self.fitted(owner, values)
         return self.names, (values if all(map(is_, fitted, values)) else tuple(fitted))
@@ -210,3 +210,10 @@ class Fields:
         strange = next(name for name in given if name not in self.names)
         listed = ", ".join(self.names) or "none"
         return f"{owner} has no {strange} (it has {listed}){nearest(strange, list(self.names))}"
+
+
+def _plain_type(wanted: Type) -> type | None:
+    """The type of which every finite float, or every ASCII text, is a value as it is."""
+    if wanted.kind == "real" and wanted.range is None:
+        return float
+    return str if wanted.kind == "text" and not wanted.words else None

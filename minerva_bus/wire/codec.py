@@ -15,7 +15,7 @@ from minerva_bus.frame.schema import Wire
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.wire.declared import Encode, MessageCodec, by_name, message_codec
 from minerva_bus.wire.limits import DEFAULT, Limits
-from minerva_bus.wire.plain import as_list, as_text, unpack
+from minerva_bus.wire.plain import as_list, as_text, uncollected, unpack
 from minerva_bus.wire.values import Reader
 from minerva_bus.wire.weighing import check_weight, lightest, name_in
 
@@ -100,7 +100,8 @@ class Decoder:
             # one, and most messages are so small.
             if weighed and len(data) > self._light:
                 check_weight(data, declaration(data), self._limits)
-            return self._message(codecs, key, data)
+            with uncollected(len(data)):
+                return self._message(codecs, key, data)
         except (ProtocolError, SceneError):
             raise
         except Exception as error:  # Invalid data must raise nothing else.

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import gc
 import math
+from collections.abc import Generator
+from contextlib import contextmanager
 from typing import Any, Final, cast
 
 import msgpack
@@ -36,13 +38,21 @@ def unpack(data: bytes, limits: Limits = DEFAULT) -> Any:
     # A value has at least one byte, so shorter data need no count.
     if size > limits.items and values_in(data, limits.items) > limits.items:
         raise ProtocolError("this is no msgpack: too many items")
+    try:
+        with uncollected(size):
+            return _unpacked(data)
+    except Exception as error:
+        raise ProtocolError(f"this is no msgpack: {type(error).__name__} {error}"[:200]) from None
+
+
+@contextmanager
+def uncollected(size: int) -> Generator[None]:
+    """Decode a message of `size` bytes without garbage collection if it is large."""
     paused = size > COLLECTED and gc.isenabled()
     if paused:
         gc.disable()
     try:
-        return _unpacked(data)
-    except Exception as error:
-        raise ProtocolError(f"this is no msgpack: {type(error).__name__} {error}"[:200]) from None
+        yield
     finally:
         if paused:
             gc.enable()

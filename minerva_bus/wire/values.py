@@ -306,14 +306,15 @@ class Reader:
         declared = self.vocabulary.events.get(name)
         if declared is None:
             raise VocabularyError(f"no event type {name[:40]!r}", source="event")
-        given = tuple([self.value(item) for item in as_list(items[1], f"the data of {name}")])
+        given = self._data(name, items[1])
         condition, sender, receivers = "", "", ()
         if len(items) == 5:
             condition, sender = as_text(items[2], "a condition"), as_text(items[3], "a sender")
-            self.vocabulary.check_condition(name, condition, "event")
+            if condition:
+                self.vocabulary.check_condition(name, condition, "event")
             ids = [self._id(item) for item in as_list(items[4], "receivers")]
             # Sorted and unique, because equal events of different members must compare equal.
-            receivers = tuple(sorted(set(ids)))
+            receivers = tuple(sorted(set(ids))) if len(ids) > 1 else tuple(ids)
         if len(given) != len(declared.fields.names):
             wanted = ", ".join(declared.fields.names) or "no data"
             raise VocabularyError(
@@ -324,6 +325,13 @@ class Reader:
         except Unfit as unfit:
             raise VocabularyError(str(unfit)[:_MAX_ERROR_CHARS], source="event") from None
         return Event(name, names, values, condition, sender, receivers)
+
+    def _data(self, name: str, plain: Any) -> tuple[Any, ...]:
+        items = as_list(plain, f"the data of {name}")
+        # The usual case: scalars, which are values as they are.
+        if _PLAIN_TYPES.issuperset(map(type, items)):
+            return tuple(items)
+        return tuple([self.value(item) for item in items])
 
     def events(self, plain: Any) -> tuple[AnyEvent, ...]:
         """Events in order."""

@@ -1,5 +1,6 @@
 """Encoding followed by decoding preserves every message."""
 
+import gc
 from functools import reduce
 
 import hypothesis.strategies as st
@@ -20,12 +21,12 @@ from minerva_bus import (
     Transformation,
     Vocabulary,
 )
-from minerva_bus.errors import ProtocolError
+from minerva_bus.errors import ProtocolError, VocabularyError
 from minerva_bus.frame import messages as m
 from minerva_bus.grammar.digest import same_values
 from minerva_bus.testing.strategies import vocabularies, worlds
 from minerva_bus.wire.codec import Decoder, encode
-from minerva_bus.wire.plain import unpack
+from minerva_bus.wire.plain import COLLECTED, unpack
 from minerva_bus.wire.vocabulary import plain_kind, plain_vocabulary, read_vocabulary
 
 PDot = Primitive("PDot", x=float)
@@ -181,3 +182,16 @@ def test_an_unencodable_message_is_the_senders_error(wrong):
     """Encoding a saved or reported value that is not plain raises an error of its own."""
     with pytest.raises(ProtocolError, match=f"a {type(wrong).__name__} cannot be sent: "):
         encode(wrong)
+
+
+@pytest.mark.parametrize("text", ["lone \ud800", 3])
+def test_a_large_message_that_is_rejected_leaves_garbage_collection_on(text):
+    vocabulary = Vocabulary([EventType("eNear", text=str)])
+    wrong = msgpack.packb(
+        ["emitted", [["eNear", ["x"]]] * 9_000 + [["eNear", [text]]]],
+        unicode_errors="surrogatepass",
+    )
+    assert len(wrong) > COLLECTED
+    with pytest.raises((ProtocolError, VocabularyError)):
+        Decoder(vocabulary).from_member("m", wrong)
+    assert gc.isenabled()
