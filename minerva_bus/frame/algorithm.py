@@ -13,7 +13,7 @@ from minerva_bus.errors import ProtocolError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.checkpoint import Checkpoint
-from minerva_bus.frame.collection import HANDED_OVER, visual_events
+from minerva_bus.frame.collection import is_handed_over, visual_events
 from minerva_bus.frame.composition import Composition
 from minerva_bus.frame.constraints import Offers
 from minerva_bus.frame.description import World
@@ -405,7 +405,7 @@ class FrameAlgorithm:
         for source, orders in events.orders.items() if self.in_frame else ():
             taken[source] = [*orders, *taken.get(source, ())]
         # The same events as `events.orders`, which have been added as people's.
-        taken = {name: each for name, each in taken.items() if not name.startswith(HANDED_OVER)}
+        taken = {name: each for name, each in taken.items() if not is_handed_over(name)}
         waiting = self.inbox.events
         if not any(map(is_people, (*taken, *waiting))):
             return {}

@@ -76,7 +76,7 @@ class CollectionStep:
         in_flight.ticked |= inputs.ticked
         in_flight.events.people = inputs.people
         inbox = algorithm.inbox.events
-        handed = [source for source in sorted(inbox) if source.startswith(HANDED_OVER)]
+        handed = [source for source in sorted(inbox) if is_handed_over(source)]
         self._hand_over({_people(source): inbox.pop(source) for source in handed})
 
     def _has_taker(self, event_type: str) -> bool:
@@ -266,6 +266,11 @@ class CollectionStep:
             for event in permitted[source]:
                 line = f"{event} of {person_of(source)} counts in frame {self._algorithm.frame}"
                 self._algorithm.out.log(ORDERS, line)
+
+
+def is_handed_over(source: str) -> bool:
+    """Whether a source of a record has orders that a generator took."""
+    return source.partition(":")[0] == HANDED_OVER
 
 
 def _handed(source: str) -> str:

@@ -19,8 +19,9 @@ MAX_VALUE: Final = 60
 class EventSource:
     """The source of an event: its kind, its name and the frame in which it was sent.
 
-    `kind` is "agent", "generator", "person", "norm" or "unknown". `order` is the order of a person
-    that a generator was given before, with its frame.
+    `kind` is "agent", "generator", "person", "norm" or "unknown". The name of a person is
+    `people:NAME`, as in norms, or that of a generator that represents people. `order` is the order
+    of a person that a generator was given before, with its frame.
     """
 
     kind: str
@@ -33,6 +34,8 @@ class EventSource:
         """The source in words."""
         if self.kind == "agent":
             return f"#{self.name}"
+        if self.kind == "person" and self.name.startswith("people:"):
+            return f"the person {self.name.partition(':')[2]}"
         if self.kind == "person":
             return f"a person, through {self.name}" if self.name else "a person"
         if self.kind == "generator":

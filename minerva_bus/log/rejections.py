@@ -7,7 +7,7 @@ from typing import Any
 
 from minerva_bus.frame.composition import Composition
 from minerva_bus.frame.description import World
-from minerva_bus.frame.inbox import PEOPLE
+from minerva_bus.frame.inbox import PEOPLE, is_people, person_of
 from minerva_bus.frame.norms import Norms
 from minerva_bus.grammar.batch import AnyEvent, single
 from minerva_bus.grammar.scene import Scene
@@ -34,8 +34,9 @@ def rejected_events(world: World, past: PastFrame, name: str) -> Iterator[str]:
                     past.frame.number, {source: [event]}, _people(past)
                 )
                 if not judged[source]:
-                    whom = "a person" if source == PEOPLE else f"#{event.sender}"
-                    whom = whom if event.sender or source == PEOPLE else source
+                    whom = f"#{event.sender}" if event.sender else source
+                    if is_people(source):
+                        whom = "a person" if source == PEOPLE else f"the person {person_of(source)}"
                     yield f"{_begin(past, norm)} {short(str(event))}, sent by {whom}"
                     break
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from minerva_bus.frame.collection import HANDED_OVER
-from minerva_bus.frame.inbox import AGENTS, PEOPLE
+from minerva_bus.frame.collection import is_handed_over
+from minerva_bus.frame.inbox import AGENTS, PEOPLE, is_people, person_of
 from minerva_bus.grammar.batch import AnyEvent, Events, single
 from minerva_bus.grammar.digest import same_values
 from minerva_bus.grammar.events import Event
@@ -21,7 +21,7 @@ def sources_of(past: PastFrame) -> dict[str, list[AnyEvent]]:
         for member, reply in inputs.ticked.items():
             sent.setdefault(member, []).extend(reply.events)
         for source, events in inputs.taken.items():
-            if source != HANDED_OVER:
+            if not is_handed_over(source):
                 sent.setdefault(source, []).extend(events)
     if past.checkpoint is not None and past.checkpoint.emitted:
         sent[AGENTS] = list(past.checkpoint.emitted)
@@ -37,8 +37,9 @@ def source_of(
     for source in sorted(sent):
         if source == AGENTS or not _has(sent[source], event):
             continue
-        if source == PEOPLE:
-            return EventSource("person", "", number)
+        if is_people(source):
+            named = "" if source == PEOPLE else f"people:{person_of(source)}"
+            return EventSource("person", named, number)
         people = past.frame.inputs.people if past.frame.inputs is not None else ()
         if source in people:
             return EventSource("person", source, number)
@@ -76,7 +77,10 @@ def _order_before(event: Event, frames: Mapping[int, PastFrame], number: int) ->
     """The last order of a person of this type and with these data that members were given."""
     for earlier in sorted((n for n in frames if n <= number), reverse=True):
         inputs = frames[earlier].frame.inputs
-        for order in single(inputs.taken.get(HANDED_OVER, ()) if inputs is not None else ()):
-            if order.type == event.type and same_values(order.values, event.values):
-                return f"{order} in frame {earlier}"
+        if inputs is None:
+            continue
+        for source in sorted(filter(is_handed_over, inputs.taken)):
+            for order in single(inputs.taken[source]):
+                if order.type == event.type and same_values(order.values, event.values):
+                    return f"{order} in frame {earlier}"
     return ""

@@ -30,11 +30,11 @@ def records(tmp_path_factory):
         record(name, folder / f"{name}.mcap", quiet=True, **settings)
     with harbour().start(record=folder / "harbour.mcap") as live:
         live.step(2)
-        live.publish(eCargo(7, receivers=("s1",)))
+        live.publish(eCargo(7, receivers=("s1",)), by="bert")
         live.step(1)
-        live.publish(eSail(30.0, receivers=("s1", "s2")))
+        live.publish(eSail(30.0, receivers=("s1", "s2")), by="anna")
         live.step(3)
-        live.publish(eSail(300.0, receivers=("s1",)))
+        live.publish(eSail(300.0, receivers=("s1",)), by="anna")
         live.publish(eCargo(60, receivers=("s2",)))
         live.step(10)
     return folder
@@ -92,7 +92,7 @@ CHANGES = [
     ("harbour", "s1:1", "afloat", 12, ["9 #s1:1 Ship.shelter eWind"], "generator weather"),
     ("harbour", "c1", "below", None, ["9 #c1 Ship.shelter eWind"], "generator weather"),
     # People: directly, and through a generator that takes their orders.
-    ("harbour", "s2", "x", None, ["3 #s2 Ship.sail eSail"], "a person sent eSail for frame 3"),
+    ("harbour", "s2", "x", None, ["3 #s2 Ship.sail eSail"], "the person anna sent eSail for frame 3"),
     ("harbour", "s1", "tons", None, ["4 #s1 Ship.load eCargo"], ORDERED),
     ("harbour", "s2", "tons", None, [], "initial string"),
 ]  # fmt: skip
@@ -119,7 +119,7 @@ def test_rejections_are_listed_with_their_norms(records):
     sailed = explained(records, "harbour", "s1", "x", frame=8)
     assert sailed.value == "30"
     assert sailed.rejected == (
-        "frame 6: the norm inshore rejected eSail<x=300> to #s1, sent by a person",
+        "frame 6: the norm inshore rejected eSail<x=300> to #s1, sent by the person anna",
     )
     loaded = explained(records, "harbour", "s2", "tons", frame=10)
     assert loaded.rejected == ("frame 8: the norm draught rejected the step of #s2",)
