@@ -19,7 +19,6 @@ from minerva_bus.launch.printed import MEMBERS, printed
 from minerva_bus.launch.summary import RunSummary
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.regions.merging import Units, merged
-from minerva_bus.regions.places import UnknownAuthor
 from minerva_bus.regions.region import Region
 from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.runtime.runner import Notice
@@ -141,8 +140,10 @@ class RegionRun:
         """Turn errors in a member's code into WorldStopped."""
         try:
             yield
-        except (Unready, UnknownAuthor) as error:
-            # No failure of code: a service, or the world, does not support regions.
+        except WorldStopped:
+            raise  # The world does not support regions.
+        except Unready as error:
+            # No failure of code either: a service cannot run in this world.
             raise WorldStopped(str(error)) from None
         except Exception as error:
             running = None if self._running is None else self._running.direct.running

@@ -18,7 +18,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from minerva_bus.errors import MisuseError
+from minerva_bus.errors import WorldStopped
 from minerva_bus.frame.composition import Composition
 from minerva_bus.grammar.batch import AnyEvent, Events
 from minerva_bus.grammar.columns import Columns
@@ -27,10 +27,6 @@ from minerva_bus.grammar.scene import AgentNode, Piece, Scene, agents
 from minerva_bus.world.lineage import parents_of
 
 Place: TypeAlias = tuple[int, ...]
-
-
-class UnknownAuthor(MisuseError):
-    """Agents in columns have left nodes beside themselves, and nothing shows which of them."""
 
 
 def heirs(place: Place, count: int, frame: int) -> list[Place]:
@@ -50,7 +46,7 @@ def after_frame(
         frame: number of the frame.
 
     Raises:
-        UnknownAuthor: agents in columns leave nodes beside themselves.
+        WorldStopped: agents in columns leave nodes beside themselves.
 
     """
     made: list[Place] = []
@@ -168,7 +164,7 @@ def _between(authors: Sequence[int | None], old: Columns) -> list[int]:
         if author is None:
             author = before
             if before != after:
-                raise UnknownAuthor(
+                raise WorldStopped(
                     f"regions: agents of the kind {old.symbol}, held in columns, have left nodes"
                     " beside themselves that show no author; return agents by `self.child(...)`,"
                     " or run this world without regions"

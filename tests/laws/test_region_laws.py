@@ -10,7 +10,7 @@ import nomads
 import pytest
 from hypothesis import HealthCheck, given, settings
 
-from minerva_bus.errors import MisuseError
+from minerva_bus.errors import WorldStopped
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.description import World
@@ -196,5 +196,5 @@ def test_a_node_without_an_author_is_refused_in_columns():
     runner = InProcessRunner(region.algorithm, members(world))
     runner.start()
     region.enter()
-    with pytest.raises(MisuseError, match="AMortal, held in columns"):
+    with pytest.raises(WorldStopped, match="AMortal, held in columns"):
         begin(runner, [eHit(amount=2.0, receivers=["population3"])])
