@@ -8,8 +8,8 @@ import minerva_bus
 from minerva_bus import Disc, EventType, Metres, Motion, Primitive, Transformation
 
 NUMPY = {"Cells", "Reals"}
-ELSEWHERE = {"Live", "connect", "evolve_strings", "export", "run", "sweep", "World"}
-"""Examples that need a world, a record or a running world; docs/python.md runs such code."""
+ELSEWHERE = {"Live", "branch", "connect", "evolve_strings", "export", "run", "sweep", "World"}
+"""Examples that need a world, a record or a running world; the docs run such code."""
 
 
 def names():
