@@ -184,16 +184,16 @@ def test_excess_questions_are_rejected_at_once_and_answers_leave_time_for_frames
 FIGURES = pack(["doing", {str(n): n for n in range(200_000)}])
 TOO_MUCH = {
     "many events": (
-        pack(["emitted", [["eSeen", [n], "", "", [f"a{n}"]] for n in range(300_000)]]),
+        lambda: pack(["emitted", [["eSeen", [n], "", "", [f"a{n}"]] for n in range(300_000)]]),
         "emitted has at least 50001 values, over 50000; send many events or agents in columns,"
         " which are few values",
     ),
     "single events": (
-        pack(["emitted", [["eSeen", [n]] for n in range(DEFAULT.single_events + 1)]]),
+        lambda: pack(["emitted", [["eSeen", [n]] for n in range(DEFAULT.single_events + 1)]]),
         "emitted has 2001 single events, over 2000; send those of one type in columns",
     ),
     "figures": (
-        FIGURES, f"doing has {len(FIGURES)} bytes, over 262144"
+        lambda: FIGURES, f"doing has {len(FIGURES)} bytes, over 262144"
     ),
 }  # fmt: skip
 
@@ -228,11 +228,11 @@ def joined(session, world, name, **faces):
 
 @pytest.mark.parametrize("what", TOO_MUCH)
 def test_a_flooding_member_is_removed_and_frames_continue(world, what):
-    data, problem = TOO_MUCH[what]
+    message, problem = TOO_MUCH[what]
     name = what.replace(" ", "-")
     with open_client(name, world.endpoint()) as session:
         epoch, heard, kept = joined(session, world, name, generates=("eSeen",))
-        put(session, Keys(world.name).sent_by(name), epoch + data)
+        put(session, Keys(world.name).sent_by(name), epoch + message())
         refused = eventually(lambda: [one for one in heard if one[0] == "refused"], "an answer")
         assert refused == [["refused", problem]]
         assert kept

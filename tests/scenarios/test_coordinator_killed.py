@@ -35,7 +35,8 @@ def test_killed_at_any_step_another_goes_on_to_the_same_strings(setting):
     undisturbed, end = setting.undisturbed
     bus, steps = run(setting, ())
     assert bus.digests == undisturbed
-    for kill in range(1, steps):
+    # The shoal's frames take longer, and have the same steps.
+    for kill in range(1, steps, 1 if setting is SETTINGS["pond"] else 4):
         bus, _ = run(setting, {kill})
         assert bus.digests == undisturbed, f"killed after step {kill}"
         assert bus.ended.reason == end.reason

@@ -117,13 +117,13 @@ def test_messages_at_a_limit_are_accepted():
 
 
 STALLING = {
-    "many events": events("emitted", 300_000),
-    "different receivers": pack(["emitted", [["eNear", [0.0], "", "", [f"a{n}"]] for n in range(300_000)]]),
-    "figures": pack(["doing", {str(n): n for n in range(200_000)}]),
-    "kinds": hello(kinds=[[f"AX{n}", [], [], [], []] for n in range(200_000)]),
-    "empty lists": pack(["emitted", [[]] * 2_000_000]),
-    "rows of nothing": pack(["ticked", 0, [many(1_000_000, ["a", 0, 1_000_000])] * 5_000, None]),
-    "deep": b"\x92\xa7emitted" + b"\x91" * 1_000_000,
+    "many events": lambda: events("emitted", 300_000),
+    "different receivers": lambda: pack(["emitted", [["eNear", [0.0], "", "", [f"a{n}"]] for n in range(300_000)]]),
+    "figures": lambda: pack(["doing", {str(n): n for n in range(200_000)}]),
+    "kinds": lambda: hello(kinds=[[f"AX{n}", [], [], [], []] for n in range(200_000)]),
+    "empty lists": lambda: pack(["emitted", [[]] * 2_000_000]),
+    "rows of nothing": lambda: pack(["ticked", 0, [many(1_000_000, ["a", 0, 1_000_000])] * 5_000, None]),
+    "deep": lambda: b"\x92\xa7emitted" + b"\x91" * 1_000_000,
 }  # fmt: skip
 
 
@@ -134,7 +134,7 @@ def test_expensive_messages_are_rejected_before_decoding(what, monkeypatch):
         monkeypatch.setattr("minerva_bus.wire.codec.unpack", lambda *_: pytest.fail("built"))
     monkeypatch.setattr("minerva_bus.wire.columns.read_ids", lambda *_: pytest.fail("read"))
     with pytest.raises(ProtocolError):
-        Decoder(VOCABULARY).from_member("x", STALLING[what])
+        Decoder(VOCABULARY).from_member("x", STALLING[what]())
 
 
 def test_as_many_honest_columns_as_before():
