@@ -1,49 +1,36 @@
 """Reports of beginners' mistakes are a few lines, with file and line of the user's code."""
 
-import os
+import json
+import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 from mistakes import HARMLESS, MISTAKES, Mistake
 
-import minerva_bus.cli.checking
-import minerva_bus.cli.running
-import minerva_bus.launch.resuming  # noqa: F401  (so that forks need not import it all)
-from minerva_bus.cli.main import app, main
-
 ERROR, ALL = 10, 25
+SERVER = Path(__file__).with_name("fork_server.py")
 
 
-@pytest.fixture(scope="module", autouse=True)
-def warm():
-    """Trigger the lazy imports of the command line before the forks."""
-    with pytest.raises(SystemExit):
-        app(["check", "nothing.mnv"])
+@pytest.fixture(scope="module")
+def minerva():
+    """Run a command in a fork of a process that has imported everything.
 
+    It takes a folder for the output and the words of the command, and returns exit code and
+    output. The process of the tests cannot be forked: other tests may have used Zenoh in it.
+    """
+    with subprocess.Popen(
+        [sys.executable, str(SERVER)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as server:
 
-def minerva(folder: Path, *words: str) -> tuple[int, str]:
-    """Exit code and output of a command in a forked process, which imports the modules again."""
-    output = folder / "output"
-    pid = os.fork()
-    if not pid:
-        code = 1
-        try:
-            descriptor = os.open(output, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
-            os.dup2(descriptor, 1)
-            os.dup2(descriptor, 2)
-            sys.stdout, sys.stderr = os.fdopen(1, "w"), os.fdopen(2, "w")
-            sys.argv = ["minerva", *map(str, words)]
-            main()
-            code = 0
-        except SystemExit as ended:
-            code = ended.code if isinstance(ended.code, int) else int(bool(ended.code))
-        finally:
-            sys.stdout.flush()
-            sys.stderr.flush()
-            os._exit(code)
-    _, status = os.waitpid(pid, 0)
-    return os.waitstatus_to_exitcode(status), output.read_text(encoding="utf-8")
+        def run(folder: Path, *words: object) -> tuple[int, str]:
+            output = folder / "output"
+            server.stdin.write(json.dumps([str(output), *map(str, words)]) + "\n")
+            server.stdin.flush()
+            return int(server.stdout.readline()), output.read_text(encoding="utf-8")
+
+        yield run
+        server.stdin.close()
 
 
 def explained(mistake: Mistake, text: str) -> None:
@@ -55,7 +42,7 @@ def explained(mistake: Mistake, text: str) -> None:
 
 
 @pytest.mark.parametrize("mistake", MISTAKES, ids=lambda one: one.name)
-def test_a_mistake_is_explained_in_a_few_lines(mistake, tmp_path):
+def test_a_mistake_is_explained_in_a_few_lines(mistake, tmp_path, minerva):
     path = mistake.write(tmp_path)
     code, text = minerva(tmp_path, "run", path, "--in-process")
     explained(mistake, text)
@@ -68,13 +55,13 @@ def test_a_mistake_is_explained_in_a_few_lines(mistake, tmp_path):
 
 
 @pytest.mark.parametrize("allowed", HARMLESS, ids=lambda one: one.name)
-def test_permitted_actions_log_nothing(allowed, tmp_path):
+def test_permitted_actions_log_nothing(allowed, tmp_path, minerva):
     code, text = minerva(tmp_path, "run", allowed.write(tmp_path), "--in-process")
     assert code == 0
     assert "failed" not in text
 
 
-def test_all_frames_are_shown_to_devices_that_want_them(tmp_path):
+def test_all_frames_are_shown_to_devices_that_want_them(tmp_path, minerva):
     mistake = next(one for one in MISTAKES if one.name == "exception in an activity")
     code, text = minerva(tmp_path, "run", mistake.write(tmp_path), "--in-process", "--traceback")
     assert code == 1
@@ -93,7 +80,7 @@ ON_THE_BUS = [
 
 
 @pytest.mark.parametrize("name", ON_THE_BUS)
-def test_on_the_bus_it_is_reported_once_and_the_world_stops(name, tmp_path):
+def test_on_the_bus_it_is_reported_once_and_the_world_stops(name, tmp_path, minerva):
     mistake = next(one for one in MISTAKES if one.name == name)
     code, text = minerva(tmp_path, "run", mistake.write(tmp_path))
     explained(mistake, text)
@@ -105,7 +92,7 @@ def test_on_the_bus_it_is_reported_once_and_the_world_stops(name, tmp_path):
     assert "with the same error in the same frame" in text
 
 
-def test_the_same_failure_of_several_processes_is_reported_once(tmp_path):
+def test_the_same_failure_of_several_processes_is_reported_once(tmp_path, minerva):
     mistake = next(one for one in MISTAKES if one.name == "exception in an activity")
     path = mistake.write(tmp_path)
     agents = " · ".join(f"APlant#p{n}" for n in range(8))
