@@ -41,6 +41,10 @@ class SourceLine:
     function: str = ""
     shown: tuple[str, ...] = ()
 
+    def plain(self) -> dict[str, Any]:
+        """As a JSON object."""
+        return {"file": self.file, "line": self.line, "shown": self.shown}
+
     def lines(self) -> list[str]:
         """`file:line, in function` and the source line, indented."""
         where = f"  {self.file}:{self.line}"

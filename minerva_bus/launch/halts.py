@@ -40,9 +40,7 @@ class HaltCause:
     def plain(self) -> dict[str, Any]:
         """As a JSON object."""
         shown = {name: getattr(self, name) for name in ("kind", "member", "what", "then")}
-        place = None
-        if self.place is not None:
-            place = {"file": self.place.file, "line": self.place.line, "shown": self.place.shown}
+        place = None if self.place is None else self.place.plain()
         return {**shown, "advice": self.advice, "place": place}
 
     def lines(self) -> list[str]:

@@ -65,15 +65,12 @@ class Cause:
 
     def plain(self) -> dict[str, Any]:
         """As a JSON object."""
-        place = None
-        if self.place is not None:
-            place = {"file": self.place.file, "line": self.place.line, "shown": self.place.shown}
         return {
             "frame": self.frame,
             "agent": self.agent,
             "did": self.did,
             "method": self.method,
-            "place": place,
+            "place": None if self.place is None else self.place.plain(),
             "event": self.event,
             "source": None if self.source is None else asdict(self.source),
             "perceived": dict(self.perceived),
