@@ -29,6 +29,7 @@ from minerva_bus.log.past_frames import (
     last_change,
     past_frames,
     piece_around,
+    same_value,
     value_of,
 )
 from minerva_bus.log.reader import Record
@@ -234,15 +235,11 @@ def _last_setter(
     setters: list[TracedCall] = []
     for call in calls:
         after = call.agent(name)
-        if after is not None and (before is None or not _equal(before, after, attribute)):
+        if after is not None and not same_value(before, after, attribute):
             setters.append(call)
         before = after
     exact = [call for call in setters if _is_value(call, name, attribute, new)]
     return next(iter((*exact[-1:], *setters[-1:])), None)
-
-
-def _equal(a: AgentNode, b: AgentNode, attribute: str) -> bool:
-    return same_values((value_of(a, attribute),), (value_of(b, attribute),))
 
 
 def _is_value(call: TracedCall, name: str, attribute: str, value: Value) -> bool:

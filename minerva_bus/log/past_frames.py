@@ -32,6 +32,11 @@ class PastFrame:
     frame: RecordedFrame
     after: Scene
 
+    @property
+    def people(self) -> tuple[str, ...]:
+        """Members whose events are those of people; none in a record without inputs."""
+        return self.frame.inputs.people if self.frame.inputs is not None else ()
+
 
 @dataclass(frozen=True, slots=True)
 class ValueChange:
@@ -109,15 +114,14 @@ def _change_since(
         # An unchanged agent is the same object, which saves the search.
         if not any(agent is piece for piece in scene.pieces):
             agent = agent_in(scene, name)
-        if agent is not None and agent is not before and not _same(before, agent, attribute):
+        if agent is not None and agent is not before and not same_value(before, agent, attribute):
             change = ValueChange(ahead.number, before, agent, gap)
     return change, agent
 
 
-def _same(a: AgentNode | None, b: AgentNode, attribute: str) -> bool:
-    if a is None:
-        return False
-    return same_values((value_of(a, attribute),), (value_of(b, attribute),))
+def same_value(a: AgentNode | None, b: AgentNode, attribute: str) -> bool:
+    """Whether an attribute has the same value in two states of an agent; not if one is None."""
+    return a is not None and same_values((value_of(a, attribute),), (value_of(b, attribute),))
 
 
 def value_of(agent: AgentNode, attribute: str) -> Value:

@@ -7,13 +7,13 @@ from typing import Any
 
 from minerva_bus.frame.composition import Composition
 from minerva_bus.frame.description import World
-from minerva_bus.frame.inbox import PEOPLE, is_people, person_of
+from minerva_bus.frame.inbox import is_people
 from minerva_bus.frame.norms import Norms
 from minerva_bus.grammar.batch import AnyEvent, single
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.log.explanation import short
 from minerva_bus.log.past_frames import PastFrame, agent_in
-from minerva_bus.log.sources import sources_of
+from minerva_bus.log.sources import person_behind, sources_of
 from minerva_bus.world.norms import SOURCE, Norm
 
 
@@ -31,12 +31,12 @@ def rejected_events(world: World, past: PastFrame, name: str) -> Iterator[str]:
             composition = composition or Composition(past.before)
             for norm in norms:
                 judged = _norms(world, norm, composition, past).events(
-                    past.frame.number, {source: [event]}, _people(past)
+                    past.frame.number, {source: [event]}, past.people
                 )
                 if not judged[source]:
                     whom = f"#{event.sender}" if event.sender else source
                     if is_people(source):
-                        whom = "a person" if source == PEOPLE else f"the person {person_of(source)}"
+                        whom = person_behind(source, past.frame.number).text
                     yield f"{_begin(past, norm)} {short(str(event))}, sent by {whom}"
                     break
 
@@ -63,10 +63,6 @@ def rejected_step(world: World, past: PastFrame, name: str, result: Scene) -> st
 
 def _begin(past: PastFrame, norm: Norm) -> str:
     return f"frame {past.frame.number}: the norm {norm.name} rejected"
-
-
-def _people(past: PastFrame) -> tuple[str, ...]:
-    return past.frame.inputs.people if past.frame.inputs is not None else ()
 
 
 def _of_type(past: PastFrame, event_type: str) -> list[AnyEvent]:

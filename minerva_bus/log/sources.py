@@ -38,10 +38,8 @@ def source_of(
         if source == AGENTS or not _has(sent[source], event):
             continue
         if is_people(source):
-            named = "" if source == PEOPLE else f"people:{person_of(source)}"
-            return EventSource("person", named, number)
-        people = past.frame.inputs.people if past.frame.inputs is not None else ()
-        if source in people:
+            return person_behind(source, number)
+        if source in past.people:
             return EventSource("person", source, number)
         return EventSource("generator", source, number, _order_before(event, frames, number))
     if event.sender:
@@ -50,6 +48,12 @@ def source_of(
     if event.type in sanctions or (norms and event.type == REFUSED):
         return EventSource("norm", str(event.data.get("norm", "")), number - 1)
     return EventSource("generator" if not sent else "unknown", "", number)
+
+
+def person_behind(source: str, number: int) -> EventSource:
+    """The person whose orders of frame `number` have this source; see `is_people`."""
+    named = "" if source == PEOPLE else f"people:{person_of(source)}"
+    return EventSource("person", named, number)
 
 
 def _has(sent: Sequence[AnyEvent], event: Event) -> bool:
