@@ -125,11 +125,13 @@ class _Causes:
 
     def rejected(self, name: str, frames: Sequence[int]) -> Iterator[str]:
         """What norms rejected in these frames, of an agent or for it."""
-        if not any(norm.refuses for norm in self._world.norms):
-            return
-        for then in [self._past[number] for number in frames if number in self._past]:
+        refusing = [norm for norm in self._world.norms if norm.refuses]
+        # Without one that judges steps, the agent's code need not run again.
+        judged = any(not norm.on for norm in refusing)
+        for then in [self._past[n] for n in frames if n in self._past] if refusing else ():
             yield from rejected_events(self._world, then, name)
-            step = self._rejected_step(name, then, self._calls(name, then.frame.number))
+            calls = self._calls(name, then.frame.number) if judged else ()
+            step = self._rejected_step(name, then, calls)
             if step:
                 yield step
 
