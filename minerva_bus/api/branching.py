@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from minerva_bus.api.records import world_of_record
-from minerva_bus.api.studies import collected_of, grid_of, table_of_study
+from minerva_bus.api.studies import collected_of, grid_of, sweep_of, table_of_study
 from minerva_bus.api.world import World
 from minerva_bus.collect.table import SEED, DataTable
 from minerva_bus.errors import MisuseError
 from minerva_bus.launch.branching import BranchPoint, read_branch_point, recorded_digest
 from minerva_bus.launch.collecting import Collecting
 from minerva_bus.settings.overrides import AS_WRITTEN, Overrides
-from minerva_bus.study.code_digests import identity, named_objects
 from minerva_bus.study.executor_pool import Workers
 from minerva_bus.study.grid import Grid
 from minerva_bus.study.results import Row
@@ -50,20 +49,10 @@ class Branches:
         collect: Collecting | None = None,
     ) -> Sweep:
         """The runs for all combinations; `given` are settings of all of them."""
-        tables, point = self.world.tables(), self.point
-        code = named_objects(tables, (self.world.path or Path.cwd() / "world.toml").parent)
-        given = Overrides(rate=0.0).over(given)
-        own = identity(tables, point(given), code)
-        return Sweep(
-            point.path,
-            grid,
-            given,
-            in_process=in_process,
-            read=point,
-            collect=collect or Collecting(),
-            identity={**own, "branch": point.past.frame},
-            code=code,
-        )
+        given, point = Overrides(rate=0.0).over(given), self.point
+        runs = sweep_of(self.world, grid, given, point, collect or Collecting())
+        own = {**runs.identity, "branch": point.past.frame}
+        return replace(runs, path=point.path, in_process=in_process, identity=own)
 
     def unchanged(self, runs: Sweep) -> Row | None:
         """The finished run in which seed and options are those of the record, if there is one."""

@@ -23,6 +23,7 @@ from minerva_bus.launch.collecting import Collecting
 from minerva_bus.launch.console import Console
 from minerva_bus.launch.resuming import option_text
 from minerva_bus.launch.temporary_folder import temporary_folder
+from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.settings.overrides import AS_WRITTEN, Overrides
 from minerva_bus.study.code_digests import identity, named_objects
 from minerva_bus.study.executor_pool import ExecutorSource, Workers, open_pool
@@ -147,7 +148,8 @@ def sweep(
     entries, plans = collected_of(own, collect)
 
     def make(collecting: Collecting) -> Sweep:
-        runs = _sweep_of(own, combinations, frames, collecting)
+        given = Overrides(frames=frames, rate=0.0)
+        runs = sweep_of(own, combinations, given, own.read, collecting)
         if executor is not None:
             runs.sent = sent_world(own)
         return runs
@@ -191,19 +193,27 @@ def table_of_study(
     return _with_keys(runs.grid.keys, keys[wanted.name], wanted)
 
 
-def _sweep_of(world: World, grid: Grid, frames: int | None, collect: Collecting) -> Sweep:
-    """The runs of a world in Python, with the identity that their journal needs."""
-    path = world.path or Path(f"{world.name}.toml")
-    given, tables = Overrides(frames=frames, rate=0.0), world.tables()
+def sweep_of(
+    world: World,
+    grid: Grid,
+    given: Overrides,
+    read: Callable[[Overrides], WorldFile],
+    collect: Collecting,
+) -> Sweep:
+    """The runs of a world in Python, with the identity that their journal needs.
+
+    `read` reads the world of a run; `given` are settings of all runs.
+    """
+    path, tables = world.path or Path(f"{world.name}.toml"), world.tables()
     code = named_objects(tables, path.parent)
     return Sweep(
         path,
         grid,
         given,
         in_process=True,
-        read=world.read,
+        read=read,
         collect=collect,
-        identity=identity(tables, world.read(given), code),
+        identity=identity(tables, read(given), code),
         code=code,
     )
 

@@ -16,6 +16,7 @@ from minerva_bus.plotting import check_picture
 from minerva_bus.study.branch_plot import draw_branches
 from minerva_bus.study.executor_pool import Workers
 from minerva_bus.study.grid import Grid, parse_grid
+from minerva_bus.study.results import Row
 from minerva_bus.study.sweep import Sweep
 
 
@@ -73,20 +74,17 @@ def branch_record(
         print_json({**plain_sweep(sweep, files.table, code), **own})
     else:
         lines = lines_of_sweep(sweep, files.table, code)
-        shown = _checked(branches, sweep, continues)
+        shown = [] if row is None or continues is None else [_checked(sweep, row, continues)]
         print_result("\n".join([*lines[:-1], *shown, lines[-1]]))
     return code or (FAILED if continues is False else 0)
 
 
-def _checked(branches: Branches, sweep: Sweep, continues: bool | None) -> list[str]:
-    """The line about the run without a change, if it can be compared with the record."""
-    row = branches.unchanged(sweep)
-    if row is None or continues is None:
-        return []
+def _checked(sweep: Sweep, row: Row, continues: bool) -> str:
+    """The line about the run without a change, which was compared with the record."""
     digest, name = row.outcome["digest"], sweep.named(row)
     if continues:
-        return [f"{name}: as recorded, digest {digest}"]
-    return [
+        return f"{name}: as recorded, digest {digest}"
+    return (
         f"{name}: differs from the record, digest {digest}: the world's code has changed, or it had"
         " free-running members or orders of people"
-    ]
+    )
