@@ -23,6 +23,7 @@ from minerva_bus.launch.compiling import compile_agents
 from minerva_bus.launch.console import Console, live_line
 from minerva_bus.launch.exporting import exported
 from minerva_bus.launch.free_running import FreeRunning, close_services
+from minerva_bus.launch.interrupts import interrupts_deferred
 from minerva_bus.launch.printed import MEMBERS, printed
 from minerva_bus.launch.recording import RunRecord, recording
 from minerva_bus.launch.slow_frames import slow_frames_reported
@@ -119,13 +120,13 @@ class InProcessRun:
         """Run this number of frames, or to the end of the world, at the rate of the world file.
 
         Returns early if `interrupted` is true between two frames. Raises WorldStopped if user code
-        fails.
+        fails, and KeyboardInterrupt, between two frames if they are short.
         """
         end = None if frames is None else self.algorithm.frame + frames
         with self._questions.deferred(), printed(self._print), self._reporting():
             world, listen = self._file.world.name, self._file.watch.metrics
-            with exported(world, listen, self.ask, self._note):
-                self._loop(end, interrupted)
+            with exported(world, listen, self.ask, self._note), interrupts_deferred() as pending:
+                self._loop(end, lambda: interrupted() or pending())
                 # Those that arrived during the last frame.
                 self._questions.answer()
 

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import os
 import signal
+import threading
 from collections.abc import Callable, Generator, Mapping
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from types import FrameType
-from typing import TypeAlias
+from typing import Final, TypeAlias
 
 from minerva_bus.launch.pipes import Pipes
 
 Handler: TypeAlias = Callable[[int, FrameType | None], None]
+
+FRAME_SECONDS: Final = 1.0
+"""Longest time, in seconds, that an interrupt waits for the end of a frame."""
 
 
 def end_signals() -> tuple[signal.Signals, ...]:
@@ -33,6 +37,39 @@ def handled(handlers: Mapping[signal.Signals, Handler]) -> Generator[None]:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
+
+
+@contextmanager
+def interrupts_deferred() -> Generator[Callable[[], bool]]:
+    """Defer KeyboardInterrupt; yields a function that says whether one is pending.
+
+    The block ends at the next frame boundary if one is, and then raises KeyboardInterrupt: within a
+    frame it would separate a record or a table from the string. It is raised at once by a second
+    signal, and after FRAME_SECONDS, because user code may never return. In a thread other than the
+    main one, where signals have no effect, nothing is deferred.
+    """
+    pending = threading.Event()
+    if threading.current_thread() is not threading.main_thread():
+        yield pending.is_set
+        return
+    with ExitStack() as stack:
+
+        def defer(number: int, frame: FrameType | None) -> None:
+            if pending.is_set():
+                raise KeyboardInterrupt
+            pending.set()
+            # A signal to the thread, unlike `interrupt_main`, also ends a blocking call like sleep.
+            again = signal.pthread_kill, (threading.main_thread().ident, signal.SIGINT)
+            timer = threading.Timer(FRAME_SECONDS, *again)
+            timer.daemon = True
+            timer.start()
+            stack.callback(timer.cancel)
+
+        raising = [n for n in end_signals() if signal.getsignal(n) is signal.default_int_handler]
+        stack.enter_context(handled(dict.fromkeys(raising, defer)))
+        yield pending.is_set
+    if pending.is_set():
+        raise KeyboardInterrupt
 
 
 @contextmanager

@@ -52,7 +52,12 @@ class Bell(Agent, symbol="ABell"):
     def ring(self, tick, moment):
         if self.rung == 5:
             signal.raise_signal(signal.SIGINT)
+            self.after()
         self.rung += 1
+
+    @staticmethod
+    def after():
+        """What the agent does after the signal."""
 
 
 def bells():

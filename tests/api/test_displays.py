@@ -2,6 +2,8 @@
 
 import json
 import re
+import signal
+import time
 import xml.etree.ElementTree as ET
 from base64 import b64decode
 from itertools import pairwise
@@ -10,9 +12,11 @@ import pytest
 from balls import Ball, Bell, balls, bells, eBroken, ePicture
 from frogs import pond
 
-from minerva_bus import Interrupted, connect, count, run
+from minerva_bus import Interrupted, connect, count, record, run
 from minerva_bus.api.pictures import MAX_PICTURES
 from minerva_bus.errors import MisuseError
+from minerva_bus.launch import interrupts
+from minerva_bus.log.reader import Record
 from minerva_bus.world.kinds import ActivityError
 
 SVG = "{http://www.w3.org/2000/svg}"
@@ -174,9 +178,20 @@ def test_a_table_displays_its_first_rows_escaped():
     assert "more" not in short._repr_html_()
 
 
-def test_an_interrupted_run_has_its_tables():
-    with pytest.raises(Interrupted, match="bells was interrupted after 5 frames") as error:
-        run(bells(), frames=0, collect={"bells": count(Bell)}, film=2)
+def test_an_interrupted_run_ends_after_its_frame_with_tables_and_record(tmp_path):
+    path = tmp_path / "bells.mcap"
+    with pytest.raises(Interrupted, match="bells was interrupted after 6 frames") as error:
+        record(bells(), path, frames=0, collect={"bells": count(Bell)}, film=2)
     done = error.value.run
-    assert (done.frames, done.ended, len(done.table())) == (5, "interrupted", 6)
-    assert [frame for frame, _ in done.kept] == [0, 2, 4, 5]
+    assert (done.frames, done.ended, len(done.table())) == (6, "interrupted", 7)
+    assert [frame for frame, _ in done.kept] == [0, 2, 4, 6]
+    with Record(path) as recorded:
+        assert max(frame.number for frame, _ in recorded.strings()) == 5
+
+
+def test_an_interrupt_also_ends_a_frame_that_does_not_end(monkeypatch):
+    monkeypatch.setattr(interrupts, "FRAME_SECONDS", 0.01)
+    monkeypatch.setattr(Bell, "after", staticmethod(lambda: time.sleep(60)))
+    with pytest.raises(Interrupted, match="bells was interrupted after 5 frames"):
+        run(bells(), frames=0)
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
