@@ -19,6 +19,7 @@ from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.scene import Scene, agents
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.world.norms import EVENT, REFUSED, SOURCE, Norm, Then, ViolationCounts, sanction_of
+from minerva_bus.world.operator import NormStatus
 
 Sources = Mapping[str, Sequence[AnyEvent]]
 Sent = Mapping[str, tuple[AnyEvent, ...]]
@@ -45,6 +46,7 @@ class Norms:
         self._people = frozenset[str]()
         self._seen: dict[str, Any] = {}
         self._lines: list[str] = []
+        self._last: dict[str, tuple[int, str]] = {}
         self._sanctions: list[Event] = []
 
     def __bool__(self) -> bool:
@@ -54,6 +56,16 @@ class Norms:
     def broken(self) -> Mapping[str, int]:
         """Number of violations of each norm."""
         return self._counts.broken
+
+    def status(self) -> tuple[NormStatus, ...]:
+        """The norms that were broken, in the order of the world file."""
+        return tuple(
+            [
+                NormStatus(norm.name, norm.then.value, count, *self._last.get(norm.name, (-1, "")))
+                for norm in self._norms
+                if (count := self._counts.broken.get(norm.name, 0))
+            ]
+        )
 
     def saved(self) -> dict[str, Any]:
         """The counts as plain data, from which a resumed world continues."""
@@ -208,8 +220,9 @@ class Norms:
         is_agent = self._composition.home(who) is not None
         # Only the first violation of a norm is logged, since there may be one per agent and frame.
         # People need to know what becomes of each order.
+        whom = person_of(who) if is_people(who) else f"#{who}" if is_agent else who
+        self._last[norm.name] = self._frame, whom
         if self._counts.broken[norm.name] == 1 or is_people(who):
-            whom = person_of(who) if is_people(who) else f"#{who}" if is_agent else who
             later = "" if is_people(who) else "; from now on this is only counted"
             self._lines.append(
                 f"{norm.name} is broken by {whom} in frame {self._frame}"

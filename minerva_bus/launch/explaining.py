@@ -34,7 +34,7 @@ def explain_world(operator: Operator) -> Halt:
     if last.frame == first.frame:
         for name in last.waiting[:MAX_MEMBERS]:
             stacks[name] = _stacks_of(operator, name, last)
-    return explain_halt(first, last, operator.logs(), stacks)
+    return explain_halt(first, last, stacks)
 
 
 def _stacks_of(operator: Operator, name: str, status: WorldStatus) -> Sequence[str]:

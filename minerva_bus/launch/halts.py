@@ -1,15 +1,17 @@
-"""Why a running world does not advance: rules over its status, its log and stacks of processes."""
+"""Why a running world does not advance: rules over its status and stacks of processes."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
 from minerva_bus.launch import forking
 from minerva_bus.launch.traces import NOT_STARTED, STOPPED, blocked_at, own_frames
 from minerva_bus.source import SourceLine
-from minerva_bus.world.operator import LogLine, MemberStatus, WorldStatus
+from minerva_bus.wording import counted
+from minerva_bus.world.norms import Then
+from minerva_bus.world.operator import MemberStatus, WorldStatus
 
 COMPILERS: Final = ("/numba/", "/llvmlite/")
 LOCKS: Final = (("threading.py", "queue.py", "connection.py", "_base.py"), (".acquire(", ".join("))
@@ -20,7 +22,14 @@ SLOW_SHARE: Final = 0.5
 """Share of the duration of frames that a slow member takes at least."""
 
 MICRO: Final = 1e-6
-WAITING_LINE: Final = "has been waiting for it"
+UNWRITTEN: Final = {
+    "record": (
+        "frames are not recorded",
+        "free space on the disk, then minerva recover FILE",
+    ),
+    "journal": ("the world ends if its coordinator is killed", "free space on the disk"),
+}
+"""What follows from a file that cannot be written, and what to do, by its name."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,24 +88,23 @@ class Halt:
 Stacks = Mapping[str, Sequence[str]]
 
 
-def explain_halt(
-    first: WorldStatus, last: WorldStatus, lines: Sequence[LogLine], stacks: Stacks
-) -> Halt:
+def explain_halt(first: WorldStatus, last: WorldStatus, stacks: Stacks) -> Halt:
     """Why a world does not advance, from two states of it.
 
     Args:
         first: the state of the world.
         last: its state about half a second later.
-        lines: its last log lines.
         stacks: what the awaited processes have written, by member; see `traces`.
 
     """
     advances = last.frame > first.frame
-    finder = _Finder(last, lines, stacks)
+    finder = _Finder(last, stacks)
     if advances:
-        causes = [*finder.in_slow_frames(), *finder.in_log(), *finder.in_events()]
+        causes = [*finder.in_slow_frames(), *finder.in_norms(), *finder.in_files()]
+        causes += finder.in_events()
     else:
-        causes = [*finder.in_members(), *finder.in_pace(), *finder.in_log()]
+        causes = [*finder.in_members(), *finder.in_pace(), *finder.in_norms()]
+        causes += finder.in_files()
     waited = last.waited if last.waiting else 0.0
     return Halt(last.world, last.frame, last.phase, advances, waited, tuple(causes))
 
@@ -106,7 +114,6 @@ class _Finder:
     """The rules, each for one group of causes."""
 
     status: WorldStatus
-    lines: Sequence[LogLine]
     stacks: Stacks
 
     # --- a world that stands still ---
@@ -118,7 +125,7 @@ class _Finder:
             yield self._awaited(members.get(name) or MemberStatus(name, "absent"))
 
     def _awaited(self, member: MemberStatus) -> HaltCause:
-        name, then = member.name, self._outlook(member.name)
+        name, then = member.name, member.outlook
         answer = self.stacks.get(name, ())
         if STOPPED in answer:
             what = f"the process of {name} is stopped, by SIGSTOP or a debugger"
@@ -160,12 +167,6 @@ class _Finder:
         what = f"{name} computes, or is blocked, in a call"
         return HaltCause("long call", name, what, then, restart, place)
 
-    def _outlook(self, name: str) -> str:
-        """What the world does with an awaited member, from its last log line about it."""
-        said = [line.text for line in self.lines if line.member == name]
-        about = [text for text in said if WAITING_LINE in text]
-        return about[-1].partition("; ")[2] if about else ""
-
     def in_pace(self) -> Iterator[HaltCause]:
         """A world between two frames that nothing holds up but its pace."""
         status = self.status
@@ -206,19 +207,23 @@ class _Finder:
             advice = "add a clock or a sensor ([process.NAME] service), or send one: minerva pub"
             yield HaltCause("no events", "", what, "agents keep their state", advice)
 
-    def in_log(self) -> Iterator[HaltCause]:
-        """Norms that reject, and disks that are full, from the log."""
-        for line in self._last_of("norms", ": refused"):
-            name = line.partition(" is broken")[0]
-            what = f"the norm {name} rejects: {line.partition(':')[0]}"
-            advice = f"change [norm.{name}], or minerva explain RECORD shows what it rejected"
-            then = "rejected agents keep their state"
-            yield HaltCause("norm", name, what, then, advice)
-        for line in self._last_of("record", "the world continues", "disk too slow"):
-            advice = "free space on the disk, then minerva recover the record"
-            yield HaltCause("full disk", "record", line, "nothing more is recorded", advice)
+    def in_norms(self) -> Iterator[HaltCause]:
+        """Norms that have rejected something."""
+        for norm in self.status.norms:
+            if norm.then != Then.REFUSE.value:
+                continue
+            last = f", the last by {norm.by} in frame {norm.frame}" if norm.by else ""
+            what = (
+                f"the norm {norm.name} rejects: it was broken {counted(norm.broken, 'time')}{last}"
+            )
+            advice = f"change [norm.{norm.name}], or minerva explain RECORD shows what it rejected"
+            yield HaltCause("norm", norm.name, what, "rejected agents keep their state", advice)
 
-    def _last_of(self, member: str, *words: str) -> Iterable[str]:
-        """The log lines of a member that contain one of some words, each once."""
-        said = [line.text for line in self.lines if line.member == member]
-        return dict.fromkeys(text for text in said if any(word in text for word in words))
+    def in_files(self) -> Iterator[HaltCause]:
+        """The record or the journal, if it cannot be written."""
+        for file in self.status.files:
+            if not file.problem:
+                continue
+            lost = f"; it lacks {counted(file.lost, 'frame')}" if file.lost else ""
+            what = f"the {file.name} {file.path}: {file.problem}{lost}"
+            yield HaltCause("full disk", file.name, what, *UNWRITTEN.get(file.name, ("", "")))

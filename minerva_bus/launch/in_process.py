@@ -194,6 +194,7 @@ class InProcessRun:
             _no_restart,
             _no_stack,
             None if self.collected is None else self.collected.history,
+            files=lambda: record.files,
         )
         for member in members:
             # A window in this process sends the same questions as one that is connected by the bus.

@@ -11,6 +11,7 @@ from minerva_bus.launch.runtime_folder import runtime_folder
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.log.journal import Journal, Journaled, read_journal
 from minerva_bus.runtime.coordinator import Coordinator
+from minerva_bus.world.operator import FileStatus
 
 
 def journal_path(file: WorldFile) -> Path:
@@ -55,6 +56,7 @@ class RunJournal:
         self._log = log
         self._configured = bool(file.bus.journal)
         self._members: MemberIndex | None = None
+        self._failed: FileStatus | None = None
         self._journal: Journal | None = Journal(
             journal_path(file), coordinator.transport.epoch, coordinator.algorithm
         )
@@ -65,6 +67,13 @@ class RunJournal:
                 pace = coordinator.schedule.pace
                 pace.rate, pace.left = past.rate, past.left
         self._note_pace(self._journal)
+
+    @property
+    def files(self) -> tuple[FileStatus, ...]:
+        """The state of the journal."""
+        if self._failed is not None:
+            return (self._failed,)
+        return () if self._journal is None else (FileStatus("journal", str(self._journal.path)),)
 
     def frame(self, done: s.FrameDone) -> None:
         """Write a frame that has ended. Raises Followed."""
@@ -121,7 +130,8 @@ class RunJournal:
         # Deleted, because a successor must not continue from an outdated frame.
         journal.close(over=True)
         self._journal = None
+        problem = f"cannot be written: {error.strerror}"
+        self._failed = FileStatus("journal", str(journal.path), problem)
         self._log(
-            f"{journal.path}: cannot be written: {error.strerror}; the world continues, but"
-            " ends if its coordinator is killed"
+            f"{journal.path}: {problem}; the world continues, but ends if its coordinator is killed"
         )

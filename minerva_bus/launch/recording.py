@@ -14,6 +14,7 @@ from minerva_bus.frame.messages import Readings
 from minerva_bus.launch.resuming import Resumed, differing, option_text
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.settings.kinds import ALL
+from minerva_bus.world.operator import FileStatus
 
 if TYPE_CHECKING:
     from minerva_bus.log.description import Description
@@ -29,6 +30,7 @@ class RunRecord:
 
     topics: tuple[str, ...] = ()
     _recorder: Recorder | None = None
+    _failed: FileStatus | None = None
 
     def open(
         self, file: WorldFile, algorithm: FrameAlgorithm, log: Callable[[str], None], again: bool
@@ -120,6 +122,20 @@ class RunRecord:
         if self._recorder is not None:
             self._recorder.received(topic, member, data, self._seconds())
 
+    def fail(self, path: str, problem: str) -> None:
+        """Note that the world runs without the record that it should have."""
+        self._failed = FileStatus("record", path, problem)
+
+    @property
+    def files(self) -> tuple[FileStatus, ...]:
+        """The state of the record; empty if none is wanted."""
+        if self._failed is not None:
+            return (self._failed,)
+        recorder = self._recorder
+        if recorder is None:
+            return ()
+        return (FileStatus("record", str(recorder.path), recorder.problem, recorder.lost),)
+
     def close(self) -> None:
         """Finish the record."""
         if self._recorder is not None:
@@ -175,6 +191,7 @@ def recording(
             if not again:
                 raise
             log(f"{error}; the world continues without a record")
+            record.fail(file.record.path, str(error))
     return record
 
 

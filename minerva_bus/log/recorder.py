@@ -121,6 +121,12 @@ class Recorder:
             self._put(Pending(write, is_frame=True))
         self._report_failure()
 
+    @property
+    def problem(self) -> str:
+        """Why frames are not written now; empty if they are."""
+        slow = "the disk is too slow" if self._work.queue.is_stuck else ""
+        return self._work.failure or slow
+
     def idle(self) -> None:
         """Encode a queued frame if that is quick and stays in memory; otherwise wake the thread.
 

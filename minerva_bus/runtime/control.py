@@ -22,7 +22,7 @@ An invalid question is answered with {"error": text}.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
 from minerva_bus.errors import MinervaError, ProtocolError, SceneError, nearest
@@ -46,7 +46,7 @@ from minerva_bus.wire.plain import as_int, as_list, as_map, as_number, as_text
 from minerva_bus.wire.status import plain_lines, plain_series, plain_status
 from minerva_bus.wire.values import Reader
 from minerva_bus.wire.vocabulary import plain_vocabulary
-from minerva_bus.world.operator import MemberStatus, WorldStatus
+from minerva_bus.world.operator import FileStatus, MemberStatus, WorldStatus
 
 if TYPE_CHECKING:
     from minerva_bus.collect.history import SeriesHistory
@@ -63,9 +63,10 @@ MAX_LINES = 1000
 class Operated:
     """The parts of a running world that operators' commands use.
 
-    `rejected` gives the number of rejections by sender; `restart` requests a restart of a
-    member, `stack` that its stacks are written to its log; both return the reason if that is
-    impossible, otherwise an empty string. `collected` has the collected series, if any.
+    `rejected` gives the number of rejections by sender, `outlook` what the world does with an
+    awaited member, and `files` what it writes. `restart` requests a restart of a member, `stack`
+    that its stacks are written to its log; both return the reason if that is impossible, otherwise
+    an empty string. `collected` has the collected series, if any.
     """
 
     runner: Runner
@@ -77,6 +78,8 @@ class Operated:
     restart: Callable[[str], str]
     stack: Callable[[str], str]
     collected: SeriesHistory | None = None
+    outlook: Callable[[str], str] = field(default=lambda _: "")
+    files: Callable[[], tuple[FileStatus, ...]] = field(default=lambda: ())
 
     @property
     def algorithm(self) -> FrameAlgorithm:
@@ -119,6 +122,8 @@ def status_of(running: Operated, since: int = 0) -> WorldStatus:
         for name in sorted(measured)
         if name.startswith("wait for ")
     }
+    waiting = tuple(algorithm.waiting_for())
+    members = [_member(entry, waits.get(entry.name, 0.0)) for entry in algorithm.members]
     return WorldStatus(
         world=algorithm.world.name,
         frame=algorithm.frame,
@@ -129,9 +134,16 @@ def status_of(running: Operated, since: int = 0) -> WorldStatus:
         rate=pace.rate,
         hz=hz,
         agents=algorithm.composition.count,
-        waiting=tuple(algorithm.waiting_for()),
+        waiting=waiting,
         waited=running.status.waited,
-        members=tuple([_member(entry, waits.get(entry.name, 0.0)) for entry in algorithm.members]),
+        members=tuple(
+            [
+                replace(member, outlook=running.outlook(member.name))
+                if member.name in waiting
+                else member
+                for member in members
+            ]
+        ),
         events={name: count * hz for name, count in running.event_log.per_frame().items()},
         bytes_in=measured.pop("bytes in", 0.0),
         bytes_out=measured.pop("bytes out", 0.0),
@@ -141,6 +153,8 @@ def status_of(running: Operated, since: int = 0) -> WorldStatus:
         late_frames=running.schedule.overruns.count,
         behind=running.schedule.overruns.behind,
         series=0 if running.collected is None else len(running.collected),
+        norms=algorithm.norms.status(),
+        files=running.files(),
     )
 
 

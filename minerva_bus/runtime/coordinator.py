@@ -117,6 +117,8 @@ class Coordinator(Sink):
             watchers.restart,
             watchers.stack,
             watchers.collected,
+            self._monitor.outlook,
+            watchers.files,
         )
         self._answers = Answers(
             operated, self.admission, limits, watchers.operated, system, commands

@@ -66,6 +66,11 @@ class Monitor:
         if self._waits.arrived(member, self._clock()):
             self._watchers.came(member)
 
+    def outlook(self, name: str) -> str:
+        """What the world does with an awaited member, and when."""
+        guest = not self._algorithm.members.get(name).expected
+        return self._waits.outlook(name, self._waits.since(name, self._clock()), guest)
+
     def end(self, end: s.End) -> None:
         """End the world; members have less time for reports if its owner waits for the end."""
         if end.failed or end.hurried:

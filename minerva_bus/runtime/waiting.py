@@ -151,21 +151,21 @@ class Waits:
         return self._deadlines.for_output(members)
 
     def outlook(self, member: str, waited: float, guest: bool) -> str:
-        """The end of a log line: the next action for a member and its time; empty without one."""
+        """The next action for an awaited member and its time; empty without one."""
         patience, deadlines = self.patience(member), self._deadlines
         left = duration(max(0.0, patience.hard - waited))
         action = THEN[patience.then]
         if patience.then == "restart":
             if member in deadlines.elsewhere:
-                return "; it runs on another machine, and may return from there"
+                return "it runs on another machine, and may return from there"
             if guest:
-                return f"; it will be removed in {left}; attach it again where it runs"
+                return f"it will be removed in {left}; attach it again where it runs"
             action = FAILED[deadlines.on_failure.get(member, "restart")]
-        return f"; {action} in {left}" if action else ""
+        return f"{action} in {left}" if action else ""
 
     def since(self, member: str, now: float) -> float:
-        """Seconds for which a member has been awaited."""
-        return now - self._waits[member].since
+        """Seconds for which a member has been awaited; 0 if it is not."""
+        return now - self._waits[member].since if member in self._waits else 0.0
 
     def reportable(self, now: float) -> list[str]:
         """The members to report now, with exponential back-off; they count as reported."""
@@ -191,12 +191,16 @@ class Waits:
         waited = {name: self.since(name, now) for name in names}
         if len(names) <= (MAX_NAMED if self._in_frame else 1):
             for name in names:
-                outlook = self.outlook(name, waited[name], name in guests)
-                yield name, f"it for {waited[name]:.1f} s{outlook}"
+                yield name, f"it for {self._waited(name, waited[name], guests)}"
             return
         longest = max(names, key=lambda name: waited[name])
-        outlook = self.outlook(longest, waited[longest], longest in guests)
-        yield "", f"{named_some(names, MAX_NAMED)} for {waited[longest]:.1f} s{outlook}"
+        shown = self._waited(longest, waited[longest], guests)
+        yield "", f"{named_some(names, MAX_NAMED)} for {shown}"
+
+    def _waited(self, name: str, waited: float, guests: Collection[str]) -> str:
+        """How long a member has been awaited, and the next action."""
+        outlook = self.outlook(name, waited, name in guests)
+        return f"{waited:.1f} s; {outlook}" if outlook else f"{waited:.1f} s"
 
     def overdue(self, now: float) -> list[tuple[str, str]]:
         """Members after their time-out with the action to take, each once per step."""

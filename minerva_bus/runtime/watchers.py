@@ -11,6 +11,7 @@ import zenoh
 
 from minerva_bus.frame import stimuli as s
 from minerva_bus.runtime.status import Status
+from minerva_bus.world.operator import FileStatus
 
 if TYPE_CHECKING:
     from minerva_bus.collect.history import SeriesHistory
@@ -61,5 +62,7 @@ class Watchers:
     stack: Callable[[str], str] = field(default=lambda _: "no launcher started its processes")
     opened: Callable[[zenoh.Session], list[Any]] = field(default=lambda _: list[Any]())
     """Returns further declarations on the hub's session."""
+    files: Callable[[], tuple[FileStatus, ...]] = field(default=lambda: ())
+    """What the launcher writes in this process: the record and the journal."""
     collected: SeriesHistory | None = None
     """Collected series, for dashboards."""

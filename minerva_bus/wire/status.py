@@ -20,9 +20,11 @@ from minerva_bus.wire.plain import (
 )
 from minerva_bus.world.operator import (
     CollectedSeries,
+    FileStatus,
     LogEntry,
     LogLine,
     MemberStatus,
+    NormStatus,
     WorldStatus,
 )
 
@@ -53,7 +55,16 @@ def read_status(plain: Any) -> WorldStatus:
     given = as_map(plain, "a status")
     members = [_read(MemberStatus, item) for item in as_list(given.get("members", []), "members")]
     happenings = [_read(LogEntry, item) for item in as_list(given.get("happenings", []), "events")]
-    return _read(WorldStatus, given, members=tuple(members), happenings=tuple(happenings))
+    norms = [_read(NormStatus, item) for item in as_list(given.get("norms", []), "norms")]
+    files = [_read(FileStatus, item) for item in as_list(given.get("files", []), "files")]
+    return _read(
+        WorldStatus,
+        given,
+        members=tuple(members),
+        happenings=tuple(happenings),
+        norms=tuple(norms),
+        files=tuple(files),
+    )
 
 
 def read_lines(plain: Any) -> tuple[LogLine, ...]:

@@ -16,7 +16,8 @@ class MemberStatus:
 
     `joins` is the number of processes of this name that have joined, including restarts. `wait` is
     the mean time for which a frame waits for its replies, in microseconds. `figures` are metrics
-    that the member reports itself, such as the number of items `dropped`.
+    that the member reports itself, such as the number of items `dropped`. `outlook` is what the
+    world does if a frame waits for the member any longer; empty if none waits.
     """
 
     name: str
@@ -34,6 +35,7 @@ class MemberStatus:
     expected: bool = False
     joins: int = 0
     wait: float = 0.0
+    outlook: str = ""
     figures: Mapping[str, bool | int | float | str] = field(
         default_factory=dict[str, bool | int | float | str]
     )
@@ -88,6 +90,34 @@ class CollectedSeries:
 
 
 @dataclass(frozen=True, slots=True)
+class NormStatus:
+    """A norm that was broken `broken` times; the last time in `frame`, `by` an agent or a sender.
+
+    `then` is the consequence: refuse, sanction or count. `frame` is -1 if the last time was before
+    a resumption of the run.
+    """
+
+    name: str
+    then: str
+    broken: int
+    frame: int = -1
+    by: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class FileStatus:
+    """A file that the world writes: its record or its journal.
+
+    `problem` is empty while it is written; `lost` is the number of frames that it lacks.
+    """
+
+    name: str
+    path: str
+    problem: str = ""
+    lost: int = 0
+
+
+@dataclass(frozen=True, slots=True)
 class WorldStatus:
     """The state of a running world.
 
@@ -97,7 +127,8 @@ class WorldStatus:
     `bytes_out` its bytes; each is a mean over the last frames. `waiting` are the members for which
     the frame has waited `waited` seconds. `refused` counts rejected messages by class of sender:
     members, people, strangers. `late_frames` have taken longer than real time, by `behind` seconds
-    in all. `series` is the number of collected series that can be shown.
+    in all. `series` is the number of collected series that can be shown. `norms` are those
+    that were broken, and `files` what the world writes.
     """
 
     world: str
@@ -121,6 +152,8 @@ class WorldStatus:
     late_frames: int = 0
     behind: float = 0.0
     series: int = 0
+    norms: tuple[NormStatus, ...] = ()
+    files: tuple[FileStatus, ...] = ()
 
     @property
     def orders(self) -> tuple[str, ...]:
