@@ -1,4 +1,4 @@
-"""`minerva list`, `echo`, `pub` and `version`: queries, with their tables and JSON objects."""
+"""`minerva list`, `echo` and `version`: queries, with their tables and JSON objects."""
 
 from __future__ import annotations
 
@@ -163,34 +163,6 @@ def _echo_view(
 def _short(scene: Scene) -> str:
     shown = str(scene)
     return shown if len(shown) < 2000 else shown[:2000] + "…"
-
-
-def publish(
-    type_: str,
-    data: list[str],
-    to: list[str],
-    condition: str,
-    by: str,
-    target: WorldTarget,
-    as_json: bool,
-) -> None:
-    """Send an event as a person, with a name or without."""
-    pairs: dict[str, str] = {}
-    for word in data:
-        name, equals, value = word.partition("=")
-        if not equals or not name:
-            raise MinervaError(f"{word!r}: expected data as KEY=VALUE")
-        pairs[name] = value
-    with client(target) as connected:
-        answer = connected.ask(
-            "pub", type=type_, data=pairs, receivers=to, condition=condition, by=by
-        )
-    if as_json:
-        print_json(answer)
-        return
-    through = f" through {', '.join(answer['through'])}" if answer["through"] else ""
-    sender = f" by {answer['by']}" if answer["by"] else ""
-    print_result(f"{answer['event']} sent{sender}{through}, after frame {answer['frame']} began")
 
 
 def show_version(as_json: bool) -> None:

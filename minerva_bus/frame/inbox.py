@@ -40,9 +40,14 @@ def is_people(source: str) -> bool:
     return source.partition(":")[0] == PEOPLE
 
 
+def name_of(source: str) -> str:
+    """The name of the person who is a source; empty for a person without a name."""
+    return source.partition(":")[2]
+
+
 def person_of(source: str) -> str:
     """The name of the person who is a source, or `people`."""
-    return source.partition(":")[2] or "people"
+    return name_of(source) or "people"
 
 
 class EarlyTicks:

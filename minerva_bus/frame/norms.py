@@ -22,6 +22,9 @@ from minerva_bus.world.norms import EVENT, REFUSED, SOURCE, Norm, Then, Violatio
 from minerva_bus.world.operator import NormStatus
 
 Sources = Mapping[str, Sequence[AnyEvent]]
+RejectedOrder = tuple[str, Event, str]
+"""A person's order: its source, the event, and the norm that rejected it."""
+
 Sent = Mapping[str, tuple[AnyEvent, ...]]
 
 
@@ -48,6 +51,7 @@ class Norms:
         self._lines: list[str] = []
         self._last: dict[str, tuple[int, str]] = {}
         self._sanctions: list[Event] = []
+        self._rejected_orders: list[RejectedOrder] = []
 
     def __bool__(self) -> bool:
         return bool(self._norms)
@@ -113,6 +117,11 @@ class Norms:
                     ]
         return {name: left.get(name, events) for name, events in sources.items()}
 
+    def take_rejected_orders(self) -> list[RejectedOrder]:
+        """Remove and return the orders of people that norms have rejected."""
+        taken, self._rejected_orders = self._rejected_orders, []
+        return taken
+
     def _judged(self, norm: Norm, event: AnyEvent, source: str) -> Iterator[AnyEvent]:
         """The events of an event or batch that a norm permits."""
         if isinstance(event, Event):
@@ -122,6 +131,8 @@ class Norms:
             )
             if not (forbidden and norm.refuses):
                 yield event
+            elif is_people(source):
+                self._rejected_orders.append((source, event, norm.name))
             return
         kept = np.ones(event.count, np.bool_)
         for row in np.flatnonzero(self._forbids_of_many(norm, event, source)).tolist():

@@ -154,6 +154,16 @@ class Notify:
 
 
 @dataclass(frozen=True, slots=True)
+class OrderJudged:
+    """An order of a person counts in this frame, or `norm` rejects it."""
+
+    event: Event
+    person: str
+    frame: int
+    norm: str = ""
+
+
+@dataclass(frozen=True, slots=True)
 class Ready:
     """All required members are present, and no frame is in progress: send `Begin` when due."""
 
@@ -196,4 +206,4 @@ class Ended:
     figures: Figures
 
 
-Instruction: TypeAlias = Send | Show | Notify | Ready | FrameDone | Stopping | Ended
+Instruction: TypeAlias = Send | Show | Notify | OrderJudged | Ready | FrameDone | Stopping | Ended

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -202,6 +202,8 @@ class EventType:
     Args:
         name: begins with e.
         visual: d ∈ V: agents respond with views instead of an evolution.
+        completes: event types of orders; an agent that sends this event has carried one out.
+        fails: event types of orders; an agent that sends this event has given one up.
         data: names with types, such as `heat=float`, or with `Default(type, value)`.
 
     Raises:
@@ -214,9 +216,19 @@ class EventType:
 
     """
 
-    def __init__(self, name: str, /, visual: bool = False, **data: Any) -> None:
+    def __init__(
+        self,
+        name: str,
+        /,
+        visual: bool = False,
+        completes: ReportedTypes = (),
+        fails: ReportedTypes = (),
+        **data: Any,
+    ) -> None:
         self.name = _checked(name, "an event type", "e")
         self.visual = visual
+        self.completes = _names_of(completes)
+        self.fails = _names_of(fails)
         self.fields = Fields.of(data)
         for datum in self.fields.names:
             # An event's own attribute would hide the datum.
@@ -268,6 +280,15 @@ class EventType:
         if listed:
             to = Ids.of(listed).take(np.zeros(count, np.intp))
         return Events(self.name, self.fields.names, columns, count, condition, None, to)
+
+
+ReportedTypes: TypeAlias = "EventType | str | Sequence[EventType | str]"
+"""Event types of orders, or their names."""
+
+
+def _names_of(orders: ReportedTypes) -> tuple[str, ...]:
+    several = (orders,) if isinstance(orders, EventType | str) else orders
+    return tuple([each if isinstance(each, str) else each.name for each in several])
 
 
 def receiver_ids(receivers: Iterable[object]) -> tuple[str, ...]:

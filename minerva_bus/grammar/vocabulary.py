@@ -86,6 +86,7 @@ class Vocabulary:
             _check_unlimited(kind.name, kind.fields)
         for event_type in made.events.values():
             made._check_sources_of(event_type)
+            made._check_reported_by(event_type)
         return made
 
     def _check_sources_of(self, event_type: EventType) -> None:
@@ -101,6 +102,15 @@ class Vocabulary:
                 raise MisuseError(
                     f"{event_type.name}: {parameter.name} is a text of {of}, which the vocabulary"
                     f" does not have{nearest(str(of), every)}"
+                )
+
+    def _check_reported_by(self, event_type: EventType) -> None:
+        """Raise MisuseError if an event type reports on orders of an unknown type."""
+        for order in (*event_type.completes, *event_type.fails):
+            if order not in self.events:
+                raise MisuseError(
+                    f"{event_type.name} reports on orders {order!r}, an event type that the"
+                    f" vocabulary does not have{nearest(order, list(self.events))}"
                 )
 
     def _check_events_of(self, kind: AgentKind) -> None:

@@ -188,6 +188,7 @@ class InProcessRun:
             runner,
             self._schedule,
             self._log.event_log,
+            self._log.orders,
             self._metrics,
             status,
             _no_rejections,

@@ -17,7 +17,7 @@ from minerva_bus.wire.limits import DEFAULT, Limits
 from minerva_bus.wire.weighing import values_in
 
 READING: Final = frozenset(
-    {"status", "totals", "series", "scene", "fragment", "vocabulary", "logs"}
+    {"status", "totals", "series", "scene", "fragment", "vocabulary", "logs", "orders"}
 )
 """Questions that do not change the world."""
 

@@ -13,10 +13,10 @@ from minerva_bus.errors import BusError
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.security.credentials import Credentials
 from minerva_bus.wire.keys import ANY_WORLD, asking_key, control_key
-from minerva_bus.wire.plain import as_list, as_map, as_text, pack, unpack
-from minerva_bus.wire.status import read_lines, read_series, read_status
+from minerva_bus.wire.plain import as_int, as_list, as_map, as_text, pack, unpack
+from minerva_bus.wire.status import read_lines, read_orders, read_series, read_status
 from minerva_bus.wire.values import plain_event
-from minerva_bus.world.operator import CollectedSeries, LogLine, WorldStatus
+from minerva_bus.world.operator import CollectedSeries, LogLine, OrderStatus, WorldStatus
 
 
 def question_key(world: str, own: Credentials | None) -> str:
@@ -73,9 +73,10 @@ class AskingOperator:
         """The text of one agent."""
         return as_text(self._ask("fragment", agent=agent).get("fragment"), "the fragment")
 
-    def order(self, event: AnyEvent) -> None:
-        """Send an event to the world."""
-        self._ask("order", event=plain_event(event), by=self._by)
+    def order(self, event: AnyEvent) -> int:
+        """Send an event to the world; returns the number of the order."""
+        answer = self._ask("order", event=plain_event(event), by=self._by)
+        return as_int(answer.get("number", 0), "the number of an order")
 
     def pause(self) -> None:
         """Pause the world until `resume` or `step`."""
@@ -109,6 +110,10 @@ class AskingOperator:
     def logs(self, since: int = 0, member: str = "") -> tuple[LogLine, ...]:
         """Lines that members printed, and warnings about them."""
         return read_lines(self._ask("logs", since=since, member=member).get("lines"))
+
+    def orders(self, since: int = 0) -> tuple[OrderStatus, ...]:
+        """Orders of people that have changed."""
+        return read_orders(self._ask("orders", since=since).get("orders"))
 
     def series(self) -> tuple[CollectedSeries, ...]:
         """Collected series."""

@@ -15,6 +15,7 @@
     {"ask": "stack", "member": name}      → {}
     {"ask": "drain", "member": name}      → {"to": [hosts]}
     {"ask": "logs", "since": 0, ...}      → {"lines": [...]}
+    {"ask": "orders", "since": 0}         → {"orders": [...]}
 
 An invalid question is answered with {"error": text}.
 """
@@ -31,6 +32,7 @@ from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.composition import PART
 from minerva_bus.frame.event_log import EventLog
 from minerva_bus.frame.members import MemberEntry
+from minerva_bus.frame.order_fates import OrderFates
 from minerva_bus.frame.orders import listed, refusal_of_order, unknown_value
 from minerva_bus.frame.pace import Pace
 from minerva_bus.grammar.events import Event
@@ -43,7 +45,7 @@ from minerva_bus.runtime.schedule import FrameSchedule
 from minerva_bus.runtime.status import StatusMeter
 from minerva_bus.wire.keys import is_name
 from minerva_bus.wire.plain import as_int, as_list, as_map, as_number, as_text
-from minerva_bus.wire.status import plain_lines, plain_series, plain_status
+from minerva_bus.wire.status import plain_lines, plain_orders, plain_series, plain_status
 from minerva_bus.wire.values import Reader
 from minerva_bus.wire.vocabulary import plain_vocabulary
 from minerva_bus.world.operator import FileStatus, MemberStatus, WorldStatus
@@ -66,12 +68,14 @@ class Operated:
     `rejected` gives the number of rejections by sender, `outlook` what the world does with an
     awaited member, and `files` what it writes. `restart` requests a restart of a member, `stack`
     that its stacks are written to its log; both return the reason if that is impossible, otherwise
-    an empty string. `collected` has the collected series, if any.
+    an empty string. `orders` has the fates of people's orders, `collected` the
+    collected series, if any.
     """
 
     runner: Runner
     schedule: FrameSchedule
     event_log: EventLog
+    orders: OrderFates
     meter: Meter
     status: StatusMeter
     rejected: Callable[[], Mapping[str, int]]
@@ -239,8 +243,15 @@ def _send(running: Operated, event: Event, person: str) -> dict[str, Any]:
     if refusal:
         raise ProtocolError(refusal)
     takers = [member.name for member in algorithm.members.takers(event.type)]
+    number = running.orders.arrive(event, person, algorithm.frame)
     running.runner.handle(s.Publish(event, person))
-    return {"frame": algorithm.frame, "event": str(event), "through": takers, "by": person}
+    return {
+        "frame": algorithm.frame,
+        "event": str(event),
+        "through": takers,
+        "by": person,
+        "number": number,
+    }
 
 
 def _pause(running: Operated, _: Mapping[str, Any]) -> dict[str, Any]:
@@ -324,6 +335,11 @@ def _logs(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
     return {"lines": plain_lines(lines[-MAX_LINES:])}
 
 
+def _orders(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
+    since = as_int(asked.get("since", 0), "since")
+    return {"orders": plain_orders(running.orders.changed_since(since))}
+
+
 def _vocabulary(running: Operated, _: Mapping[str, Any]) -> dict[str, Any]:
     return {"vocabulary": plain_vocabulary(running.algorithm.world.vocabulary)}
 
@@ -394,5 +410,6 @@ COMMANDS: Final[Mapping[str, Command]] = {
     "drain": _drain,
     "seek": _seek,
     "logs": _logs,
+    "orders": _orders,
     "stop": _stop,
 }

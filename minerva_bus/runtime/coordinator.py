@@ -111,6 +111,7 @@ class Coordinator(Sink):
             self.runner,
             self.schedule,
             log.event_log,
+            log.orders,
             self.metrics,
             self.status,
             self.admission.rules.counts,

@@ -15,7 +15,7 @@ from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 
-Notice: TypeAlias = s.Notify | s.Ready | s.FrameDone | s.Stopping | s.Ended
+Notice: TypeAlias = s.Notify | s.OrderJudged | s.Ready | s.FrameDone | s.Stopping | s.Ended
 """Instructions that deliver nothing and go to the sinks."""
 
 Hook: TypeAlias = Callable[[s.Stimulus], None]
@@ -66,6 +66,9 @@ class Sink:
     def notify(self, notice: s.Notify) -> None:
         """Called with a warning about a member."""
 
+    def order_judged(self, notice: s.OrderJudged) -> None:
+        """Called when an order of a person counts in a frame, or a norm rejects it."""
+
     def ready(self, notice: s.Ready) -> None:
         """Called when the next frame may begin."""
 
@@ -78,6 +81,7 @@ class Sink:
 
 _METHODS: Final[Mapping[type[Notice], str]] = {
     s.Notify: "notify",
+    s.OrderJudged: "order_judged",
     s.Ready: "ready",
     s.FrameDone: "frame_done",
     s.Stopping: "stopping",

@@ -6,7 +6,9 @@ from collections.abc import Callable
 
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
+from minerva_bus.frame.collection import ORDERS
 from minerva_bus.frame.event_log import EventLog
+from minerva_bus.frame.order_fates import OrderFates
 from minerva_bus.runtime.metrics import Metrics
 from minerva_bus.runtime.restraint import GUESTS, Restraint
 from minerva_bus.runtime.runner import Sink
@@ -30,6 +32,7 @@ class WorldLog(Sink):
         metrics: Metrics,
     ) -> None:
         self.event_log = EventLog()
+        self.orders = OrderFates(algorithm.world.vocabulary)
         self._algorithm = algorithm
         self._metrics = metrics
         self._show = show
@@ -57,8 +60,14 @@ class WorldLog(Sink):
         """Log a report of the algorithm."""
         self.warn(notice.member, notice.text, notice.details)
 
+    def order_judged(self, notice: s.OrderJudged) -> None:
+        """Note that an order of a person counts, or which norm rejects it."""
+        self.orders.judge(notice.event, notice.person, notice.frame, notice.norm)
+
     def frame_done(self, notice: s.FrameDone) -> None:
-        """Log a frame's events while an operator watches."""
+        """Log the reports on orders; a frame's events while an operator watches."""
+        for order in self.orders.report(notice.frame, notice.events):
+            self.warn(ORDERS, f"{order.event} of {order.person or 'people'}: {order.fate}")
         if self._metrics.wanted:
             self.event_log.frame(notice.frame, notice.events)
 

@@ -25,6 +25,7 @@ from minerva_bus.world.operator import (
     LogLine,
     MemberStatus,
     NormStatus,
+    OrderStatus,
     WorldStatus,
 )
 
@@ -70,6 +71,16 @@ def read_status(plain: Any) -> WorldStatus:
 def read_lines(plain: Any) -> tuple[LogLine, ...]:
     """Log lines from plain data. Raises ProtocolError."""
     return tuple([_read(LogLine, item) for item in as_list(plain, "lines")])
+
+
+def plain_orders(orders: Sequence[OrderStatus]) -> list[dict[str, Any]]:
+    """Orders of people as plain data."""
+    return [asdict(order) for order in orders]
+
+
+def read_orders(plain: Any) -> tuple[OrderStatus, ...]:
+    """Orders of people from plain data. Raises ProtocolError."""
+    return tuple([_read(OrderStatus, item) for item in as_list(plain, "orders")])
 
 
 def plain_series(series: Sequence[CollectedSeries]) -> list[dict[str, Any]]:

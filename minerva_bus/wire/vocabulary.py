@@ -1,7 +1,9 @@
 """Vocabularies as plain data: section 4 of PROTOCOL.md.
 
 vocabulary     = {primitives: [...], transformations: [...], kinds: [...], events: [...],
-                  meanings: {primitive: [text]}, marks: [primitive]}   the last two may be absent
+                  meanings: {primitive: [text]}, marks: [primitive],
+                  completes: {event type: [order]}, fails: {event type: [order]}}
+                                       the last four may be absent
 primitive      = [name, [field], shape or nil]
 transformation = [name, [field], motion or nil]
 kind           = [name, [field], [subscribed], [visual event types], [attribute at rest]]
@@ -13,10 +15,13 @@ field          = [name, type, default]     the type as `real m`; the default as 
 shape, motion  = [form's name, its measures in order]
 meanings       = texts of the legend, one for each colour of a shape
 marks          = primitives whose labels give their colour to other labels
+completes      = event types of orders that agents report as carried out by an event of this type;
+                 fails: as given up
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import fields as form_fields
 from dataclasses import replace
 from typing import Any, cast
@@ -45,6 +50,8 @@ def plain_vocabulary(vocabulary: Vocabulary) -> dict[str, Any]:
     shapes = {p.name: p.shape for p in vocabulary.primitives.values() if p.shape is not None}
     meanings = {name: list(_meanings(shape)) for name, shape in shapes.items() if _meanings(shape)}
     marks = [name for name, shape in shapes.items() if isinstance(shape, Label) and shape.marks]
+    completes = {e.name: list(e.completes) for e in vocabulary.events.values() if e.completes}
+    fails = {e.name: list(e.fails) for e in vocabulary.events.values() if e.fails}
     return {
         "primitives": [
             [p.name, _plain_fields(p.fields), _plain_form(p.shape)]
@@ -58,6 +65,8 @@ def plain_vocabulary(vocabulary: Vocabulary) -> dict[str, Any]:
         "events": [[e.name, _plain_fields(e.fields), e.visual] for e in vocabulary.events.values()],
         **({"meanings": meanings} if meanings else {}),
         **({"marks": marks} if marks else {}),
+        **({"completes": completes} if completes else {}),
+        **({"fails": fails} if fails else {}),
     }
 
 
@@ -110,7 +119,7 @@ def read_vocabulary(plain: Any) -> Vocabulary:
             *primitives,
             *(_transformation(item) for item in as_list(parts.get("transformations"), "motions")),
             *(_kind(item) for item in as_list(parts.get("kinds"), "kinds")),
-            *(_event_type(item) for item in as_list(parts.get("events"), "event types")),
+            *(_event_type(item, parts) for item in as_list(parts.get("events"), "event types")),
         )
     except (MisuseError, SceneError, Unfit, ValueError, TypeError) as error:
         raise ProtocolError(f"invalid vocabulary: {error}"[:_MAX_ERROR_CHARS]) from None
@@ -186,9 +195,16 @@ def _subscribed(plain: Any) -> tuple[str, float | str]:
     return as_text(name, "an event type"), probability
 
 
-def _event_type(plain: Any) -> EventType:
+def _event_type(plain: Any, parts: Mapping[str, Any]) -> EventType:
     name, fields, visual = _items(plain, 3, "an event type")
-    declared = EventType(as_text(name, "an event type's name"), visual=as_bool(visual, "visual"))
+    declared = EventType(
+        as_text(name, "an event type's name"),
+        as_bool(visual, "visual"),
+        *(
+            as_texts(as_map(parts.get(key, {}), key).get(name, []), key)
+            for key in ("completes", "fails")
+        ),
+    )
     declared.fields = _fields(fields)
     return declared
 

@@ -77,6 +77,37 @@ class LogLine:
 
 
 @dataclass(frozen=True, slots=True)
+class OrderStatus:
+    """An order of a person, and its fate.
+
+    `number` counts the orders of the world from 1, `change` the changes of all orders. `person` is
+    empty for a person without a name. `state` is "waiting" (for a frame), "accepted", "rejected",
+    "done" or "failed", since `frame`. `by` is the norm that rejected it, or the agent that reported
+    it. `open`: another state may follow.
+    """
+
+    number: int
+    change: int
+    person: str
+    event: str
+    type: str
+    state: str
+    frame: int
+    by: str = ""
+    open: bool = True
+
+    @property
+    def fate(self) -> str:
+        """The state in words, such as `rejected by the norm curfew in frame 12`."""
+        if self.state == "waiting":
+            return "waits for a frame"
+        by = {"rejected": f" by the norm {self.by}", "accepted": ""}.get(
+            self.state, f", reported by #{self.by},"
+        )
+        return f"{self.state}{by} in frame {self.frame}"
+
+
+@dataclass(frozen=True, slots=True)
 class CollectedSeries:
     """Values that a running world collects: `values` in some of its `frames`, the last included.
 
@@ -184,8 +215,8 @@ class Operator(Protocol):
         """The text of an agent, including its scope."""
         ...
 
-    def order(self, event: AnyEvent) -> None:
-        """Send an event to the members that take orders for its type."""
+    def order(self, event: AnyEvent) -> int:
+        """Send an event to the members that take orders for its type; returns its number."""
         ...
 
     def pause(self) -> None:
@@ -218,6 +249,10 @@ class Operator(Protocol):
 
     def logs(self, since: int = 0, member: str = "") -> Sequence[LogLine]:
         """Log lines after the number `since`, of one member or of all."""
+        ...
+
+    def orders(self, since: int = 0) -> Sequence[OrderStatus]:
+        """The last orders of people that have changed after the change of this number."""
         ...
 
     def series(self) -> Sequence[CollectedSeries]:

@@ -123,6 +123,15 @@ def test_pub_reaches_the_agents_through_the_generator_that_takes_it(world):
     assert "if x < 100000 of anna counts in frame" in fates[1]
 
 
+def test_pub_waits_for_the_fate_of_an_order(world):
+    (sent,) = lines(ask(world, "pub", "eWish", "x=1", "name=n", "--as", "bert", "--wait", "--json"))
+    order = sent["order"]
+    assert (order["state"], order["person"], order["open"]) == ("accepted", "bert", False)
+    assert order["frame"] >= sent["frame"]
+    wrong = ask(world, "pub", "eWish", "x=1", "name=n", "--timeout", "1", code=2)
+    assert "--timeout limits --wait" in wrong.stderr
+
+
 @pytest.mark.parametrize(("words", "problem"), [
     (["eNothing"], "the world has no event type eNothing"),
     (["eWihs", "x=1", "name=n"], "eWish"),

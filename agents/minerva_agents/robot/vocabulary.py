@@ -183,10 +183,10 @@ point and (nx, ny) the normal, pointing to the robot. The robot itself needs non
 eRefused = EventType("eRefused", norm=Default(str, ""))
 """A norm rejected the robot's last step, so it has not moved. Sent by the norms."""
 
-eReached = EventType("eReached", marker=str)
+eReached = EventType("eReached", completes=eObjective, marker=str)
 """A robot has reached its objective; sent by the robot."""
 
-eUnreachable = EventType("eUnreachable", marker=str, why=str)
+eUnreachable = EventType("eUnreachable", fails=eObjective, marker=str, why=str)
 """A robot has given up its objective and stops; sent by the robot."""
 
 eErrand = EventType("eErrand", source=_MARKER, target=_MARKER)
@@ -208,13 +208,13 @@ eCarry = EventType("eCarry", x=Metres, y=Metres)
 ePut = EventType("ePut", marker=str, x=Metres, y=Metres)
 """A robot puts down its load at a marker, whose position it gives."""
 
-eDelivered = EventType("eDelivered", marker=str)
+eDelivered = EventType("eDelivered", completes=eErrand, marker=str)
 """An errand is complete: the load stands at this marker; sent by the robot.
 
 A robot on an errand sends no eReached, which is reserved for objectives.
 """
 
-eGivenUp = EventType("eGivenUp", source=str, target=str, why=str)
+eGivenUp = EventType("eGivenUp", fails=eErrand, source=str, target=str, why=str)
 """An errand cannot be completed; sent by the robot, which resumes its previous objective."""
 
 eRepresent = EventType("eRepresent", visual=True)

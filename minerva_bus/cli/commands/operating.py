@@ -52,6 +52,7 @@ def echo(
 @examples(
     "minerva pub eObjective marker=kitchen",
     "minerva pub eSpeed speed=30cm/s --to r1",
+    "minerva pub eObjective marker=kitchen --as anna --wait",
 )
 @grouped
 def pub(
@@ -76,14 +77,21 @@ def pub(
     by: Annotated[
         str, typer.Option("--as", help="Your name, for norms, the log and the record.")
     ] = "",
+    wait: Annotated[
+        bool, typer.Option("--wait", help="Wait until it is rejected, accepted, done or failed.")
+    ] = False,
+    timeout: Annotated[
+        float, typer.Option(help="Longest time of --wait in seconds; 0: no limit.", min=0)
+    ] = 0.0,
     json: Json = False,
     *,
     target: WorldTarget,
 ) -> None:
     """Send an event into a running world."""
-    from minerva_bus.cli.asking import publish
+    from minerva_bus.cli.publishing import OrderToSend, Waiting, publish
 
-    publish(type, data or [], to or [], condition, by, target, json)
+    order = OrderToSend(type, tuple(data or ()), tuple(to or ()), condition, by)
+    raise typer.Exit(publish(order, Waiting(wait, timeout), target, json))
 
 
 @examples(

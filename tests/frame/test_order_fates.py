@@ -1,0 +1,77 @@
+"""The fates of people's orders: taken by a frame, and reported by agents."""
+
+from minerva_bus import EventType, Vocabulary
+from minerva_bus.frame.order_fates import MAX_ORDERS, OrderFates
+from minerva_bus.wire.vocabulary import plain_vocabulary, read_vocabulary
+
+eFetch = EventType("eFetch", what=str)
+eStay = EventType("eStay")
+eFetched = EventType("eFetched", completes=eFetch, what=str)
+eLost = EventType("eLost", fails=["eFetch"], what=str, why=str)
+VOCABULARY = Vocabulary.of(eFetched, eLost, eFetch, eStay)
+
+
+def given(*orders, frame=1):
+    """Orders of Anna that all count in a frame."""
+    fates = OrderFates(VOCABULARY)
+    for order in orders:
+        fates.arrive(order, "anna", frame - 1)
+        fates.judge(order, "anna", frame)
+    return fates
+
+
+def states(fates):
+    return [order.state for order in sorted(fates.changed_since(0), key=lambda each: each.number)]
+
+
+def test_an_order_waits_until_a_frame_takes_it_or_a_norm_rejects_it():
+    fates = OrderFates(VOCABULARY)
+    for person in ("anna", "bert"):
+        fates.arrive(eStay(), person, 3)
+    assert states(fates) == ["waiting", "waiting"]
+    fates.judge(eStay(), "bert", 4, "curfew")
+    fates.judge(eStay(), "anna", 4)
+    assert states(fates) == ["accepted", "rejected"]
+    anna, bert = sorted(fates.changed_since(0), key=lambda order: order.number)
+    assert (anna.fate, bert.fate) == (
+        "accepted in frame 4",
+        "rejected by the norm curfew in frame 4",
+    )
+    assert not anna.open
+    assert not bert.open
+    assert [order.person for order in fates.changed_since(bert.change)] == ["anna"]
+
+
+def test_a_report_concerns_the_last_order_to_its_sender_with_equal_data_and_all_equal_ones():
+    ball, stick = eFetch("ball", receivers=["rex"]), eFetch("stick", receivers=["rex"])
+    fates = given(ball, eFetch("ball", receivers=["ace"]), stick, ball, eStay())
+    assert fates.report(1, [eFetched("ball", sender="rex")]) == [], "of an earlier order"
+    assert fates.report(2, [eFetched("ball"), eFetched("ball", sender="max")]) == []
+    fates.report(2, [eFetched("ball", sender="rex"), eLost("stick", "eaten", sender="rex")])
+    assert states(fates) == ["done", "accepted", "failed", "done", "accepted"]
+    failed = next(order for order in fates.changed_since(0) if order.state == "failed")
+    assert failed.fate == "failed, reported by #rex, in frame 2"
+    assert fates.report(3, [eFetched("stick", sender="rex")]) == [], "it has ended"
+
+
+def test_an_order_to_all_that_one_agent_gives_up_may_still_be_done():
+    fates = given(eFetch("ball"))
+    (failed,) = fates.report(2, [eLost("ball", "far", sender="ace")])
+    assert (failed.state, failed.open) == ("failed", True)
+    (done,) = fates.report(3, [eFetched("ball", sender="rex")])
+    assert (done.state, done.by, done.open) == ("done", "rex", False)
+
+
+def test_the_last_orders_are_kept():
+    fates = given(*[eFetch(str(number)) for number in range(MAX_ORDERS + 5)])
+    assert len(fates.changed_since(0)) == MAX_ORDERS
+    assert fates.report(2, [eFetched("4", sender="rex")]) == []
+    assert len(fates.report(2, [eFetched("5", sender="rex")])) == 1
+
+
+def test_reports_survive_the_wire_and_are_absent_without_any():
+    plain = plain_vocabulary(VOCABULARY)
+    assert plain["completes"] == {"eFetched": ["eFetch"]}
+    back = read_vocabulary(plain).events
+    assert (back["eFetched"].completes, back["eLost"].fails) == (("eFetch",), ("eFetch",))
+    assert not {"completes", "fails"} & plain_vocabulary(Vocabulary.of(eStay)).keys()
