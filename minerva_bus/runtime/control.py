@@ -68,8 +68,8 @@ class Operated:
     `rejected` gives the number of rejections by sender, `outlook` what the world does with an
     awaited member, and `files` what it writes. `restart` requests a restart of a member, `stack`
     that its stacks are written to its log; both return the reason if that is impossible, otherwise
-    an empty string. `orders` has the fates of people's orders, `collected` the
-    collected series, if any.
+    an empty string. `orders` has the fates of people's orders, `collected` the collected series, if
+    any.
     """
 
     runner: Runner
