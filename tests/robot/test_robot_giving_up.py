@@ -6,6 +6,7 @@ from floor_plans import FloorPlan
 from floor_simulator import Simulator
 from robot_steps import after, robot
 
+from minerva_agents.robot import astar
 from minerva_agents.robot.knowledge import FREE, SEEN
 from minerva_agents.robot.motion import STAY, action_of, move_of
 from minerva_agents.robot.occupancy import OccupancyMap
@@ -19,6 +20,7 @@ from minerva_agents.robot.patience import (
     restart_search,
 )
 from minerva_agents.robot.robot import ARobot
+from minerva_agents.robot.searching import Goal
 from minerva_agents.robot.vocabulary import eDecide
 from minerva_agents.robot.world import scene
 from minerva_bus import Context, Frame, World, evolve, run
@@ -98,6 +100,19 @@ def test_a_restarted_search_may_inspect_everything_again():
     restart_search(seeker)
     assert not gives_up(seeker, Context(Frame(COUNT_FRAMES, 0.1), "#r"))
     assert (seeker.most_known, seeker.stale, seeker.searches) == (3200, 0.0, 1)
+
+
+@pytest.mark.parametrize(
+    ("goal", "been", "searches"),
+    [(Goal(((20, 35),), 0.0, 1.0), (20 * 40 + 35,), 0), (None, (), 1)],
+    ids=["a viewpoint without a path", "no viewpoint"],
+)
+def test_only_a_search_without_viewpoints_is_restarted(goal, been, searches):
+    grid = np.full((40, 40), FREE, np.int16)
+    grid[:, 30] = 9
+    seeker = searching(grid=grid, failures=2)
+    astar.decide(seeker, Context(Frame(1, 0.1), "#r"), lambda state: goal)
+    assert (seeker.been, seeker.searches) == (been, searches)
 
 
 def test_in_a_room_without_the_marker_it_stops(tmp_path):

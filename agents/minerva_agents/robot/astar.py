@@ -115,13 +115,23 @@ def _make_plan(
         is_made = _plan_look(robot, choose(replace(_search_state(robot), closed=closed)))
     else:
         is_made = _plan_approach(robot, closed, here, place)
+    if is_made:
+        robot.failures = 0
+        return
     # Half cells make a plan four times as large, so they are the second choice.
-    if is_made or _plan_narrow(robot, place, choose):
+    narrows = Narrows.around(robot.grid, robot.position, robot.radius, robot.cell)
+    goal = None
+    if place is None:
+        goal = choose(replace(_search_state(robot), closed=narrows.closed_cells))
+        is_made = _plan_narrow_look(robot, narrows, goal)
+    else:
+        is_made = _plan_narrow_approach(robot, narrows, place)
+    if is_made:
         robot.failures = 0
     elif place is not None and is_near(robot, place):
         robot.set_way([], APPROACH)  # the path ends here
     else:
-        _recover(robot, closed, here, moment)
+        _recover(robot, closed, here, goal, moment)
 
 
 def _plan_look(robot: ARobot, goal: Goal | None) -> bool:
@@ -141,19 +151,16 @@ def _plan_approach(robot: ARobot, closed: Mask, here: Cell, place: Cell) -> bool
     return path is not None and _set_out(robot, path.cells, APPROACH)
 
 
-def _plan_narrow(
-    robot: ARobot, place: Cell | None, choose: Callable[[SearchState], Goal | None]
-) -> bool:
-    """Plan a path with minimal clearance to the objective or the next viewpoint."""
-    narrows = Narrows.around(robot.grid, robot.position, robot.radius, robot.cell)
-    if place is not None:
-        ways = (narrows.way_to(targets) for targets in good_places(robot, place))
-        way = next((way for way in ways if way is not None), None)
-        return way is not None and _go_along(robot, way, APPROACH, is_narrow=True)
-    goal = choose(replace(_search_state(robot), closed=narrows.closed_cells))
-    if goal is None:
-        return False
-    if not goal.cells:
+def _plan_narrow_approach(robot: ARobot, narrows: Narrows, place: Cell) -> bool:
+    """Plan a path with minimal clearance to the objective."""
+    ways = (narrows.way_to(targets) for targets in good_places(robot, place))
+    way = next((way for way in ways if way is not None), None)
+    return way is not None and _go_along(robot, way, APPROACH, is_narrow=True)
+
+
+def _plan_narrow_look(robot: ARobot, narrows: Narrows, goal: Goal | None) -> bool:
+    """Plan a path with minimal clearance to the next viewpoint."""
+    if goal is None or not goal.cells:
         return _plan_look(robot, goal)
     robot.news = goal.news
     # The search has planned over whole cells; only the destination of its path counts here.
@@ -201,8 +208,8 @@ def _path_to(robot: ARobot, closed: Mask, here: Cell, place: Cell) -> GridPath |
     return next((path for path in paths if path is not None), None)
 
 
-def _recover(robot: ARobot, closed: Mask, here: Cell, moment: Context) -> None:
-    """Handle a failed plan: wait, step aside, or restart the search."""
+def _recover(robot: ARobot, closed: Mask, here: Cell, goal: Goal | None, moment: Context) -> None:
+    """Handle a failed plan: wait, step aside, drop the viewpoint `goal` or restart the search."""
     robot.forget_plan()
     robot.failures += 1
     # An obstacle that is no longer there may be what blocks all paths.
@@ -213,8 +220,13 @@ def _recover(robot: ARobot, closed: Mask, here: Cell, moment: Context) -> None:
         return
     reopen(robot.writable("grid"))
     if robot.objective_cell() is None:
-        forget_looks(robot.writable("grid"))
-        restart_search(robot)
+        if goal is not None:
+            # The search is not exhausted: only this viewpoint has no path.
+            row, column = goal.cells[-1]
+            robot.been = (*robot.been, row * robot.grid.shape[1] + column)
+        else:
+            forget_looks(robot.writable("grid"))
+            restart_search(robot)
     path = _path_aside(robot, closed, here, moment)
     if path is not None:
         robot.pause = 0

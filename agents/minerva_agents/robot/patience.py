@@ -83,7 +83,10 @@ def _why(robot: ARobot, moment: Context) -> str:
             else ""
         )
     if robot.searches > MAX_SEARCHES:
-        return f"not found, though the robot has looked everywhere {robot.searches} times"
+        return (
+            "not found, though the robot has looked everywhere it could reach"
+            f" {robot.searches} times"
+        )
     _count_news(robot, moment)
     if robot.stale > patience(robot):
         return f"not found, and hardly anything new seen for {robot.stale:.0f} s"
