@@ -111,7 +111,7 @@ def run(task: Task) -> Result:
     """Execute a run."""
     use(task.strategy)
     with tempfile.TemporaryDirectory() as folder:
-        options = _options(task, Path(folder))
+        options = options_of(task, Path(folder))
         (node,) = agents(scene(options))
     robot = cast("ARobot", ARobot.thaw(node))
     robot.speed, robot.planner = SPEED, task.strategy
@@ -160,7 +160,7 @@ def _floor(name: str, floor: OccupancyMap) -> Floor:
     return _FLOORS[name]
 
 
-def _options(task: Task, folder: Path) -> dict[str, Any]:
+def options_of(task: Task, folder: Path) -> dict[str, Any]:
     """Options of the robot's world for a task; writes the map into a folder."""
     floor = task.named.floor
     cells = np.select([floor.cells == 0, floor.cells == 100], [254, 0], 205).astype(np.uint8)
@@ -188,7 +188,7 @@ def _options(task: Task, folder: Path) -> dict[str, Any]:
 def in_world(task: Task) -> dict[str, Any]:
     """The same run with `minerva run robot`: frames, distance in metres, and success."""
     with tempfile.TemporaryDirectory() as folder:
-        options = _options(task, Path(folder))
+        options = options_of(task, Path(folder))
         place = f"{{{task.marker.name} = [{task.marker.x}, {task.marker.y}]}}"
         command = [
             sys.executable, "-m", "minerva_bus", "run", "robot", "--in-process", "--json",

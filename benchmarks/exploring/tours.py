@@ -43,19 +43,28 @@ class Tour:
 
     def metres_to(self, x: float, y: float) -> float:
         """Length in metres of the tour until the marker is in view, plus the way to the marker."""
-        cell = np.array([self._floor.cell_at(x, y)])
+        return float(self.metres_to_each(np.array([self._floor.cell_at(x, y)]))[0])
+
+    def metres_to_each(self, cells: Places) -> NDArray[np.float64]:
+        """`metres_to` of n cells, (n, 2); (n,)."""
         driven, here, wave = 0.0, self._start, self._wave_from(self._start)
-        for stop in self._order:
-            if self._sees(np.array([here]), cell)[0]:
+        metres, unseen = np.zeros(len(cells)), np.arange(len(cells))
+        for stop in (*self._order, None):
+            seen = self._sees(np.broadcast_to(here, (len(unseen), 2)), cells[unseen])
+            # A cell out of view from all stops counts as seen from the last one.
+            now = unseen[seen] if stop is not None else unseen
+            metres[now] = [driven + self._way(wave, (row, col)) for row, col in cells[now].tolist()]
+            if stop is None or len(now) == len(unseen):
                 break
+            unseen = unseen[~seen]
             driven += self._way(wave, stop)
             here, wave = stop, self._wave_from(stop)
-        return driven + self._way(wave, (int(cell[0, 0]), int(cell[0, 1])))
+        return metres
 
     def _stops(self) -> list[Cell]:
         """Stops with a view of all points by greedy set cover; the first one is the start."""
-        points = _lattice(self._open, self._spacing)
-        places = np.concatenate(([self._start], _lattice(self._open, 2 * self._spacing)))
+        points = lattice(self._open, self._spacing)
+        places = np.concatenate(([self._start], lattice(self._open, 2 * self._spacing)))
         views = np.array([self._view(place, points) for place in places])
         unseen, chosen = ~views[0], [0]
         while True:
@@ -106,7 +115,7 @@ def tour_of(floor: OccupancyMap, start: MapPose, radius: float) -> Tour:
     return Tour(floor, start, radius)
 
 
-def _lattice(mask: Mask, spacing: int) -> Places:
+def lattice(mask: Mask, spacing: int) -> Places:
     """The first cell of the mask in each square of `spacing` by `spacing` cells, (n, 2)."""
     cells = np.argwhere(mask)
     squares = cells // spacing

@@ -3,11 +3,13 @@
 import dataclasses
 import json
 
+import numpy as np
 import pytest
 
-from benchmarks.exploration import RADIUS, SPEED, Result, Task, _options, _shortest, run, summary
+from benchmarks.exploration import RADIUS, SPEED, Result, Task, _shortest, options_of, run, summary
 from benchmarks.exploring.driving import Drive, Floor, Noise
 from benchmarks.exploring.floors import Named, floor_of
+from benchmarks.exploring.places import Expected, Places, Watched
 from benchmarks.exploring.tours import Tour
 from minerva_agents.robot.occupancy import Marker
 from minerva_agents.robot.robot import ARobot
@@ -27,7 +29,7 @@ def drive(tmp_path):
     floor = floor_of("hall", 4.0, 1)
     named = Named("hall-4-1", floor, held_out=False)
     task = task_of(named)
-    (node,) = agents(scene(_options(task, tmp_path)))
+    (node,) = agents(scene(options_of(task, tmp_path)))
     robot = ARobot.thaw(node)
     robot.speed = SPEED
     robot.seek(MARKER.name)
@@ -86,3 +88,25 @@ def test_a_tour_sees_all_of_the_floor():
     tour = Tour(floor, (1.0, 1.0, 0.0), RADIUS)
     places = [(x + 0.5, y + 0.5) for x in range(1, 9) for y in range(1, 9)]
     assert max(tour.metres_to(x, y) for x, y in places) < 10 * 10 / 4.0 + 15.0
+
+
+def test_expected_ratios_of_a_small_hall_are_above_the_bound(drive):
+    floor = floor_of("hall", 4.0, 1)
+    places = Places(floor, (1.0, 1.0, 0.0), RADIUS)
+    watched = Watched(Floor(floor), places, drive[0], Noise(), 1)
+    watched.see_all(2000)
+    assert not np.isnan(watched.metres).any()
+    # All of the hall is in view from the start.
+    assert watched.run.metres < 4.0
+    expected, bound = Expected.of(watched.metres, places.shortest), places.bound()
+    assert bound.all <= expected.all
+    assert bound.far <= expected.far
+
+
+def test_the_tour_to_each_place_is_the_tour_to_that_place():
+    floor = floor_of("pillars", 6.0, 1)
+    places = Places(floor, (1.0, 1.0, 0.0), RADIUS)
+    tour = Tour(floor, (1.0, 1.0, 0.0), RADIUS)
+    each = tour.metres_to_each(places.cells).tolist()
+    some = range(0, len(each), 9)
+    assert [each[i] for i in some] == [tour.metres_to(*places.points[i].tolist()) for i in some]
