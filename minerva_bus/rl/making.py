@@ -18,6 +18,7 @@ from minerva_bus.rl.parallel import AttachedEpisodes, LearningTask, OwnEpisodes,
 from minerva_bus.rl.scoring import Done, Reward, ending_of, rewarding_of
 from minerva_bus.rl.single import AgentEnv
 from minerva_bus.rl.states import KindStates
+from minerva_bus.rl.vector import WorldVectorEnv
 from minerva_bus.world.agent import Agent
 
 BIRTHS = "births"
@@ -133,6 +134,61 @@ def single_env(
         shown = ", ".join(f"#{name}" for name in ids[:5]) or "none"
         raise MisuseError(f"agent {agent}: expected one agent, there are {shown}")
     return AgentEnv(env, ids[0])
+
+
+def vector_env(
+    world: World | str | Path,
+    agent: str | type[Agent],
+    act: Act,
+    observe: Observe = None,
+    reward: Reward = None,
+    done: Done = None,
+    *,
+    worlds: int,
+    processes: int = 1,
+    seed: int | None = None,
+    **settings: Any,
+) -> WorldVectorEnv:
+    """Several worlds with one agent each, as a vector environment of Gymnasium.
+
+    Observations are the same bits as those of `single_env` with the seed of the world, in any
+    number of processes.
+
+    Args:
+        world: as for `parallel_env`, without live worlds.
+        agent: as for `single_env`.
+        act: as for `parallel_env`.
+        observe: as for `parallel_env`.
+        reward: as for `parallel_env`.
+        done: as for `parallel_env`.
+        worlds: their number.
+        processes: number of processes, forked from this one, that step the worlds; 1: all worlds
+            are in this process.
+        seed: of the first world in the first episode, unless `reset` has one; the others count on.
+        settings: all others of `single_env`, without `render_mode`, `bus` and `processes`.
+
+    Raises MisuseError as `single_env` does, and for a wrong number of worlds or processes.
+
+    Example:
+        >>> envs = vector_env("robot", "ARobot", "eSpeed", ["row", "angle"], worlds=16, processes=2)
+        >>> observations, infos = envs.reset(seed=7)
+
+    """
+    own = world_of(world, {})
+    for name in ("bus", "render_mode"):
+        if settings.get(name):
+            raise MisuseError(f"vector_env: {name} is for single_env: several worlds are stepped")
+    if not 1 <= processes <= worlds:
+        raise MisuseError(
+            f"worlds={worlds}, processes={processes}: expected at least 1 process, and a world for"
+            " each"
+        )
+
+    def make(number: int) -> AgentEnv:
+        return single_env(own, agent, act, observe, reward, done, **settings)
+
+    seed = own.read().world.seed if seed is None else seed
+    return WorldVectorEnv(own.name, make, make(0), worlds, processes, seed)
 
 
 def _kind_of(

@@ -1,0 +1,133 @@
+"""Several worlds as a vector environment: the bits of single ones, and the end of processes."""
+
+import os
+import signal
+from functools import partial
+
+import numpy as np
+import pytest
+
+pytest.importorskip("gymnasium")
+pytest.importorskip("pettingzoo")
+
+from gymnasium.vector import AutoresetMode, SyncVectorEnv
+from gymnasium.vector.utils import batch_space
+from rl_pond import pond
+from test_environments import same
+
+from minerva_bus import MinervaError
+from minerva_bus.rl import single_env, vector_env
+
+FISH = (pond, "#c", "eSwim", ["x", "food", "color"])
+ROBOT = ("robot", "ARobot", "eSpeed", ["row", "grid"])
+PICK = (pond, "#a", "ePick", ["color"])
+
+
+def steps(envs, count):
+    """Everything that an environment returns for random actions, with episodes that end."""
+    envs.action_space.seed(5)
+    results = [envs.reset(seed=3)]
+    results += [envs.step(envs.action_space.sample()) for _ in range(count)]
+    results += [envs.reset(seed=[9, None, 4, 2, 1][: envs.num_envs]), envs.reset()]
+    envs.close()
+    return results
+
+
+# The fish starves in its first frame, so episodes end by death and by their length.
+@pytest.mark.parametrize(
+    ("what", "frames", "processes"),
+    [(FISH, [1, 0, 1, 0, 1], (1, 2, 5)), (PICK, [1, 2, 0, 1], (1, 2)), (ROBOT, [1, 2, 0], (2,))],
+)
+def test_worlds_in_processes_have_the_bits_of_single_environments(what, frames, processes):
+    worlds, count = processes[-1], len(frames)
+    single = steps(SyncVectorEnv([partial(single_env, *what, frames=2)] * worlds), count)
+    assert [result[4]["frame"][0] for result in single[1 : 1 + count]] == frames
+    for number in processes:
+        envs = vector_env(*what, worlds=worlds, processes=number, frames=2)
+        assert same(single, steps(envs, count))
+
+
+def test_a_vector_environment_has_the_spaces_of_gymnasium():
+    one, envs = single_env(*FISH), vector_env(*FISH, worlds=3, seed=8)
+    assert envs.metadata["autoreset_mode"] is AutoresetMode.NEXT_STEP
+    assert envs.observation_space == batch_space(one.observation_space, 3)
+    assert envs.action_space == batch_space(one.action_space, 3)
+    # Without seeds, worlds differ, from the seed of the world on.
+    assert same(envs.reset(), vector_env(*FISH, worlds=3).reset(seed=8))
+    assert len(set(envs.step(envs.action_space.sample())[4]["digest"])) == 3
+
+
+def test_wrong_arguments_are_explained():
+    with pytest.raises(MinervaError, match="worlds=2, processes=3: expected at least 1 process"):
+        vector_env(*FISH, worlds=2, processes=3)
+    with pytest.raises(MinervaError, match="render_mode is for single_env"):
+        vector_env(*FISH, worlds=2, render_mode="svg")
+    envs = vector_env(*FISH, worlds=2)
+    with pytest.raises(MinervaError, match=r"call reset\(\) first"):
+        envs.step([[0.0, 0.0]] * 2)
+    with pytest.raises(MinervaError, match="reset: 3 seeds; expected 2, one per world"):
+        envs.reset(seed=[1, 2, 3])
+    with pytest.raises(MinervaError, match="there is no option start"):
+        envs.reset(options={"start": 1})
+    envs.reset()
+    with pytest.raises(MinervaError, match=r"shape \(2,\) and type float64; expected \(2, 2\)"):
+        envs.step([0.0, 0.0])
+
+
+@pytest.mark.parametrize("processes", [1, 2])
+def test_an_error_names_the_world(processes):
+    envs = vector_env(*FISH, worlds=3, processes=processes)
+    envs.reset()
+    who = "rl_pond: worker 1 with world 2: world 2" if processes == 2 else "rl_pond: world 2"
+    with pytest.raises(MinervaError, match=f"^{who}: the action of c: eSwim: way must be"):
+        envs.step([[0.0, 0.0], [0.0, 0.0], [7.0, 0.0]])
+    with pytest.raises(MinervaError, match="the vector environment is closed"):
+        envs.reset()
+
+
+def killed(before, after):
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def failing(before, after):
+    return 1 / 0
+
+
+@pytest.mark.parametrize(
+    ("reward", "how"),
+    [(killed, "was killed by SIGKILL"), (failing, "ended with exit code 70: ZeroDivisionError")],
+)
+def test_the_end_of_a_worker_is_an_error(reward, how):
+    envs = vector_env(*FISH, reward=reward, worlds=3, processes=2)
+    envs.reset()
+    with pytest.raises(MinervaError, match=f"worker 0 with worlds 0 to 1: its process {how}"):
+        envs.step(np.zeros((3, 2)))
+    with pytest.raises(ChildProcessError):
+        os.waitpid(-1, os.WNOHANG)
+
+
+def interrupting(before, after):
+    os.kill(os.getppid(), signal.SIGINT)
+    signal.pause()
+
+
+def test_an_interrupt_ends_the_processes():
+    envs = vector_env(*FISH, reward=interrupting, worlds=2, processes=2)
+    envs.reset()
+    handler = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            envs.step(np.zeros((2, 2)))
+    finally:
+        signal.signal(signal.SIGINT, handler)
+    with pytest.raises(ChildProcessError):
+        os.waitpid(-1, os.WNOHANG)
+    envs.close()
+
+
+def test_processes_end_with_their_environment():
+    envs = vector_env(*FISH, worlds=2, processes=2)
+    envs.reset()
+    del envs
+    with pytest.raises(ChildProcessError):
+        os.waitpid(-1, os.WNOHANG)
