@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 
     from minerva_bus.api.branching import branch
     from minerva_bus.api.checking import check
+    from minerva_bus.api.datasets import Dataset, export_dataset
     from minerva_bus.api.evolving import evolve_strings
     from minerva_bus.api.exporting import Export, export
     from minerva_bus.api.graphs import Graph, graph
@@ -63,6 +64,7 @@ __version__ = "0.5.0"
 
 _HOMES = {
     "api.branching": "branch",
+    "api.datasets": "Dataset export_dataset",
     "api.evolving": "evolve_strings",
     "api.exporting": "Export export",
     "api.graphs": "Graph graph",
@@ -128,6 +130,7 @@ __all__ = [
     "BatchContext",
     "Cells",
     "Context",
+    "Dataset",
     "Default",
     "Degrees",
     "Device",
@@ -176,6 +179,7 @@ __all__ = [
     "evolve_strings",
     "explain",
     "export",
+    "export_dataset",
     "graph",
     "interpret",
     "on",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -178,17 +179,30 @@ def diff(
     raise typer.Exit(show_difference(a, b, json))
 
 
+@dataclass(frozen=True, slots=True)
+class ExportTargets:
+    """Where `minerva export` writes; one of them, or none: standard output."""
+
+    csv: Annotated[
+        Path | None, typer.Option(help="Write .csv files; default: standard output.")
+    ] = None
+    parquet: Annotated[Path | None, typer.Option(help="Write .parquet files.")] = None
+    rosbag: Annotated[Path | None, typer.Option(help="Write a bag of ROS 2 into a folder.")] = None
+    rerun: Annotated[Path | None, typer.Option(help="Write an .rrd file for Rerun.")] = None
+
+
 @examples(
     "minerva export run.mcap --collect 'sick=count(APerson, sick == true)' > sick.csv",
     "minerva export run.mcap --parquet run.parquet --every 10",
+    "minerva export run.mcap --rosbag run_bag",
 )
+@grouped
 def export(
-    file: Record,
+    files: Annotated[
+        list[Path], typer.Argument(help="Records, .mcap.", autocompletion=completing.records)
+    ],
+    targets: ExportTargets,
     collect: Collect = None,
-    csv: Annotated[
-        Path | None, typer.Option(help="Write .csv files; default: standard output.")
-    ] = None,
-    parquet: Annotated[Path | None, typer.Option(help="Write .parquet files.")] = None,
     begin: Annotated[int, typer.Option("--from", help="First frame.", min=0)] = 0,
     to: Annotated[int | None, typer.Option(help="Last frame; default: the end.", min=0)] = None,
     every: Annotated[
@@ -198,16 +212,17 @@ def export(
     quiet: Quiet = False,
     force: Force = False,
 ) -> None:
-    """Export agents, events and series of a record as tables.
+    """Export a record as tables, or in the format of another tool.
 
-    Without --collect, all attributes of agents, a table for each kind, and all events. Expressions
-    are those of [collect] in world files. Several tables go into several files, FILE-TABLE.csv.
-    No code of the world is run.
+    Tables: without --collect, all attributes of agents, a table for each kind, and all events.
+    Expressions are those of [collect] in world files. Several tables go into several files,
+    FILE-TABLE.csv. --rosbag and --rerun write poses, sensor data and events. No code of the world
+    is run.
     """
-    from minerva_bus.cli.exporting import ExportOptions, export_record
+    from minerva_bus.cli.exporting import ExportOptions, export_records
 
-    options = ExportOptions(tuple(collect or ()), csv, parquet, begin, to, every)
-    export_record(file, options, json, quiet)
+    options = ExportOptions(tuple(collect or ()), begin, to, every, json, quiet)
+    export_records(tuple(files), targets, options)
 
 
 @examples(

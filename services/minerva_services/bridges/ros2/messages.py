@@ -6,10 +6,13 @@ from __future__ import annotations
 
 import math
 from functools import cache
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from minerva_services.bridges.ros_messages.frames import GarbageError
 from minerva_services.options import require
+
+if TYPE_CHECKING:
+    from rosbags.typesys.store import Typestore
 
 LASER_SCAN: Final = "sensor_msgs/msg/LaserScan"
 ODOMETRY: Final = "nav_msgs/msg/Odometry"
@@ -50,6 +53,11 @@ class MessageTypes:
         for name, fields in _VISION.items():
             types |= get_types_from_msg(fields, name)
         self._store.register(types)
+
+    @property
+    def store(self) -> Typestore:
+        """The types in the form of rosbags, for its writers."""
+        return self._store
 
     def hash(self, message: str) -> str:
         """The hash of a message type [REP 2016], as `RIHS01_...`."""

@@ -18,22 +18,31 @@ FRAME: Final = "frame"
 TIME: Final = "time"
 
 
+def open_stream(world: str, path: Path, advice: str) -> rr.RecordingStream:
+    """A new .rrd file with the timelines `frame` and `time`, to which entities are logged.
+
+    Raises MisuseError, with the advice, if it cannot be written.
+    """
+    # The id is the part of the file's header by which a later run recognises the file. Its
+    # random part keeps two recordings apart in a viewer.
+    stream = rr.RecordingStream(
+        world, recording_id=f"{MARK}, {secrets.token_hex(8)}", send_properties=False
+    )
+    try:
+        stream.save(path)
+    except Exception as error:  # the library raises RuntimeError
+        raise MisuseError(f"rerun: cannot write {path}: {error}; {advice}") from None
+    # The world has a time of its own; with the time of writing, no two files would be the same.
+    stream.set_log_time_enabled(False)
+    stream.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+    return stream
+
+
 class RrdFile:
     """Writes pictures to an .rrd file. Raises MisuseError if it cannot be written."""
 
     def __init__(self, world: str, path: Path) -> None:
-        # The id is the part of the file's header by which a later run recognises the file. Its
-        # random part keeps two recordings apart in a viewer.
-        self._stream = rr.RecordingStream(
-            world, recording_id=f"{MARK}, {secrets.token_hex(8)}", send_properties=False
-        )
-        try:
-            self._stream.save(path)
-        except Exception as error:  # the library raises RuntimeError
-            raise MisuseError(f"rerun: cannot write {path}: {error}; set path") from None
-        # The world has a time of its own; with the time of writing, no two files would be the same.
-        self._stream.set_log_time_enabled(False)
-        self._stream.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+        self._stream = open_stream(world, path, "set path")
         self._floors: dict[str, tuple[Floor, frozenset[str]]] = {}
         self._shown: frozenset[str] = frozenset()
 

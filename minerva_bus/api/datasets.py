@@ -1,0 +1,98 @@
+"""Records in the formats of other tools: `export_dataset`, which `minerva export` calls."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from minerva_bus.errors import MisuseError, nearest
+from minerva_bus.launch.installed import entries
+from minerva_bus.launch.specs import load
+from minerva_bus.log.exporting import ExportChoice, Exporter, ExportProgress
+from minerva_bus.outputs import note_read
+
+EXPORTERS: Final = "minerva.exporters"
+
+
+@dataclass(frozen=True, slots=True)
+class Dataset:
+    """A data set that was exported.
+
+    Attributes:
+        form: the name of its format.
+        path: the file or folder.
+        records: the records in it.
+        counts: numbers of what it contains, by name, such as `messages`.
+
+    """
+
+    form: str
+    path: Path
+    records: tuple[Path, ...]
+    counts: Mapping[str, int]
+
+    def plain(self) -> dict[str, Any]:
+        """A summary as a JSON object."""
+        records = [str(record) for record in self.records]
+        return {"format": self.form, "output": str(self.path), "records": records, **self.counts}
+
+    def lines(self) -> list[str]:
+        """A summary as text."""
+        counts = ", ".join(f"{count:,} {name}" for name, count in self.counts.items())
+        return [f"{self.path}  {self.form}  {counts}"]
+
+
+def export_dataset(
+    record: str | Path | Sequence[str | Path],
+    into: str | Path,
+    form: str,
+    *,
+    begin: int = 0,
+    end: int | None = None,
+    every: int = 1,
+    agents: Iterable[str] = (),
+    act: Iterable[str] = (),
+    progress: ExportProgress = lambda done, last: None,
+) -> Dataset:
+    """Write records in the format of another tool.
+
+    It runs none of the world's code, and reads frame by frame.
+
+    Args:
+        record: the file, .mcap; several for a format that has many episodes.
+        into: a new folder; for `rerun` a .rrd file.
+        form: `rosbag`, `rerun`, `lerobot`, or the name of another installed format.
+        begin: the first frame.
+        end: the last frame; default: the end of the record.
+        every: frames from one pose or row to the next.
+        agents: for `lerobot`, the ids or kinds of the agents whose lives are episodes.
+        act: for `lerobot`, what is their action: types of events that they receive, or attributes.
+        progress: called with the number of frames done and the total.
+
+    Raises:
+        RecordError: a record cannot be read, or has no such frame.
+        MisuseError: there is no such format, its library is missing, an argument is wrong, or the
+            output cannot be written.
+
+    Example:
+        >>> export_dataset("run.mcap", "run_bag", "rosbag").counts
+
+    """
+    records = tuple(map(Path, [record] if isinstance(record, str | Path) else record))
+    choice = ExportChoice(begin, end, every, tuple(agents), tuple(act))
+    for path in records:
+        note_read(path)
+    counts = _exporter(form)(records, Path(into), choice, progress)
+    return Dataset(form, Path(into), records, counts)
+
+
+def _exporter(form: str) -> Exporter:
+    known = entries(EXPORTERS)
+    if form not in known:
+        there = ", ".join(sorted(known)) or "none"
+        raise MisuseError(
+            f"no export to {form!r} is installed{nearest(form, list(known), f'there are {there}')}"
+        )
+    return load(known[form].value)
