@@ -20,7 +20,7 @@ from minerva_bus.launch.profiling import Profiling, profile_path, sampled
 from minerva_bus.launch.recording import RunRecord, recording
 from minerva_bus.launch.sizes import check_sizes
 from minerva_bus.launch.worldfile import Process, WorldFile
-from minerva_bus.log.journal import resume_from
+from minerva_bus.log.journaled import resume_from
 from minerva_bus.runtime.admission import ListenConfig
 from minerva_bus.runtime.arrival import STARTED_HERE
 from minerva_bus.runtime.coordinator import Coordinator

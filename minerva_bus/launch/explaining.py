@@ -1,15 +1,22 @@
-"""`minerva explain WORLD`: asks a running world why it does not advance."""
+"""`minerva explain WORLD`: why a running world does not advance, and why a value is what it is."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from typing import Final
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
 
-from minerva_bus.errors import MinervaError
+from minerva_bus.errors import MinervaError, MisuseError
 from minerva_bus.launch.halts import Halt, explain_halt
+from minerva_bus.launch.replaying import explained_in
+from minerva_bus.launch.temporary_folder import temporary_folder
 from minerva_bus.launch.traces import ENDS
 from minerva_bus.world.operator import LogLine, Operator, WorldStatus
+
+if TYPE_CHECKING:
+    from minerva_bus.launch.resuming import WorldSource
+    from minerva_bus.log.explanation import Explanation
 
 SAMPLE_SECONDS: Final = 0.5
 """Time between two states of the world."""
@@ -35,6 +42,58 @@ def explain_world(operator: Operator) -> Halt:
         for name in last.waiting[:MAX_MEMBERS]:
             stacks[name] = _stacks_of(operator, name, last)
     return explain_halt(first, last, stacks)
+
+
+def explain_running_value(
+    operator: Operator,
+    code: WorldSource | None,
+    agent: str,
+    attribute: str,
+    frame: int | None = None,
+) -> Explanation:
+    """How an agent's attribute got its value in a running world; see `explain_value`.
+
+    The frames come from the world's journal, which has the latest ones. If the value is older, they
+    come from its record, as far as it is written. The world does not notice it.
+
+    Args:
+        operator: the running world, on this machine.
+        code: the world with the code of the agents; "": its own world file; None: run no code.
+        agent: id of the agent, without #.
+        attribute: name of the attribute.
+        frame: the value at the beginning of this frame is explained; None: the latest one.
+
+    Raises:
+        BusError: the world does not answer.
+        MisuseError: neither its journal nor its record is on this machine.
+        RecordError: there is no such frame, agent or attribute.
+
+    """
+    from minerva_bus.log.errors import RecordError, check_installed
+    from minerva_bus.log.reader import Record
+    from minerva_bus.log.recent import recent_record
+
+    check_installed()
+    status = operator.status()
+    files = {file.name: Path(file.path) for file in status.files}
+    journal, path, explanation = files.get("journal"), files.get("record"), None
+    recorded = path is not None and path.is_file()
+    if journal is not None and journal.is_file():
+        try:
+            with temporary_folder("explain") as folder, recent_record(journal, folder) as record:
+                explanation = explained_in(record, code, agent, attribute, frame)
+        except RecordError:
+            if not recorded:
+                raise
+    if path is not None and recorded and (explanation is None or explanation.is_older):
+        with Record(path) as record:
+            explanation = explained_in(record, code, agent, attribute, frame)
+    if explanation is None:
+        raise MisuseError(
+            f"{status.world}: neither its journal nor a record of it is on this machine; run this"
+            " where the world runs, or explain a record: minerva run --record FILE.mcap"
+        )
+    return explanation
 
 
 def _stacks_of(operator: Operator, name: str, status: WorldStatus) -> Sequence[str]:

@@ -7,9 +7,12 @@ from pathlib import Path
 
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.members import MemberIndex
+from minerva_bus.launch.recording import description_of
 from minerva_bus.launch.runtime_folder import runtime_folder
 from minerva_bus.launch.worldfile import WorldFile
-from minerva_bus.log.journal import Journal, Journaled, read_journal
+from minerva_bus.log.description import encode_description
+from minerva_bus.log.journal import Journal
+from minerva_bus.log.journaled import Journaled, read_journal
 from minerva_bus.runtime.coordinator import Coordinator
 from minerva_bus.world.operator import FileStatus
 
@@ -58,7 +61,10 @@ class RunJournal:
         self._members: MemberIndex | None = None
         self._failed: FileStatus | None = None
         self._journal: Journal | None = Journal(
-            journal_path(file), coordinator.transport.epoch, coordinator.algorithm
+            journal_path(file),
+            coordinator.transport.epoch,
+            coordinator.algorithm,
+            encode_description(description_of(file), string=False),
         )
         # This journal replaces the earlier one, so it takes over its contents besides the frames.
         if past is not None:

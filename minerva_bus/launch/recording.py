@@ -39,7 +39,6 @@ class RunRecord:
 
         Raises RecordError, and MisuseError if mcap is not installed.
         """
-        from minerva_bus.log.description import Description
         from minerva_bus.log.errors import RecordError
         from minerva_bus.log.reader import Record
 
@@ -48,12 +47,7 @@ class RunRecord:
         self._next = algorithm.frame
         origin = _origin(file, again)
         if origin is None:
-            options = {name: option_text(value) for name, value in file.options.items()}
-            began, path = time.time_ns(), str(file.path)
-            description = Description(
-                file.world, file.text, file.rate, options, began=began, path=path
-            )
-            self._record(file, description)
+            self._record(file, description_of(file))
         else:
             with Record(origin) as past:
                 # With a configured journal, the file may be an earlier run's record, for example
@@ -143,6 +137,15 @@ class RunRecord:
 
     def _seconds(self) -> float:
         return time.monotonic() - self._began
+
+
+def description_of(file: WorldFile) -> Description:
+    """The description of a run that begins now."""
+    from minerva_bus.log.description import Description
+
+    options = {name: option_text(value) for name, value in file.options.items()}
+    began, path = time.time_ns(), str(file.path)
+    return Description(file.world, file.text, file.rate, options, began=began, path=path)
 
 
 def _origin(file: WorldFile, again: bool) -> Path | None:

@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from minerva_bus.log.comparison import Difference
     from minerva_bus.log.description import Description
     from minerva_bus.log.explanation import Explanation
+    from minerva_bus.log.reader import Record
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,12 +155,22 @@ def explained(
 
     Raises RecordError and WorldFileError, and ActivityError if user code fails.
     """
-    from minerva_bus.log.causes import explain_value
     from minerva_bus.log.reader import Record
 
     with Record(path) as record:
-        file = world_file_of(path, world, record.description, Overrides())
-        return explain_value(record, kinds_in(file), name, attribute, frame)
+        return explained_in(record, world, name, attribute, frame)
+
+
+def explained_in(
+    record: Record, world: WorldSource | None, name: str, attribute: str, frame: int | None
+) -> Explanation:
+    """As `explained`, of an open record; without a world no code runs."""
+    from minerva_bus.log.causes import explain_value
+
+    if world is None:
+        return explain_value(record, {}, name, attribute, frame)
+    file = world_file_of(record.path, world, record.description, Overrides())
+    return explain_value(record, kinds_in(file), name, attribute, frame)
 
 
 def world_file_of(

@@ -89,6 +89,7 @@ def explain_value(
         tuple(links),
         origin,
         tuple(causes.rejected(name, recent)),
+        record.initial.number,
     )
 
 
@@ -103,6 +104,8 @@ class _Causes:
 
     def of_change(self, change: ValueChange, attribute: str) -> tuple[list[Cause], str]:
         """The links from a change to its origin, and the origin in words."""
+        if change.frame < 0 and change.gap:
+            return [], "unknown: the value is older than the frames that are known"
         if change.frame < 0:
             return [], "the world file: the initial string has this value"
         new, name = value_of(change.after, attribute), change.after.id

@@ -58,7 +58,8 @@ class Description:
     """A world, the text and path of its file, its options, and the versions it ran on.
 
     `rate`: frames per second; 0 means as fast as possible. `began`: nanoseconds since 1970.
-    `format`: version of the record's entries.
+    `format`: version of the record's entries. `frame`: the frame that begins with the world's
+    string; not 0 in a record that lacks the frames before it.
     """
 
     world: World
@@ -69,6 +70,7 @@ class Description:
     began: int = 0
     path: str = ""
     format: int = FORMAT
+    frame: int = 0
 
 
 def encode_description(description: Description, *, string: bool = True) -> bytes:
@@ -95,6 +97,7 @@ def encode_description(description: Description, *, string: bool = True) -> byte
         "versions": dict(description.versions),
         "began": description.began,
         "path": description.path,
+        "frame": description.frame,
     }
     return pack(["world", FORMAT, plain])
 
@@ -150,6 +153,7 @@ def _description(plain: Mapping[str, Any]) -> Description:
         _pairs(plain["versions"], "a version"),
         as_int(plain["began"], "the beginning"),
         as_text(plain.get("path", ""), "the path"),
+        frame=as_int(plain.get("frame", 0), "the frame"),
     )
 
 

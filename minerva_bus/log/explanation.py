@@ -102,7 +102,8 @@ class Explanation:
 
     `value` is that at the beginning of `frame`; `since` is the frame in which it became so, -1 for
     the initial string. `links` lead from there back to `origin`. `rejected` are events and steps
-    of the agent that norms have rejected in the last frames.
+    of the agent that norms have rejected in the last frames. `first` is the first frame that is
+    known; -1 for `since` means that the value is older.
     """
 
     world: str
@@ -115,6 +116,12 @@ class Explanation:
     links: tuple[Cause, ...]
     origin: str
     rejected: tuple[str, ...] = ()
+    first: int = 0
+
+    @property
+    def is_older(self) -> bool:
+        """Whether the value is older than the frames that are known."""
+        return self.since < 0 < self.first
 
     def plain(self) -> dict[str, Any]:
         """As a JSON object."""
@@ -124,7 +131,8 @@ class Explanation:
 
     def lines(self) -> list[str]:
         """As lines of text."""
-        since = f"since frame {self.since}" if self.since >= 0 else "since the initial string"
+        older = f"since before frame {self.first}" if self.first else "since the initial string"
+        since = f"since frame {self.since}" if self.since >= 0 else older
         about = f"{self.kind}#{self.agent} {self.attribute} = {short(self.value, MAX_VALUE)}"
         shown = [f"{about} at the beginning of frame {self.frame}, {since}"]
         shown += [line for link in self.links for line in link.lines()]

@@ -4,6 +4,7 @@
     entry = length of the data (4 bytes, big endian), its CRC-32 (4 bytes), data
     data  = ["begin", format, key of the world, epoch]            first
           | keyframe | inputs                                     (entries.py)
+          | the description of the run (description.py)           after a keyframe
           | ["members", [name, ...]] | ["pace", rate, left] | ["waiting", {source: [event, ...]}]
 
 The file has one keyframe and the inputs of each frame since, as received from members, so a frame
@@ -18,31 +19,25 @@ from __future__ import annotations
 import os
 import struct
 import zlib
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterable
 from hashlib import blake2b
 from pathlib import Path
 from typing import Any, Final
 
-from minerva_bus.errors import BusError, Followed, MinervaError
-from minerva_bus.frame import stimuli as s
+from minerva_bus.errors import BusError, Followed
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.description import World
 from minerva_bus.frame.inputs import FrameInputs
 from minerva_bus.log.checkpoints import Kept
 from minerva_bus.log.entries import (
     FORMAT,
-    EntryDecoder,
     EventsBySource,
-    Keyframe,
     encode_inputs,
     encode_keyframe,
     plain_by_source,
-    unpacked,
 )
-from minerva_bus.log.errors import RecordError
 from minerva_bus.outputs import replacing
-from minerva_bus.wire.plain import as_int, as_number, as_text, as_texts, pack
+from minerva_bus.wire.plain import pack
 from minerva_bus.wire.vocabulary import plain_vocabulary
 
 FORMATS: Final = (2, FORMAT)
@@ -52,44 +47,24 @@ REWRITE_RATIO: Final = 8
 """The journal is rewritten when its inputs are this many times as long as its keyframe."""
 
 MIN_REWRITE_BYTES: Final = 1 << 20
-_HEAD: Final = struct.Struct(">II")
-
-
-@dataclass(slots=True)
-class Journaled:
-    """Contents of a journal: a keyframe, and the inputs and changes since.
-
-    `world`: the world in the state of the keyframe. `inputs`: of each frame since.
-    `members`: members that took part, beside those of the world file.
-    `rate`, `left`: as in `Pace`; `left` counts the frames allowed after those in the journal.
-    `waiting`: events that people sent since the last frame; None means no change.
-    `lost`: unreadable bytes at the end, damaged or cut off.
-    """
-
-    epoch: int
-    world: World
-    keyframe: Keyframe
-    inputs: list[FrameInputs] = field(default_factory=list[FrameInputs])
-    members: frozenset[str] = frozenset()
-    rate: float | None = None
-    left: int | None = None
-    waiting: EventsBySource | None = None
-    lost: int = 0
-
-
-# --- writing ---
+HEAD: Final = struct.Struct(">II")
+"""Length and checksum before each entry."""
 
 
 class Journal:
     """Writes the journal of one run. Raises BusError if it cannot be created.
 
-    An existing journal of this name is replaced. All methods raise Followed if another coordinator
-    has taken over the journal, and OSError if it cannot be written.
+    An existing journal of this name is replaced. `description` is that of the run, as bytes; a
+    successor has it already, but other readers need it. All methods raise Followed if another
+    coordinator has taken over the journal, and OSError if it cannot be written.
     """
 
-    def __init__(self, path: Path, epoch: int, algorithm: FrameAlgorithm) -> None:
+    def __init__(
+        self, path: Path, epoch: int, algorithm: FrameAlgorithm, description: bytes = b""
+    ) -> None:
         self.path = path
         self._epoch = epoch
+        self._description = description
         self._algorithm = algorithm
         self._file = -1
         self._since = self._key_bytes = 0
@@ -172,6 +147,8 @@ class Journal:
         kept = Kept.of(algorithm.checkpoint)
         self._put(pack(["begin", FORMAT, key_of(algorithm.world), self._epoch]))
         self._put(encode_keyframe(algorithm.frame, algorithm.scene, kept, algorithm.shown))
+        if self._description:
+            self._put(self._description)
         # Waiting events are part of the checkpoint.
         for name in ("members", "pace"):
             self._put(pack([name, *self._noted[name]]))
@@ -181,7 +158,7 @@ class Journal:
         # must not act after its successor.
         if self._key_bytes and self._is_followed():
             raise Followed(self._complaint())
-        entry = _HEAD.pack(len(data), zlib.crc32(data)) + data
+        entry = HEAD.pack(len(data), zlib.crc32(data)) + data
         self._since += len(entry)
         rest = memoryview(entry)
         while rest:
@@ -202,112 +179,3 @@ def key_of(world: World) -> bytes:
     """Digest of the properties that a world must share with a journal's to continue it."""
     rules = [world.seed, world.dt, list(world.order.types), world.policy.value]
     return blake2b(pack([plain_vocabulary(world.vocabulary), *rules]), digest_size=16).digest()
-
-
-# --- reading ---
-
-
-def read_journal(path: Path, world: World) -> Journaled | None:
-    """Contents of a world's journal, or None if there is none.
-
-    Entries after damaged bytes are ignored, because each frame needs the one before. Raises
-    RecordError if the journal belongs to another world or its beginning is damaged.
-    """
-    try:
-        data = path.read_bytes()
-    except FileNotFoundError:
-        return None
-    except OSError as error:
-        raise RecordError(f"{path}: {error.strerror}") from None
-    entries = list(_entries(data))
-    try:
-        journaled = _journaled(iter(entries), world, path)
-    except RecordError:
-        raise
-    except (MinervaError, ValueError, LookupError, TypeError, RecursionError) as error:
-        raise RecordError(f"{path}: this journal is damaged: {error}") from None
-    # A new world that replaces a damaged journal would lose its state.
-    if journaled is None and data:
-        raise RecordError(
-            f"{path}: the beginning of this journal is damaged, so its world cannot continue; move"
-            " the file away to start from the beginning"
-        )
-    if journaled is not None:
-        journaled.lost = len(data) - sum(_HEAD.size + len(entry) for entry in entries)
-    return journaled
-
-
-def _entries(data: bytes) -> Iterator[bytes]:
-    """Entries of a journal up to the first damaged one."""
-    begin = 0
-    while begin + _HEAD.size <= len(data):
-        length, check = _HEAD.unpack_from(data, begin)
-        begin += _HEAD.size
-        entry = data[begin : begin + length]
-        # An empty entry would match zeros on the disk, because the CRC of nothing is zero.
-        if not 0 < length == len(entry) or zlib.crc32(entry) != check:
-            return
-        yield entry
-        begin += length
-
-
-def _journaled(entries: Iterator[bytes], world: World, path: Path) -> Journaled | None:
-    first = next(entries, None)
-    state = next(entries, None)
-    if first is None or state is None:
-        return None
-    name, version, key, epoch = [*unpacked(first), None, None, None, None][:4]
-    if name != "begin" or version not in FORMATS:
-        raise RecordError(f"{path}: this version of Minerva Bus cannot read this journal")
-    if key != key_of(world):
-        raise RecordError(
-            f"{path}: this journal belongs to another world, or to other rules; move the file away"
-            " to start from the beginning"
-        )
-    decoder = EntryDecoder(world.vocabulary)
-    keyframe = decoder.keyframe(state)
-    # Only keyframes of records may lack one.
-    if keyframe.checkpoint is None:
-        raise RecordError(f"{path}: this journal is damaged: its keyframe has no checkpoint")
-    before = replace(world, scene=keyframe.scene, past=keyframe.checkpoint, shown=keyframe.views)
-    journaled = Journaled(as_int(epoch, "the epoch"), before, keyframe)
-    for entry in entries:
-        _take(entry, journaled, decoder)
-    return journaled
-
-
-def _take(entry: bytes, journaled: Journaled, decoder: EntryDecoder) -> None:
-    items = unpacked(entry)
-    kind = as_text(items[0], "an entry's name")
-    if kind in ("inputs", "frame"):
-        journaled.inputs.append(decoder.inputs(entry))
-        journaled.left = journaled.left and journaled.left - 1
-        journaled.waiting = None
-    elif kind == "members":
-        journaled.members = frozenset(as_texts(items[1], "members"))
-    elif kind == "pace":
-        journaled.rate = as_number(items[1], "the rate")
-        journaled.left = None if items[2] is None else as_int(items[2], "frames")
-    elif kind == "waiting":
-        journaled.waiting = decoder.events(items[1])
-
-
-# --- continuing ---
-
-
-def resume_from(
-    journaled: Journaled, algorithm: FrameAlgorithm, watch: Callable[[s.FrameDone], None]
-) -> None:
-    """Bring the algorithm of a journal's world to the end of its last complete frame.
-
-    `watch` receives each frame since the keyframe. The algorithm then waits for all members that
-    took part. Raises ProtocolError.
-    """
-    for inputs in journaled.inputs:
-        for instruction in algorithm.receive(s.Begin(inputs=inputs)):
-            if isinstance(instruction, s.FrameDone):
-                watch(instruction)
-    if journaled.waiting is not None:
-        algorithm.wait_with(journaled.waiting)
-    # Guests keep their sessions and reconnect by themselves.
-    algorithm.expect(journaled.members)

@@ -42,8 +42,8 @@ class PastFrame:
 class ValueChange:
     """The frame in which an attribute got its value; the agent is None where it did not exist.
 
-    `frame` is -1 for a value of the initial string. `gap`: frames before it are lost, so the
-    change may have happened in them.
+    `frame` is -1 for a value of the initial string, or of the first string of a record that lacks
+    the frames before it. `gap`: frames before it are lost, so the change may have happened in them.
     """
 
     frame: int
@@ -85,9 +85,9 @@ def last_change(record: Record, name: str, attribute: str, end: int) -> ValueCha
         RecordError: there is no such agent or attribute at the beginning of frame `end`.
 
     """
-    number, newest = end, None
+    number, newest, first = end, None, record.initial.number
     while True:
-        begin = record.keyframe(number - 1)[0].number if number else 0
+        begin = record.keyframe(number - 1)[0].number if number > first else first
         change, last = _change_since(record, begin, name, attribute, number)
         if newest is None:
             if last is None:
@@ -96,8 +96,8 @@ def last_change(record: Record, name: str, attribute: str, end: int) -> ValueCha
             newest = last
         if change is not None:
             return change
-        if not begin:
-            return ValueChange(-1, None, newest)
+        if begin == first:
+            return ValueChange(-1, None, newest, gap=first > 0)
         number = begin
 
 
@@ -172,9 +172,10 @@ def end_of(record: Record, frame: int | None) -> int:
 
     Raises RecordError if the record does not have it.
     """
-    end = record.last()[0]
+    first, end = record.initial.number, record.last()[0]
     if frame is None:
         return end
-    if not 0 <= frame <= end:
-        raise RecordError(f"{record.path}: it has {frames_up_to(end)}, not {frame}")
+    if not first <= frame <= end:
+        known = f"frames {first} to {end}" if first else frames_up_to(end)
+        raise RecordError(f"{record.path}: it has {known}, not {frame}")
     return frame

@@ -65,7 +65,7 @@ class Record:
             self.close()
             raise
         self._decoder = EntryDecoder(self.description.world.vocabulary)
-        self.initial = Keyframe(0, self.description.world.scene)
+        self.initial = Keyframe(self.description.frame, self.description.world.scene)
 
     def __enter__(self) -> Self:
         return self

@@ -48,10 +48,11 @@ class RecordWriter:
         self._key_bytes = 0
         self._put_description()
         if past is None:
-            self._put_keyframe(0, 0.0, None)
+            first, state = description.frame, description.world.past
+            self._put_keyframe(first, 0.0, Kept.of(state) if first else None)
             # The parts outside of all agents never change, so their maps are written once.
             self._display.maps()
-            self._display.poses(self._scene, 0, 0.0)
+            self._display.poses(self._scene, first, 0.0)
         else:
             self._copy(past)
         self.flush()

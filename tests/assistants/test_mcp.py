@@ -15,7 +15,7 @@ from minerva_bus.api.on_bus import OnBus
 from minerva_bus.mcp.connection import WorldConnection
 from minerva_bus.mcp.permissions import PERMISSIONS
 from minerva_bus.mcp.server import MAX_CALLS, WorldServer
-from tests.runtime.running import Run, World, environment, eventually, write_world
+from tests.runtime.running import Run, World, environment, eventually, here, write_world
 
 MEMBERS = """
 [process.steps]
@@ -205,6 +205,21 @@ def test_a_halt_and_a_value_are_explained_without_permission(served, tmp_path):
     assert set(events["links"][0]["perceived"]) == {"eMessage", "eStep"}
     assert "no installed world" in refusal(server, "explain", {**value, "world": "w.toml"})
     assert "needs `agent`" in refusal(server, "explain", {"file": "w.mcap"})
+
+
+def test_a_value_of_the_running_world_is_explained(world, served):
+    server = served(frozenset())
+    assert answer(server, "wait_for", event="eStep", seconds=30)["fulfilled"]
+    value = answer(server, "explain", agent="a", attribute="x")
+    # Its journal may begin at any frame, but the agent receives a step in each.
+    assert [link["agent"] for link in value["links"]] == ["a"]
+    assert value["links"][0]["perceived"]["eStep"] == 1
+    assert value["links"][0]["did"].startswith("changed x from ")
+    named = here(world.folder, "explain", world.name, "--agent", "a", "--attribute", "x")
+    assert "in Walker.walk, " in named.stdout, named.stderr
+    assert "origin: the generator steps sent eStep" in named.stdout
+    unknown = refusal(server, "explain", {"agent": "nobody", "attribute": "x"})
+    assert "has no agent #nobody" in unknown
 
 
 # --- permissions ---

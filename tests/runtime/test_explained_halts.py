@@ -62,8 +62,8 @@ def world_in(folder, tables):
 def faulty(tmp_path_factory):
     path = world_in(tmp_path_factory.mktemp("faulty"), FAULTS)
     (path.parent / "fault.txt").write_text("llm")
-    # Files of its processes have at most 8 kB, as on a disk that is full.
-    limited = ("bash", "-c", 'ulimit -f 8; exec "$@"', "bash")
+    # Files of its processes have at most 16 kB, as on a disk that is full.
+    limited = ("bash", "-c", 'ulimit -f 16; exec "$@"', "bash")
     with World(path, "--record", "run.mcap", "--flush", "0", inside=limited) as world:
         yield world
 
@@ -150,7 +150,7 @@ def test_a_paused_world_as_text_and_json(faulty):
     assert plain["causes"][0]["kind"] == "paused world"
     wrong = here(faulty.folder, "explain", faulty.name, "--agent", "anna")
     assert wrong.returncode == 2
-    assert "--agent needs a record" in wrong.stderr
+    assert "--attribute NAME is missing" in wrong.stderr
 
 
 def test_a_missing_member_and_a_lost_link(tmp_path):

@@ -10,9 +10,11 @@ from test_any_schedule import SETTINGS
 from minerva_bus.errors import Followed
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.stimuli import FrameDone, Publish
-from minerva_bus.log import journal as j
+from minerva_bus.log import journal
 from minerva_bus.log.checkpoints import Kept, encode_checkpoint
 from minerva_bus.log.errors import RecordError
+from minerva_bus.log.journal import Journal
+from minerva_bus.log.journaled import read_journal, resume_from
 from minerva_bus.testing.memory_bus import BEGIN, MemoryBus
 
 
@@ -31,7 +33,7 @@ class Written:
         setting = SETTINGS[name]
         self.path, self.world = path, setting.world
         self.bus = MemoryBus(setting.world, setting.members, [self._observe])
-        self.journal = j.Journal(path, epoch, self.bus.algorithm)
+        self.journal = Journal(path, epoch, self.bus.algorithm)
         self.bus.start()
         self.bus.settle()
 
@@ -43,9 +45,9 @@ class Written:
                 self.journal.rewrite()
 
     def read(self):
-        past = j.read_journal(self.path, self.world)
+        past = read_journal(self.path, self.world)
         algorithm, seen = FrameAlgorithm(past.world), []
-        j.resume_from(past, algorithm, lambda done: seen.append(done.record.digest.hex()))
+        resume_from(past, algorithm, lambda done: seen.append(done.record.digest.hex()))
         return past, algorithm, seen
 
 
@@ -64,8 +66,8 @@ def test_a_journal_restores_the_state(tmp_path, name):
 
 @both
 def test_a_rewritten_journal_continues_from_its_keyframe(tmp_path, name, monkeypatch):
-    monkeypatch.setattr(j, "MIN_REWRITE_BYTES", 1)
-    monkeypatch.setattr(j, "REWRITE_RATIO", 0)
+    monkeypatch.setattr(journal, "MIN_REWRITE_BYTES", 1)
+    monkeypatch.setattr(journal, "REWRITE_RATIO", 0)
     written = Written(tmp_path / "w.journal", name)
     for frame in range(6):
         written.bus.frame()
@@ -182,13 +184,13 @@ def test_a_succeeded_coordinator_stops_writing(tmp_path):
 def test_the_journal_of_another_world_is_refused(tmp_path):
     written = Written(tmp_path / "w.journal", "pond")
     with pytest.raises(RecordError, match="belongs to another world"):
-        j.read_journal(written.path, replace(written.world, seed=99))
+        read_journal(written.path, replace(written.world, seed=99))
     written.path.write_bytes(b"no journal at all, but long enough to be one")
     with pytest.raises(RecordError, match="the beginning of this journal is damaged"):
-        j.read_journal(written.path, written.world)
+        read_journal(written.path, written.world)
     written.path.write_bytes(b"")
-    assert j.read_journal(written.path, written.world) is None
-    assert j.read_journal(tmp_path / "none", written.world) is None
+    assert read_journal(written.path, written.world) is None
+    assert read_journal(tmp_path / "none", written.world) is None
 
 
 def test_people_s_events_between_two_frames_are_not_lost(tmp_path):

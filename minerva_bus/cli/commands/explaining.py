@@ -10,12 +10,12 @@ import typer
 from minerva_bus.cli import completing, completing_agents
 from minerva_bus.cli.options import Json, NamedTarget, WorldTarget, examples, grouped
 from minerva_bus.cli.startup import uncollected
-from minerva_bus.errors import MisuseError
 
 
 @examples(
     "minerva explain run.mcap --agent r1 --attribute objective --frame 340",
     "minerva explain meadow",
+    "minerva explain meadow --agent fox1 --attribute energy",
 )
 @grouped
 def explain(
@@ -31,7 +31,7 @@ def explain(
         str,
         typer.Argument(
             metavar="FILE",
-            help="Of a record: its world file or installed world, if that has moved.",
+            help="Its world file or installed world, if that has moved.",
             autocompletion=completing.worlds,
         ),
     ] = "",
@@ -53,24 +53,22 @@ def explain(
     *,
     target: WorldTarget,
 ) -> None:
-    """Explain a value of a record, or why a world stops.
+    """Explain a value of an agent, or why a world stops.
 
-    Of a record, it prints the frame in which the value of --attribute changed last, the method, the
+    With --agent, it prints the frame in which the value of --attribute changed, the method, the
     event that caused the call, who sent it and why, back to a generator, a person or the initial
     string; and what norms have rejected since. Like replay, this runs the Python code of the world
-    file that the record names; --no-code runs none, and names no methods.
+    file that the record names; --no-code runs none, and names no methods. Of a running world, the
+    frames are those in its journal and in its record, if it has one.
 
-    Of a running world, it prints who is awaited, in which call, what happens next and what to do.
+    Without --agent, it prints who is awaited, in which call, what happens next and what to do.
     """
     with uncollected():
         from minerva_bus.cli.explaining import ValueQuestion, explain_record, explain_running
 
+    question = ValueQuestion(code, agent, attribute, frame, no_code)
     if record.endswith(".mcap"):
-        question = ValueQuestion(Path(record), code, agent, attribute, frame, no_code)
-        explain_record(question, json)
+        explain_record(Path(record), question, json)
         return
-    about_value = {"--agent": agent, "--attribute": attribute, "--frame": frame is not None}
-    for option in [option for option, given in about_value.items() if given]:
-        raise MisuseError(f"{option} needs a record (.mcap) of the run: minerva run --record")
     name = NamedTarget(target.connect, target.keys, target.world, record)
-    explain_running(name, json)
+    explain_running(name, question, json)

@@ -11,7 +11,7 @@ from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.member import Member
 from minerva_bus.launch.journaling import journal_path
 from minerva_bus.launch.summary import RunSummary
-from minerva_bus.log.journal import read_journal, resume_from
+from minerva_bus.log.journaled import read_journal, resume_from
 from minerva_bus.runtime.coordinator import Coordinator
 from minerva_bus.runtime.member import MemberProcess
 from minerva_bus.runtime.own_threads import Leave

@@ -1,0 +1,177 @@
+"""Reads the journal of a world, and brings a successor's algorithm to the end of it."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Callable, Generator, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Final
+
+from minerva_bus.errors import MinervaError
+from minerva_bus.frame import stimuli as s
+from minerva_bus.frame.algorithm import FrameAlgorithm
+from minerva_bus.frame.description import World
+from minerva_bus.frame.inputs import FrameInputs
+from minerva_bus.log.description import Description, decode_description
+from minerva_bus.log.entries import EntryDecoder, EventsBySource, Keyframe, unpacked
+from minerva_bus.log.errors import RecordError
+from minerva_bus.log.journal import FORMATS, HEAD, key_of
+from minerva_bus.wire.plain import as_int, as_number, as_text, as_texts
+
+DESCRIPTION_AT: Final = 2
+"""Index of the description among the entries: after the beginning and the keyframe."""
+
+
+@dataclass(slots=True)
+class Journaled:
+    """Contents of a journal: a keyframe, and the inputs and changes since.
+
+    `world`: the world in the state of the keyframe. `inputs`: of each frame since.
+    `members`: members that took part, beside those of the world file.
+    `rate`, `left`: as in `Pace`; `left` counts the frames allowed after those in the journal.
+    `waiting`: events that people sent since the last frame; None means no change.
+    `lost`: unreadable bytes at the end, damaged or cut off.
+    """
+
+    epoch: int
+    world: World
+    keyframe: Keyframe
+    inputs: list[FrameInputs] = field(default_factory=list[FrameInputs])
+    members: frozenset[str] = frozenset()
+    rate: float | None = None
+    left: int | None = None
+    waiting: EventsBySource | None = None
+    lost: int = 0
+
+
+def read_journal(path: Path, world: World) -> Journaled | None:
+    """Contents of a world's journal, or None if there is none.
+
+    Entries after damaged bytes are ignored, because each frame needs the one before. Raises
+    RecordError if the journal belongs to another world or its beginning is damaged.
+    """
+    data = _bytes(path)
+    entries = list(_entries(data))
+    with _explained(path):
+        journaled = _journaled(iter(entries), world, path)
+    # A new world that replaces a damaged journal would lose its state.
+    if journaled is None and data:
+        raise RecordError(
+            f"{path}: the beginning of this journal is damaged, so its world cannot continue; move"
+            " the file away to start from the beginning"
+        )
+    if journaled is not None:
+        journaled.lost = len(data) - sum(HEAD.size + len(entry) for entry in entries)
+    return journaled
+
+
+def read_described(path: Path) -> tuple[Description, Journaled]:
+    """Description and contents of the journal of a world that may be running.
+
+    Raises RecordError if there is none, or if it is damaged or has no description.
+    """
+    entries = list(_entries(_bytes(path)))
+    if len(entries) <= DESCRIPTION_AT:
+        raise RecordError(f"{path}: there is no journal, or none that can be read")
+    with _explained(path):
+        description, _ = decode_description(entries[DESCRIPTION_AT])
+        journaled = _journaled(iter(entries), description.world, path)
+    assert journaled is not None  # Both entries before the description exist.
+    return description, journaled
+
+
+def _bytes(path: Path) -> bytes:
+    try:
+        return path.read_bytes()
+    except FileNotFoundError:
+        return b""
+    except OSError as error:
+        raise RecordError(f"{path}: {error.strerror}") from None
+
+
+@contextmanager
+def _explained(path: Path) -> Generator[None]:
+    try:
+        yield
+    except RecordError:
+        raise
+    except (MinervaError, ValueError, LookupError, TypeError, RecursionError) as error:
+        raise RecordError(f"{path}: this journal is damaged: {error}") from None
+
+
+def _entries(data: bytes) -> Iterator[bytes]:
+    """Entries of a journal up to the first damaged one."""
+    begin = 0
+    while begin + HEAD.size <= len(data):
+        length, check = HEAD.unpack_from(data, begin)
+        begin += HEAD.size
+        entry = data[begin : begin + length]
+        # An empty entry would match zeros on the disk, because the CRC of nothing is zero.
+        if not 0 < length == len(entry) or zlib.crc32(entry) != check:
+            return
+        yield entry
+        begin += length
+
+
+def _journaled(entries: Iterator[bytes], world: World, path: Path) -> Journaled | None:
+    first = next(entries, None)
+    state = next(entries, None)
+    if first is None or state is None:
+        return None
+    name, version, key, epoch = [*unpacked(first), None, None, None, None][:4]
+    if name != "begin" or version not in FORMATS:
+        raise RecordError(f"{path}: this version of Minerva Bus cannot read this journal")
+    if key != key_of(world):
+        raise RecordError(
+            f"{path}: this journal belongs to another world, or to other rules; move the file away"
+            " to start from the beginning"
+        )
+    decoder = EntryDecoder(world.vocabulary)
+    keyframe = decoder.keyframe(state)
+    # Only keyframes of records may lack one.
+    if keyframe.checkpoint is None:
+        raise RecordError(f"{path}: this journal is damaged: its keyframe has no checkpoint")
+    before = replace(world, scene=keyframe.scene, past=keyframe.checkpoint, shown=keyframe.views)
+    journaled = Journaled(as_int(epoch, "the epoch"), before, keyframe)
+    for entry in entries:
+        _take(entry, journaled, decoder)
+    return journaled
+
+
+def _take(entry: bytes, journaled: Journaled, decoder: EntryDecoder) -> None:
+    items = unpacked(entry)
+    kind = as_text(items[0], "an entry's name")
+    if kind in ("inputs", "frame"):
+        journaled.inputs.append(decoder.inputs(entry))
+        journaled.left = journaled.left and journaled.left - 1
+        journaled.waiting = None
+    elif kind == "members":
+        journaled.members = frozenset(as_texts(items[1], "members"))
+    elif kind == "pace":
+        journaled.rate = as_number(items[1], "the rate")
+        journaled.left = None if items[2] is None else as_int(items[2], "frames")
+    elif kind == "waiting":
+        journaled.waiting = decoder.events(items[1])
+
+
+# --- continuing ---
+
+
+def resume_from(
+    journaled: Journaled, algorithm: FrameAlgorithm, watch: Callable[[s.FrameDone], None]
+) -> None:
+    """Bring the algorithm of a journal's world to the end of its last complete frame.
+
+    `watch` receives each frame since the keyframe. The algorithm then waits for all members that
+    took part. Raises ProtocolError.
+    """
+    for inputs in journaled.inputs:
+        for instruction in algorithm.receive(s.Begin(inputs=inputs)):
+            if isinstance(instruction, s.FrameDone):
+                watch(instruction)
+    if journaled.waiting is not None:
+        algorithm.wait_with(journaled.waiting)
+    # Guests keep their sessions and reconnect by themselves.
+    algorithm.expect(journaled.members)
