@@ -65,10 +65,12 @@ def test_it_needs_no_other_package() -> None:
     assert all(name.startswith(("./", "../src/", "node:")) for name in imports), imports
 
 
-def garden(folder: Path, processes: str) -> dict:
+def garden(folder: Path, processes: str, string: str = "") -> dict:
     """The summary of the garden with these processes, each in a world file of its own."""
     shutil.copy(EXAMPLES / "garden.py", folder)
     text = (EXAMPLES / "garden.toml").read_text(encoding="utf-8")
+    if string:
+        text = re.sub("string = .*", f'string = "{string}"', text)
     file = folder / "garden.toml"
     file.write_text(text[: text.index("[process.")] + processes)
     done = subprocess.run(
@@ -118,11 +120,13 @@ def test_the_generator_of_the_guide_runs(tmp_path: Path) -> None:
 
 
 def test_snails_in_both_languages_are_the_same(tmp_path: Path) -> None:
-    """Two hosts share the snails, one of them in Python."""
+    """Two hosts share a population, one of them in Python; both use columns and patches."""
     python = '[process.more]\nagents = "garden:Snail"\n'
-    alone = garden(tmp_path, scripts("sun", "rain") + python)
-    shared = garden(tmp_path, scripts("sun", "rain", "snails") + python)
+    snails = " · ".join(f"ASnail#s{n}<water={1 + n % 7 / 2}>" for n in range(100))
+    alone = garden(tmp_path, scripts("sun", "rain") + python, snails)
+    shared = garden(tmp_path, scripts("sun", "rain", "snails", "picture") + python, snails)
     assert shared["digest"] == alone["digest"]
+    assert "frame 60: " in (tmp_path / "garden.svg").read_text(encoding="utf-8")
 
 
 def test_without_a_world_it_says_what_is_missing() -> None:

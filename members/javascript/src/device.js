@@ -1,6 +1,7 @@
 /** A device: it draws the views of visual events. */
 
-import { readString } from "./scene.js";
+import { applyPatch, isPatch } from "./patches.js";
+import { readSkeleton, readString } from "./scene.js";
 
 /**
  * A device that `run` can start.
@@ -44,12 +45,13 @@ class Device {
     const view = this.views.get(type);
     if (view === undefined) return;
     const read = (string) => readString(string, this.member.vocabulary);
-    const newParts = new Map([...parts].map(([id, part]) => [id, owned(id, read(part))]));
-    const newSkeleton = skeleton === null ? null : read(skeleton);
-    if (view.misses(sequence, newSkeleton)) this.member.send("resync", type);
-    else if (view.accept(sequence, newParts, newSkeleton)) {
-      this.member.own(() => this.spec.draw({ type, frame, nodes: view.nodes(), halted, vocabulary: this.member.vocabulary }));
-    }
+    const newSkeleton = skeleton === null ? null : readSkeleton(skeleton, this.member.vocabulary);
+    if (view.misses(sequence, newSkeleton)) return this.member.send("resync", type);
+    if (view.isOld(sequence, newSkeleton)) return;
+    const known = newSkeleton === null ? view.parts : new Map();
+    const part = (id, plain) => (isPatch(plain) ? applyPatch(known.get(id), plain, this.member.vocabulary) : read(plain));
+    view.accept(sequence, new Map([...parts].map(([id, plain]) => [id, owned(id, part(id, plain))])), newSkeleton);
+    this.member.own(() => this.spec.draw({ type, frame, nodes: view.nodes(), halted, vocabulary: this.member.vocabulary }));
   }
 }
 
@@ -69,13 +71,14 @@ class View {
     return skeleton === null && (this.skeleton === null || sequence > this.sequence + 1n);
   }
 
-  /** Takes a view; whether it was not an old one. */
+  isOld(sequence, skeleton) {
+    return skeleton === null ? sequence !== this.sequence + 1n : sequence < this.sequence;
+  }
+
   accept(sequence, parts, skeleton) {
-    if (skeleton === null ? sequence !== this.sequence + 1n : sequence < this.sequence) return false;
     this.sequence = sequence;
     if (skeleton !== null) [this.skeleton, this.parts] = [skeleton, new Map()];
     for (const [id, part] of parts) this.parts.set(id, part);
-    return true;
   }
 
   nodes() {

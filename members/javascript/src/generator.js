@@ -3,7 +3,7 @@
 import { Invalid } from "./msgpack.js";
 import { Philox } from "./random.js";
 import { readReading, writeReading } from "./readings.js";
-import { readEvent, writeEvent } from "./scene.js";
+import { readEvents, writeEvents } from "./scene.js";
 
 /**
  * A generator that `run` can start.
@@ -60,7 +60,7 @@ class Generator {
   }
 
   onOrders(frame, events) {
-    const read = events.map((plain) => readEvent(plain, this.member.vocabulary));
+    const read = readEvents(events, this.member.vocabulary);
     this.orders = this.orders.filter((order) => order.frame !== frame);
     this.orders.push({ frame, events: read });
   }
@@ -102,7 +102,7 @@ class Generator {
     const random = () => (stream ??= new Philox(member.seed, member.name, frame)).next();
     const moment = { frame, dt: member.dt, state, random, publish };
     Object.assign(moment, { orders: this.#takeOrders(frame), readings: this.#takeReadings(frame) });
-    const events = [...(spec.tick(moment) ?? [])].map((event) => writeEvent(event, member.vocabulary));
+    const events = writeEvents([...(spec.tick(moment) ?? [])], member.vocabulary);
     const saved = Object.keys(state).length > 0 ? structuredClone(state) : null;
     for (const [topic, readings] of published) published.set(topic, ["readings", frame, readings]);
     return { published, ticked: ["ticked", frame, events, saved] };

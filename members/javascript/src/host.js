@@ -1,9 +1,10 @@
 /** A host: it evolves agents and makes their views. */
 
-import { condition } from "./condition.js";
+import { commonShape, MANY } from "./columns.js";
+import { Agent, Evolution, probabilityOf } from "./evolution.js";
 import { Invalid } from "./msgpack.js";
-import { agentStream } from "./random.js";
-import { childId, copyId, readEvent, readString, same, writeEvent, writeString } from "./scene.js";
+import { difference, isEmpty } from "./patches.js";
+import { readEvents, readString, same, writeString } from "./scene.js";
 
 /**
  * A kind of agents.
@@ -33,29 +34,9 @@ function plainKind({ symbol, fields, on, views }) {
   return [symbol, attributes, subscribed, Object.keys(views), []];
 }
 
-const probabilityOf = (method) => method.probability ?? 1;
-const copied = (value) => (Array.isArray(value) ? value.map(copied) : value);
-const copiedValues = (values) => Object.fromEntries(Object.entries(values).map(([name, value]) => [name, copied(value)]));
-
-/** An agent while it is called. */
-class Agent {
-  constructor({ symbol, id, values, scope }, kind) {
-    Object.assign(this, { symbol, id, scope, kind, values: copiedValues(values) });
-  }
-
-  /** A newborn with an id that derives from this agent's; its kind needs an attribute `births`. */
-  child(values = {}, kind = this.kind) {
-    if (typeof this.values.births !== "bigint") throw new Invalid(`${this.symbol} needs births: ["int", 0n] for a child`);
-    this.values.births += 1n;
-    const defaults = Object.entries(kind.fields).flatMap(([name, [, value]]) => (value === undefined ? [] : [[name, value]]));
-    const id = childId(this.id, this.values.births);
-    return { symbol: kind.symbol, id, values: { ...Object.fromEntries(defaults), ...values }, scope: [] };
-  }
-
-  get node() {
-    return { symbol: this.symbol, id: this.id, values: this.values, scope: this.scope };
-  }
-}
+/** Whether a fragment is part of a population. */
+const isPart = (name) => name.startsWith("~");
+const idsOf = (nodes) => nodes.map(({ id }) => id);
 
 class Host {
   subscriptions = ["evolve"];
@@ -95,7 +76,7 @@ class Host {
   onEvolve(frame, asked, events, visual, part, only) {
     if (!asked.includes(this.member.name)) return;
     const { vocabulary } = this.member;
-    const [read, shows] = [events, visual].map((list) => list.map((plain) => readEvent(plain, vocabulary)));
+    const [read, shows] = [events, visual].map((list) => readEvents(list, vocabulary));
     const names = only.length > 0 ? only : [...this.fragments.keys()];
     const missing = names.find((name) => !this.fragments.has(name));
     if (missing !== undefined) throw new Invalid(`the fragment ${missing} was not given`);
@@ -104,17 +85,33 @@ class Host {
   }
 
   #evolve(frame, part, names, events, shows) {
-    const { vocabulary } = this.member;
     const views = this.#views(names, shows);
     const evolution = new Evolution(this, frame, events);
     const changed = new Map();
     for (const name of names) {
       const before = this.fragments.get(name);
       const after = evolution.of(before);
-      if (!same(before, after, vocabulary)) changed.set(name, writeString(after, vocabulary));
-      this.#keep(name, after);
+      if (before === after) continue;
+      const state = { nodes: after, keys: idsOf(after) };
+      const plain = this.#change(name, { nodes: before, keys: idsOf(before) }, state);
+      if (plain !== null) changed.set(name, plain);
+      this.#keep(name, before, after);
     }
     this.member.send("evolved", frame, part, changed, evolution.emitted, views);
+  }
+
+  /** What to send of a fragment or view that was in another state before: a patch, a string, or null. */
+  #change(name, before, after) {
+    const { vocabulary } = this.member;
+    if (!isPart(name)) return same(before.nodes, after.nodes, vocabulary) ? null : writeString(after.nodes, vocabulary);
+    const patch = difference(before.nodes, after.nodes, vocabulary, before.keys, after.keys);
+    if (patch !== null) return isEmpty(patch) ? null : patch;
+    return same(before.nodes, after.nodes, vocabulary) ? null : this.#whole(name, after.nodes);
+  }
+
+  /** A fragment or view as a string; a part of a population is in columns however small it is. */
+  #whole(name, nodes) {
+    return writeString(nodes, this.member.vocabulary, isPart(name) ? 1 : MANY);
   }
 
   #isRepeated(frame, part) {
@@ -123,26 +120,37 @@ class Host {
     return this.evolved.has(part) || !this.evolved.add(part);
   }
 
-  /** A part of a population is kept whatever its agents have become. */
-  #keep(name, after) {
-    if (name.startsWith("~") || (after.length === 1 && after[0].id === name)) this.fragments.set(name, after);
+  /** A part of a population is kept if its agents can still be columns of their kind. */
+  #keep(name, before, after) {
+    const isKept = isPart(name)
+      ? after.length > 0 && commonShape(after, this.member.vocabulary) === before[0].symbol
+      : after.length === 1 && after[0].id === name;
+    if (isKept) this.fragments.set(name, after);
     else this.#discard(name);
   }
 
   #views(names, events) {
-    const { vocabulary } = this.member;
     const views = new Map(events.map((event) => [event.type, new Map()]));
     for (const event of events) {
       for (const name of names) {
-        const view = writeString(this.#view(this.fragments.get(name), event), vocabulary);
-        const text = JSON.stringify(view, (_, value) => (typeof value === "bigint" ? `${value}n` : Object.is(value, -0) ? "-0" : value));
+        const view = this.#viewOf(this.fragments.get(name), event);
         const shown = this.shown.get(name) ?? new Map();
         this.shown.set(name, shown);
-        if (shown.get(event.type) !== text) views.get(event.type).set(name, view);
-        shown.set(event.type, text);
+        const before = shown.get(event.type);
+        const plain = before === undefined ? this.#whole(name, view.nodes) : this.#change(name, before, view);
+        if (plain !== null) views.get(event.type).set(name, plain);
+        shown.set(event.type, view);
       }
     }
     return views;
+  }
+
+  /** A view of a fragment; its keys are the ids of its agents if each has one node of it. */
+  #viewOf(fragment, event) {
+    const views = fragment.map((node) => this.#view([node], event));
+    const nodes = views.flat();
+    const keys = views.every((view) => view.length === 1) ? idsOf(fragment) : [...nodes.keys()];
+    return { nodes, keys };
   }
 
   #view(nodes, event) {
@@ -151,95 +159,4 @@ class Host {
       return kind?.views[event.type]?.(new Agent(node, kind), event) ?? [];
     });
   }
-}
-
-/** The evolution of fragments in one part of a frame. */
-class Evolution {
-  constructor(host, frame, events) {
-    const { kinds, isLiteral, member } = host;
-    Object.assign(this, { kinds, isLiteral, member, frame, events });
-    this.emitted = new Map();
-    this.streams = new Map();
-  }
-
-  of(nodes) {
-    return this.events.length > 0 || this.isLiteral ? nodes.flatMap((node) => this.#node(node)) : nodes;
-  }
-
-  #node(node) {
-    if (node.scope === undefined) return [node];
-    const inside = { ...node, scope: this.of(node.scope) };
-    if (node.id === undefined) return [inside];
-    return this.isLiteral ? this.#copies(inside) : this.#live(inside, this.events, node.id);
-  }
-
-  /** One copy for each event, each evolved by its event. */
-  #copies(node) {
-    return this.events.flatMap((event, n) => {
-      const copy = n === 0 ? node : this.#copy(node, n + 1, 1, height(node));
-      return this.#live(copy, [event], node.id);
-    });
-  }
-
-  #copy(node, number, ownHeight, innerHeight) {
-    const scope = node.scope?.map((inner) => this.#copy(inner, number, innerHeight, innerHeight));
-    const result = scope === undefined ? { ...node } : { ...node, scope };
-    if (node.id === undefined) return result;
-    return { ...result, id: copyId(node.id, this.frame, number, ownHeight) };
-  }
-
-  /** An agent after events; `receiver` is the id under which it gets them. */
-  #live(node, events, receiver) {
-    let [before, current, after] = [[], node, []];
-    for (const event of events) {
-      const method = this.kinds.get(current.symbol)?.on[event.type];
-      if (method === undefined || !this.#concerns(event, method, current, receiver)) continue;
-      const nodes = this.#call(method, event, current, receiver);
-      const place = nodes.findIndex((each) => each.id === node.id);
-      if (place < 0) return [...before, ...nodes, ...after];
-      current = nodes[place];
-      before = [...before, ...nodes.slice(0, place)];
-      after = [...nodes.slice(place + 1), ...after];
-    }
-    return [...before, current, ...after];
-  }
-
-  #concerns(event, method, node, receiver) {
-    if (event.receivers.length > 0 && !event.receivers.includes(receiver)) return false;
-    if (!condition(event.condition)(node.values)) return false;
-    const probability = probabilityOf(method);
-    if (probability === 1) return true;
-    const limit = typeof probability === "string" ? Number(node.values[probability]) : probability;
-    return this.#stream(node.id, event.type).next() < limit;
-  }
-
-  #call(method, event, node, receiver) {
-    const self = new Agent(node, this.kinds.get(node.symbol));
-    const result = (method.act ?? method)(self, event, this.#moment(node, receiver));
-    if (result === undefined) return [self.node];
-    return [result].flat().map((each) => (each instanceof Agent ? each.node : each));
-  }
-
-  #moment(node, receiver) {
-    return {
-      frame: this.frame,
-      dt: this.member.dt,
-      random: () => this.#stream(node.id).next(),
-      emit: (event) => {
-        const written = writeEvent({ ...event, sender: node.id }, this.member.vocabulary);
-        this.emitted.set(receiver, [...(this.emitted.get(receiver) ?? []), written]);
-      },
-    };
-  }
-
-  #stream(id, ...eventType) {
-    const key = [id, ...eventType].join(" ");
-    if (!this.streams.has(key)) this.streams.set(key, agentStream(this.member.seed, this.frame, id, ...eventType));
-    return this.streams.get(key);
-  }
-}
-
-/** The number of agents that stand around one another in a node, itself included. */
-function height({ id, scope = [] }) {
-  return (id === undefined ? 0 : 1) + Math.max(0, ...scope.map(height));
 }

@@ -7,7 +7,7 @@
  */
 
 import { decode, decodeAll, encode, Invalid } from "./msgpack.js";
-import { Vocabulary } from "./scene.js";
+import { Vocabulary } from "./vocabulary.js";
 
 export const VERSION = 6n;
 const SECONDS = { greeting: 10, successor: 5, flushing: 1 };
@@ -59,7 +59,7 @@ export class Member {
     return {
       version: VERSION, service: "", kinds: [], generates: [], lockstep: false, ahead: false, orders: [], draws: [],
       coupled: false, every: 0n, rate: 0, topics: [], publishes: [], pid: this.outside.pid, host: this.outside.host,
-      plain: true, ...this.role.hello(),
+      ...this.role.hello(),
     };
   }
 

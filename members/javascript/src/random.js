@@ -1,71 +1,18 @@
 /** Random streams that depend on seed, name and frame alone (PROTOCOL.md, P9.24 to P9.30). */
 
+import { blake2b } from "./blake2b.js";
+
 const MASK = (1n << 64n) - 1n;
 const GAMMA = 0x9e3779b97f4a7c15n;
 const encoder = new TextEncoder();
 
-// BLAKE2b (RFC 7693), which no browser has, and Node only with 64 bytes of output.
-const INITIAL = [
-  0x6a09e667f3bcc908n, 0xbb67ae8584caa73bn, 0x3c6ef372fe94f82bn, 0xa54ff53a5f1d36f1n,
-  0x510e527fade682d1n, 0x9b05688c2b3e6c1fn, 0x1f83d9abfb41bd6bn, 0x5be0cd19137e2179n,
-];
-const ORDERS = [
-  "0123456789abcdef", "ea489fd61c02b753", "b8c052fdae367194", "7931dcbe265a40f8", "905724afe1bc683d",
-  "2c6a0b834d75fe19", "c51fed4a0763928b", "db7ec13950f4862a", "6fe9b308c2d714a5", "a2847615fb9e3cd0",
-  "0123456789abcdef", "ea489fd61c02b753",
-].map((digits) => [...digits].map((digit) => parseInt(digit, 16)));
-const COLUMNS_AND_DIAGONALS = [
-  [0, 4, 8, 12], [1, 5, 9, 13], [2, 6, 10, 14], [3, 7, 11, 15],
-  [0, 5, 10, 15], [1, 6, 11, 12], [2, 7, 8, 13], [3, 4, 9, 14],
-];
-
-const rotated = (word, bits) => (word >> bits) | ((word << (64n - bits)) & MASK);
-
-function compress(state, block, length, last) {
-  const view = new DataView(block.buffer, block.byteOffset, 128);
-  const words = Array.from({ length: 16 }, (_, n) => view.getBigUint64(8 * n, true));
-  const v = [...state, ...INITIAL];
-  v[12] ^= BigInt(length);
-  if (last) v[14] ^= MASK;
-  for (const order of ORDERS) {
-    COLUMNS_AND_DIAGONALS.forEach(([a, b, c, d], n) => {
-      v[a] = (v[a] + v[b] + words[order[2 * n]]) & MASK;
-      v[d] = rotated(v[d] ^ v[a], 32n);
-      v[c] = (v[c] + v[d]) & MASK;
-      v[b] = rotated(v[b] ^ v[c], 24n);
-      v[a] = (v[a] + v[b] + words[order[2 * n + 1]]) & MASK;
-      v[d] = rotated(v[d] ^ v[a], 16n);
-      v[c] = (v[c] + v[d]) & MASK;
-      v[b] = rotated(v[b] ^ v[c], 63n);
-    });
-  }
-  return state.map((word, n) => word ^ v[n] ^ v[n + 8]);
-}
-
-/** BLAKE2b of a text in UTF-8, without a key. */
-export function blake2b(text, size) {
-  const data = encoder.encode(text);
-  let state = [...INITIAL];
-  state[0] ^= 0x01010000n ^ BigInt(size);
-  const blocks = Math.max(1, Math.ceil(data.length / 128));
-  for (let n = 0; n < blocks; n++) {
-    const block = new Uint8Array(128);
-    block.set(data.subarray(128 * n, 128 * (n + 1)));
-    const last = n === blocks - 1;
-    state = compress(state, block, last ? data.length : 128 * (n + 1), last);
-  }
-  const result = new DataView(new ArrayBuffer(64));
-  state.forEach((word, n) => result.setBigUint64(8 * n, word, true));
-  return new Uint8Array(result.buffer, 0, size);
-}
-
 const little = (bytes) => bytes.reduceRight((number, byte) => (number << 8n) | BigInt(byte), 0n);
 
-/** The first state of a stream: 8 bytes of BLAKE2b over the parts, separated by NUL. */
 /** The hash that all agents of a frame share, kept for the next agent: it costs more than all else. */
 const keys = new Map();
 const MOST_KEYS = 64;
 
+/** 8 bytes of BLAKE2b over the parts, separated by NUL. */
 function keyed(...parts) {
   const text = parts.join("\0");
   let key = keys.get(text);

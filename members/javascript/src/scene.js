@@ -5,101 +5,20 @@
  * `values` is an object by parameter: reals are numbers, `int` is BigInt.
  */
 
+import { isId, LONGEST_ID } from "./arrays.js";
+import { blake2b, hex } from "./blake2b.js";
+import { MANY, readBatch, readColumns, runs, writeBatch, writeColumns } from "./columns.js";
 import { condition as check } from "./condition.js";
-import { decode, encode, Extension, Invalid } from "./msgpack.js";
-import { blake2b } from "./random.js";
+import { decode, encode, Invalid } from "./msgpack.js";
+import { areFlat, readValues, writeValues } from "./vocabulary.js";
 
-const ID = /^[A-Za-z0-9_][A-Za-z0-9_:-]*$/;
-const LONGEST_ID = 64;
+/** The nodes of a string as it is in a message; columns become single nodes. */
+export const readString = (flat, vocabulary) => readPieces(flat, vocabulary, false);
 
-/**
- * The vocabulary of a world: the fields of its symbols and event types, and how symbols are drawn.
- *
- * `forms` maps a primitive or transformation to its form as in section 4 of PROTOCOL.md, a list that
- * begins with the form's name, or to null; `meanings` maps primitives to the texts of a legend;
- * `marks` are the primitives whose labels mark others.
- */
-export class Vocabulary {
-  constructor(plain) {
-    const rows = (part) => {
-      if (!(plain instanceof Map) || !Array.isArray(plain.get(part))) throw new Invalid("a vocabulary");
-      return plain.get(part).map(([name, fields]) => [name, fields.map(([field, type]) => [field, type])]);
-    };
-    this.symbols = new Map(["primitives", "transformations", "kinds"].flatMap(rows));
-    this.events = new Map(rows("events"));
-    const drawn = ["primitives", "transformations"].flatMap((part) => plain.get(part));
-    this.forms = new Map(drawn.map(([name, , form]) => [name, numbers(form ?? null)]));
-    this.meanings = plain.get("meanings") ?? new Map();
-    this.marks = new Set(plain.get("marks"));
-  }
+/** The nodes of a skeleton: its agents are slots, with null as values. */
+export const readSkeleton = (flat, vocabulary) => readPieces(flat, vocabulary, true);
 
-  /** The fields of a symbol: pairs of name and type. */
-  fields(symbol) {
-    return this.symbols.get(symbol) ?? unknown(symbol);
-  }
-
-  eventFields(type) {
-    return this.events.get(type) ?? unknown(type);
-  }
-}
-
-/** Measures of a form are reals, whatever number a message has. */
-function numbers(form) {
-  if (Array.isArray(form)) return form.map(numbers);
-  return typeof form === "bigint" ? Number(form) : form;
-}
-
-function unknown(name) {
-  throw new Invalid(`the world's vocabulary has no ${String(name)}`);
-}
-
-/** A value from a message as a value of the type. */
-function read(value, type) {
-  if (type.startsWith("list of ")) {
-    if (!Array.isArray(value)) throw new Invalid(`not a ${type}`);
-    return value.map((item) => read(item, type.slice("list of ".length)));
-  }
-  const [base] = type.split(" ");
-  if (base === "real" && typeof value === "bigint") return Number(value);
-  if (base === "real" && typeof value === "number" && Number.isFinite(value)) return value;
-  if (base === "int" && typeof value === "bigint" && BigInt.asIntN(64, value) === value) return value;
-  if (base === "bool" && typeof value === "boolean") return value;
-  if (base === "text" && typeof value === "string") return value;
-  const extension = { cells: 1, matrix: 1, string: 2 }[base];
-  if (extension !== undefined && value instanceof Extension && value.type === extension) return value;
-  throw new Invalid(`${String(value)} is not of type ${type}`);
-}
-
-/** A value that a program gives, as it is sent: a whole number is accepted as `int`. */
-function written(value, type) {
-  if (type.startsWith("list of ") && Array.isArray(value)) {
-    return value.map((item) => written(item, type.slice("list of ".length)));
-  }
-  const isInt = type === "int" || type.startsWith("int ");
-  return read(isInt && Number.isSafeInteger(value) ? BigInt(value) : value, type);
-}
-
-function readValues(plain, fields) {
-  if (!Array.isArray(plain) || plain.length !== fields.length) throw new Invalid("wrong number of values");
-  return Object.fromEntries(fields.map(([name, type], n) => [name, read(plain[n], type)]));
-}
-
-function writeValues(values, fields, what) {
-  const known = fields.map(([name]) => name);
-  const extra = Object.keys(values).find((name) => !known.includes(name));
-  if (extra !== undefined) throw new Invalid(`${what} has no ${extra}; it has ${known.join(", ") || "no values"}`);
-  return fields.map(([name, type]) => {
-    if (values[name] === undefined) throw new Invalid(`${what} needs a value for ${name} (${type})`);
-    try {
-      return written(values[name], type);
-    } catch (error) {
-      throw error instanceof Invalid ? new Invalid(`${name} of ${what}: ${error.message}`) : error;
-    }
-  });
-}
-
-/** The nodes of a string as it is in a message; columns are refused, because the member is `plain`. */
-export function readString(flat, vocabulary) {
+function readPieces(flat, vocabulary, hasSlots) {
   if (!Array.isArray(flat) || typeof flat[0] !== "bigint") throw new Invalid("not a string");
   const top = [];
   // Scopes that still lack nodes, from outside to inside: a stack, because strings may be deep.
@@ -110,18 +29,26 @@ export function readString(flat, vocabulary) {
   close();
   for (const piece of flat.slice(1)) {
     if (open.length === 0) throw new Invalid("a string has data after its end");
-    const { node, count } = readNode(piece, vocabulary);
-    open.at(-1).scope.push(node);
+    const { nodes, count } = readPiece(piece, vocabulary, hasSlots);
+    for (const node of nodes) open.at(-1).scope.push(node);
     open.at(-1).missing -= 1;
-    if (count > 0) open.push({ scope: node.scope, missing: count });
+    if (count > 0) open.push({ scope: nodes[0].scope, missing: count });
     close();
   }
   if (open.length > 0) throw new Invalid("a string is cut off");
   return top;
 }
 
-function readNode(piece, vocabulary) {
-  if (!Array.isArray(piece) || typeof piece[0] !== "string") throw new Invalid("not a node");
+/** The nodes of a piece, and the number of pieces in the scope of the only one. */
+function readPiece(piece, vocabulary, hasSlots) {
+  if (!Array.isArray(piece)) throw new Invalid("not a node");
+  if (typeof piece[0] === "bigint" && piece.length === 3) return { nodes: readColumns(piece, vocabulary), count: 0 };
+  const { node, count } = readNode(piece, vocabulary, hasSlots);
+  return { nodes: [node], count };
+}
+
+function readNode(piece, vocabulary, hasSlots) {
+  if (typeof piece[0] !== "string") throw new Invalid("not a node");
   const [symbol, ...rest] = piece;
   const expected = { P: 1, T: 2, A: 3 }[symbol[0]];
   if (rest.length !== expected) throw new Invalid(`not a node of ${symbol}`);
@@ -133,25 +60,43 @@ function readNode(piece, vocabulary) {
   if (expected === 2) return { node: { symbol, values: readValues(rest[0], fields), scope }, count: Number(count) };
   const [id, plain] = rest;
   // The slot of a part of a population has the name of the part, which is no id.
-  if (typeof id !== "string" || (plain !== null && !ID.test(id))) throw new Invalid(`${String(id)} is not an id`);
-  const values = plain === null ? null : readValues(plain, fields);
+  const isSlot = hasSlots && plain === null;
+  if (typeof id !== "string" || !(isSlot || isId(id))) throw new Invalid(`${String(id)} is not an id`);
+  // An agent without attributes has nil in place of its values, too.
+  const values = isSlot ? null : readValues(plain === null && fields.length === 0 ? [] : plain, fields);
   return { node: { symbol, id, values, scope }, count: Number(count) };
 }
 
-/** Nodes as they are in a message. */
-export function writeString(nodes, vocabulary) {
-  const flat = [BigInt(nodes.length)];
-  const waiting = [...nodes].reverse();
+/** The values of a node as they are sent. */
+function writtenValues({ symbol, id, values }, vocabulary) {
+  return writeValues(values, vocabulary.fields(symbol), id === undefined ? symbol : `${symbol}#${id}`);
+}
+
+/** Nodes as they are in a message; `many` neighbours of one shape and more are columns. */
+export function writeString(nodes, vocabulary, many = MANY) {
+  const flat = [];
+  const waiting = [...pieces(nodes, vocabulary, many)].reverse();
+  flat.push(BigInt(waiting.length));
   while (waiting.length > 0) {
-    const { symbol, id, values, scope } = waiting.pop();
-    const name = id === undefined ? symbol : `${symbol}#${id}`;
-    const plain = values === null ? null : writeValues(values ?? {}, vocabulary.fields(symbol), name);
-    const piece = id === undefined ? [symbol, plain] : [symbol, id, plain];
-    if (scope !== undefined) piece.push(BigInt(scope.length));
-    flat.push(piece);
-    for (let n = (scope?.length ?? 0) - 1; n >= 0; n--) waiting.push(scope[n]);
+    const piece = waiting.pop();
+    if (Array.isArray(piece)) flat.push(writeColumns(piece, vocabulary, (node) => writtenValues(node, vocabulary)));
+    else {
+      const { symbol, id, scope } = piece;
+      const values = writtenValues(piece, vocabulary);
+      const inner = scope === undefined ? [] : pieces(scope, vocabulary, many);
+      const count = scope === undefined ? [] : [BigInt(inner.length)];
+      const plain = id !== undefined && values.length === 0 ? null : values;
+      flat.push(id === undefined ? [symbol, plain, ...count] : [symbol, id, plain, ...count]);
+      for (let n = inner.length - 1; n >= 0; n--) waiting.push(inner[n]);
+    }
   }
   return flat;
+}
+
+/** Nodes with longer runs as lists. */
+function pieces(nodes, vocabulary, many) {
+  if (nodes.length < many) return nodes;
+  return runs(nodes, vocabulary).flatMap(([shape, run]) => (shape === null || run.length < many ? run : [run]));
 }
 
 /** Whether two strings are the same to the last bit. */
@@ -180,6 +125,17 @@ export function event(type, values = {}, { condition = "", sender = "", to = [] 
   return { type, values, condition, sender, receivers: [...new Set(to)].sort() };
 }
 
+/** Events as they are in a message: single ones and batches. */
+export function readEvents(plain, vocabulary) {
+  return plain.flatMap((one) => (Array.isArray(one) && one.length === 6 ? checkedBatch(one, vocabulary) : [readEvent(one, vocabulary)]));
+}
+
+function checkedBatch(plain, vocabulary) {
+  if (typeof plain[3] !== "string") throw new Invalid("not a batch of events");
+  check(plain[3]);
+  return readBatch(plain, vocabulary);
+}
+
 export function readEvent(plain, vocabulary) {
   if (!Array.isArray(plain) || ![2, 5].includes(plain.length)) throw new Invalid("not an event");
   const [type, values, condition = "", sender = "", receivers = []] = plain;
@@ -196,6 +152,26 @@ export function writeEvent({ type, values, condition, sender, receivers }, vocab
   return condition || sender || receivers.length > 0 ? [...short, condition, sender, receivers] : short;
 }
 
+/** Events as they are sent; longer runs of one type and condition as batches. */
+export function writeEvents(events, vocabulary) {
+  const groups = [];
+  for (const event of events) {
+    const [plain, likeness] = [writeEvent(event, vocabulary), likenessOf(event, vocabulary)];
+    if (groups.length === 0 || likeness === null || groups.at(-1).likeness !== likeness) groups.push({ likeness, events: [], plain: [] });
+    groups.at(-1).events.push(event);
+    groups.at(-1).plain.push(plain);
+  }
+  const written = ({ events, plain }) => [writeBatch(events, plain.map(([, values]) => values), vocabulary)];
+  return groups.flatMap((group) => (group.events.length < MANY ? group.plain : written(group)));
+}
+
+/** What events of one batch have in common, as a text; null for an event that is in none. */
+function likenessOf({ type, condition, sender, receivers }, vocabulary) {
+  const isNamed = [sender, ...receivers].every((id) => id === "" || (isId(id) && id.length <= LONGEST_ID));
+  if (receivers.length > 1 || !isNamed || !areFlat(vocabulary.eventFields(type))) return null;
+  return [type, receivers.length, sender === "", condition].join(" ");
+}
+
 /** The id of a newborn of an agent. */
 export function childId(parent, births) {
   return derived(parent, `${births}`, "");
@@ -209,6 +185,5 @@ export function copyId(id, frame, copy, height) {
 function derived(id, mark, before) {
   const long = `${id}:${mark}`;
   if (long.length <= LONGEST_ID) return long;
-  const digest = [...blake2b(long, 12)].map((byte) => byte.toString(16).padStart(2, "0")).join("");
-  return `${id.slice(0, 16).split(":")[0]}:${before}-${digest}`;
+  return `${id.slice(0, 16).split(":")[0]}:${before}-${hex(blake2b(long, 12))}`;
 }

@@ -1,6 +1,6 @@
 /** A free-running generator: it sends events at any time, as a sensor does. */
 
-import { writeEvent } from "./scene.js";
+import { writeEvents } from "./scene.js";
 
 /**
  * A free-running generator that `run` can start; no frame waits for it.
@@ -46,6 +46,6 @@ class Source {
   #emit(events) {
     const { member } = this;
     if (!member.takesPart || events.length === 0) return;
-    member.send("emitted", member.own(() => events.map((event) => writeEvent(event, member.vocabulary))));
+    member.send("emitted", member.own(() => writeEvents(events, member.vocabulary)));
   }
 }
