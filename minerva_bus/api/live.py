@@ -151,7 +151,9 @@ class Live:
         return self._backend.operator
 
     def publish(self, event: AnyEvent, by: str = "") -> None:
-        """Send an event as a person, by name if `by` is given; it belongs to the next frame.
+        """Send an event, or a batch, as a person; it belongs to the next frame.
+
+        `by` is the name of the person, if any.
 
         Raises BusError if people may not send events of its type; see docs/worlds.md, `people`.
         """

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Final
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.calling import NOTHING
-from minerva_bus.frame.inbox import AGENTS, PEOPLE, Orders, is_people, name_of, person_of
+from minerva_bus.frame.inbox import AGENTS, PEOPLE, Orders, counting, is_people, name_of
 from minerva_bus.frame.inputs import FrameInputs
 from minerva_bus.frame.members import MemberChange, MemberEntry, MemberState
 from minerva_bus.frame.senders import SenderRights
 from minerva_bus.frame.views import due_views
-from minerva_bus.grammar.batch import AnyEvent, single
+from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.events import Event
 from minerva_bus.world.norms import SOURCE
 from minerva_bus.world.order import collect
@@ -266,9 +266,10 @@ class CollectionStep:
         for source, event, norm in self._algorithm.norms.take_rejected_orders():
             out.add(s.OrderJudged(event, name_of(source), frame, norm))
         for source in sorted(filter(is_people, permitted)):
-            for event in single(permitted[source]):
-                out.log(ORDERS, f"{event} of {person_of(source)} counts in frame {frame}")
-                out.add(s.OrderJudged(event, name_of(source), frame))
+            for event in permitted[source]:
+                out.log(ORDERS, f"{counting(source, event)} in frame {frame}")
+                if isinstance(event, Event):  # Programs send batches, and do not ask for fates.
+                    out.add(s.OrderJudged(event, name_of(source), frame))
 
 
 def is_handed_over(source: str) -> bool:

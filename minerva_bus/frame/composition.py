@@ -128,6 +128,15 @@ class Composition:
             return next((name for name, part in self.parts.items() if _has(part, agent)), None)
         return home
 
+    def first_missing(self, agents: Ids | None) -> str | None:
+        """The first of these agents that is not in the string; None if all are."""
+        if agents is None:
+            return None
+        left = agents
+        for part in self.parts.values():
+            left = left.take(_ids(part).rows_of(left) < 0)
+        return next((agent for agent in left.texts() if agent not in self._home), None)
+
     def homes(self, agents: Ids) -> Iterator[str]:
         """The fragments that contain these agents."""
         exact = next((name for name, part in self.parts.items() if part.ids is agents), None)

@@ -50,6 +50,13 @@ def person_of(source: str) -> str:
     return name_of(source) or "people"
 
 
+def counting(source: str, event: AnyEvent) -> str:
+    """What an order of a person, or a batch of orders, does in a frame, for the log."""
+    if isinstance(event, Event):
+        return f"{event} of {person_of(source)} counts"
+    return f"{event.count} {event.type} of {person_of(source)} count"
+
+
 class EarlyTicks:
     """Early requests to generators that do not depend on the world, before a frame begins."""
 
@@ -125,8 +132,8 @@ class FrameInbox:
         waiting.extend(events)
         return True
 
-    def add_order(self, event: Event, person: str = "") -> None:
-        """Add an event from a person."""
+    def add_order(self, event: AnyEvent, person: str = "") -> None:
+        """Add an event, or a batch, from a person."""
         self.events.setdefault(source_of(person), []).append(event)
 
     def take_orders(self, is_taken: Callable[[str], bool]) -> Orders:

@@ -52,9 +52,9 @@ class Violation:
 
 @dataclass(frozen=True, slots=True)
 class Publish:
-    """A person sends an event; `person` is the name, if known."""
+    """A person sends an event, or a batch; `person` is the name, if known."""
 
-    event: Event
+    event: AnyEvent
     person: str = ""
 
 

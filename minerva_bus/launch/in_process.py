@@ -16,6 +16,7 @@ from minerva_bus.blame import report, whole
 from minerva_bus.errors import BusError, MinervaError, WorldStopped
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
+from minerva_bus.frame.collection import ORDERS
 from minerva_bus.frame.member import Member, Unready
 from minerva_bus.frame.phases import Phase
 from minerva_bus.launch.collecting import CollectSink, collect_sink
@@ -266,7 +267,9 @@ class InProcessRun:
 
     def _show(self, member: str, text: str, details: str) -> None:
         self._console.frame = self.algorithm.frame
-        self._console.log(member, text, "warning")
+        # A program that steps a world sends events in each frame, and knows that they count.
+        if member != ORDERS or not self._console.quiet:
+            self._console.log(member, text, "warning")
         self._record.said(member, f"{text}\n{details}".rstrip())
 
 

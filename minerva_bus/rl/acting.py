@@ -22,6 +22,7 @@ import numpy as np
 from gymnasium import spaces
 
 from minerva_bus.errors import MisuseError, nearest
+from minerva_bus.grammar.batch import AnyEvent, Events
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.fields import Field
 from minerva_bus.grammar.symbols import AgentKind, EventType
@@ -43,6 +44,10 @@ class Acting(Protocol):
 
     def event(self, agent: str, action: Any) -> Event | None:
         """The event of an action for an agent; None: none. Raises MisuseError."""
+        ...
+
+    def events(self, agents: Sequence[str], actions: Sequence[Any]) -> list[AnyEvent]:
+        """The events of actions, a row for each agent, in batches. Raises MisuseError."""
         ...
 
 
@@ -74,7 +79,31 @@ def _check_type(name: str, kind: AgentKind, known: Collection[str]) -> None:
         raise MisuseError(f"act: {kind.name} does not respond to {name}; it responds to {own}")
 
 
-class EventActions:
+class BatchedActions:
+    """Puts the events of several agents into batches: a world accepts each in one call."""
+
+    def event(self, agent: str, action: Any) -> Event | None:
+        """The event of an action for an agent; None: none. Raises MisuseError."""
+        raise NotImplementedError
+
+    def events(self, agents: Sequence[str], actions: Sequence[Any]) -> list[AnyEvent]:
+        """The events of actions, a row for each agent, in batches. Raises MisuseError."""
+        made = [self.event(agent, action) for agent, action in zip(agents, actions, strict=True)]
+        by_type: dict[str, list[Event]] = {}
+        for event in made:
+            if event is not None:
+                by_type.setdefault(event.type, []).append(event)
+        # The world orders events by their types, so only the order within a type matters.
+        return [part for events in by_type.values() for part in _batched(events)]
+
+
+def _batched(events: list[Event]) -> Sequence[AnyEvent]:
+    """Events of one type as a batch; as they are if it is one, or if columns cannot hold them."""
+    batch = Events.of(events) if len(events) > 1 else None
+    return events if batch is None else [batch]
+
+
+class EventActions(BatchedActions):
     """Actions that are numbers of events; None sends nothing."""
 
     def __init__(self, events: Sequence[Event | None]) -> None:
@@ -89,7 +118,7 @@ class EventActions:
         return None if event is None else replace(event, receivers=(agent,))
 
 
-class DataActions:
+class DataActions(BatchedActions):
     """Actions that are the data of an event type."""
 
     def __init__(self, event_type: EventType) -> None:

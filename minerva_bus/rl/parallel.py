@@ -219,10 +219,9 @@ class WorldEnv(ParallelEnv[str, Any, Any]):
                 known = ", ".join(self.agents[:5]) or "none; call reset()"
                 raise MisuseError(f"there is no agent {agent} to act; there are {known}")
         # In one order, whatever the order of the actions is.
-        for agent in self.agents:
-            event = self._task.acting.event(agent, actions[agent]) if agent in actions else None
-            if event is not None:
-                live.publish(event)
+        acting = [agent for agent in self.agents if agent in actions]
+        for event in self._task.acting.events(acting, [actions[agent] for agent in acting]):
+            live.publish(event)
 
     def _joins(self, agent: str, before: KindStates) -> bool:
         return self._task.births and agent not in before.row and agent not in self._ended

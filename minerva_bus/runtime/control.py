@@ -35,6 +35,7 @@ from minerva_bus.frame.members import MemberEntry
 from minerva_bus.frame.order_fates import OrderFates
 from minerva_bus.frame.orders import listed, refusal_of_order, unknown_value
 from minerva_bus.frame.pace import Pace
+from minerva_bus.grammar.batch import Events
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.fitting import Unfit
 from minerva_bus.grammar.parser import parse
@@ -214,9 +215,38 @@ def _order(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
     reader = Reader(running.algorithm.world.vocabulary)
     event = reader.event(asked.get("event"))
     # Agents trust the sender of an event, so an operator must not set one.
-    if not isinstance(event, Event) or event.sender:
-        raise ProtocolError("an order is one event, of people: it has no sender")
+    if event.senders is not None if isinstance(event, Events) else event.sender:
+        raise ProtocolError("an order is an event or a batch of people: it has no sender")
+    if isinstance(event, Events):
+        return _send_batch(running, event, _person(asked))
     return _send(running, event, _person(asked))
+
+
+def _send_batch(running: Operated, batch: Events, person: str) -> dict[str, Any]:
+    """Send the events of a batch; their fates are not kept."""
+    algorithm = running.algorithm
+    takers = [member.name for member in algorithm.members.takers(batch.type)]
+    types = algorithm.world.vocabulary.events[batch.type].fields.all
+    # Generators take single orders, and values that the string has are compared one by one.
+    if takers or any(field.type.source is not None for field in types):
+        for event in batch:
+            _send(running, event, person)
+    else:
+        refusal = refusal_of_order(algorithm, batch.type)
+        if refusal:
+            raise ProtocolError(refusal)
+        missing = algorithm.composition.first_missing(batch.receivers)
+        if missing is not None:
+            raise ProtocolError(_no_agent(running, missing))
+        running.runner.handle(s.Publish(batch, person))
+    frame, sent = algorithm.frame, f"{batch.count} {batch.type}"
+    return {"frame": frame, "event": sent, "through": takers, "by": person}
+
+
+def _no_agent(running: Operated, receiver: str) -> str:
+    known = sorted(node.id for node in agents(running.algorithm.scene))
+    hint = nearest(receiver, known) or f"; there are {listed(known)}"
+    return f"there is no agent #{receiver[:64]}{hint}"
 
 
 def _person(asked: Mapping[str, Any]) -> str:
@@ -235,9 +265,7 @@ def _send(running: Operated, event: Event, person: str) -> dict[str, Any]:
     for receiver in event.receivers:
         # Not `agent`, which makes the node of an agent in columns.
         if algorithm.composition.home(receiver) is None:
-            known = sorted(node.id for node in agents(algorithm.scene))
-            hint = nearest(receiver, known) or f"; there are {listed(known)}"
-            raise ProtocolError(f"there is no agent #{receiver[:64]}{hint}")
+            raise ProtocolError(_no_agent(running, receiver))
     refusal = refusal_of_order(algorithm, event.type)
     refusal = refusal or unknown_value(algorithm, event)
     if refusal:

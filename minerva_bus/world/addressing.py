@@ -9,7 +9,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from minerva_bus.grammar.batch import AnyEvent, Events
+from minerva_bus.grammar.batch import MANY, AnyEvent, Events
 from minerva_bus.grammar.columns import Rows
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.ids import Ids
@@ -27,12 +27,14 @@ class Addressed:
     _everyone: dict[str, list[int]] = field(init=False)
     _single: dict[str, list[int]] = field(init=False)
     _batches: dict[str, list[int]] = field(init=False)
+    _rows: dict[int, tuple[dict[str, list[int]], list[Event]]] = field(init=False)
+    """Rows by receiver and single events of short batches, by index; made on demand."""
 
     def __post_init__(self) -> None:
         # Events are indexed once by receiver, because each agent looks up its own: scanning all
         # events for each agent would cost agents times events.
         self.types = frozenset([event.type for event in self.events])
-        self._everyone, self._single, self._batches = {}, {}, {}
+        self._everyone, self._single, self._batches, self._rows = {}, {}, {}, {}
         for index, event in enumerate(self.events):
             if not event.receivers:  # a batch for all has None, and there is no empty batch
                 self._everyone.setdefault(event.type, []).append(index)
@@ -68,9 +70,22 @@ class Addressed:
             for index in indexes if event_type in event_types else ():
                 batch = self.events[index]
                 if index > after and isinstance(batch, Events):
-                    own = batch.to(agent_id)
-                    if own.count:
+                    own = self._own(index, batch, agent_id)
+                    if own:
                         yield index, own
+
+    def _own(self, index: int, batch: Events, agent_id: str) -> AnyEvent:
+        """The rows of a batch for an agent; one row is an event, which is faster to process."""
+        if batch.count > MANY:  # It is for a population; few other agents receive any of it.
+            return batch.to(agent_id)
+        if index not in self._rows:
+            rows: dict[str, list[int]] = {}
+            for row, receiver in enumerate([] if batch.receivers is None else batch.receivers):
+                rows.setdefault(receiver, []).append(row)
+            self._rows[index] = rows, list(batch)
+        rows, events = self._rows[index]
+        own = rows.get(agent_id, [])
+        return events[own[0]] if len(own) == 1 else batch.take(np.array(own, np.intp))
 
 
 def _index(pair: tuple[int, AnyEvent]) -> int:

@@ -1,6 +1,7 @@
 """Worlds as environments of PettingZoo and Gymnasium."""
 
 import warnings
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,18 +12,21 @@ pytest.importorskip("pettingzoo")
 from gymnasium import spaces
 from gymnasium.utils.env_checker import check_env
 from pettingzoo.test import parallel_api_test, parallel_seed_test
-from rl_pond import Fish, eEat, ePick, pond
+from rl_pond import Fish, eEat, ePick, eSwim, pond
 
 from minerva_bus import MinervaError, World, run
+from minerva_bus.grammar.ids import Ids
 from minerva_bus.rl import parallel_env, single_env
+from minerva_worlds.flock.flock import eTurn
 
 LIGHTS = World.load("traffic", cars=4)
 eLight = LIGHTS.vocabulary.events["eLight"]
+FLOCK = World.load("flock", birds=6)
 SHIPPED = {
     "robot": ("robot", "ARobot", "eSpeed", ["row", "column", "angle", "grid"]),
     "meadow": ("meadow", "ARabbit", "eAlarm", ["x", "y", "energy", "fear"]),
     "traffic": (LIGHTS, "ACar", [None, eLight("green", "green"), eLight("red", "red")], None),
-    "flock": (World.load("flock", birds=6), "ABird", "eTurn", None),
+    "flock": (FLOCK, "ABird", "eTurn", None),
 }
 
 
@@ -204,3 +208,23 @@ def test_wrong_actions_are_explained(act, action, says):
         env.step({"a": action})
     assert says in str(caught.value)
     env.close()
+
+
+@pytest.mark.parametrize(
+    ("world", "batch"),
+    [
+        (pond, eSwim(np.array([0.1, 0.2, 0.3]), 1.0, receivers=Ids.of(["c", "a", "a"]))),
+        (FLOCK, eTurn(np.arange(6.0), receivers=Ids.numbered("b", range(6)))),
+    ],
+)  # fmt: skip
+def test_a_batch_of_events_equals_its_events(world, batch, capfd):
+    with world.start(seed=2) as one, world.start(seed=2) as other:
+        one.publish(batch)
+        for event in batch:
+            other.publish(event)
+        assert [one.step(), one.digest] == [other.step(), other.digest]
+        assert one.digest != run(world, frames=1, seed=2).digest
+        with pytest.raises(MinervaError, match="there is no agent #z; there are"):
+            one.publish(replace(batch, receivers=Ids.of(["z"] * len(batch))))
+    # A program that sends events knows that they count.
+    assert capfd.readouterr().err == ""
