@@ -1,4 +1,4 @@
-"""Positions in a continuous field, and the search for neighbours in cell lists."""
+"""Positions in a continuous field, and the search for neighbours in its cells."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ MARGIN: Final = 1e-9
 
 
 class FieldGrid(NamedTuple):
-    """A rectangle, divided into cells for the search.
+    """A rectangle, divided into cells for the search; cell = column * down + row.
 
     Attributes:
         width: in the units of x.
         height: in the units of y.
         periodic: whether opposite edges are connected.
-        across: cells in a row.
+        across: columns of cells.
         down: rows of cells.
 
     """
@@ -35,7 +35,7 @@ def cell_of(field: FieldGrid, x: float, y: float) -> int:
     """The cell that contains a position; positions outside belong to the nearest cell."""
     column = min(max(int(x / field.width * field.across), 0), field.across - 1)
     row = min(max(int(y / field.height * field.down), 0), field.down - 1)
-    return row * field.across + column
+    return column * field.down + row
 
 
 @kernel
@@ -64,38 +64,64 @@ def near(table: Any, x: float, y: float, radius: float, other_than: int) -> int:
 
     Returns their number n. `table.nearby`, `table.dx` and `table.dy` then have the n rows and their
     differences to the position, until the next search. Their order depends on the cells only, so
-    sums over them have the same bits everywhere.
+    sums over them have the same bits everywhere. Rows that are sorted by cell have the order of the
+    lists that they were in.
     """
     field = table.field
     # A little more than the radius, so that rounding cannot exclude a cell at its edge.
     u, columns = cells_between(x - radius, x + radius, field.width, field.across, field.periodic)
     top, rows = cells_between(y - radius, y + radius, field.height, field.down, field.periodic)
-    half_width, half_height, square = 0.5 * field.width, 0.5 * field.height, radius * radius
     count = 0
-    table.counts[FOUND] = table.links.shape[1]
+    table.counts[FOUND] = table.values.shape[1]
     for _ in range(columns):
-        v = top
-        for _ in range(rows):
-            j = table.places[FIRST, v * field.across + u]
-            while j >= 0:
-                dx, dy = table.x[j] - x, table.y[j] - y
-                if field.periodic:
-                    if dx > half_width:
-                        dx -= field.width
-                    elif dx < -half_width:
-                        dx += field.width
-                    if dy > half_height:
-                        dy -= field.height
-                    elif dy < -half_height:
-                        dy += field.height
-                if j != other_than and dx * dx + dy * dy <= square:
-                    table.nearby[count], table.dx[count], table.dy[count] = j, dx, dy
-                    count += 1
-                j = table.links[NEXT, j]
-            v = v + 1 if v + 1 < field.down else 0
+        if len(table.starts):
+            # Two parts if the cells continue at the other edge.
+            first, beyond = u * field.down, max(top + rows - field.down, 0)
+            k, end = table.starts[first + top], table.starts[first + top + rows - beyond]
+            while True:
+                while k < end:
+                    j = table.sorted[k]
+                    dx, dy = table.sorted_x[k] - x, table.sorted_y[k] - y
+                    count += meet(table, count, j, dx, dy, radius, other_than)
+                    k += 1
+                if not beyond:
+                    break
+                k, end, beyond = table.starts[first], table.starts[first + beyond], 0
+        else:
+            v = top
+            for _ in range(rows):
+                j = table.places[FIRST, u * field.down + v]
+                while j >= 0:
+                    dx, dy = table.x[j] - x, table.y[j] - y
+                    count += meet(table, count, j, dx, dy, radius, other_than)
+                    j = table.links[NEXT, j]
+                v = v + 1 if v + 1 < field.down else 0
         u = u + 1 if u + 1 < field.across else 0
     table.counts[FOUND] = count
     return count
+
+
+@kernel
+def meet(
+    table: Any, count: int, j: int, dx: float, dy: float, radius: float, other_than: int
+) -> int:
+    """Write row j at `count` of `nearby`; 1 if it is near, else 0."""
+    field = table.field
+    if field.periodic:
+        dx, dy = shortest(dx, field.width), shortest(dy, field.height)
+    # Without a branch, because a processor cannot foresee which of the rows are near.
+    table.nearby[count], table.dx[count], table.dy[count] = j, dx, dy
+    return int(j != other_than) & int(dx * dx + dy * dy <= radius * radius)
+
+
+@kernel
+def shortest(difference: float, size: float) -> float:
+    """A difference of coordinates, across connected edges if this is shorter."""
+    if difference > 0.5 * size:
+        return difference - size
+    if difference < -0.5 * size:
+        return difference + size
+    return difference
 
 
 @kernel

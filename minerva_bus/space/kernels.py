@@ -51,6 +51,15 @@ class Kernel(Generic[_P, _R]):
     def __call__(self, *args: _P.args, **kwargs: _P.kwargs) -> _R:
         return self.function(*args, **kwargs)
 
+    def calls(self, other: Kernel[..., Any]) -> bool:
+        """Whether it calls another kernel, itself or by kernels that it calls."""
+        known, pending = set[Kernel[..., Any]](), [cast("Kernel[..., Any]", self)]
+        while pending:
+            called = {helper for _, helper in helpers(pending.pop().function)} - known
+            known |= called
+            pending += called
+        return other in known
+
     @property
     def compiled(self) -> Any:
         """The function as a dispatcher of numba. Raises MisuseError without numba."""

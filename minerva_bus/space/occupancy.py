@@ -20,6 +20,9 @@ FIRST, FREE, SLOT = 0, 1, 2
 # Items of `table.counts`: rows in use, free cells, and rows that the last search has found.
 ROWS, VACANT, FOUND = 0, 1, 2
 
+UNCOUNTED = -1
+"""In place of the number of free cells: no rule asks for one, so there is no list of them."""
+
 TOO_MANY = "one activation made more copies than `births` of the rule allows"
 REMOVED = "a row that was removed cannot move or be removed again"
 
@@ -34,6 +37,8 @@ def place(table: Any, i: int, cell: int) -> None:
     table.places[FIRST, cell] = i
     if first >= 0:
         table.links[PREVIOUS, first] = i
+        return
+    if table.counts[VACANT] == UNCOUNTED:
         return
     # The cell was free: the last free cell takes its slot.
     slot, last = table.places[SLOT, cell], table.counts[VACANT] - 1
@@ -54,7 +59,7 @@ def take_out(table: Any, i: int) -> None:
         table.links[NEXT, before] = after
         return
     table.places[FIRST, cell] = after
-    if after < 0:
+    if after < 0 and table.counts[VACANT] != UNCOUNTED:
         last = table.counts[VACANT]
         table.places[FREE, last], table.places[SLOT, cell] = cell, last
         table.counts[VACANT] = last + 1

@@ -22,12 +22,18 @@ from minerva_bus.space.occupancy import (
     PREVIOUS,
     ROWS,
     SLOT,
+    UNCOUNTED,
     VACANT,
 )
 from minerva_bus.space.tables import INDEX, Column, InField, Inhabitants, Rows, columns_of
 
 _PER_CELL: Final = 2
 """Inhabitants per cell of a field's search, on average."""
+
+_UNSORTED: Final = dict(
+    zip(InField.sorted_rows, (*np.empty((2, 0), np.int64), *np.empty((2, 0))), strict=True)
+)
+"""Of a table whose rows move."""
 
 ENTERED, UNBORN, OUTSIDE = 0, 1, 2
 
@@ -48,23 +54,28 @@ class Opened:
         lattice: CellGrid,
         extent: tuple[float, float],
         births: Rows,
+        *,
+        free: bool,
     ) -> Opened:
-        """Open a matrix of the string. Raises MisuseError if it does not fit the space."""
+        """Open a matrix of the string, with a list of free cells if `free`.
+
+        Raises MisuseError if the matrix does not fit the space.
+        """
         kind.check(matrix)
         shape = lattice
         if issubclass(kind, InField):
             shape = _field(extent, lattice.periodic, matrix.shape[1])
         opened = Opened(kind, matrix, {"births": births}, shape)
-        opened._allocate(matrix)
+        opened._allocate(matrix, free)
         opened._enter()
         return opened
 
-    def _allocate(self, matrix: Reals) -> None:
+    def _allocate(self, matrix: Reals, free: bool) -> None:
         count, cells = matrix.shape[1], _cells(self.shape)
         self.arrays |= {
             "places": np.empty((3, cells), np.int64),
-            "counts": np.array([count, cells, 0]),
-            "values": np.array(matrix),
+            "counts": np.array([count, cells if free else UNCOUNTED, 0]),
+            "values": np.array(matrix, order="C"),
             "links": np.empty((3, count), np.int64),
             "cell": np.empty(count, np.int64),
         }
@@ -104,8 +115,24 @@ class Opened:
             self.arrays[name] = wide
 
     def snapshot(self) -> Opened:
-        """A copy of the current state."""
-        return replace(self, arrays={name: array.copy() for name, array in self.arrays.items()})
+        """A copy of the current state, which does not change."""
+        if isinstance(self.shape, CellGrid):
+            arrays = {name: array.copy() for name, array in self.arrays.items()}
+            return replace(self, arrays=arrays)
+        arrays = {name: self.arrays[name].copy() for name in ("values", "cell", "counts", "births")}
+        # Its rows are sorted instead of in lists.
+        arrays |= {"links": np.empty((3, 0), np.int64), "places": np.empty((3, 0), np.int64)}
+        return replace(self, arrays=arrays | self._sorted())
+
+    def _sorted(self) -> dict[str, NDArray[Any]]:
+        """The rows of each cell in the order of its list."""
+        places, links = self.arrays["places"], self.arrays["links"]
+        starts, rows = np.empty(places.shape[1] + 1, np.int64), np.empty(links.shape[1], np.int64)
+        at = np.empty((2, len(rows)))
+        row = self.kind.names.index("x")
+        x, y = self.arrays["values"][row : row + 2]
+        SORT(places, links, x, y, starts, rows, *at)
+        return dict(zip(self.kind.sorted_rows, (starts, rows, *at), strict=True))
 
     def arguments(self) -> list[Any]:
         """The arrays and numbers of the kind's tuple, in the order of `parameters`."""
@@ -120,7 +147,8 @@ class Opened:
             arrays |= {"nearby": np.empty(capacity, np.int64), "apart": np.empty((2, capacity))}
         if isinstance(self.shape, CellGrid):
             return [arrays["nearby"], *self.shape]
-        return [arrays["nearby"], *arrays["apart"], *self.shape]
+        sorted_rows = [arrays.get(name, none) for name, none in _UNSORTED.items()]
+        return [arrays["nearby"], *arrays["apart"], *sorted_rows, *self.shape]
 
     def close(self) -> Reals:
         """The matrix of the remaining rows and of newborns, in their order."""
@@ -168,6 +196,8 @@ def enter(values: Column, cell: Rows, links: Rows, places: Rows, counts: Rows, b
         places[FIRST, cell[i]] = i
         if other >= 0:
             links[PREVIOUS, other] = i
+    if counts[VACANT] == UNCOUNTED:
+        return ENTERED
     vacant = 0
     for place in range(places.shape[1]):
         if places[FIRST, place] < 0:
@@ -187,6 +217,22 @@ def locate(
         cell[i] = cell_of(field, x[i], y[i])
 
 
+@kernel
+def sort_by_cell(
+    places: Rows, links: Rows, x: Column, y: Column,
+    starts: Rows, rows: Rows, sorted_x: Column, sorted_y: Column,
+) -> None:  # fmt: skip
+    """Write the rows of all lists, with their positions, one cell after another."""
+    count = 0
+    for cell in range(places.shape[1]):
+        starts[cell] = count
+        i = places[FIRST, cell]
+        while i >= 0:
+            rows[count], sorted_x[count], sorted_y[count] = i, x[i], y[i]
+            count, i = count + 1, links[NEXT, i]
+    starts[places.shape[1]] = count
+
+
 _INTS: Final = "int64[::1]"
 _TABLE: Final = "int64[:, ::1]"
 _REALS: Final = "float64[::1]"
@@ -194,9 +240,10 @@ _ENTERED: Final = ("values", "cell", "links", "places", "counts", "births")
 ENTER: Final = around(
     enter, ("float64[:, ::1]", _INTS, _TABLE, _TABLE, _INTS, _INTS), result="int64"
 )
+SORT: Final = around(sort_by_cell, (_TABLE, _TABLE, _REALS, _REALS, _INTS, _INTS, _REALS, _REALS))
 LOCATE: Final = around(locate, (_INTS, _REALS, _REALS, "float64", "float64", "int64", "int64"))
 
 
 def loops_of_table(kind: type[Inhabitants]) -> tuple[RuleLoop, ...]:
     """The loops that open a table."""
-    return (LOCATE, ENTER) if issubclass(kind, InField) else (ENTER,)
+    return (LOCATE, ENTER, SORT) if issubclass(kind, InField) else (ENTER,)

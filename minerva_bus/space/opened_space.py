@@ -43,8 +43,11 @@ class _Started:
 class OpenedSpace:
     """The tables and matrices of a space, opened once for several rules."""
 
-    def __init__(self, space: Space, moment: Context, data: dict[str, float]) -> None:
+    def __init__(
+        self, space: Space, moment: Context, rules: Sequence[SpaceRule], data: dict[str, float]
+    ) -> None:
         self._space = space
+        self._rules = rules
         self._moment = moment
         self._data = data
         self._lattice = CellGrid(int(space.width), int(space.height), space.periodic)
@@ -54,12 +57,12 @@ class OpenedSpace:
         self._originals: dict[str, NDArray[Any]] = {}
         self._progress = np.zeros(1, np.int64)
 
-    def failure(self, rules: Sequence[SpaceRule]) -> Failure | None:
+    def failure(self) -> Failure | None:
         """Apply rules in turn; the error of machine code that ended this early.
 
         Raises any error of rules that run as Python, and MisuseError.
         """
-        for number, each in enumerate(rules, 1):
+        for number, each in enumerate(self._rules, 1):
             try:
                 self._apply(each)
             except MinervaError:
@@ -70,15 +73,15 @@ class OpenedSpace:
                 return Failure(error, number, int(self._progress[0]))
         return None
 
-    def repeat(self, rules: Sequence[SpaceRule], place: int) -> None:
-        """Apply rules again, and only the activation at a place of the last one as Python."""
-        *earlier, last = rules
+    def repeat(self, failed: Failure) -> None:
+        """Apply rules again up to an activation that failed, and only this one as Python."""
+        *earlier, last = self._rules[: failed.rules]
         for each in earlier:
             self._apply(each)
         started = self._start(last)
-        self._activate(started, 0, place)
+        self._activate(started, 0, failed.place)
         with interpreted():
-            self._activate(started, place, place + 1)
+            self._activate(started, failed.place, failed.place + 1)
 
     def reset(self) -> None:
         """Give the space the matrices that it had before the rules."""
@@ -151,7 +154,8 @@ class OpenedSpace:
             kind: Any = parameter.table
             matrix = self._attribute(parameter)
             extent = self._space.width, self._space.height
-            opened = Opened.of(kind, matrix, self._lattice, extent, self._births)
+            free = any(rule.takes_free_cells for rule in self._rules)
+            opened = Opened.of(kind, matrix, self._lattice, extent, self._births, free=free)
             self._tables[parameter.name] = opened
         return opened
 

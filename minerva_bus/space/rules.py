@@ -15,10 +15,10 @@ from minerva_bus.space.checking import check_rule
 from minerva_bus.space.compiling import RuleLoop
 from minerva_bus.space.draws import Draws, shuffle
 from minerva_bus.space.field import FieldGrid
-from minerva_bus.space.guarded import Guard
+from minerva_bus.space.guarded import ALL, Guard
 from minerva_bus.space.kernels import Kernel
 from minerva_bus.space.lattice import CellGrid
-from minerva_bus.space.occupancy import ALIVE, FOUND, ROWS, TOO_MANY
+from minerva_bus.space.occupancy import ALIVE, FOUND, ROWS, TOO_MANY, random_free
 from minerva_bus.space.opened import loops_of_table
 from minerva_bus.space.tables import INDEX, InField, Inhabitants, columns_of
 
@@ -43,6 +43,11 @@ _NUMBERS: Final = {int: "int64", float: "float64", bool: "boolean"}
 _MATRICES: Final = ((Cells, "int16[::1]"), (Reals, "float64[::1]"))
 _INDEX_TYPES: Final = (
     "float64[:, ::1]", "int64[:, ::1]", "int64[:, ::1]", "int64[::1]", "int64[::1]", "int64[::1]",
+)  # fmt: skip
+_ON_LATTICE: Final = ("int64[::1]",)
+_IN_FIELD: Final = (
+    "int64[::1]", "float64[::1]", "float64[::1]",
+    "int64[::1]", "int64[::1]", "float64[::1]", "float64[::1]",
 )  # fmt: skip
 _SHAPES: Final = {
     CellGrid: ("int64", "int64", "boolean"),
@@ -77,9 +82,9 @@ class RuleParameter:
         if self.table is not None:
             columns = ["float64[::1]"] * len(columns_of(self.table))
             field = issubclass(self.table, InField)
-            nearby = ["int64[::1]", *["float64[::1]"] * 2 * field]
+            extra = _IN_FIELD if field else _ON_LATTICE
             shape = _SHAPES[FieldGrid if field else CellGrid]
-            return [*_INDEX_TYPES, *columns, *nearby, *shape]
+            return [*_INDEX_TYPES, *columns, *extra, *shape]
         if self.type == Draws:
             return ["uint64[::1]"]
         if self.type is CellGrid:
@@ -107,6 +112,11 @@ class SpaceRule:
     def subject(self) -> RuleParameter:
         """The table or matrix for whose rows or cells it runs."""
         return self.parameters[0]
+
+    @cached_property
+    def takes_free_cells(self) -> bool:
+        """Whether it, or a kernel that it calls, calls `random_free`."""
+        return self.kernel.calls(random_free)
 
     def _driver(self) -> RuleLoop:
         """A loop over the rows at `begin` to `end`; `progress` has the place of the current one.
@@ -219,10 +229,17 @@ def _table(
     for part in range(INDEX.index("cell"), len(made)):
         field = kind.type._fields[part]
         guard = f"g{number}_{part}"
-        scope[guard] = Guard(f"{name}.{field}", FOUND if field in kind.extra else ROWS)
+        scope[guard] = Guard(f"{name}.{field}", _slot(kind, field))
         made[part] = f"{guard}({names[part]}, {counts})"
     inner = f"{shape.__name__}({', '.join(names[-size:])})"
     return f"T{number}({', '.join([*made, inner])})"
+
+
+def _slot(kind: type[Inhabitants], field: str) -> int:
+    """The item of `counts` with the number of items that an array of a table has."""
+    if field in kind.sorted_rows:
+        return ALL
+    return FOUND if field in kind.extra else ROWS
 
 
 def _parameters(function: Callable[..., None], name: str) -> tuple[RuleParameter, ...]:

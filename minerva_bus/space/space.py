@@ -54,14 +54,14 @@ class Space(Agent):
             Exception: others that a rule raises, with the line of the rule in the traceback.
 
         """
-        frame = OpenedSpace(self, moment, data)
-        failed = frame.failure(rules)
+        frame = OpenedSpace(self, moment, rules, data)
+        failed = frame.failure()
         if failed is None:
             frame.close()
             return
         # Machine code has no lines, so the activation that failed runs as Python.
         frame.reset()
-        OpenedSpace(self, moment, data).repeat(rules[: failed.rules], failed.place)
+        OpenedSpace(self, moment, rules, data).repeat(failed)
         raise failed.error
 
     @classmethod

@@ -39,6 +39,8 @@ class Inhabitants:
     position: ClassVar[tuple[str, ...]] = ()
     extra: ClassVar[tuple[str, ...]] = ()
     """Other arrays and structures that a rule sees, after the columns."""
+    sorted_rows: ClassVar[tuple[str, ...]] = ()
+    """Those of a table that does not change, in the order of its cells."""
 
     names: ClassVar[tuple[str, ...]] = ()
     """The rows of the matrix."""
@@ -117,15 +119,25 @@ class OnLattice(Inhabitants):
 
 
 class InField(Inhabitants):
-    """Inhabitants at positions (x, y) of a continuous field."""
+    """Inhabitants at positions (x, y) of a continuous field.
+
+    The table `before` of a rule has its rows by cell, so that a search reads memory in its order:
+    those of a cell are `sorted[starts[cell]:starts[cell + 1]]`, at `sorted_x` and `sorted_y`. In a
+    table whose rows move these arrays are empty.
+    """
 
     position = ("x", "y")
-    extra = ("nearby", "dx", "dy", "field")
+    sorted_rows = ("starts", "sorted", "sorted_x", "sorted_y")
+    extra = ("nearby", "dx", "dy", *sorted_rows, "field")
     x: Column
     y: Column
     nearby: Rows
     dx: Column
     dy: Column
+    starts: Rows
+    sorted: Rows
+    sorted_x: Column
+    sorted_y: Column
     field: FieldGrid
 
 

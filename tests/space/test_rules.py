@@ -11,9 +11,11 @@ from space.worlds import (
     Resident,
     Sheep,
     count_near,
+    drift,
     eStep,
     flock,
     grow,
+    look,
     meadow,
     moment,
     town,
@@ -37,6 +39,7 @@ from minerva_bus.space import (
     exponential,
     integers,
     interpreted,
+    near,
     normal,
     random,
     random_at,
@@ -254,6 +257,25 @@ def test_shuffled_rules_have_another_order_in_each_frame(as_python):
         assert sorted(order) == list(range(8))
         orders.add(order)
     assert len(orders) > 3
+
+
+@rule(ORDERED, births=0)
+def look_now(i: int, birds: Bird, sight: float):
+    birds.seen[i] = near(birds, birds.x[i], birds.y[i], sight, i)
+    birds.sum_x[i] = birds.sum_y[i] = 0.0
+    for k in range(int(birds.seen[i])):
+        birds.sum_x[i] += birds.dx[k]
+        birds.sum_y[i] += birds.dy[k]
+
+
+@pytest.mark.parametrize("periodic", [False, True])
+def test_rows_sorted_by_cell_are_found_in_the_order_of_their_lists(as_python, periodic):
+    sorted_rows, lists = flock(periodic=periodic), flock(periodic=periodic)
+    sorted_rows.run(moment(), drift, look)
+    lists.run(moment(), drift, look_now)
+    # Also the last bits of sums.
+    assert sorted_rows.birds.tobytes() == lists.birds.tobytes()
+    assert Bird.read(lists.birds).seen.max() > 3
 
 
 @pytest.mark.parametrize("periodic", [True, False])
