@@ -50,7 +50,7 @@ class _Backend(Protocol):
     def ended(self) -> bool: ...
     @property
     def tables(self) -> dict[str, DataTable]: ...
-    def step(self, frames: int, stop: Callable[[], bool]) -> None: ...
+    def step(self, frames: int, stop: Callable[[], bool], by: str) -> None: ...
     def close(self) -> None: ...
 
 
@@ -76,12 +76,13 @@ class Live:
     ) -> None:
         self.close()
 
-    def step(self, frames: int = 1, stop: Callable[[], bool] = never) -> int:
+    def step(self, frames: int = 1, stop: Callable[[], bool] = never, by: str = "") -> int:
         """Run this number of frames and pause; fewer if the world ends before.
 
         Args:
             frames: the number of frames.
             stop: called between frames, from the thread that steps; if true, the step ends early.
+            by: name of the person who steps, for the log and the record of a world on a bus.
 
         Returns:
             The number of the next frame.
@@ -95,17 +96,19 @@ class Live:
             raise MisuseError(f"step({frames}): expected at least 1 frame")
         with self._stepping:
             if self._display is None:
-                self._backend.step(frames, stop)
+                self._backend.step(frames, stop, by)
             else:
-                self._step_shown(frames, stop, self._display)
+                self._step_shown(frames, stop, by, self._display)
             return self.frame
 
-    def _step_shown(self, frames: int, stop: Callable[[], bool], display: LiveDisplay) -> None:
+    def _step_shown(
+        self, frames: int, stop: Callable[[], bool], by: str, display: LiveDisplay
+    ) -> None:
         """Run frames in portions that last about as long as a picture is shown."""
         portion = 1
         try:
             while frames > 0 and not stop() and not self.ended:
-                self._backend.step(min(portion, frames), stop)
+                self._backend.step(min(portion, frames), stop, by)
                 frames -= portion
                 if display.due():
                     display.refresh()
@@ -240,7 +243,7 @@ class _Here:
     def tables(self) -> dict[str, DataTable]:
         return {} if self._run.collected is None else self._run.collected.tables
 
-    def step(self, frames: int, stop: Callable[[], bool]) -> None:
+    def step(self, frames: int, stop: Callable[[], bool], by: str) -> None:
         if self.ended:
             return
         try:

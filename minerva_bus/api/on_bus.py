@@ -16,6 +16,7 @@ from minerva_bus.errors import BusError, MisuseError, WorldStopped
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.launch.registry import find, running
 from minerva_bus.launch.temporary_folder import temporary_folder
+from minerva_bus.runtime.asking import AskingOperator
 from minerva_bus.runtime.client import Client
 from minerva_bus.world.operator import WorldStatus
 
@@ -78,30 +79,31 @@ class OnBus:
             return True
         return False
 
-    def step(self, frames: int, stop: Callable[[], bool]) -> None:
+    def step(self, frames: int, stop: Callable[[], bool], by: str) -> None:
         if self.ended:
             return
+        operator = self.operator.named(by)
         # Paused first, so that the frame counted from is the one with which the step begins.
-        status = self._pause()
+        status = self._pause(operator)
         if status is not None and not stop():
             target = status.frame + frames
-            self.operator.step(frames)
+            operator.step(frames)
             while (status := self._status()) is not None and status.frame < target:
                 if stop():
-                    self._pause()
+                    self._pause(operator)
                     break
                 # Another coordinator followed.
                 if status.paused and status.phase == BETWEEN_FRAMES:
-                    self.operator.step(target - status.frame)
+                    operator.step(target - status.frame)
                 time.sleep(POLL_SECONDS)
         if status is None and self._launched is not None:
             failure = self._launched.result()["failure"]
             if failure:
                 raise WorldStopped(failure)
 
-    def _pause(self) -> WorldStatus | None:
+    def _pause(self, operator: AskingOperator) -> WorldStatus | None:
         """Pause after the frame in progress; returns the state then, None if it has ended."""
-        self._asked(self.operator.pause)
+        self._asked(operator.pause)
         status = self._status()
         while status is not None and status.phase != BETWEEN_FRAMES:
             time.sleep(POLL_SECONDS)

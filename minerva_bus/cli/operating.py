@@ -40,52 +40,52 @@ MEASURE_SECONDS: Final = 0.5
 """Time for `top --json` to measure, which begins with the first query."""
 
 
-def stop_world(target: WorldTarget, as_json: bool) -> None:
+def stop_world(by: str, target: WorldTarget, as_json: bool) -> None:
     """Stop a world."""
     with client(target) as world:
-        world.ask("stop")
+        world.ask("stop", by=by)
         print_answer(WorldStopping(world.world), as_json)
 
 
-def pause_world(target: WorldTarget, as_json: bool) -> None:
+def pause_world(by: str, target: WorldTarget, as_json: bool) -> None:
     """Pause a world before its next frame."""
     with client(target) as world:
-        world.operator.pause()
+        world.operator.named(by).pause()
         print_answer(WorldPaused(world.world, _paused_before(world)), as_json)
 
 
-def resume_world(target: WorldTarget, as_json: bool) -> None:
+def resume_world(by: str, target: WorldTarget, as_json: bool) -> None:
     """Resume a world."""
     with client(target) as world:
-        world.operator.resume()
+        world.operator.named(by).resume()
         print_answer(WorldResumed(world.world), as_json)
 
 
-def step_world(frames: int, target: WorldTarget, as_json: bool) -> None:
+def step_world(frames: int, by: str, target: WorldTarget, as_json: bool) -> None:
     """Run a number of frames, wait for them, and pause."""
     with client(target) as world:
-        world.operator.step(frames)
+        world.operator.named(by).step(frames)
         print_answer(WorldPaused(world.world, _paused_before(world)), as_json)
 
 
-def set_rate(hz: float, target: WorldTarget, as_json: bool) -> None:
+def set_rate(hz: float, by: str, target: WorldTarget, as_json: bool) -> None:
     """Change the frame rate of a world."""
     with client(target) as world:
-        world.operator.set_rate(hz)
+        world.operator.named(by).set_rate(hz)
         print_answer(RateChanged(world.world, hz), as_json)
 
 
-def restart_member(member: str, target: WorldTarget, as_json: bool) -> None:
+def restart_member(member: str, by: str, target: WorldTarget, as_json: bool) -> None:
     """Restart a process of a world."""
     with client(target) as world:
-        world.operator.restart(member)
+        world.operator.named(by).restart(member)
         print_answer(MemberRestarting(world.world, member), as_json)
 
 
-def drain_member(member: str, target: WorldTarget, as_json: bool) -> None:
+def drain_member(member: str, by: str, target: WorldTarget, as_json: bool) -> None:
     """Move the agents of a host to other hosts."""
     with client(target) as world:
-        others = world.operator.drain(member)
+        others = world.operator.named(by).drain(member)
         print_answer(HostDraining(world.world, member, tuple(others)), as_json)
 
 

@@ -81,6 +81,7 @@ WorldArgument = Annotated[
         help="A world file, or an installed world's name.", autocompletion=completing.worlds
     ),
 ]
+By = Annotated[str, typer.Option("--as", help="Your name, for norms, the log and the record.")]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON on standard output.")]
 Quiet = Annotated[bool, typer.Option(help="Print errors only.")]
 QuietRun = Annotated[bool, typer.Option(help="Print errors and the output of members only.")]

@@ -185,6 +185,7 @@ class _Reporter:
             restart=self._restart,
             stack=self._stack,
             opened=self._opened,
+            noted=lambda operation: self.record.noted(operation),
             files=lambda: (*self.record.files, *self.journal.files),
             collected=None if self.collected is None else self.collected.history,
         )

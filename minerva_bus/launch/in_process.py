@@ -43,6 +43,7 @@ from minerva_bus.source import SourceLine
 from minerva_bus.uncaught import VARIABLE
 from minerva_bus.wire.keys import COORDINATOR
 from minerva_bus.wording import duration
+from minerva_bus.world.operator import PersonOperation
 
 POLL_SECONDS: Final = 0.01
 """Longest sleep between two turns, while no frame is due."""
@@ -197,6 +198,7 @@ class InProcessRun:
             _no_stack,
             None if self.collected is None else self.collected.history,
             files=lambda: record.files,
+            noted=self._note_operation,
         )
         for member in members:
             # A window in this process sends the same questions as one that is connected by the bus.
@@ -261,6 +263,10 @@ class InProcessRun:
 
     def _note(self, text: str) -> None:
         self._console.note(f"{self._file.world.name}: {text}")
+
+    def _note_operation(self, operation: PersonOperation) -> None:
+        self._log.operated(operation)
+        self._record.noted(operation)
 
     def _warn(self, text: str) -> None:
         self._log.warn(COORDINATOR, text)

@@ -14,7 +14,7 @@ from minerva_bus.frame.messages import Readings
 from minerva_bus.launch.resuming import Resumed, differing, option_text
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.settings.kinds import ALL
-from minerva_bus.world.operator import FileStatus
+from minerva_bus.world.operator import FileStatus, PersonOperation
 
 if TYPE_CHECKING:
     from minerva_bus.log.description import Description
@@ -104,6 +104,11 @@ class RunRecord:
         """Record a log line about a member, or a line that it printed."""
         if self._recorder is not None:
             self._recorder.log(member, text, self._seconds())
+
+    def noted(self, operation: PersonOperation) -> None:
+        """Record what a person did to the world."""
+        if self._recorder is not None:
+            self._recorder.noted(operation, self._seconds())
 
     def sensed(self, readings: Readings) -> None:
         """Record readings of a sensor topic; like `received` callable from any thread."""

@@ -28,6 +28,9 @@ SENSED: Final = "minerva/topic"
 TIMING: Final = "minerva/timing"
 """Duration of a frame."""
 
+OPERATION: Final = "minerva/operation"
+"""What people did to the running world, such as a pause."""
+
 LOG: Final = "log"
 MAP: Final = "map"
 POSES: Final = "poses/"
@@ -77,6 +80,9 @@ SCHEMAS: Final[dict[str, dict[str, Any]]] = {
     for schema in (
         _object("minerva.Timing", frame=_WHOLE, seconds=_NUMBER),
         _object(
+            "minerva.Operation", frame=_WHOLE, command=_TEXT, value=_TEXT, person=_TEXT
+        ),
+        _object(
             "foxglove.Log",
             timestamp=_TIME, level=_WHOLE, message=_TEXT, name=_TEXT, file=_TEXT, line=_WHOLE,
         ),
@@ -116,7 +122,12 @@ SCHEMAS: Final[dict[str, dict[str, Any]]] = {
 }  # fmt: skip
 """JSON schemas by their names in Foxglove and Lichtblick."""
 
-SCHEMA_OF: Final = {TIMING: "minerva.Timing", LOG: "foxglove.Log", MAP: "foxglove.Grid"}
+SCHEMA_OF: Final = {
+    TIMING: "minerva.Timing",
+    OPERATION: "minerva.Operation",
+    LOG: "foxglove.Log",
+    MAP: "foxglove.Grid",
+}
 """Schema of each channel of our own in JSON."""
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from minerva_bus.frame.inputs import RecordedFrame
@@ -15,6 +15,7 @@ from minerva_bus.log.reader import Record
 from minerva_bus.log.sensing import Dropped
 from minerva_bus.wording import counted
 from minerva_bus.world.norms import SOURCE
+from minerva_bus.world.operator import PersonOperation
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,6 +42,7 @@ class Info:
     last_agents: Mapping[str, int]
     broken: Mapping[str, int]
     log_lines: int
+    operations: tuple[PersonOperation, ...]
     topics: Mapping[str, int]
     dropped: int
     timings: Mapping[str, float]
@@ -52,6 +54,7 @@ class Info:
     def plain(self) -> dict[str, Any]:
         """The summary as a JSON object."""
         shown = {name: _plain(getattr(self, name)) for name in self.__slots__ if name != "losses"}
+        shown["operations"] = [asdict(operation) for operation in self.operations]
         return shown | self.losses.plain()
 
     def lines(self) -> list[str]:
@@ -74,6 +77,7 @@ class Info:
             + (f" ({self.dropped:,} messages dropped)" if self.dropped else ""),
             "a frame": _pairs({name: f"{1000 * s:.2f} ms" for name, s in self.timings.items()}),
             "log": counted(self.log_lines, "line") if self.log_lines else "",
+            "operated": self._operated(),
             "options": _pairs(options),
             "written by": _pairs(self.versions),
             "damaged": self.losses.damaged,
@@ -84,6 +88,13 @@ class Info:
         if self.losses.damage:
             shown.append("  minerva recover writes all that is intact into a new record")
         return [f"{self.world}, seed {self.seed}: {rows['']}", *shown]
+
+    def _operated(self) -> str:
+        """What people did, with the number of times."""
+        counts = Counter([replace(each, frame=0, value="") for each in self.operations])
+        return ", ".join(
+            [f"{each} ×{count}" if count > 1 else str(each) for each, count in counts.items()]
+        )
 
 
 def info_of(record: Record, check: bool = False) -> Info:
@@ -114,6 +125,7 @@ def info_of(record: Record, check: bool = False) -> Info:
         last_agents=kinds_in(scene),
         broken=_broken(record),
         log_lines=sum(1 for _ in record.log()),
+        operations=tuple(record.operations()),
         topics=topics,
         dropped=dropped,
         timings=_means(record.timings()),

@@ -26,6 +26,7 @@ from minerva_bus.log.errors import RecordError
 from minerva_bus.log.intact import IntactMessages
 from minerva_bus.log.losses import Losses
 from minerva_bus.log.sensing import Dropped, decode_sensed
+from minerva_bus.world.operator import PersonOperation
 
 _END: Final = 1 << 62
 """A number greater than that of any frame."""
@@ -276,6 +277,13 @@ class Record:
         """The log lines, in order."""
         for time, plain in self._json(c.LOG):
             yield RecordedLine(time, str(plain.get("name", "")), str(plain.get("message", "")))
+
+    def operations(self) -> Iterator[PersonOperation]:
+        """What people did to the running world, in order."""
+        for _, plain in self._json(c.OPERATION):
+            frame, texts = plain.get("frame"), ("command", "value", "person")
+            if isinstance(frame, int):
+                yield PersonOperation(frame, *[str(plain.get(name, "")) for name in texts])
 
     def sensed(self) -> Iterator[tuple[float, Readings | Dropped]]:
         """Messages on sensor topics with their times, in seconds of world time."""

@@ -33,6 +33,7 @@ from minerva_bus.log.mcap_file import open_for_record, part_of, take_name
 from minerva_bus.log.queues import Backlog, FrameQueue, Pending, Sensed
 from minerva_bus.log.reader import Record
 from minerva_bus.log.writer import RecordWriter
+from minerva_bus.world.operator import PersonOperation
 
 HELPED_WITHIN: Final = 4
 """Queued frames that may wait for `idle` before the thread is woken."""
@@ -140,6 +141,10 @@ class Recorder:
         """Record a line about a member."""
         write = partial(self._writer.log, self._work.frame, seconds, member, text, warning)
         self._put(Pending(write, is_frame=False))
+
+    def noted(self, operation: PersonOperation, seconds: float) -> None:
+        """Record what a person did to the world."""
+        self._put(Pending(partial(self._writer.noted, operation, seconds), is_frame=False))
 
     def sensed(self, readings: Readings, seconds: float) -> None:
         """Record readings of a sensor topic, without waiting. From any thread."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from dataclasses import asdict
 from typing import IO, Final
 
 from minerva_bus.frame.messages import FrameRecord, Readings
@@ -19,6 +20,7 @@ from minerva_bus.log.mcap_file import CHUNK, McapFile
 from minerva_bus.log.reader import Record
 from minerva_bus.log.sensing import decode_sensed, encode_dropped, encode_readings
 from minerva_bus.log.showing import encode_log
+from minerva_bus.world.operator import PersonOperation
 
 SMALL: Final = CHUNK // 8
 """Maximum bytes of a frame that `idle` encodes."""
@@ -117,6 +119,11 @@ class RecordWriter:
         """Write a log line during this frame."""
         time = c.time_of(frame, self._description.world.dt)
         self._file.put(c.LOG, encode_log(time, member, text, warning), frame, seconds)
+
+    def noted(self, operation: PersonOperation, seconds: float) -> None:
+        """Write what a person did to the world."""
+        data = json.dumps(asdict(operation)).encode()
+        self._file.put(c.OPERATION, data, operation.frame, seconds, operation.frame)
 
     def sensed(self, readings: Readings, frame: int, seconds: float) -> None:
         """Write readings of a sensor topic that arrived during this frame."""

@@ -19,25 +19,25 @@ PREFIX: Final = "publish_"
 
 def _pause(call: ToolCall) -> Result:
     live = call.link.live()
-    live.operator.pause()
+    live.operator.named(call.person).pause()
     return _state(live.status)
 
 
 def _resume(call: ToolCall) -> Result:
     live = call.link.live()
-    live.operator.resume()
+    live.operator.named(call.person).resume()
     return _state(live.status)
 
 
 def _step(call: ToolCall) -> Result:
     live = call.link.live()
-    live.step(call.arguments.get("frames", 1), call.stop.is_set)
+    live.step(call.arguments.get("frames", 1), call.stop.is_set, call.person)
     return _state(live.status)
 
 
 def _set_rate(call: ToolCall) -> Result:
     live = call.link.live()
-    live.operator.set_rate(call.arguments["rate"])
+    live.operator.named(call.person).set_rate(call.arguments["rate"])
     return _state(live.status)
 
 

@@ -80,23 +80,23 @@ class AskingOperator:
 
     def pause(self) -> None:
         """Pause the world until `resume` or `step`."""
-        self._ask("pause")
+        self._ask("pause", by=self._by)
 
     def resume(self) -> None:
         """Resume a paused world."""
-        self._ask("resume")
+        self._ask("resume", by=self._by)
 
     def step(self, frames: int = 1) -> None:
         """Run a number of frames, then pause."""
-        self._ask("step", frames=frames)
+        self._ask("step", frames=frames, by=self._by)
 
     def set_rate(self, rate: float) -> None:
         """Set the frames per second; 0: as many as possible."""
-        self._ask("rate", rate=rate)
+        self._ask("rate", rate=rate, by=self._by)
 
     def restart(self, member: str) -> None:
         """Restart a process of the world file."""
-        self._ask("restart", member=member)
+        self._ask("restart", member=member, by=self._by)
 
     def stack(self, member: str) -> None:
         """Write the stacks of a process of the world file to its log."""
@@ -104,7 +104,7 @@ class AskingOperator:
 
     def drain(self, member: str) -> tuple[str, ...]:
         """Move a host's agents to other hosts; returns the names of these hosts."""
-        hosts = as_list(self._ask("drain", member=member).get("to"), "hosts")
+        hosts = as_list(self._ask("drain", member=member, by=self._by).get("to"), "hosts")
         return tuple([as_text(host, "a host") for host in hosts])
 
     def logs(self, since: int = 0, member: str = "") -> tuple[LogLine, ...]:

@@ -8,7 +8,7 @@
     {"ask": "fragment", "agent": id}      → {"fragment": text, "frame": ...}
     {"ask": "pub", "type": ..., ...}      → {"frame": ..., "by": person, ...}
     {"ask": "order", "event": [...], ...} → {"frame": ..., "by": person, ...}
-    {"ask": "pause"}                      → {"frame": ...}; also resume, stop
+    {"ask": "pause", "by": person}        → {"frame": ...}; also resume, stop
     {"ask": "step", "frames": 1}          → {"frame": the frame that follows them}
     {"ask": "rate", "rate": 30.0}         → {"rate": ...}
     {"ask": "restart", "member": name}    → {}
@@ -49,7 +49,7 @@ from minerva_bus.wire.plain import as_int, as_list, as_map, as_number, as_text
 from minerva_bus.wire.status import plain_lines, plain_orders, plain_series, plain_status
 from minerva_bus.wire.values import Reader
 from minerva_bus.wire.vocabulary import plain_vocabulary
-from minerva_bus.world.operator import FileStatus, MemberStatus, WorldStatus
+from minerva_bus.world.operator import FileStatus, MemberStatus, PersonOperation, WorldStatus
 
 if TYPE_CHECKING:
     from minerva_bus.collect.history import SeriesHistory
@@ -70,7 +70,7 @@ class Operated:
     awaited member, and `files` what it writes. `restart` requests a restart of a member, `stack`
     that its stacks are written to its log; both return the reason if that is impossible, otherwise
     an empty string. `orders` has the fates of people's orders, `collected` the collected series, if
-    any.
+    any. `noted` receives each operation of a person.
     """
 
     runner: Runner
@@ -85,6 +85,7 @@ class Operated:
     collected: SeriesHistory | None = None
     outlook: Callable[[str], str] = field(default=lambda _: "")
     files: Callable[[], tuple[FileStatus, ...]] = field(default=lambda: ())
+    noted: Callable[[PersonOperation], None] = field(default=lambda _: None)
 
     @property
     def algorithm(self) -> FrameAlgorithm:
@@ -282,12 +283,25 @@ def _send(running: Operated, event: Event, person: str) -> dict[str, Any]:
     }
 
 
-def _pause(running: Operated, _: Mapping[str, Any]) -> dict[str, Any]:
+def _note(running: Operated, asked: Mapping[str, Any], value: object = "") -> None:
+    """Note that a person operates the world, with an effect."""
+    running.noted(
+        PersonOperation(
+            running.algorithm.frame, as_text(asked["ask"], "ask"), str(value), _person(asked)
+        )
+    )
+
+
+def _pause(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
+    if not running.pace.paused:
+        _note(running, asked)
     running.schedule.pause()
     return {"frame": running.schedule.pauses_before}
 
 
-def _resume(running: Operated, _: Mapping[str, Any]) -> dict[str, Any]:
+def _resume(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
+    if running.pace.left is not None:
+        _note(running, asked)
     running.pace.resume()
     running.schedule.repace()
     return {"frame": running.algorithm.frame}
@@ -297,6 +311,7 @@ def _step(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
     frames = as_int(asked.get("frames", 1), "frames", 1)
     if frames > MAX_STEPS:
         raise ProtocolError(f"frames must be a whole number up to {MAX_STEPS}, not {frames}")
+    _note(running, asked, frames)
     last = running.schedule.pauses_before + frames
     running.pace.step(frames)
     running.schedule.repace()
@@ -307,13 +322,18 @@ def _rate(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
     rate = as_number(asked.get("rate"), "rate")
     if not 0 <= rate <= MAX_RATE:
         raise ProtocolError(f"rate must be frames per second from 0 to {MAX_RATE:g}, not {rate:g}")
+    if rate != running.pace.rate:
+        _note(running, asked, f"{rate:g}")
     running.pace.change(rate)
     running.schedule.repace()
     return {"rate": rate}
 
 
 def _restart(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
-    return _accepted(running.restart(_own_process(running, asked, "restart it where it runs")))
+    member = _own_process(running, asked, "restart it where it runs")
+    done = _accepted(running.restart(member))
+    _note(running, asked, member)
+    return done
 
 
 def _stack(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
@@ -354,6 +374,7 @@ def _drain(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
             " (minerva attach module:Class)"
         )
     running.runner.handle(s.Drain(member))
+    _note(running, asked, member)
     return {"to": [name for name, kinds in others.items() if kinds & offers[member]]}
 
 
@@ -415,7 +436,8 @@ def _seek(running: Operated, _: Mapping[str, Any]) -> dict[str, Any]:
     raise ProtocolError("this is not a replay; only a replay can continue from another frame")
 
 
-def _stop(running: Operated, _: Mapping[str, Any]) -> dict[str, Any]:
+def _stop(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
+    _note(running, asked)
     running.runner.handle(s.End("stopped by a person"))
     return {}
 

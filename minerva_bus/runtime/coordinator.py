@@ -39,6 +39,7 @@ from minerva_bus.runtime.watchers import LocalQuestion, Printed, Started, Watche
 from minerva_bus.runtime.world_log import WorldLog
 from minerva_bus.wire.keys import COORDINATOR, Keys
 from minerva_bus.wire.limits import DEFAULT, Limits
+from minerva_bus.world.operator import PersonOperation
 
 POLL_SECONDS: Final = 0.01
 """Longest sleep in seconds before the next frame is due."""
@@ -120,6 +121,7 @@ class Coordinator(Sink):
             watchers.collected,
             self._monitor.outlook,
             watchers.files,
+            self._note_operation,
         )
         self._answers = Answers(
             operated, self.admission, limits, watchers.operated, system, commands
@@ -284,6 +286,10 @@ class Coordinator(Sink):
             self.admission.rules.count(to)
         elif isinstance(message, m.Greet):
             self._monitor.greeted(to)
+
+    def _note_operation(self, operation: PersonOperation) -> None:
+        self.log.operated(operation)
+        self.watchers.noted(operation)
 
     def frame_done(self, notice: s.FrameDone) -> None:
         """Pass a frame to the launcher, and to observers of the world."""

@@ -11,7 +11,7 @@ import zenoh
 
 from minerva_bus.frame import stimuli as s
 from minerva_bus.runtime.status import Status
-from minerva_bus.world.operator import FileStatus
+from minerva_bus.world.operator import FileStatus, PersonOperation
 
 if TYPE_CHECKING:
     from minerva_bus.collect.history import SeriesHistory
@@ -60,6 +60,8 @@ class Watchers:
     """No frame follows; the argument is the reason."""
     restart: Callable[[str], str] = field(default=lambda _: "no launcher restarts its processes")
     stack: Callable[[str], str] = field(default=lambda _: "no launcher started its processes")
+    noted: Callable[[PersonOperation], None] = field(default=lambda _: None)
+    """A person has operated the world."""
     opened: Callable[[zenoh.Session], list[Any]] = field(default=lambda _: list[Any]())
     """Returns further declarations on the hub's session."""
     files: Callable[[], tuple[FileStatus, ...]] = field(default=lambda: ())

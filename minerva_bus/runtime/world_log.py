@@ -15,6 +15,7 @@ from minerva_bus.runtime.runner import Sink
 from minerva_bus.runtime.system import System
 from minerva_bus.wire.keys import COORDINATOR
 from minerva_bus.wire.plain import on_screen
+from minerva_bus.world.operator import PersonOperation
 
 
 class WorldLog(Sink):
@@ -63,6 +64,12 @@ class WorldLog(Sink):
     def order_judged(self, notice: s.OrderJudged) -> None:
         """Note that an order of a person counts, or which norm rejects it."""
         self.orders.judge(notice.event, notice.person, notice.frame, notice.norm)
+
+    def operated(self, operation: PersonOperation) -> None:
+        """Keep an operation of a person, beside the orders."""
+        # A program that steps a world has no name; its steps would be most lines.
+        if operation.person or operation.command not in ("pause", "step"):
+            self.line(ORDERS, str(operation), "info")
 
     def frame_done(self, notice: s.FrameDone) -> None:
         """Log the reports on orders; a frame's events while an operator watches."""

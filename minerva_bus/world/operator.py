@@ -121,6 +121,22 @@ class CollectedSeries:
 
 
 @dataclass(frozen=True, slots=True)
+class PersonOperation:
+    """What a person did to the world in a frame: pause, resume, step, rate, restart, drain or stop.
+
+    `value` is the number of frames, the rate or the member; `person` is empty without a name.
+    """
+
+    frame: int
+    command: str
+    value: str = ""
+    person: str = ""
+
+    def __str__(self) -> str:
+        return f"{f'{self.command} {self.value}'.rstrip()} by {self.person or 'people'}"
+
+
+@dataclass(frozen=True, slots=True)
 class NormStatus:
     """A norm that was broken `broken` times; the last time in `frame`, `by` an agent or a sender.
 

@@ -253,6 +253,19 @@ def test_an_order_has_the_name_of_the_caller(served, link):
     eventually(logged, "the order of an assistant in the log")
 
 
+def test_an_operation_has_the_name_of_the_caller(world, served, link):
+    answer(served(), "pause")  # A pause of a paused world is not logged.
+    answer(served(), "resume")
+    info = Implementation(name="operator 7", version="1")
+    calls = ("pause", {}), ("step", {"frames": 2}), ("resume", {})
+    talk(served(), *calls, client_info=info)
+    assert here(world.folder, "rate", "51", "--world", world.name, "--as", "anna").returncode == 0
+    lines = [line.text for line in link.live().operator.logs(member="orders")]
+    did = [text for text in lines if text.endswith((" by operator_7", " by anna"))]
+    expected = ["pause by operator_7", "step 2 by operator_7", "resume by operator_7"]
+    assert did == [*expected, "rate 51 by anna"]
+
+
 # --- hostile calls ---
 
 PATHS = ("../x.mcap", "/etc/passwd", "a/../../x.mcap", "x\0.mcap", "..", "~root/x.mcap", "x" * 199)

@@ -13,6 +13,7 @@ from minerva_bus.grammar.scene import AgentNode, Scene
 from minerva_bus.log.entries import encode_frame
 from minerva_bus.log.errors import RecordError
 from minerva_bus.log.writer import RecordWriter
+from minerva_bus.world.operator import PersonOperation
 from tests.log.recorded_runs import bytes_of, description, happened, strings_of
 
 mcap = pytest.importorskip("mcap")
@@ -70,6 +71,21 @@ def test_info_for_people(tmp_path, capsys):
     assert "flock, seed 1" in said
     assert "cut off" in said
     assert "ABird 80 → 80, AHawk 1 → 1" in said
+
+
+def test_info_lists_what_people_did(tmp_path, capsys):
+    stream = io.BytesIO()
+    writer = RecordWriter(stream, description(happened("meadow")[0]))
+    for frame, value in ((3, "2"), (9, "5")):
+        writer.noted(PersonOperation(frame, "step", value, "anna"), 0.1)
+    writer.noted(PersonOperation(12, "pause"), 0.2)
+    writer.finish()
+    path, _ = files(tmp_path, stream.getvalue())
+    show_info(path, check=False, as_json=True)
+    steps = json.loads(capsys.readouterr().out)["operations"]
+    assert steps[1] == {"frame": 9, "command": "step", "value": "5", "person": "anna"}
+    show_info(path, check=False, as_json=False)
+    assert "operated    step by anna ×2, pause by people" in capsys.readouterr().out
 
 
 def test_info_checks(tmp_path, monkeypatch):

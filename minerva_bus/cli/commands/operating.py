@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from minerva_bus.cli import completing
-from minerva_bus.cli.options import Json, NamedTarget, WorldTarget, examples, grouped
+from minerva_bus.cli.options import By, Json, NamedTarget, WorldTarget, examples, grouped
 
 
 @examples(
@@ -74,9 +74,7 @@ def pub(
     condition: Annotated[
         str, typer.Option("--if", help="Condition of the event, such as 'energy < 5'.")
     ] = "",
-    by: Annotated[
-        str, typer.Option("--as", help="Your name, for norms, the log and the record.")
-    ] = "",
+    by: By = "",
     wait: Annotated[
         bool, typer.Option("--wait", help="Wait until it is rejected, accepted, done or failed.")
     ] = False,
@@ -99,11 +97,11 @@ def pub(
     "minerva stop robot",
 )
 @grouped
-def stop(json: Json = False, *, target: NamedTarget) -> None:
+def stop(by: By = "", json: Json = False, *, target: NamedTarget) -> None:
     """Stop a running world."""
     from minerva_bus.cli.operating import stop_world
 
-    stop_world(target, json)
+    stop_world(by, target, json)
 
 
 @examples(
@@ -111,11 +109,11 @@ def stop(json: Json = False, *, target: NamedTarget) -> None:
     "minerva pause robot",
 )
 @grouped
-def pause(json: Json = False, *, target: NamedTarget) -> None:
+def pause(by: By = "", json: Json = False, *, target: NamedTarget) -> None:
     """Pause a running world."""
     from minerva_bus.cli.operating import pause_world
 
-    pause_world(target, json)
+    pause_world(by, target, json)
 
 
 @examples(
@@ -123,11 +121,11 @@ def pause(json: Json = False, *, target: NamedTarget) -> None:
     "minerva resume robot",
 )
 @grouped
-def resume(json: Json = False, *, target: NamedTarget) -> None:
+def resume(by: By = "", json: Json = False, *, target: NamedTarget) -> None:
     """Resume a paused world."""
     from minerva_bus.cli.operating import resume_world
 
-    resume_world(target, json)
+    resume_world(by, target, json)
 
 
 @examples(
@@ -137,6 +135,7 @@ def resume(json: Json = False, *, target: NamedTarget) -> None:
 @grouped
 def step(
     frames: Annotated[int, typer.Argument(help="Number of frames.", min=1)] = 1,
+    by: By = "",
     json: Json = False,
     *,
     target: WorldTarget,
@@ -144,7 +143,7 @@ def step(
     """Run a number of frames, then pause."""
     from minerva_bus.cli.operating import step_world
 
-    step_world(frames, target, json)
+    step_world(frames, by, target, json)
 
 
 @examples(
@@ -154,6 +153,7 @@ def step(
 @grouped
 def rate(
     hz: Annotated[float, typer.Argument(help="Frames per second; 0: as fast as possible.")],
+    by: By = "",
     json: Json = False,
     *,
     target: WorldTarget,
@@ -161,7 +161,7 @@ def rate(
     """Change the frame rate of a running world."""
     from minerva_bus.cli.operating import set_rate
 
-    set_rate(hz, target, json)
+    set_rate(hz, by, target, json)
 
 
 @examples(
@@ -174,6 +174,7 @@ def restart(
         str,
         typer.Argument(help="A process of the world file.", autocompletion=completing.members),
     ],
+    by: By = "",
     json: Json = False,
     *,
     target: WorldTarget,
@@ -181,7 +182,7 @@ def restart(
     """Restart one process of a running world."""
     from minerva_bus.cli.operating import restart_member
 
-    restart_member(member, target, json)
+    restart_member(member, by, target, json)
 
 
 @examples(
@@ -193,6 +194,7 @@ def drain(
     member: Annotated[
         str, typer.Argument(help="A host of agents.", autocompletion=completing.members)
     ],
+    by: By = "",
     json: Json = False,
     *,
     target: WorldTarget,
@@ -203,7 +205,7 @@ def drain(
     """
     from minerva_bus.cli.operating import drain_member
 
-    drain_member(member, target, json)
+    drain_member(member, by, target, json)
 
 
 @examples(
