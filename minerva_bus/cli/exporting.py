@@ -38,24 +38,31 @@ class ExportOptions:
 
 def export_records(files: Sequence[Path], targets: ExportTargets, options: ExportOptions) -> None:
     """Write tables or a data set. Raises RecordError, VocabularyError and MisuseError."""
-    chosen = [each.name for each in fields(targets) if getattr(targets, each.name) is not None]
+    chosen = [
+        each.name for each in fields(targets) if isinstance(getattr(targets, each.name), Path)
+    ]
     if len(chosen) > 1:
         raise MisuseError(f"{' and '.join(f'--{name}' for name in chosen)} exclude each other")
     form = chosen[0] if chosen else ""
+    if (targets.agents or targets.act) and form != "lerobot":
+        raise MisuseError("--agents and --act require --lerobot")
     if form in _TABLES or not form:
         if len(files) > 1:
             raise MisuseError(f"tables are of one record, not {len(files)}; export each record")
         _export_tables(files[0], getattr(targets, form) if form else None, form, options)
     else:
-        _export_dataset(files, getattr(targets, form), form, options)
+        _export_dataset(files, targets, form, options)
 
 
-def _export_dataset(files: Sequence[Path], into: Path, form: str, options: ExportOptions) -> None:
+def _export_dataset(
+    files: Sequence[Path], targets: ExportTargets, form: str, options: ExportOptions
+) -> None:
     if options.collect:
         raise MisuseError(f"--collect is for tables; --{form} has all data of the record")
     with progress_bar("export", quiet=options.quiet) as progress:
         done = export_dataset(
-            files, into, form, begin=options.begin, end=options.end, every=options.every,
+            files, getattr(targets, form), form, begin=options.begin, end=options.end,
+            every=options.every, agents=targets.agents or (), act=targets.act or (),
             progress=progress,
         )  # fmt: skip
     if options.as_json or not options.quiet:

@@ -33,12 +33,12 @@ class FrameContents:
 class RecordFrames:
     """The frames of a record from `begin` to `end` (default: all), read one by one.
 
-    `last` is the number of the last frame. Lost frames are missing. Raises RecordError, also if
-    there is no frame `begin`.
+    `last` is the number of the last one, and `length` that of the string after all frames of the
+    record. Lost frames are missing. Raises RecordError, also if there is no frame `begin`.
     """
 
     def __init__(self, record: Record, begin: int = 0, end: int | None = None) -> None:
-        length, _ = record.last()
+        self.length = length = record.last()[0]
         self.begin, self.last = begin, length if end is None else min(end, length)
         if not 0 <= begin <= self.last:
             raise RecordError(f"{record.path}: it has {frames_up_to(length)}, not {begin}")

@@ -25,10 +25,11 @@ ELSEWHERE = {
 """Tests that run the Python of a page, or compare it with its source files."""
 
 EXCERPTS = {
+    "docs/howto/datasets.md": ["from lerobot."],
     "docs/norms.md": ["moment.emit"],
     "docs/worlds.md": ["from minerva_bus import portable\n\nself."],
 }
-"""Beginnings of blocks that show lines of an agent and cannot run on their own."""
+"""Beginnings of blocks that cannot run: lines of an agent, or a library that needs gigabytes."""
 
 
 def of(language):

@@ -181,7 +181,7 @@ def diff(
 
 @dataclass(frozen=True, slots=True)
 class ExportTargets:
-    """Where `minerva export` writes; one of them, or none: standard output."""
+    """What `minerva export` writes, and where: a file or folder, or standard output."""
 
     csv: Annotated[
         Path | None, typer.Option(help="Write .csv files; default: standard output.")
@@ -189,12 +189,24 @@ class ExportTargets:
     parquet: Annotated[Path | None, typer.Option(help="Write .parquet files.")] = None
     rosbag: Annotated[Path | None, typer.Option(help="Write a bag of ROS 2 into a folder.")] = None
     rerun: Annotated[Path | None, typer.Option(help="Write an .rrd file for Rerun.")] = None
+    lerobot: Annotated[
+        Path | None, typer.Option(help="Write a data set of LeRobot into a folder.")
+    ] = None
+    agents: Annotated[
+        list[str] | None,
+        typer.Option(help="With --lerobot: a kind or an id; each life is an episode."),
+    ] = None
+    act: Annotated[
+        list[str] | None,
+        typer.Option(help="With --lerobot: an event type or attribute that is the action."),
+    ] = None
 
 
 @examples(
     "minerva export run.mcap --collect 'sick=count(APerson, sick == true)' > sick.csv",
     "minerva export run.mcap --parquet run.parquet --every 10",
     "minerva export run.mcap --rosbag run_bag",
+    "minerva export a.mcap b.mcap --lerobot drives --agents ARobot --act action",
 )
 @grouped
 def export(
@@ -216,8 +228,8 @@ def export(
 
     Tables: without --collect, all attributes of agents, a table for each kind, and all events.
     Expressions are those of [collect] in world files. Several tables go into several files,
-    FILE-TABLE.csv. --rosbag and --rerun write poses, sensor data and events. No code of the world
-    is run.
+    FILE-TABLE.csv. --rosbag, --rerun and --lerobot write poses, sensor data and events. No code of
+    the world is run.
     """
     from minerva_bus.cli.exporting import ExportOptions, export_records
 
