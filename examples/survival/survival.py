@@ -3,8 +3,9 @@
 import math
 from typing import Annotated
 
+import numpy as np
+
 from minerva_bus import (
-    EMPTY,
     Agent,
     Degrees,
     Disc,
@@ -47,46 +48,43 @@ class Rabbit(Agent, symbol="ARabbit"):
     left: float = 0.0
     right: float = 0.0
 
-    @on("eSteer")
+    @on("eSteer", population=True)
     def steer(self, steer, moment):
         self.heading += steer.turn
 
-    @on("eStep")
+    @on("eStep", population=True)
     def walk(self, step, moment):
-        x, y = self.ahead(SPEED, 0)
-        self.x, self.y = min(max(x, 0.0), SIZE), min(max(y, 0.0), SIZE)
-        self.energy = min(4.0, self.energy + 0.1 * scent(self.x, self.y, moment.number) - HUNGER)
-        if self.energy <= 0:
-            return EMPTY
-        noise = 1 + 0.1 * moment.random.normal()
-        self.left = noise * scent(*self.ahead(NOSE, 60), moment.number)
-        self.right = noise * scent(*self.ahead(NOSE, -60), moment.number)
-        return None
+        x, y = ahead(self, SPEED, 0)
+        self.x, self.y = np.clip(x, 0.0, SIZE), np.clip(y, 0.0, SIZE)
+        eaten = 0.1 * scent(self.x, self.y, moment.number)
+        self.energy = np.minimum(4.0, self.energy + eaten - HUNGER)
+        self.die(self.energy <= 0)
+        noise = 1 + 0.1 * moment.chance.normal()
+        self.left = noise * scent(*ahead(self, NOSE, 60), moment.number)
+        self.right = noise * scent(*ahead(self, NOSE, -60), moment.number)
 
-    def ahead(self, way, angle):
-        """The place `way` metres from here, in a direction `angle` degrees left of the heading."""
-        turn = math.radians(self.heading + angle)
-        return self.x + way * portable.cos(turn), self.y + way * portable.sin(turn)
-
-    @view("ePicture")
+    @view("ePicture", population=True)
     def picture(self, event):
         return TPlace(self.x, self.y, self.heading)(PRabbit(0.3))
+
+
+def ahead(rabbit, way, angle):
+    """The place `way` metres from a rabbit, `angle` degrees left of its heading."""
+    turn = (rabbit.heading + angle) * (math.pi / 180)
+    return rabbit.x + way * portable.cos(turn), rabbit.y + way * portable.sin(turn)
 
 
 def rabbits(options):
     """Rabbits at places of a spiral, in all directions."""
     count = options["rabbits"]
     places = [(math.sqrt((n + 0.5) / count), 2.4 * n) for n in range(count)]
-    made = [
-        Rabbit(
-            f"r{n}",
-            x=10 + 9 * radius * portable.cos(turn),
-            y=10 + 9 * radius * portable.sin(turn),
-            heading=97.0 * n % 360,
-        ).string
-        for n, (radius, turn) in enumerate(places)
-    ]
-    return sum(made, EMPTY)
+    return Rabbit.many(
+        "r",
+        count,
+        x=np.array([10 + 9 * radius * portable.cos(turn) for radius, turn in places]),
+        y=np.array([10 + 9 * radius * portable.sin(turn) for radius, turn in places]),
+        heading=np.array([97.0 * n % 360 for n in range(count)]),
+    )
 
 
 world = World(

@@ -15,6 +15,11 @@ for _library in ("gymnasium", "pettingzoo"):
     needed(_library, "rl")
 
 from minerva_bus.rl.following import follow_policy  # noqa: E402
-from minerva_bus.rl.making import parallel_env, single_env, vector_env  # noqa: E402
+from minerva_bus.rl.making import (  # noqa: E402
+    parallel_env,
+    population_env,
+    single_env,
+    vector_env,
+)
 
-__all__ = ["follow_policy", "parallel_env", "single_env", "vector_env"]
+__all__ = ["follow_policy", "parallel_env", "population_env", "single_env", "vector_env"]

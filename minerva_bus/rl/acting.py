@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any, Final, Protocol, TypeAlias, cast
 
@@ -25,6 +26,7 @@ from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.grammar.batch import AnyEvent, Events
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.fields import Field
+from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.symbols import AgentKind, EventType
 from minerva_bus.grammar.types import Type
 
@@ -129,6 +131,7 @@ class DataActions(BatchedActions):
                 f"act: no datum of {event_type.name} can be an action; give events to choose from:"
                 f" act=[None, {event_type.name}(...)]"
             )
+        self._names = [field.name for field in self._fields]
         types = [field.type for field in self._fields]
         self._choices = [choices_of(type_) for type_ in types]
         self.space: AnySpace = self._joined(types)
@@ -143,6 +146,16 @@ class DataActions(BatchedActions):
         return spaces.Dict(
             {field.name: _space(field.type) for field in self._fields}  # pyright: ignore[reportArgumentType]
         )
+
+    def events(self, agents: Sequence[str], actions: Sequence[Any]) -> list[AnyEvent]:
+        """The events of actions in a batch, made from columns if all data are reals."""
+        if isinstance(self.space, spaces.Box) and len(agents) > 1:
+            # What does not fit is an error of one agent, which the single events below name.
+            with suppress(ValueError, TypeError, MisuseError):
+                rows = np.array(actions, np.float64).reshape(len(agents), len(self._fields))
+                data: dict[str, Any] = dict(zip(self._names, rows.T, strict=True))
+                return [self._type(**data, receivers=Ids.of(agents))]
+        return super().events(agents, actions)
 
     def event(self, agent: str, action: Any) -> Event | None:
         """An event with these data, for one agent. Raises MisuseError."""

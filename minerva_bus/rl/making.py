@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from minerva_bus.api.live import Live
-from minerva_bus.api.world import World, world_of
+from minerva_bus.api.world import World, own_options, world_of
 from minerva_bus.api.world_views import WorldViews
 from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.grammar.scene import Scene, agents
@@ -15,10 +15,12 @@ from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.rl.acting import Act, acting_of
 from minerva_bus.rl.observing import Observe, observing_of
 from minerva_bus.rl.parallel import AttachedEpisodes, LearningTask, OwnEpisodes, WorldEnv
+from minerva_bus.rl.population import PopulationEnv
 from minerva_bus.rl.scoring import Done, Reward, ending_of, rewarding_of
 from minerva_bus.rl.single import AgentEnv
 from minerva_bus.rl.states import KindStates
 from minerva_bus.rl.vector import WorldVectorEnv
+from minerva_bus.settings.overrides import Overrides
 from minerva_bus.world.agent import Agent
 
 BIRTHS = "births"
@@ -70,6 +72,65 @@ def parallel_env(
         >>> observations, infos = env.reset(seed=7)
 
     """
+    return WorldEnv(
+        *_parts(world, agents, act, observe, reward, done, frames, every, births, settings),
+        render_mode,
+    )
+
+
+def population_env(
+    world: World | Live | str | Path,
+    agents: str | type[Agent],
+    act: Act,
+    observe: Observe = None,
+    reward: Reward = None,
+    done: Done = None,
+    *,
+    frames: int | None = None,
+    every: int = 1,
+    **settings: Any,
+) -> PopulationEnv:
+    """The agents of one world as a vector environment of Gymnasium, a row for each.
+
+    Agents that do not affect each other are copies of a world with one agent. Others learn
+    together, with one policy. Rows are those of the initial string; newborn agents have none.
+
+    Args:
+        world: as for `parallel_env`.
+        agents: the kind of the agents; its methods should be those of a population.
+        act: as for `parallel_env`.
+        observe: as for `parallel_env`, with one array for each agent.
+        reward: as for `parallel_env`.
+        done: as for `parallel_env`.
+        frames: as for `parallel_env`.
+        every: as for `parallel_env`.
+        settings: as for `parallel_env`.
+
+    Raises MisuseError as `parallel_env` does, and if there is no agent.
+
+    Example:
+        >>> envs = population_env("flock", "ABird", "eTurn", frames=500, birds=1000)
+        >>> observations, infos = envs.reset(seed=7)
+
+    """
+    return PopulationEnv(
+        *_parts(world, agents, act, observe, reward, done, frames, every, False, settings)
+    )
+
+
+def _parts(
+    world: World | Live | str | Path,
+    agents: str | type[Agent],
+    act: Act,
+    observe: Observe,
+    reward: Reward,
+    done: Done,
+    frames: int | None,
+    every: int,
+    births: bool | None,
+    settings: dict[str, Any],
+) -> tuple[OwnEpisodes | AttachedEpisodes, LearningTask, KindStates]:
+    """Where episodes take place, what agents learn, and the initial string."""
     seed = settings.pop("seed", None)
     if isinstance(world, Live):
         if settings or seed is not None:
@@ -78,7 +139,10 @@ def parallel_env(
         episodes, vocabulary, scene = AttachedEpisodes(world), world.vocabulary, world.scene
     else:
         own = world_of(world, {})
-        declared = own.read().world
+        known = own.read().options
+        # The initial string may depend on them, and with it the agents.
+        options = {name: value for name, value in settings.items() if name in known}
+        declared = own.read(Overrides(own_options(own, options))).world
         vocabulary, scene, limit = declared.vocabulary, declared.scene, declared.frames
         views = WorldViews(own.name, vocabulary, own.agents)
         episodes = OwnEpisodes(own, seed, settings)
@@ -97,7 +161,7 @@ def parallel_env(
         every,
         births=not only and (BIRTHS in kind.fields.names if births is None else births),
     )
-    return WorldEnv(episodes, task, first, render_mode)
+    return episodes, task, first
 
 
 def single_env(

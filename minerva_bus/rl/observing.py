@@ -78,6 +78,14 @@ def observing_of(
     return VectorObserving(types, states)
 
 
+def rows_of(observing: Observing, states: KindStates) -> NDArray[Any]:
+    """The observations of all agents as one array, a row for each, in the order of `states.ids`."""
+    if isinstance(observing, VectorObserving):
+        return observing.rows(states)
+    seen = observing.observations(states)
+    return np.array([seen[agent] for agent in states.ids], observing.space.dtype)
+
+
 def _attribute(given: Any) -> str:
     """The name of an attribute; `Rabbit.x` in Python is an expression."""
     return given if isinstance(given, str) else str(getattr(given, "name", given))
@@ -113,11 +121,15 @@ class VectorObserving:
 
     def observations(self, states: KindStates) -> Observations:
         """The vector of each agent."""
+        return dict(zip(states.ids, self.rows(states), strict=True))
+
+    def rows(self, states: KindStates) -> NDArray[np.float64]:
+        """The vectors of all agents, shape (n, width)."""
+        # Of no agents, the attributes that are read from nodes have no block.
         if not states.ids:
-            return {}
+            return np.empty((0, *(self.space.shape or ())))
         blocks = [self._block(name, type_, states) for name, type_ in self._types.items()]
-        rows = np.concatenate(blocks, axis=1)
-        return dict(zip(states.ids, rows, strict=True))
+        return np.concatenate(blocks, axis=1)
 
     def _block(self, name: str, type_: Type, states: KindStates) -> NDArray[np.float64]:
         """An attribute of all agents, shape (n, width)."""

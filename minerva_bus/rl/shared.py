@@ -105,11 +105,16 @@ def _put_all(batch: Batch, values: Any) -> None:
         for name, part in batch.items():
             _put_all(part, named[name])
         return
-    array = np.asarray(values)
+    batch[...] = checked_rows(values, batch.shape, batch.dtype)
+
+
+def checked_rows(actions: Any, shape: tuple[int, ...], dtype: Any) -> NDArray[Any]:
+    """Actions as an array of this shape. Raises MisuseError."""
+    array = np.asarray(actions)
     # Neither rows that repeat by broadcasting nor choices that are cut to whole numbers.
-    if array.shape != batch.shape or not np.can_cast(array.dtype, batch.dtype, "same_kind"):
+    if array.shape != shape or not np.can_cast(array.dtype, dtype, "same_kind"):
         raise MisuseError(
-            f"the actions have shape {array.shape} and type {array.dtype}; expected {batch.shape}"
-            f" and {batch.dtype}: a row for each world"
+            f"the actions have shape {array.shape} and type {array.dtype}; expected {shape} and"
+            f" {dtype}: a row for each"
         )
-    batch[...] = array
+    return array

@@ -81,10 +81,13 @@ class ShyFish(Fish):
     follow = follow_policy(shy, when="eTick", act=eSwim, observe=["x", "food"])
 
 
-def pond_of(fish):
+ALL_FISH = "AFish#a · AFish#b<x=2> · AFish#c<x=3, food=1>"
+
+
+def pond_of(fish, string=ALL_FISH):
     """A pond whose fish are of a class."""
     return World(
-        "AFish#a · AFish#b<x=2> · AFish#c<x=3, food=1>",
+        string,
         agents=[fish],
         services=[each(eTick)],
         symbols=[eSwim, eEat, eMix, ePick, eSee, PFin, TAt],

@@ -12,11 +12,11 @@ pytest.importorskip("pettingzoo")
 
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from gymnasium.vector.utils import batch_space
-from rl_pond import pond
+from rl_pond import ALL_FISH, Fish, pond, pond_of
 from test_environments import same
 
 from minerva_bus import MinervaError
-from minerva_bus.rl import single_env, vector_env
+from minerva_bus.rl import parallel_env, population_env, single_env, vector_env
 
 FISH = (pond, "#c", "eSwim", ["x", "food", "color"])
 ROBOT = ("robot", "ARobot", "eSpeed", ["row", "grid"])
@@ -57,6 +57,44 @@ def test_a_vector_environment_has_the_spaces_of_gymnasium():
     assert len(set(envs.step(envs.action_space.sample())[4]["digest"])) == 3
 
 
+def test_a_row_of_a_population_is_a_world_with_one_agent():
+    # One starves in the first frame, one is far enough in the second, one starves in the third.
+    what = {"act": "eSwim", "observe": ["x", "food"], "reward": "x", "done": "x > 3.3"}
+    envs = population_env(pond, "AFish", **what)
+    observed, _ = envs.reset(seed=6)
+    actions = np.array([[0.5, 1.0], [0.75, 2.0], [1.0, 3.0]])
+    steps = [envs.step(actions) for _ in range(3)]
+    assert [step[2].tolist() for step in steps] == [[0, 0, 1], [0, 1, 1], [1, 1, 1]]
+    for row, string in enumerate(ALL_FISH.split(" · ")):
+        alone = single_env(pond_of(Fish, string), "AFish", **what)
+        assert same(alone.reset(seed=6)[0], observed[row])
+        for seen, rewards, terminated, *_ in steps[: 3 - row]:
+            own = alone.step(actions[row])
+            assert same(own[:3], (seen[row], rewards[row], terminated[row]))
+        assert own[2]
+
+
+def test_a_population_in_columns_is_a_parallel_environment():
+    flock = partial(parallel_env, "flock", "ABird", "eTurn", frames=3, birds=7)
+    envs, agents = population_env("flock", "ABird", "eTurn", frames=3, birds=7), flock()
+    assert agents.possible_agents == envs.ids == [f"b{n}" for n in range(7)]
+    observed, seen = envs.reset(seed=2)[0], agents.reset(seed=2)[0]
+    while agents.agents:
+        assert same(observed, np.array([seen[name] for name in envs.ids]))
+        actions = envs.action_space.sample()
+        observed, rewards, terminated, truncated, infos = envs.step(actions)
+        seen, *_, of_agents = agents.step(dict(zip(envs.ids, actions, strict=True)))
+        assert infos["digest"].tolist() == [of_agents["b0"]["digest"]] * 7
+    assert (truncated.all(), terminated.any(), rewards.tolist()) == (True, False, [1.0] * 7)
+    with pytest.raises(MinervaError, match=r"all episodes are over"):
+        envs.step(actions)
+    envs.reset()
+    with pytest.raises(MinervaError, match="the action of b2: eTurn: angle must be a number"):
+        envs.step(np.array([[0.0], [1.0], [40.0], [0.0], [0.0], [0.0], [0.0]]))
+    with pytest.raises(MinervaError, match="several arrays; expected one"):
+        population_env("robot", "ARobot", "eSpeed", ["row", "grid"])
+
+
 def test_wrong_arguments_are_explained():
     with pytest.raises(MinervaError, match="worlds=2, processes=3: expected at least 1 process"):
         vector_env(*FISH, worlds=2, processes=3)
@@ -70,7 +108,9 @@ def test_wrong_arguments_are_explained():
     with pytest.raises(MinervaError, match="there is no option start"):
         envs.reset(options={"start": 1})
     envs.reset()
-    with pytest.raises(MinervaError, match=r"shape \(2,\) and type float64; expected \(2, 2\)"):
+    with pytest.raises(
+        MinervaError, match=r"shape \(2,\) and type float64; expected \(2, 2\) and float64"
+    ):
         envs.step([0.0, 0.0])
 
 
