@@ -7,9 +7,10 @@ import pytest
 from errands import FILE
 
 from minerva_agents.robot.parcel import AParcel
-from minerva_agents.robot.vocabulary import eErrand
+from minerva_agents.robot.vocabulary import eErrand, eInterrupt
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
+from minerva_bus.frame.order_fates import OrderFates
 from minerva_bus.grammar.batch import single
 from minerva_bus.grammar.scene import agents
 from minerva_bus.launch.reading import read_world_file
@@ -100,3 +101,24 @@ def test_parcels_are_nothing_to_a_robot_without_an_errand(hall):
 def test_the_same_errand_is_repeatable(hall):
     one, other = (Run(hall).order(eErrand("desk", "door")).to_the_end(600) for _ in range(2))
     assert one.digests == other.digests
+
+
+def test_an_interrupted_robot_stops_and_both_orders_have_a_fate(hall):
+    run = Run(hall)
+    fates = OrderFates(run.algorithm.world.vocabulary)
+    for order in (eErrand("desk", "door", receivers=["r1"]), eInterrupt(receivers=["r1"])):
+        run.order(order)
+        for _ in range(12):
+            run.runner.handle(s.Begin())
+        fates.judge(order, "anna", run.algorithm.frame - 12)
+    (interrupted,) = [event for event in run.events if event.type == "eInterrupted"]
+    fates.report(run.algorithm.frame, [interrupted])
+    states = {order.type: order.state for order in fates.changed_since(0)}
+    assert states == {"eErrand": "failed", "eInterrupt": "done"}
+    (robot,) = [agent for agent in agents(run.algorithm.scene) if agent.symbol == "ARobot"]
+    state = robot.state
+    assert [state[name] for name in ("objective", "later", "target")] == ["", "", ""]
+    place = state["row"], state["column"]
+    run.runner.handle(s.Begin())
+    (robot,) = [agent for agent in agents(run.algorithm.scene) if agent.symbol == "ARobot"]
+    assert (robot.state["row"], robot.state["column"]) == place

@@ -64,7 +64,7 @@ def test_it_is_a_string_of_the_vocabulary():
 def test_the_kind_responds_to_the_papers_events():
     papers = {"eLaser", "eCamera", "eDecide", "eObjective", "eSpeed"}
     assert ARobot.kind.subscribes == papers | {
-        "eClear", "eCollision", "eErrand", "eRefused", "eTake", "eTaken",
+        "eClear", "eCollision", "eErrand", "eInterrupt", "eRefused", "eTake", "eTaken",
     }  # fmt: skip
     assert ARobot.kind.views == {"eRepresent", "ePicture"}
     names = ARobot.kind.fields.names

@@ -15,7 +15,8 @@ learns on its way that another robot has come first, emits eGivenUp.
 An errand interrupts the objective; the robot resumes it afterwards, whether the errand succeeded or
 not. eReached therefore keeps its meaning, and an errand cannot end a world that stops on eReached.
 The latest order wins: a new errand replaces the current errand or objective. The robot keeps its
-load and puts it down where the new order ends.
+load and puts it down where the new order ends. eInterrupt ends both the errand and the objective
+that it has interrupted.
 """
 
 from __future__ import annotations

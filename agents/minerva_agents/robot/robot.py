@@ -23,7 +23,15 @@ from minerva_agents.robot.knowledge import (
 )
 from minerva_agents.robot.motion import STAY, GridPose, Move, action_of, move_of
 from minerva_agents.robot.scans import mark_scan
-from minerva_agents.robot.vocabulary import PGoal, PGrid, PObjective, PPath, PRobot, TPlace
+from minerva_agents.robot.vocabulary import (
+    PGoal,
+    PGrid,
+    PObjective,
+    PPath,
+    PRobot,
+    TPlace,
+    eInterrupted,
+)
 from minerva_bus import (
     EMPTY,
     Agent,
@@ -197,6 +205,13 @@ class ARobot(Agent, symbol="ARobot", rest=("action",)):
     def set_errand(self, order: Event, moment: Context) -> None:
         """Bring what stands at the source to the target; the objective is suspended."""
         errand.begin(self, order.source, order.target, moment)
+
+    @on("eInterrupt")
+    def interrupt(self, order: Event, moment: Context) -> None:
+        """o': no objective and no errand; the robot stops and keeps its load."""
+        moment.emit(eInterrupted(self.objective))
+        self.later = ""
+        self.seek("")
 
     @on("eTake")
     def notice_rival(self, take: Event, moment: Context) -> None:

@@ -217,6 +217,14 @@ A robot on an errand sends no eReached, which is reserved for objectives.
 eGivenUp = EventType("eGivenUp", fails=eErrand, source=str, target=str, why=str)
 """An errand cannot be completed; sent by the robot, which resumes its previous objective."""
 
+eInterrupt = EventType("eInterrupt")
+"""The user interrupts a robot's task, an objective or an errand (4.1); the robot stops."""
+
+eInterrupted = EventType(
+    "eInterrupted", completes=eInterrupt, fails=(eObjective, eErrand), marker=str
+)
+"""A robot has stopped its task, on the way to this marker; sent by the robot."""
+
 eRepresent = EventType("eRepresent", visual=True)
 """The robot's action is executed in the representation space."""
 

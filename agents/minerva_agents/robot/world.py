@@ -71,6 +71,8 @@ vocabulary: Final = Vocabulary.of(
     words.ePut,
     words.eDelivered,
     words.eGivenUp,
+    words.eInterrupt,
+    words.eInterrupted,
     words.eRepresent,
     words.ePicture,
     ARobot,
