@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
@@ -9,12 +10,15 @@ from pathlib import Path
 from typing import Any
 
 from minerva_bus.api.records import world_of_record
+from minerva_bus.api.run_result import Run
+from minerva_bus.api.running import run_file
 from minerva_bus.api.studies import collected_of, grid_of, sweep_of, table_of_study
 from minerva_bus.api.world import World
 from minerva_bus.collect.table import SEED, DataTable
 from minerva_bus.errors import MisuseError
 from minerva_bus.launch.branching import BranchPoint, read_branch_point, recorded_digest
 from minerva_bus.launch.collecting import Collecting
+from minerva_bus.launch.temporary_folder import temporary_folder
 from minerva_bus.settings.overrides import AS_WRITTEN, Overrides
 from minerva_bus.study.executor_pool import Workers
 from minerva_bus.study.grid import Grid
@@ -133,6 +137,34 @@ def branch(
     entries, plans = collected_of(branches.world, collect)
     make = partial(_make, branches, combinations, Overrides(frames=frames))
     return table_of_study(make, entries, plans, table, folder, Workers(workers, limit), quiet)
+
+
+def branch_run(
+    run: Run, frame: int, grid: Mapping[str, Iterable[Any]] | None = None, **arguments: Any
+) -> DataTable:
+    """Branches of a run in Python; see `Run.branch`. Raises MinervaError."""
+    known: dict[str, Any] = {} if run.world is None else {"world": run.world}
+    if run.record:
+        return branch(run.record, frame, grid, **{**known, **arguments})
+    if run.world is None:
+        raise MisuseError('the run has no record: run(world, record="run.mcap")')
+    with temporary_folder("branch") as folder:
+        record = folder / "run.mcap"
+        _repeat(run, run.world, record)
+        return branch(record, frame, grid, **{**known, **arguments})
+
+
+def _repeat(run: Run, world: World, record: Path) -> None:
+    """Run a world again and record it. Raises MisuseError if its last string is another one."""
+    given = Overrides(record=str(record), frames=run.frames).over(run.settings)
+    # What was collected is not collected again: it would replace the file.
+    file = replace(world.read(given), collect=Collecting())
+    again = run_file(file, time.monotonic())
+    if again.digest != run.digest:
+        raise MisuseError(
+            f"the run of {world.name} cannot be repeated: it had free-running members, orders of"
+            ' people, or has changed code; record it: run(world, record="run.mcap")'
+        )
 
 
 def _make(branches: Branches, grid: Grid, given: Overrides, collect: Collecting) -> Sweep:

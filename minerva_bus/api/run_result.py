@@ -12,6 +12,7 @@ from minerva_bus.api.world_views import PICTURE, WIDTH, Visual, WorldViews, figu
 from minerva_bus.collect.table import DataTable
 from minerva_bus.errors import MinervaError, MisuseError, nearest
 from minerva_bus.grammar.scene import Scene
+from minerva_bus.settings.overrides import AS_WRITTEN, Overrides
 from minerva_bus.wording import counted
 
 if TYPE_CHECKING:
@@ -38,6 +39,7 @@ class Run:
         kept: numbers of frames, and the strings with which they begin, for `film`.
         record: the file in which it was recorded; "": none.
         world: what ran, with its code, for `branch`.
+        settings: with which it ran, for `branch`.
 
     """
 
@@ -55,6 +57,7 @@ class Run:
     kept: tuple[tuple[int, Scene], ...] = ()
     record: str = ""
     world: World | None = None
+    settings: Overrides = AS_WRITTEN
 
     def table(self, name: str = "") -> DataTable:
         """A table of collected data.
@@ -108,25 +111,24 @@ class Run:
     def branch(
         self, frame: int, grid: Mapping[str, Iterable[Any]] | None = None, **arguments: Any
     ) -> DataTable:
-        """Continue the recorded run from one of its frames in many ways; see `branch`.
+        """Continue the run from one of its frames in many ways; see `branch`.
+
+        A run without a record is repeated once, in this process, and its digest compared.
 
         Args:
             frame: branches begin with the string of this frame.
             grid: values by option of the world, or by PROCESS.KEY.
             arguments: all others of `branch`: `seeds`, `collect`, `frames`, ...
 
-        Raises MisuseError if the run was not recorded.
+        Raises MisuseError if the run has no record and cannot be repeated.
 
         Example:
             `run("meadow", frames=500, record="run.mcap").branch(400, seeds=20)`
 
         """
-        from minerva_bus.api.branching import branch  # which imports this module
+        from minerva_bus.api.branching import branch_run  # which imports this module
 
-        if not self.record:
-            raise MisuseError('the run has no record: run(world, record="run.mcap")')
-        known: dict[str, Any] = {} if self.world is None else {"world": self.world}
-        return branch(self.record, frame, grid, **{**known, **arguments})
+        return branch_run(self, frame, grid, **arguments)
 
     @property
     def _facts(self) -> list[str]:

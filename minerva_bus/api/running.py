@@ -108,7 +108,9 @@ def run_request(request: Request, *, bus: bool, quiet: bool, film: int = 0) -> R
         done = _run_on_bus(request, console, film)
     else:
         done = run_file(request.file, time.monotonic(), console, film)
-    return replace(done, record=request.file.record.path, world=request.world)
+    return replace(
+        done, record=request.file.record.path, world=request.world, settings=request.overrides
+    )
 
 
 def check_film(film: int) -> None:

@@ -1,6 +1,7 @@
 """`minerva branch` and `branch`: many futures of one frame of a record."""
 
 import json
+from dataclasses import replace
 
 import pytest
 from typer.testing import CliRunner
@@ -137,5 +138,19 @@ def test_limits_of_runs(traffic):
             grid_of_branches(branches, settings, seeds, runs)
     with pytest.raises(MinervaError, match="it is the record of another world"):
         branch(traffic.record, 20, world=_growing("AReed#a", cars=8))
+
+
+def test_a_run_without_a_record_is_repeated(tmp_path):
+    pytest.importorskip("mcap")
+    world = _growing("AReed#a · AReed#b")
+    # Its own seed and settings, and a table that a repetition must not replace.
+    done = run(world, frames=9, seed=4, collect={"n": "count(AReed)"}, into=tmp_path / "n.csv")
+    (tmp_path / "n.csv").write_text("kept")
+    table = done.branch(6, seeds=2, workers=1, quiet=True)
+    assert table["seed"].tolist() == [4, 5]
+    assert table["digest"][0] == done.digest != table["digest"][1]
+    assert (tmp_path / "n.csv").read_text() == "kept"
+    with pytest.raises(MinervaError, match="cannot be repeated"):
+        replace(done, digest="0" * 32).branch(6, quiet=True)
     with pytest.raises(MinervaError, match="has no record"):
-        run("traffic", frames=1).branch(0)
+        replace(done, world=None).branch(6)

@@ -221,7 +221,9 @@ def branch(
     ] = None,
     runs: Annotated[
         int | None,
-        typer.Option(help="Limit of runs; without --seeds, as many seeds as it allows.", min=1),
+        typer.Option(
+            help="Number of runs, by as many seeds; with --seeds, the limit of runs.", min=1
+        ),
     ] = None,
     frames: Annotated[
         int | None, typer.Option(help="Last frame; default: that of the record.", min=1)
