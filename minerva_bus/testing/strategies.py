@@ -13,7 +13,8 @@ Hypothesis must be installed (`pip install hypothesis`); nothing else in Minerva
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from typing import Any, TypeVar
+from inspect import signature
+from typing import Any, Final, TypeVar
 
 import numpy as np
 from hypothesis import strategies as st
@@ -141,9 +142,14 @@ def _entries(
     )
 
 
+_ARGUMENTS: Final = frozenset(
+    name for made in (Primitive, Transformation, EventType) for name in signature(made).parameters
+)
+
+
 def _is_free(name: str) -> bool:
     # Excludes names of other constructor arguments, and attributes of all events.
-    return name not in ("shape", "motion", "visual") and not hasattr(Event, name)
+    return name not in _ARGUMENTS and not hasattr(Event, name)
 
 
 def _field() -> SearchStrategy[Any]:
