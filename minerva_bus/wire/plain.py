@@ -49,9 +49,11 @@ def unpack(data: bytes, limits: Limits = DEFAULT) -> Any:
 def uncollected(size: int) -> Generator[None]:
     """Decode a message of `size` bytes without garbage collection if it is large."""
     paused = size > COLLECTED and gc.isenabled()
-    if paused:
-        gc.disable()
+    # Inside `try`, because an interrupt between the two statements would leave the collector off.
+    # Of two threads, the first one to end enables it: the other only becomes slower.
     try:
+        if paused:
+            gc.disable()
         yield
     finally:
         if paused:
