@@ -125,7 +125,7 @@ class TickReply:
         "its events of the frame",
         "tick",
         max_bytes="message_bytes",
-        max_values="answer_values",
+        max_values="tick_values",
         awaited=True,
     )
 

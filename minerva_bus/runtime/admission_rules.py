@@ -91,6 +91,8 @@ class AdmissionRules:
             _HELLOS: limits.hellos,
             _ALL: limits.all_hellos,
         }
+        of_strangers = min(limits.messages, limits.stranger_messages)
+        self._full_of_strangers = {**self._full, _MESSAGES: of_strangers}
 
     def count(self, who: str, times: int = 1) -> None:
         """Count rejections of a sender."""
@@ -137,7 +139,8 @@ class AdmissionRules:
         """The refilled buckets of a sender."""
         own = self._allowances.get(who)
         if own is None:
-            own = self._allowances[who] = _Allowance(self._full, self._clock())
+            full = self._full if who != STRANGERS else self._full_of_strangers
+            own = self._allowances[who] = _Allowance(full, self._clock())
         own.fill(self._clock())
         return own
 
@@ -149,6 +152,11 @@ class AdmissionRules:
             return ""
         own.logged = True
         limits = self._limits
+        if who == STRANGERS:
+            return (
+                f"unknown senders send more than {limits.stranger_messages} messages per second;"
+                " the rest is only counted"
+            )
         return (
             f"sends more than {limits.messages} messages, {limits.hellos} hellos,"
             f" {limits.bytes >> 20} MiB or {limits.values} values per second, or messages that take"

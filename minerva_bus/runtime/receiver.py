@@ -56,15 +56,14 @@ class Receiver:
         if data == self._transport.empty_reply and self._algorithm.awaits_tick(member):
             self._handle(m.TickReply(member, self._transport.ticked))
             return
+        if not self._members.knows(member):
+            self._receive_of_stranger(member, data)
+            return
         if self._admission.keeps_out(member):
             return
         # Every message is charged, even one that then passes regardless of the limits.
-        room = self._admission.rules.has_room(self._known(member), len(data))
+        room = self._admission.rules.has_room(member, len(data))
         wire = declaration(data, len(self._transport.stamp))
-        # A message of an unknown member is not decoded.
-        if room and data and not self._members.knows(member):
-            self._handle(m.Leaving(member))  # Counts an unknown member, regardless of the message.
-            return
         # A reply that the frame waits for passes regardless of the limits: it can arrive only once
         # per frame, and the frame could not continue without it.
         if not data or (wire.awaited and self._algorithm.awaits(member)):
@@ -77,7 +76,7 @@ class Receiver:
         else:
             began = self._clock()
             self._decode(member, data)
-            self._admission.rules.spent(self._known(member), self._clock() - began)
+            self._admission.rules.spent(member, self._clock() - began)
 
     def take_decoded(self, decoded: Decoded) -> None:
         """Process a large message, unless its member has joined again since it was sent."""
@@ -108,12 +107,21 @@ class Receiver:
         else:
             self._admission.too_many(self._max_members)
 
+    def _receive_of_stranger(self, member: str, data: bytes) -> None:
+        """Count a message of an unknown member, which is not decoded."""
+        # The limit is checked first: messages over it must cost next to nothing, because those of
+        # members wait behind them in the queue.
+        if not self._admission.rules.has_room(STRANGERS, len(data)):
+            self._drop(STRANGERS)
+        elif not self._admission.keeps_out(member):
+            self._handle(m.Leaving(member))  # Counts an unknown member, regardless of the message.
+
     def _within_limits(self, member: str, data: bytes, wire: Wire) -> bool:
         """Whether a message that no frame waits for is within its member's limits per second."""
-        rules, name = self._admission.rules, self._known(member)
-        if wire is m.Hello.WIRE and not rules.has_hello(name):
+        rules = self._admission.rules
+        if wire is m.Hello.WIRE and not rules.has_hello(member):
             return False
-        return rules.has_values(name, data[len(self._transport.stamp) :])
+        return rules.has_values(member, data[len(self._transport.stamp) :])
 
     def _decode(self, member: str, data: bytes) -> None:
         """Decode a small message now, a large one in a thread, and all of a member in order."""
@@ -157,16 +165,11 @@ class Receiver:
             reason = self._admission.rules.objection(message)
         self._handle(s.Violation(member, reason) if reason else message)
 
-    def _known(self, member: str) -> str:
-        """The name under which messages are counted; unknown members share one."""
-        return member if self._members.knows(member) else STRANGERS
-
     def _drop(self, member: str) -> None:
         """Drop a message that exceeds the limits; log the first one."""
-        name = self._known(member)
-        text = self._admission.rules.too_much(name)
+        text = self._admission.rules.too_much(member)
         if text:
-            self._log.warn(name, text)
+            self._log.warn(member, text)
 
     def _count_late(self, member: str) -> None:
         """Count a reply for another coordinator, or for a frame that is over."""

@@ -268,7 +268,8 @@ def _events_by_sender(of: DeclaredField) -> FieldCodec:
         if of.has(Mark.EMITTED) and senders:
             # A total, because a host may have any number of agents that send a few events each.
             count = sum(len(_single(events, of.what)) for events in senders.values())
-            check(of.message, count, reader.limits.host_events, "single events", _ADVICE)
+            advice = f"{_ADVICE}, or raise host_events in [limits]"
+            check(of.message, count, reader.limits.host_events, "single events", advice)
         return {name: reader.events(events) for name, events in senders.items()}
 
     def write(senders: m.SentBy) -> Any:

@@ -32,7 +32,7 @@ class Limits:
     """
 
     message_bytes: Annotated[int, Note("bytes of a message"), Configurable(1024)] = 64 << 20
-    emitted_bytes: Annotated[int, Note("bytes of an `emitted`")] = 16 << 20
+    emitted_bytes: Annotated[int, Note("bytes of an `emitted`"), Configurable(1024)] = 8 << 20
     small_bytes: Annotated[
         int,
         Note("bytes of any other message of a member except `ticked` and `evolved`; of a question"),
@@ -45,9 +45,10 @@ class Limits:
         ),
         Configurable(100),
     ] = 50_000
-    answer_values: Annotated[int, Note("values of a `ticked` or `evolved`"), Configurable(1000)] = (
-        5_000_000
-    )
+    # A frame waits for these two. A generator's saved state may be bytes, which are one value; the
+    # changes of a host are as many as its agents require.
+    tick_values: Annotated[int, Note("values of a `ticked`"), Configurable(1000)] = 250_000
+    answer_values: Annotated[int, Note("values of an `evolved`"), Configurable(1000)] = 5_000_000
     items: Annotated[int, Note("values of any message, including the coordinator's")] = 64 << 20
     nodes: Annotated[int, Note("symbols of a string; rows of columns")] = 5_000_000
     # Scopes are read without recursion, so this is far beyond Python's own limit.
@@ -66,7 +67,9 @@ class Limits:
         ),
         Configurable(1),
     ] = MAX_SINGLE_EVENTS
-    host_events: Annotated[int, Note("events of an `evolved` that are not in columns")] = 100_000
+    host_events: Annotated[
+        int, Note("events of an `evolved` that are not in columns"), Configurable(1)
+    ] = 10_000
     receivers: Annotated[int, Note("receivers of the single events of a `ticked` or `emitted`")] = (
         20_000
     )
@@ -85,6 +88,9 @@ class Limits:
     seconds: Annotated[
         float, Note("seconds that the coordinator spends in a second on one member's messages")
     ] = 0.25
+    stranger_messages: Annotated[
+        int, Note("messages of all unknown senders in a second; further ones are only counted")
+    ] = 100
     hellos: Annotated[int, Note("`hello`s of a member in a second")] = 20
     all_hellos: Annotated[int, Note("`hello`s of all members in a second")] = 1_000
     questions: Annotated[
@@ -127,6 +133,7 @@ ON_DISK: Final = Limits(
     emitted_bytes=1 << 31,
     small_bytes=1 << 31,
     values=1 << 31,
+    tick_values=1 << 31,
     answer_values=1 << 31,
     # Lower than on the bus: a file may have an unknown origin, and each item takes memory.
     items=16_000_000,

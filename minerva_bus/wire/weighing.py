@@ -10,7 +10,7 @@ from typing import Final
 
 from minerva_bus.errors import ProtocolError
 from minerva_bus.frame.schema import Wire
-from minerva_bus.wire.limits import Limits, check
+from minerva_bus.wire.limits import Limits, check, configurable_limits
 
 _FIXED: Final = {
     0xCA: 5, 0xCB: 9, 0xCC: 2, 0xCD: 3, 0xCE: 5, 0xCF: 9, 0xD0: 2, 0xD1: 3, 0xD2: 5, 0xD3: 9,
@@ -21,6 +21,13 @@ _LENGTHS: Final = {
     0xD9: (1, 2), 0xDA: (2, 3), 0xDB: (4, 5),
 }  # fmt: skip
 """Widths of the length and of the whole head of binaries, extensions and text."""
+
+
+_FEW: Final = {
+    False: "send many events or agents in columns",
+    True: "send many events or agents in columns and save a large state as bytes",
+}
+"""Advice for a message with too many values, by whether a frame waits for it."""
 
 
 def _step(first: int) -> int:
@@ -74,16 +81,17 @@ def check_weight(data: bytes, wire: Wire, limits: Limits) -> None:
     most = getattr(limits, wire.max_bytes)
     if size > most and not name:
         raise ProtocolError("this is no msgpack list that begins with a message's name")
-    check(name, size, most, "bytes")
+    advice = f"{wire.max_bytes} in [limits]" if wire.max_bytes in configurable_limits() else ""
+    check(name, size, most, "bytes", advice)
     most = getattr(limits, wire.max_values)
     if size > most and (count := values_in(data, most)) > most:  # A value has at least one byte.
         raise ProtocolError(
-            f"{name or 'a message'} has at least {count} values, over {most}; send many events or"
-            " agents in columns, which are few values"
+            f"{name or 'a message'} has at least {count} values, over {most}; {_FEW[wire.awaited]},"
+            f" which are few values, or raise {wire.max_values} in [limits]"
         )
 
 
 def lightest(limits: Limits) -> int:
     """Bytes up to which a message is within all limits, since a value has at least one byte."""
-    values = min(limits.values, limits.answer_values)
+    values = min(limits.values, limits.tick_values, limits.answer_values)
     return min(limits.message_bytes, limits.emitted_bytes, limits.small_bytes, values)

@@ -186,7 +186,7 @@ TOO_MUCH = {
     "many events": (
         lambda: pack(["emitted", [["eSeen", [n], "", "", [f"a{n}"]] for n in range(300_000)]]),
         "emitted has at least 50001 values, over 50000; send many events or agents in columns,"
-        " which are few values",
+        " which are few values, or raise values in [limits]",
     ),
     "single events": (
         lambda: pack(["emitted", [["eSeen", [n]] for n in range(DEFAULT.single_events + 1)]]),

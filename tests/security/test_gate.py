@@ -33,6 +33,13 @@ def test_a_burst_of_one_second_is_allowed_and_then_the_rate():
     assert [gate.has_room("a", 1) for _ in range(11)] == [True] * 10 + [False]
 
 
+def test_unknown_senders_share_a_smaller_limit():
+    gate = AdmissionRules(Limits(messages=10, stranger_messages=3), clock=Clock())
+    assert [gate.has_room(STRANGERS, 1) for _ in range(4)] == [True] * 3 + [False]
+    assert "unknown senders send more than 3 messages per second" in gate.too_much(STRANGERS)
+    assert gate.has_room("a", 1)
+
+
 def test_bytes_count_as_well():
     clock = Clock()
     gate = AdmissionRules(Limits(messages=10, bytes=1000), clock=clock)

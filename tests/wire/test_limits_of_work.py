@@ -28,7 +28,7 @@ class Stone(Agent, symbol="AStone"):
 VOCABULARY = Vocabulary.of(eNear, eText, eBare, Stone)
 SMALL = Limits(
     single_events=3, host_events=5, emitted_bytes=900, receivers=4, conditions=40, kinds=2, fields=3, names=2, figures=2,
-    events=50, rows=60, values=100, answer_values=200, small_bytes=600,
+    events=50, rows=60, values=100, tick_values=200, answer_values=200, small_bytes=600,
 )  # fmt: skip
 
 
