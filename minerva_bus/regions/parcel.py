@@ -12,11 +12,13 @@ from minerva_bus.regions.merging import PlacedEvent, Units
 class Progress:
     """What every region has to know of another one's frame to end the world in the same frame.
 
-    `empty`: its string is ε. `reached`: its agents that have sent `until` so far, and `striving`
-    their kinds. `left`: the number of its agents of each kind that have not sent it.
+    `empty`: its string is ε. `resting`: its next frame would change nothing. `reached`: its agents
+    that have sent `until` in this frame, and `striving` their kinds. `left`: the number of its
+    agents of each kind that have not sent it.
     """
 
     empty: bool
+    resting: bool
     reached: frozenset[str]
     striving: frozenset[str]
     left: Mapping[str, int]

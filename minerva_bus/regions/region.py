@@ -8,12 +8,14 @@ arrive in any order and more than once.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
+from minerva_bus.errors import ProtocolError
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.description import World
 from minerva_bus.frame.goal import all_sent
@@ -59,7 +61,7 @@ class Region:
     """One region of a world. `partition` applies to the frames that begin next.
 
     `over` is the reason why no further frame begins, known after `enter`, and `reached` whether the
-    world has ended by its goal.
+    world has ended by its goal. `resting`: the next frame would change nothing in any region.
     """
 
     def __init__(self, world: World, number: int, partition: Partition) -> None:
@@ -69,6 +71,7 @@ class Region:
         self.partition = partition
         self.over = ""
         self.reached = False
+        self.resting = False
         self.algorithm = FrameAlgorithm(replace(world, scene=own.scene), RegionSource)
         assert isinstance(self.algorithm.source, RegionSource)
         self._source = self.algorithm.source
@@ -77,6 +80,7 @@ class Region:
         self._entered = 0
         self._parcels: dict[int, dict[int, Parcel]] = {}
         self._remaining: Units | None = None
+        self._known = self.algorithm.goal.reached, self.algorithm.goal.striving
         self._settled: dict[int, Piece] = {}
         self._settled_by = partition
 
@@ -93,26 +97,35 @@ class Region:
     # --- before a frame ---
 
     def receive(self, parcel: Parcel) -> None:
-        """Accept a parcel; those that arrive again do not count."""
+        """Accept a parcel; those that arrive again do not count.
+
+        Raises ProtocolError for one that its sender cannot have, because this region has not sent
+        the parcels that it would need.
+        """
+        if parcel.frame > self.frame:
+            raise ProtocolError(f"it is of frame {parcel.frame}, expected at most {self.frame}")
         if parcel.frame + 1 >= self._entered:
             self._parcels.setdefault(parcel.frame, {}).setdefault(parcel.source, parcel)
 
     @property
-    def ready(self) -> bool:
-        """Whether the parcels that the next frame needs have arrived."""
+    def missing(self) -> list[int]:
+        """The regions whose parcels the next frame needs and that have not arrived."""
         if self._is_first:
-            return True
-        return len(self._parcels.get(self.frame - 1, ())) == self.partition.count
+            return []
+        arrived = self._parcels.get(self.frame - 1, ())
+        return [region for region in range(self.partition.count) if region not in arrived]
 
     def enter(self) -> None:
         """Prepare the next frame from the parcels: agents that arrive, and events of all regions.
 
-        The world is over if `over` is set afterwards.
+        The world is over if `over` is set afterwards. Raises ProtocolError if a region has sent
+        agents that do not belong here.
         """
         if self._is_first:
             return
         parcels = [parcel for _, parcel in sorted(self._parcels.pop(self.frame - 1).items())]
         self._entered = self.frame + 1
+        self._check_arriving(parcels)
         self._join([parcel.units for parcel in parcels])
         events = in_order(event for parcel in parcels for event in parcel.events)
         self.algorithm.inbox.emitted = events
@@ -122,11 +135,34 @@ class Region:
     def _is_first(self) -> bool:
         return self.frame == self._world.past.frame
 
+    def _check_arriving(self, parcels: Sequence[Parcel]) -> None:
+        """Raise ProtocolError for an agent of another region, or one that is here already."""
+        for parcel in parcels:
+            for piece in parcel.units.pieces:
+                regions = regions_of(self.partition, piece)
+                if regions is None or (regions != self.number).any():
+                    raise _wrong(parcel, f"has sent {piece.symbol}, which does not belong here")
+                present = next(self._present(piece), None)
+                if present is not None:
+                    raise _wrong(parcel, f"has sent #{present}, which is here already")
+
+    def _present(self, piece: Piece) -> Iterator[str]:
+        """The agents of a piece that are in this region already."""
+        composition = self.algorithm.composition
+        if piece.ids is not None:
+            rows = np.flatnonzero(composition.kinds(piece.ids) != "")
+            yield from piece.ids.take(rows).texts()
+        else:
+            names = (agent.id for agent in agents(Scene((piece,))))
+            yield from (name for name in names if composition.home(name) is not None)
+
     def _join(self, arriving: Sequence[Units]) -> None:
         remaining, self._remaining = self._remaining, None
         if remaining is None and not any(arriving):
             return
         units = merged([self.units if remaining is None else remaining, *arriving])
+        if any(place == following for place, following in pairwise(units.places)):
+            raise ProtocolError("two nodes have the same place")
         self.algorithm.composition.become(units.scene)
         self.algorithm.placement.outdated = True
         self._source.places = units.places
@@ -137,6 +173,8 @@ class Region:
         goal.striving = goal.striving.union(*(each.striving for each in progress))
         left = sum(each.left.get(kind, 0) for each in progress for kind in goal.striving)
         self.reached = bool(until and goal.reached) and not left
+        self._known = goal.reached, goal.striving
+        self.resting = all(each.resting for each in progress)
         empty = all(each.empty for each in progress)
         finished = all_sent(until) if self.reached else ""
         self.over = why_over(self._world, self.frame, empty, finished)
@@ -152,12 +190,26 @@ class Region:
         }
         routing = Routing(self.number, self.partition.count, composition, moving)
         routed = routing.route(self._source.sent)
-        goal = self.algorithm.goal
-        progress = Progress(composition.empty, goal.reached, goal.striving, goal.left())
+        progress = self._progress()
         return [
             Parcel(frame, self.number, to, leaving.get(to, NOTHING), tuple(events), progress)
             for to, events in enumerate(routed)
         ]
+
+    def part(self) -> Parcel:
+        """The whole part of w between `enter` and the next frame, as a parcel to itself."""
+        return Parcel(self.frame, self.number, self.number, self.units, (), self._progress())
+
+    def _progress(self) -> Progress:
+        algorithm, goal = self.algorithm, self.algorithm.goal
+        reached, striving = self._known
+        return Progress(
+            algorithm.composition.empty,
+            algorithm.at_rest,
+            goal.reached - reached,
+            goal.striving - striving,
+            goal.left(),
+        )
 
     def _leaving(self) -> dict[int, Units]:
         """The units whose agents are now in other regions, by region; the others remain."""
@@ -181,6 +233,10 @@ class Region:
 
 
 NOTHING = Units((), ())
+
+
+def _wrong(parcel: Parcel, problem: str) -> ProtocolError:
+    return ProtocolError(f"region {parcel.source} {problem}, in its parcel of frame {parcel.frame}")
 
 
 def cut(scene: Scene, partition: Partition) -> list[Units]:

@@ -13,6 +13,7 @@ from minerva_bus.errors import ProtocolError, SceneError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame.schema import Wire
 from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.regions.messages import ParcelMessage
 from minerva_bus.wire.declared import Encode, MessageCodec, by_name, message_codec
 from minerva_bus.wire.limits import DEFAULT, Limits
 from minerva_bus.wire.plain import as_list, as_text, uncollected, unpack
@@ -24,6 +25,8 @@ _EMPTY: Final = Vocabulary()
 FROM_MEMBER: Final = by_name(get_args(m.FromMember))
 TO_MEMBER: Final = by_name(get_args(m.ToMember))
 FOR_ALL: Final = by_name((m.Readings, m.FrameRecord))
+FROM_REGION: Final = by_name((ParcelMessage,))
+_PARCEL: Final = ParcelMessage.WIRE
 _READINGS: Final = by_name((m.Readings,))
 _RECORD: Final = by_name((m.FrameRecord,))
 
@@ -40,7 +43,7 @@ _ENCODERS: Final = _Encoders()
 _UNKNOWN: Final = Wire("", ("from",), "an unknown message")
 
 
-def encode(message: m.Message) -> bytes:
+def encode(message: m.Message | ParcelMessage) -> bytes:
     """A message as bytes. Raises ProtocolError for values that MessagePack cannot represent."""
     try:
         return _ENCODERS[type(message)](message)
@@ -82,6 +85,11 @@ class Decoder:
     def record(self, data: bytes) -> m.FrameRecord:
         """The record of a frame."""
         return self.decode(_RECORD, (), data)
+
+    def parcel(self, data: bytes) -> ParcelMessage:
+        """A message from a region to another one, checked against its limits."""
+        check_weight(data, _PARCEL, self._limits)
+        return self.decode(FROM_REGION, (), data)
 
     def decode(
         self,

@@ -1,5 +1,6 @@
 """Laws of regions: together they have the string of a single coordinator in every frame."""
 
+from collections import defaultdict
 from dataclasses import dataclass, field
 from functools import cache
 from random import Random
@@ -18,6 +19,8 @@ from minerva_bus.frame.member import Member
 from minerva_bus.grammar.columns import packed
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.regions.merging import merged
+from minerva_bus.regions.messages import from_message, to_message
+from minerva_bus.regions.outbox import Outbox
 from minerva_bus.regions.partition import ByFunction, ById, ByPosition
 from minerva_bus.regions.region import Region
 from minerva_bus.runtime.direct import InProcessRunner
@@ -31,6 +34,7 @@ from minerva_bus.testing.family import (
     eHit,
 )
 from minerva_bus.testing.strategies import family_events, family_strings, with_unique_ids
+from minerva_bus.wire.codec import Decoder, encode
 
 NEIGHBOURS = 40  # enough neighbours of one kind to be held in columns
 
@@ -103,6 +107,7 @@ class Regions:
     parcels: list = field(default_factory=list)
     units: dict = field(default_factory=dict)
     ends: list = field(default_factory=list)
+    outboxes: dict = field(default_factory=lambda: defaultdict(Outbox))
 
     def digests(self):
         first = self.partitions[0]
@@ -113,7 +118,7 @@ class Regions:
             runners[number][1].start()
         while any(self.goes_on(region) for region, _ in runners.values()):
             region, runner = runners[self.chance.randrange(first.count)]
-            if self.goes_on(region) and region.ready:
+            if self.goes_on(region) and not region.missing:
                 self.advance(region, runner)
             numbers = [region.frame for region, _ in runners.values()]
             self.ahead = max(self.ahead, max(numbers) - min(numbers))
@@ -132,14 +137,28 @@ class Regions:
         begin(runner, self.frames[frame])
         self.units.setdefault(frame, []).append(region.units)
         region.partition = self.partitions[(frame + 1) % len(self.partitions)]
-        self.parcels += region.leave()
+        parcels = region.leave()
+        self.outboxes[region.number].keep(parcels)
+        self.parcels += parcels
 
     def deliver(self, runners):
         for _ in range(self.chance.randrange(len(self.parcels) + 1)):
             parcel = self.chance.choice(self.parcels)
             if self.chance.random() < 0.8:  # Otherwise it arrives once more.
                 self.parcels.remove(parcel)
-            runners[parcel.target][0].receive(parcel)
+            if self.chance.random() < 0.1:
+                continue  # It is lost.
+            message = Decoder(self.world.vocabulary).parcel(encode(to_message(parcel)))
+            arrived = from_message(message, parcel.source, parcel.target)
+            runners[parcel.target][0].receive(arrived)
+            self.outboxes[parcel.target].acknowledge(arrived)
+        if self.chance.random() < 0.2:  # A link that was cut is there again.
+            self.send_again(self.chance.choice([*runners]), self.chance.choice([*runners]))
+
+    def send_again(self, source, target):
+        kept = self.outboxes[source].kept_for(target)
+        assert len(kept) <= 2
+        self.parcels += kept
 
 
 FRAMES = [[nomads.eStep(), nomads.eCall(value=n, receivers=["n1", "s2"])] for n in range(5)]

@@ -1,0 +1,97 @@
+"""Parcels between regions: what a region refuses from another one."""
+
+from dataclasses import replace
+
+import pytest
+
+from minerva_bus.errors import ProtocolError, SceneError
+from minerva_bus.frame.description import World
+from minerva_bus.grammar.scene import Scene
+from minerva_bus.regions.merging import PlacedEvent, Units
+from minerva_bus.regions.messages import from_message, packed_places, to_message, unpacked_places
+from minerva_bus.regions.parcel import Parcel, Progress
+from minerva_bus.regions.partition import ByFunction
+from minerva_bus.regions.region import Region
+from minerva_bus.runtime.direct import InProcessRunner
+from minerva_bus.testing.family import FAMILY_VOCABULARY, Walker, eHit
+from minerva_bus.wire.codec import Decoder, encode
+
+DECODER = Decoder(FAMILY_VOCABULARY)
+PROGRESS = Progress(False, False, frozenset({"b"}), frozenset({"AWalker"}), {"AWalker": 2})
+
+
+def nodes(*names):
+    return tuple(Walker(name).string.nodes[0] for name in names)
+
+
+def parcel(*names, frame=0, places=((7, -1, 2),), events=()):
+    return Parcel(frame, 1, 0, Units(places[: len(names)], nodes(*names)), events, PROGRESS)
+
+
+def received(message):
+    return from_message(DECODER.parcel(encode(message)), 1, 0)
+
+
+def test_a_parcel_arrives_as_it_was_sent():
+    events = (PlacedEvent([(4,)], eHit(amount=1.0, sender="b", receivers=["a"])),)
+    sent = parcel("c", events=events)
+    arrived = received(to_message(sent))
+    assert replace(arrived, events=()) == replace(sent, events=(), units=arrived.units)
+    assert (list(arrived.units.places), arrived.units.scene) == ([(7, -1, 2)], sent.units.scene)
+    assert [(each.places, each.event) for each in arrived.events] == [([(4,)], events[0].event)]
+
+
+@pytest.mark.parametrize(
+    ("change", "problem"),
+    [
+        ({"places": b"\1"}, "places has 1 bytes, which are not 1 places"),
+        ({"places": packed_places([(1,), (2,)])}, "which are not 1 places"),
+        ({"places": packed_places([(1, 2)])}, "an odd number of numbers"),
+        ({"events": (eHit(amount=1.0),), "senders": packed_places([(1,)])}, "eHit has no sender"),
+        ({"senders": packed_places([(1,)])}, "senders has 12 bytes, which are not 0 places"),
+        ({"left": {"AWalker": -1}}, "left: AWalker must be a count, not -1"),
+        ({"string": Scene(nodes("c", "c")), "places": packed_places([(1,), (2,)])}, "c"),
+    ],
+)
+def test_a_message_with_contradictions_is_refused(change, problem):
+    with pytest.raises((ProtocolError, SceneError), match=problem):
+        received(replace(to_message(parcel("c")), **change))
+
+
+def test_a_length_that_does_not_fit_is_refused():
+    with pytest.raises(ProtocolError, match="not 1 places"):
+        unpacked_places(b"\xff\xff\xff\xff", 1, "places")
+
+
+def region_of(name, state):
+    return int(name.startswith("z"))
+
+
+@pytest.fixture
+def region():
+    world = World("w", Scene(nodes("a", "b")), FAMILY_VOCABULARY, frames=9)
+    region = Region(world, 0, ByFunction(2, region_of))
+    InProcessRunner(region.algorithm, ()).start()
+    region.algorithm.frame = 1
+    region.receive(Parcel(0, 0, 0, Units((), ()), (), PROGRESS))
+    return region
+
+
+@pytest.mark.parametrize(
+    ("arriving", "problem"),
+    [
+        (parcel("a"), "region 1 has sent #a, which is here already, in its parcel of frame 0"),
+        (parcel("z"), "region 1 has sent AWalker, which does not belong here"),
+        (parcel("c", places=((1,),)), "two nodes have the same place"),
+    ],
+)
+def test_an_agent_that_cannot_move_here_is_refused(region, arriving, problem):
+    region.receive(arriving)
+    with pytest.raises(ProtocolError, match=problem):
+        region.enter()
+
+
+def test_a_parcel_from_the_future_is_refused(region):
+    assert region.missing == [1]
+    with pytest.raises(ProtocolError, match="it is of frame 2, expected at most 1"):
+        region.receive(parcel(frame=2))
