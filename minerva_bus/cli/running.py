@@ -18,6 +18,7 @@ from minerva_bus.launch.profiling import NOTHING, Profiling
 from minerva_bus.launch.reading import read_world_file
 from minerva_bus.launch.region_run import RegionRun
 from minerva_bus.launch.region_settings import check_region_run
+from minerva_bus.launch.region_supervisor import RegionSupervisor
 from minerva_bus.launch.summary import RunSummary
 from minerva_bus.launch.supervisor import Supervisor
 from minerva_bus.launch.worldfile import WorldFile
@@ -35,8 +36,7 @@ def run_world(file: WorldFile, began: float, options: RunOptions) -> None:
     `began` is when the program started, on the monotonic clock, seconds.
     """
     profiling = Profiling(options.profile, options.profile_member)
-    in_process = options.in_process or file.partition is not None
-    if in_process and profiling != NOTHING:
+    if (options.in_process or file.partition is not None) and profiling != NOTHING:
         omit = "run with --regions 0" if file.partition is not None else "omit --in-process"
         raise MisuseError(f"--profile and --profile-member measure the bus: {omit}")
     check_region_run(file)
@@ -46,13 +46,15 @@ def run_world(file: WorldFile, began: float, options: RunOptions) -> None:
     console = Console(quiet=quiet, json=as_json, world=file.world.name, traceback=options.traceback)
     failure = ""
     try:
-        if in_process:
+        if options.in_process:
             for number in end_signals():
                 # Every signal that ends a process becomes KeyboardInterrupt, so the run closes its
                 # record.
                 signal.signal(number, signal.default_int_handler)
             here = InProcessRun if file.partition is None else RegionRun
             summary = here(file, console, began).run()
+        elif file.partition is not None:
+            summary = RegionSupervisor(file, console, began).run()
         else:
             supervisor = Supervisor(file, console, began, profiling)
             summary = supervisor.run()

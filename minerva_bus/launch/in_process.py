@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from queue import Empty, SimpleQueue
 from typing import Any, Final
 
-from minerva_bus.blame import report, whole
 from minerva_bus.errors import BusError, MinervaError, WorldStopped
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
@@ -23,6 +22,7 @@ from minerva_bus.launch.collecting import CollectSink, collect_sink
 from minerva_bus.launch.compiling import compile_agents
 from minerva_bus.launch.console import Console, live_line
 from minerva_bus.launch.exporting import exported
+from minerva_bus.launch.failures import CodeFailure
 from minerva_bus.launch.free_running import FreeRunning, close_services
 from minerva_bus.launch.interrupts import interrupts_deferred
 from minerva_bus.launch.printed import MEMBERS, printed
@@ -40,7 +40,6 @@ from minerva_bus.runtime.status import StatusMeter
 from minerva_bus.runtime.system import REAL
 from minerva_bus.runtime.world_log import WorldLog
 from minerva_bus.source import SourceLine
-from minerva_bus.uncaught import VARIABLE
 from minerva_bus.wire.keys import COORDINATOR
 from minerva_bus.wording import duration
 from minerva_bus.world.operator import PersonOperation
@@ -246,8 +245,9 @@ class InProcessRun:
         member = MEMBERS if running is None else running.name
         frame = max(self.algorithm.frame if running is None else running.frame, 0)
         self._console.frame = frame
-        record.said(member, f"failed in frame {frame}: {report(error)}\n{whole(error)}")
-        return stopped_by(error, member, frame, self._console)
+        failure = CodeFailure.of(error, member, frame)
+        record.said(member, f"failed in frame {frame}: {failure.problem}\n{failure.details}")
+        return failure.stops(self._console)
 
     def _warn_of_slow_code(self, waited: float, place: SourceLine) -> None:
         # Between two frames, windows and commands are served; before the first call of a member,
@@ -298,20 +298,6 @@ def members_of(file: WorldFile) -> list[Member]:
         if process.elsewhere:
             raise MinervaError(f"{process.name} runs elsewhere: run without --in-process")
     return [process.participant() for process in file.processes]
-
-
-def stopped_by(error: Exception, member: str, frame: int, console: Console) -> WorldStopped:
-    """Show an error in the code of a member; returns the exception that stops the world."""
-    problem = report(error)
-    console.log(member, f"failed in frame {frame}: {problem}", "error")
-    console.details(member, whole(error))
-    what = problem.partition("\n")[0]
-    hint = "" if console.traceback else " (--traceback shows all frames)"
-    failed = f"{member} failed in frame {frame}"
-    return WorldStopped(
-        f"{failed}: {what}; the world stops ({VARIABLE}=1 shows all frames)",
-        f"{failed}; the world stops{hint}",
-    )
 
 
 def _recorded(record: RunRecord) -> Callable[[Notice], None]:

@@ -1,4 +1,4 @@
-"""Runs a world as regions in this process: `minerva run --regions`."""
+"""Runs a world as regions in this process: `minerva run --regions N --in-process`."""
 
 from __future__ import annotations
 
@@ -13,8 +13,9 @@ from minerva_bus.frame.member import Member, Unready
 from minerva_bus.frame.pace import Pace
 from minerva_bus.launch.compiling import compile_agents
 from minerva_bus.launch.console import Console
+from minerva_bus.launch.failures import CodeFailure
 from minerva_bus.launch.free_running import close_services
-from minerva_bus.launch.in_process import members_of, stopped_by
+from minerva_bus.launch.in_process import members_of
 from minerva_bus.launch.printed import MEMBERS, printed
 from minerva_bus.launch.summary import RunSummary
 from minerva_bus.launch.worldfile import WorldFile
@@ -149,8 +150,7 @@ class RegionRun:
             running = None if self._running is None else self._running.direct.running
             # Without one it is the function that assigns regions.
             member = "regions" if running is None else running.name
-            self._console.frame = self._frame
-            raise stopped_by(error, member, self._frame, self._console) from error
+            raise CodeFailure.of(error, member, self._frame).stops(self._console) from error
 
     def _summary(self) -> RunSummary:
         first, file = self._first_at, self._file

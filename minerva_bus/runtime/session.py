@@ -135,19 +135,19 @@ def open_hub(
         options["access_control"] = secured.access
         options["low_pass_filter"] = list(secured.filters)
     if routers:
-        options |= _connecting(list(routers), CONNECT_SECONDS)
+        options |= connecting(list(routers), CONNECT_SECONDS)
     try:
         # Zenoh reports a time-out only; this check names the reason.
         for router in routers:
             check_reachable(check_endpoint(router), CONNECT_SECONDS)
-        session = zenoh.open(_config("router", name, options, shared, own))
+        session = zenoh.open(session_config("router", name, options, shared, own))
     except BusError as error:
         raise BusError(f"no router can be joined: {error}") from None
     except zenoh.ZError as error:
         for router in routers:
             why = why_unreachable(check_endpoint(router), own, CONNECT_SECONDS)
             raise BusError(f"no router can be joined: {why}") from None
-        raise BusError(f"cannot listen at {listen}: {_short(error)}") from None
+        raise BusError(f"cannot listen at {listen}: {brief(error)}") from None
     let_dead_links_go(session, lease())
     return session, listening_at(session, listen) if secured is None else secured.local
 
@@ -188,7 +188,9 @@ def open_client(
     within = min(patience, _REFUSED_WITHIN) if asked.secured else patience
     os.environ.setdefault("ZENOH_RUNTIME", _CLIENT_THREADS)
     try:
-        session = zenoh.open(_config("client", name, _connecting([connect], within), shared, own))
+        session = zenoh.open(
+            session_config("client", name, connecting([connect], within), shared, own)
+        )
     except zenoh.ZError:
         raise BusError(why_unreachable(asked, own, patience)) from None
     let_dead_links_go(session, lease())
@@ -226,7 +228,8 @@ def end_at_once(code: int) -> None:
         os._exit(code)
 
 
-def _connecting(endpoints: list[str], within: float) -> dict[str, Any]:
+def connecting(endpoints: list[str], within: float) -> dict[str, Any]:
+    """Options of a session that tries for `within` seconds to reach endpoints."""
     return {
         "connect/endpoints": endpoints,
         "connect/timeout_ms": int(within * 1000),
@@ -266,9 +269,10 @@ def router_config(own: Credentials, listen: str, access: Mapping[str, Any]) -> d
     }
 
 
-def _config(
+def session_config(
     mode: str, name: str, options: dict[str, Any], shared: bool, own: Credentials | None
 ) -> zenoh.Config:
+    """The configuration of a session: what all have in common, and `options`."""
     config = zenoh.Config()
     memory = _SHARED if shared else _UNSHARED
     settings = {"mode": mode, "metadata": {"name": name}, **_COMMON, **memory, **options}
@@ -280,5 +284,6 @@ def _config(
     return config
 
 
-def _short(error: Exception) -> str:
+def brief(error: Exception) -> str:
+    """The text of Zenoh's error without its place in Zenoh's source."""
     return str(error).split(" at ", 1)[0][:200]

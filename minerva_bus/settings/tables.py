@@ -442,7 +442,7 @@ class RegionSettings:
     count: int = setting(
         "regions",
         0,
-        "Run the world in this process as this many regions; 0: with one coordinator.",
+        "Run the world as this many regions, each a process; 0: with one coordinator.",
         whole(0, MAX_REGIONS),
         option="regions",
         more="The string is the same. See [Run a world as regions](howto/regions.md).",

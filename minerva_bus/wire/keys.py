@@ -10,6 +10,7 @@ minerva/<world>/topic/<topic>/<member>  sensor readings, member → members
 minerva/<world>/alive/<member>          liveliness tokens
 minerva/<world>/epoch/<number>          liveliness tokens of coordinators
 minerva/<world>/record                  coordinator → watchers, one message per frame
+minerva/<world>/parcel/<from>/<to>      coordinator of a region → that of another one
 minerva/<world>/control                 queries by commands on the coordinator's machine
 minerva/<world>/control/<name>          queries by an operator with a certificate of this name
 minerva/<world>/ask/<name>              queries by others with a certificate: read only
@@ -31,7 +32,7 @@ COORDINATOR = "coordinator"
 ANY_WORLD = "*"
 _KINDS = frozenset(
     {"to", "all", "tick", "evolve", "from", "view", "topic", "alive", "epoch", "record", "control",
-     "ask"}
+     "ask", "parcel"}
 )  # fmt: skip
 
 
@@ -111,6 +112,10 @@ class Keys:
     def epoch(self, number: int | str) -> str:
         """The liveliness token of the coordinator of an epoch (`*`: of any)."""
         return f"{self.base}/epoch/{number}"
+
+    def parcel(self, source: int | str, target: int | str) -> str:
+        """From the coordinator of a region (`*`: of any) to that of another one."""
+        return f"{self.base}/parcel/{source}/{target}"
 
     def view(self, event_type: str) -> str:
         """Views for one visual event type (`*`: for any)."""

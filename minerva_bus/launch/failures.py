@@ -1,0 +1,38 @@
+"""Errors in the code of a member that end a run in which members have no processes of their own."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from minerva_bus.blame import report, whole
+from minerva_bus.errors import WorldStopped
+from minerva_bus.launch.console import Console
+from minerva_bus.uncaught import VARIABLE
+
+
+@dataclass(frozen=True, slots=True)
+class CodeFailure:
+    """An error in the code of a member: its report, and all of its frames as `details`."""
+
+    member: str
+    frame: int
+    problem: str
+    details: str
+
+    @staticmethod
+    def of(error: Exception, member: str, frame: int) -> CodeFailure:
+        """The failure that an exception is."""
+        return CodeFailure(member, frame, report(error), whole(error))
+
+    def stops(self, console: Console) -> WorldStopped:
+        """Show the failure; returns the exception that stops the world."""
+        console.frame = self.frame
+        console.log(self.member, f"failed in frame {self.frame}: {self.problem}", "error")
+        console.details(self.member, self.details)
+        what = self.problem.partition("\n")[0]
+        hint = "" if console.traceback else " (--traceback shows all frames)"
+        failed = f"{self.member} failed in frame {self.frame}"
+        return WorldStopped(
+            f"{failed}: {what}; the world stops ({VARIABLE}=1 shows all frames)",
+            f"{failed}; the world stops{hint}",
+        )
