@@ -52,6 +52,7 @@ EXTRAS: Final = {
     "vision": (("cv2",), "markers that cameras see"),
     "gamepad": (("pygame",), "gamepads"),
     "mosaik": (("mosaik_api_v3",), "worlds in mosaik's scenarios"),
+    "helics": (("helics",), "worlds as federates of HELICS"),
     "spade": (("spade", "greenlet"), "agents of SPADE"),
 }
 

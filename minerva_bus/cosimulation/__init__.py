@@ -5,7 +5,8 @@
     stepped.step()
     print(stepped.get("room.celsius"))
 
-`minerva_bus.cosimulation.mosaik` is the same as a simulator of mosaik.
+`minerva_bus.cosimulation.mosaik` is the same as a simulator of mosaik, and
+`minerva_bus.cosimulation.helics` as a federate of HELICS.
 """
 
 from minerva_bus.cosimulation.stepped_world import SteppedWorld

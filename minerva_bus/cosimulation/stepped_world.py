@@ -76,6 +76,11 @@ class SteppedWorld:
             self._agents = {agent.id: agent for agent in agents(self._live.scene)}
         return self._agents
 
+    def input_type(self, name: str) -> str:
+        """The type of an input, as in the vocabulary. Raises MisuseError if there is none."""
+        _, event_type, datum = self._input(name)
+        return next(str(field.type) for field in event_type.fields.all if field.name == datum)
+
     def set(self, name: str, value: Any) -> None:
         """Set an input for the next step. Raises MisuseError if there is no such input."""
         agent, event_type, datum = self._input(name)

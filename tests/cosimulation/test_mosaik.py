@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 pytest.importorskip("mosaik", reason="needs mosaik (pip install mosaik)")
+pytest.importorskip("helics", reason="needs HELICS (pip install helics)")
 
 from minerva_bus import MinervaError, World, each, run
 from minerva_bus.cosimulation import SteppedWorld
