@@ -53,6 +53,7 @@ EXTRAS: Final = {
     "gamepad": (("pygame",), "gamepads"),
     "mosaik": (("mosaik_api_v3",), "worlds in mosaik's scenarios"),
     "helics": (("helics",), "worlds as federates of HELICS"),
+    "lerobot": (("pyarrow", "PIL"), "data sets of LeRobot"),
     "spade": (("spade", "greenlet"), "agents of SPADE"),
 }
 
