@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from typing import Any
 
     from minerva_bus.api.branching import branch
+    from minerva_bus.api.calibrating import Calibration, calibrate
     from minerva_bus.api.checking import check
     from minerva_bus.api.datasets import Dataset, export_dataset
     from minerva_bus.api.evolving import evolve_strings
@@ -64,6 +65,7 @@ __version__ = "0.5.0"
 
 _HOMES = {
     "api.branching": "branch",
+    "api.calibrating": "Calibration calibrate",
     "api.datasets": "Dataset export_dataset",
     "api.evolving": "evolve_strings",
     "api.exporting": "Export export",
@@ -128,6 +130,7 @@ __all__ = [
     "Agent",
     "AgentKind",
     "BatchContext",
+    "Calibration",
     "Cells",
     "Context",
     "Dataset",
@@ -169,6 +172,7 @@ __all__ = [
     "World",
     "WorldInfo",
     "branch",
+    "calibrate",
     "check",
     "connect",
     "count",

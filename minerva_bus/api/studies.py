@@ -279,7 +279,7 @@ def _outcomes(runs: Sweep) -> DataTable:
     types: dict[str, str] = {}
     columns: dict[str, NDArray[Any]] = {}
     for name in table.columns:
-        types[name], columns[name] = _typed(table.column(name))
+        types[name], columns[name] = typed_column(table.column(name))
     return DataTable("runs", types, columns)
 
 
@@ -289,13 +289,13 @@ def _with_keys(names: Sequence[str], keys: Sequence[Combination], table: DataTab
     for at, name in enumerate(names):
         # An option may have the name of a collected column.
         own = f"{name}_" if name in table.columns else name
-        types[own], columns[own] = _typed(
+        types[own], columns[own] = typed_column(
             [plain_value(combination[at], _BOOLS) for combination in keys]
         )
     return DataTable(table.name, types | table.types, columns | table.to_dict())
 
 
-def _typed(values: Sequence[Any]) -> tuple[str, NDArray[Any]]:
+def typed_column(values: Sequence[Any]) -> tuple[str, NDArray[Any]]:
     """Values of one column with its type: int64, float64, bool, or otherwise text."""
     kinds: set[type[Any]] = {type(value) for value in values}
     known: Mapping[type[Any], str] = {int: "int64", float: "float64", bool: "bool", str: "text"}

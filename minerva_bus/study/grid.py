@@ -52,6 +52,19 @@ class Grid:
         return Overrides(options, tuple(settings), seed=number, rate=0.0).over(given)
 
 
+@dataclass(frozen=True, slots=True)
+class ListedGrid(Grid):
+    """Some combinations of keys and values, in their order."""
+
+    listed: tuple[Combination, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.listed)
+
+    def __iter__(self) -> Iterator[Combination]:
+        return iter(self.listed)
+
+
 def parse_grid(settings: Sequence[str]) -> Grid:
     """A grid from `KEY=VALUE,VALUE,...` and `KEY=FROM:TO[:STEP]`. Raises MisuseError."""
     values: dict[str, tuple[str, ...]] = {}

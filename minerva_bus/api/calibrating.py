@@ -1,0 +1,233 @@
+"""Calibration: the values of options for which runs are best, searched for by Optuna."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final, TypeAlias
+
+import numpy as np
+
+from minerva_bus.api.requests import request_of
+from minerva_bus.api.studies import collected_of, sent_world, sweep_of, table_of_study, typed_column
+from minerva_bus.api.world import World, world_of
+from minerva_bus.collect.table import SEED, DataTable, needed
+from minerva_bus.errors import MisuseError
+from minerva_bus.launch.collecting import Collecting
+from minerva_bus.launch.resuming import option_text
+from minerva_bus.settings.overrides import Overrides
+from minerva_bus.study.executor_pool import ExecutorSource, Workers
+from minerva_bus.study.grid import Combination, ListedGrid
+from minerva_bus.study.sweep import Sweep
+
+if TYPE_CHECKING:
+    import optuna
+
+Objective: TypeAlias = "str | Callable[[DataTable], float]"
+"""A column of the table, of which the mean counts, or a function of the rows of one trial."""
+
+Ranges: TypeAlias = Mapping[str, "tuple[float, float] | list[Any]"]
+"""By option or PROCESS.KEY: the bounds (low, high) of a number, or a list of values."""
+
+BATCH: Final = 8
+"""Trials that are chosen together. It is constant, so that workers do not influence the search."""
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """The result of a search.
+
+    Attributes:
+        best: the best values by option, and their `value`.
+        trials: a table with a row for each trial: the options and the value, nan for a failure.
+
+    """
+
+    best: Mapping[str, Any]
+    value: float
+    trials: DataTable
+
+
+def calibrate(
+    world: World | str | Path,
+    objective: Objective,
+    ranges: Ranges,
+    *,
+    trials: int = 40,
+    seeds: int = 1,
+    minimise: bool = True,
+    seed: int = 0,
+    frames: int | None = None,
+    collect: Any = None,
+    table: str = "",
+    folder: str | Path = "",
+    workers: int = 0,
+    limit: float = 0.0,
+    executor: ExecutorSource | None = None,
+    quiet: bool = False,
+) -> Calibration:
+    """Search for the options for which runs are best; needs the extra `optuna`.
+
+    Each trial is a row of a sweep: the values that Optuna's sampler TPE proposes, with each seed.
+
+    Args:
+        world: a `World`, a world file, or the name of an installed world.
+        objective: a column of the table of `sweep`, of which the mean over the rows of a trial
+            counts, or a function of these rows that returns a number.
+        ranges: the bounds of a number, `{"speed": (0.1, 2.0)}`, whole numbers if both bounds are
+            ints, or a list of values, `{"planner": ["astar", "random"]}`.
+        trials: the number of trials.
+        seeds: runs of each trial, with the seeds 0, 1, ...
+        minimise: whether less is better.
+        seed: of the sampler.
+        frames: per run; default: the world's own.
+        collect: as for `sweep`; without it, the rows are outcomes.
+        table: as for `sweep`.
+        folder: as for `sweep`: the same call continues after a kill.
+        workers: parallel runs; 0: one per core. The result does not depend on it.
+        limit: seconds that a run may take; 0: no limit.
+        executor: as for `sweep`.
+        quiet: show no progress, only failures.
+
+    Raises:
+        MisuseError: an argument is wrong, Optuna is missing, or all runs failed.
+        MinervaError: the workers of the executor cannot run the world.
+        KeyboardInterrupt: after Ctrl-C; finished runs are in the folder.
+
+    Example:
+        >>> found = calibrate("meadow", "rabbits", {"weather.amount": (0.005, 0.05)}, seeds=3,
+        ...                   collect={"rabbits": "count(ARabbit)"}, minimise=False)
+        >>> found.best, found.value
+
+    """
+    if trials < 1 or seeds < 1:
+        raise MisuseError(f"trials={trials}, seeds={seeds}; expected at least 1 of each")
+    search = _Search(_study(minimise, seed), _distributions(ranges), seeds)
+    own = world_of(world, {})
+    request_of(own, {}, frames=frames)
+    entries, plans = collected_of(own, collect)
+
+    def make(grid: ListedGrid, collecting: Collecting) -> Sweep:
+        runs = sweep_of(own, grid, Overrides(frames=frames, rate=0.0), own.read, collecting)
+        if executor is not None:
+            runs.sent = sent_world(own)
+        return runs
+
+    for begin in range(0, trials, BATCH):
+        grid = search.ask(min(BATCH, trials - begin))
+        rows = table_of_study(
+            partial(make, grid), entries, plans, table, folder,
+            Workers(workers, limit, executor), quiet,
+        )  # fmt: skip
+        search.tell(rows, objective)
+    return search.result()
+
+
+class _Search:
+    """Trials of a study of Optuna, in batches."""
+
+    def __init__(
+        self,
+        study: optuna.Study,
+        distributions: dict[str, optuna.distributions.BaseDistribution],
+        seeds: int,
+    ) -> None:
+        self._study, self._distributions = study, distributions
+        self._seeds = tuple(map(str, range(seeds)))
+        self._asked: list[optuna.Trial] = []
+        self._done: list[tuple[Mapping[str, Any], float]] = []
+
+    def ask(self, count: int) -> ListedGrid:
+        """The runs of the next trials."""
+        self._asked = [self._study.ask(self._distributions) for _ in range(count)]
+        listed: list[Combination] = []
+        for trial in self._asked:
+            texts = tuple(option_text(trial.params[key]) for key in self._distributions)
+            listed += [(*texts, seed) for seed in self._seeds]
+        # Two trials of one batch may have the same values.
+        unique = tuple(dict.fromkeys(listed))
+        keys = (*self._distributions, SEED)
+        columns = {key: tuple([row[at] for row in unique]) for at, key in enumerate(keys)}
+        return ListedGrid(columns, unique)
+
+    def tell(self, table: DataTable, objective: Objective) -> None:
+        """Evaluate the trials of a batch. Raises MisuseError."""
+        import optuna
+
+        for trial in self._asked:
+            value = _value(_rows_of(table, trial.params), objective)
+            self._done.append((trial.params, value))
+            if math.isfinite(value):
+                self._study.tell(trial, value)
+            else:
+                self._study.tell(trial, state=optuna.trial.TrialState.FAIL)
+
+    def result(self) -> Calibration:
+        """The best trial, and all. Raises MisuseError if all have failed."""
+        if not any(math.isfinite(value) for _, value in self._done):
+            raise MisuseError("calibrate: no trial has a value; see the errors of the runs")
+        columns: dict[str, list[Any]] = {
+            key: [params[key] for params, _ in self._done] for key in self._distributions
+        }
+        columns["value"] = [value for _, value in self._done]
+        typed = {key: typed_column(values) for key, values in columns.items()}
+        types = {key: kind for key, (kind, _) in typed.items()}
+        arrays = {key: array for key, (_, array) in typed.items()}
+        best = self._study.best_trial
+        return Calibration(
+            best.params, float(best.value or 0.0), DataTable("trials", types, arrays)
+        )
+
+
+def _study(minimise: bool, seed: int) -> optuna.Study:
+    optuna = needed("optuna", "optuna")
+    # Its lines would mix with those of the runs.
+    optuna.logging.set_verbosity(optuna.logging.WARNING)
+    sampler = optuna.samplers.TPESampler(seed=seed)
+    return optuna.create_study(direction="minimize" if minimise else "maximize", sampler=sampler)
+
+
+def _distributions(ranges: Ranges) -> dict[str, optuna.distributions.BaseDistribution]:
+    """Ranges as distributions. Raises MisuseError."""
+    optuna = needed("optuna", "optuna")
+    made: dict[str, Any] = {}
+    for key, given in ranges.items():
+        if isinstance(given, list) and given:
+            made[key] = optuna.distributions.CategoricalDistribution(given)
+            continue
+        if not (isinstance(given, tuple) and len(given) == 2 and given[0] < given[1]):
+            raise MisuseError(
+                f"ranges: {key} is {given!r:.60}; expected bounds such as (0.1, 2.0), or a list of"
+                " values"
+            )
+        low, high = given
+        whole = isinstance(low, int) and isinstance(high, int)
+        kind = "IntDistribution" if whole else "FloatDistribution"
+        made[key] = getattr(optuna.distributions, kind)(low, high)
+    if not made:
+        raise MisuseError('ranges: there is no option; expected such as {"speed": (0.1, 2.0)}')
+    return made
+
+
+def _rows_of(table: DataTable, params: Mapping[str, Any]) -> DataTable:
+    """The rows of one trial."""
+    chosen = np.ones(len(table), np.bool_)
+    for key, value in params.items():
+        column = table[key]
+        chosen &= column == (option_text(value) if column.dtype == object else value)
+    columns = {name: column[chosen] for name, column in table.to_dict().items()}
+    return DataTable(table.name, table.types, columns)
+
+
+def _value(rows: DataTable, objective: Objective) -> float:
+    """The value of a trial; nan if a run failed. Raises MisuseError."""
+    if not len(rows) or ("error" in rows.columns and any(rows["error"])):
+        return math.nan
+    try:
+        value = np.mean(rows[objective]) if isinstance(objective, str) else objective(rows)
+        return float(value)
+    except (TypeError, ValueError) as error:
+        raise MisuseError(f"objective: {error}; expected a number of each trial") from None
