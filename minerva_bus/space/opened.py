@@ -56,42 +56,56 @@ class Opened:
         births: Rows,
         *,
         free: bool,
+        room: int,
     ) -> Opened:
-        """Open a matrix of the string, with a list of free cells if `free`.
+        """Open a matrix of the string.
 
-        Raises MisuseError if the matrix does not fit the space.
+        Args:
+            kind: the table.
+            matrix: its state.
+            lattice: the shape of the space in cells.
+            extent: the width and height of the space.
+            births: the id of the next newborn, shared by all tables, shape (1,).
+            free: whether to list free cells.
+            room: the most newborns of an activation, for which there is room at first.
+
+        Raises:
+            MisuseError: the matrix does not fit the space.
+
         """
         kind.check(matrix)
         shape = lattice
         if issubclass(kind, InField):
             shape = _field(extent, lattice.periodic, matrix.shape[1])
         opened = Opened(kind, matrix, {"births": births}, shape)
-        opened._allocate(matrix, free)
+        opened._allocate(matrix, free, room)
         opened._enter()
         return opened
 
-    def _allocate(self, matrix: Reals, free: bool) -> None:
+    def _allocate(self, matrix: Reals, free: bool, room: int) -> None:
         count, cells = matrix.shape[1], _cells(self.shape)
+        capacity = _with_room(count, room)
+        values = np.empty((len(matrix), capacity))
+        values[:, :count] = matrix
         self.arrays |= {
             "places": np.empty((3, cells), np.int64),
             "counts": np.array([count, cells if free else UNCOUNTED, 0]),
-            "values": np.array(matrix, order="C"),
-            "links": np.empty((3, count), np.int64),
-            "cell": np.empty(count, np.int64),
+            "values": values,
+            "links": np.empty((3, capacity), np.int64),
+            "cell": np.empty(capacity, np.int64),
         }
 
     def _enter(self) -> None:
-        arrays, cells = self.arrays, self.arrays["cell"]
+        arrays, count = self.arrays, self.old.shape[1]
+        cells = arrays["cell"][:count]
         if isinstance(self.shape, FieldGrid):
-            row = self.kind.names.index("x")
             field = self.shape
-            x, y = arrays["values"][row : row + 2]
-            LOCATE(cells, x, y, field.width, field.height, field.across, field.down)
+            LOCATE(cells, *self._places(), field.width, field.height, field.across, field.down)
         else:
             cells[:] = self.old[1]
         entered = ENTER(*[arrays[name] for name in _ENTERED])
         if entered == UNBORN:
-            largest, births, count = self.old[0].max(), arrays["births"][0], len(cells)
+            largest, births = self.old[0].max(), arrays["births"][0]
             raise MisuseError(
                 f"{self.kind.__name__}: the id {largest:.0f} is not below the space's `births`"
                 f" ({births:.0f}), from which newborns get their ids; set births={count} or more"
@@ -107,7 +121,7 @@ class Opened:
         count, capacity = int(self.arrays["counts"][ROWS]), len(self.arrays["cell"])
         if capacity - count >= births:
             return
-        capacity = max(2 * capacity, count + births)
+        capacity = _with_room(count, births)
         for name in ("values", "links", "cell"):
             old = self.arrays[name]
             wide = np.empty((*old.shape[:-1], capacity), old.dtype)
@@ -127,12 +141,17 @@ class Opened:
     def _sorted(self) -> dict[str, NDArray[Any]]:
         """The rows of each cell in the order of its list."""
         places, links = self.arrays["places"], self.arrays["links"]
-        starts, rows = np.empty(places.shape[1] + 1, np.int64), np.empty(links.shape[1], np.int64)
-        at = np.empty((2, len(rows)))
-        row = self.kind.names.index("x")
-        x, y = self.arrays["values"][row : row + 2]
-        SORT(places, links, x, y, starts, rows, *at)
+        count = int(self.arrays["counts"][ROWS])
+        starts, rows = np.empty(places.shape[1] + 1, np.int64), np.empty(count, np.int64)
+        at = np.empty((2, count))
+        SORT(places, links, *self._places(), starts, rows, *at)
         return dict(zip(self.kind.sorted_rows, (starts, rows, *at), strict=True))
+
+    def _places(self) -> tuple[Column, Column]:
+        """The positions of all rows in a field."""
+        row, count = self.kind.names.index("x"), int(self.arrays["counts"][ROWS])
+        x, y = self.arrays["values"][row : row + 2, :count]
+        return x, y
 
     def arguments(self) -> list[Any]:
         """The arrays and numbers of the kind's tuple, in the order of `parameters`."""
@@ -151,16 +170,25 @@ class Opened:
         return [arrays["nearby"], *arrays["apart"], *sorted_rows, *self.shape]
 
     def close(self) -> Reals:
-        """The matrix of the remaining rows and of newborns, in their order."""
+        """The matrix of the remaining rows and of newborns, in their order; ends its use here."""
         count = int(self.arrays["counts"][ROWS])
-        values, alive = self.arrays["values"][:, :count], self.arrays["links"][ALIVE, :count]
+        values, alive = self.arrays["values"], self.arrays["links"][ALIVE, :count]
         if "cell" in self.kind.position:
-            values[1] = self.arrays["cell"][:count]
+            values[1, :count] = self.arrays["cell"][:count]
         kept = np.flatnonzero(alive)
-        matrix = values.copy() if len(kept) == count else values.take(kept, axis=1)
+        if len(kept) == values.shape[1]:
+            matrix = values
+        else:
+            used = values[:, :count]
+            matrix = used.copy() if len(kept) == count else used.take(kept, axis=1)
         # Read-only arrays that own their memory become attributes without another copy.
         matrix.flags.writeable = False
         return matrix
+
+
+def _with_room(count: int, births: int) -> int:
+    """A capacity for rows and newborns, with which most tables need no second one."""
+    return max(2 * count, count + births) if births else count
 
 
 def _cells(shape: CellGrid | FieldGrid) -> int:

@@ -15,7 +15,7 @@ from minerva_bus.space.kernels import interpreted, interpreting
 from minerva_bus.space.lattice import CellGrid
 from minerva_bus.space.occupancy import ROWS
 from minerva_bus.space.opened import Opened
-from minerva_bus.space.rules import BEFORE, RuleParameter, SpaceRule
+from minerva_bus.space.rules import BEFORE, SHUFFLED, RuleParameter, SpaceRule
 from minerva_bus.world.context import Context
 
 if TYPE_CHECKING:
@@ -33,9 +33,13 @@ class Failure:
 
 @dataclass(frozen=True, slots=True)
 class _Started:
-    """A rule with the rows for which it runs, in order, and the state before it, if it asks."""
+    """A rule with the number of rows for which it runs, and the state before it, if it asks.
+
+    `rows` are these rows, if the rule puts them into an order.
+    """
 
     rule: SpaceRule
+    count: int
     rows: NDArray[np.int64]
     before: list[Any]
 
@@ -91,12 +95,14 @@ class OpenedSpace:
     def _apply(self, rule: SpaceRule) -> None:
         """Run a rule for all rows that exist at its start."""
         started = self._start(rule)
-        self._activate(started, 0, len(started.rows))
+        self._activate(started, 0, started.count)
 
     def _start(self, rule: SpaceRule) -> _Started:
         subject = rule.subject
         before = self._snapshot(subject) if any(p.name == BEFORE for p in rule.parameters) else []
-        return _Started(rule, np.arange(self._count(subject)), before)
+        count = self._count(subject)
+        rows = np.arange(count if rule.order is SHUFFLED else 0)
+        return _Started(rule, count, rows, before)
 
     def _activate(self, started: _Started, begin: int, end: int) -> None:
         """Run a rule for the rows at these places of its order."""
@@ -155,7 +161,10 @@ class OpenedSpace:
             matrix = self._attribute(parameter)
             extent = self._space.width, self._space.height
             free = any(rule.takes_free_cells for rule in self._rules)
-            opened = Opened.of(kind, matrix, self._lattice, extent, self._births, free=free)
+            room = max(rule.births for rule in self._rules)
+            opened = Opened.of(
+                kind, matrix, self._lattice, extent, self._births, free=free, room=room
+            )
             self._tables[parameter.name] = opened
         return opened
 

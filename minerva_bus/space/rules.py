@@ -121,6 +121,7 @@ class SpaceRule:
     def _driver(self) -> RuleLoop:
         """A loop over the rows at `begin` to `end`; `progress` has the place of the current one.
 
+        `rows` are all rows, which the loop puts into their order; unless it does, it needs none.
         It stops early, and returns the place, if a table has too little room for newborns.
         """
         heads, types, calls, scope = self._arguments()
@@ -133,7 +134,7 @@ class SpaceRule:
             lines += ["    if begin == 0:", "        shuffle(draws, rows)"]
         lines += [
             "    for k in range(begin, end):",
-            "        i = rows[k]",
+            "        i = rows[k]" if self.order is SHUFFLED else "        i = k",
             "        progress[0] = k",
         ]
         if self.subject.table is not None:
