@@ -50,7 +50,7 @@ def event_of(declared: EventType, text: str, topic: str) -> Event:
     Text around the object, such as a code fence, is ignored. Raises MisuseError if the data do not
     fit the type.
     """
-    data = _object(text)
+    data = json_object(text)
     if data is None:
         fields = answer_fields(declared)
         if len(fields) != 1 or fields[0].type != Type("text"):
@@ -65,7 +65,8 @@ def event_of(declared: EventType, text: str, topic: str) -> Event:
     return event
 
 
-def _object(text: str) -> Mapping[str, Any] | None:
+def json_object(text: str) -> Mapping[str, Any] | None:
+    """The JSON object in a text, or None; text around it is ignored."""
     start, end = text.find("{"), text.rfind("}")
     if start < 0 or end < start:
         return None

@@ -51,12 +51,14 @@ eReply = EventType(
     cached=Default(bool, False),
     seconds=Default(Seconds, 0.0),
     **_usage,
+    tools=Default(str, ""),
 )
 """What a service reports to a mind about a request of an agent.
 
 `content` is the data of the answer as a JSON object, or the reason of a failure. `seconds` is the
 duration by the clock, or in simulated time if frames wait for the service; `cost` is in the
-currency of the price table.
+currency of the price table. `tools` are the calls of tools before the answer, with arguments,
+results and times, as a JSON list; empty without any.
 """
 
 eRemind = EventType("eRemind")

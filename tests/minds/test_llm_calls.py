@@ -24,6 +24,7 @@ from minerva_services.llm.local import CommandBackend, FunctionBackend
 from minerva_services.llm.reading import MindRequest
 from minerva_services.llm.script import ScriptBackend
 from minerva_services.llm.service import Llm
+from minerva_services.llm.tools import ToolServers
 
 TIMEOUT_SECONDS = 20
 eChoice = EventType("eChoice", action=Literal["eat", "sleep"])
@@ -52,6 +53,7 @@ class Calls:
             "prices": Prices({"small": [1.0, 10.0]}),
             "ledger": Ledger(Budget(), Budget()),
             "cache": CompletionCache(""),
+            "tools": ToolServers([], 1, self.log.append),
         }
         setup = CallSetup(backend=backend, log=self.log.append, **(given | more))
         self.caller = CallRunner(setup, CallLimits(**limits))

@@ -7,16 +7,17 @@ import json
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Final
+from typing import Any, Final
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.symbols import EventType
-from minerva_bus.minds.form import event_of, schema_of
+from minerva_bus.minds.form import event_of, json_object, schema_of
 from minerva_bus.minds.mind import Account
 from minerva_services.llm.backends import Backend, BackendError, Completion, Prompt, Unavailable
 from minerva_services.llm.budgets import Ledger, Prices
 from minerva_services.llm.cache import CompletionCache
 from minerva_services.llm.reading import MindRequest
+from minerva_services.llm.tools import ToolServers, UsedTool
 
 FIRST_WAIT_SECONDS: Final = 0.5
 MAX_WAIT_SECONDS: Final = 30.0
@@ -32,6 +33,7 @@ class CallLimits:
         timeout: seconds for a call.
         retries: further attempts after a call that failed.
         corrections: further attempts after an invalid answer.
+        tool_calls: calls of tools before an answer.
 
     Raises:
         MisuseError: a limit is out of range.
@@ -43,9 +45,10 @@ class CallLimits:
     timeout: float = 60.0
     retries: int = 3
     corrections: int = 2
+    tool_calls: int = 5
 
     def __post_init__(self) -> None:
-        least = {"concurrent": 1, "per_minute": 0, "retries": 0, "corrections": 0}
+        least = {"concurrent": 1, "per_minute": 0, "retries": 0, "corrections": 0, "tool_calls": 0}
         for name, number in least.items():
             value = getattr(self, name)
             if value < number:
@@ -65,6 +68,7 @@ class CallSetup:
     ledger: Ledger
     cache: CompletionCache
     log: Callable[[str], None]
+    tools: ToolServers
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,6 +86,7 @@ class RequestResult:
     cached: bool
     seconds: float
     simulated: float
+    tools: tuple[UsedTool, ...] = ()
 
 
 class CallGate:
@@ -127,6 +132,7 @@ class Answering:
     model: str = ""
     cached: bool = False
     simulated: float = 0.0
+    tools: list[UsedTool] = field(default_factory=list[UsedTool])
 
     async def result(self) -> RequestResult:
         """The result; also of a task that is cancelled, or fails in an unexpected way."""
@@ -146,7 +152,7 @@ class Answering:
         """The result with this outcome."""
         return RequestResult(
             self.asked, outcome, content, self.usage, self.model, self.cached, seconds,
-            self.simulated,
+            self.simulated, tuple(self.tools),
         )  # fmt: skip
 
     async def _content(self) -> str:
@@ -156,12 +162,21 @@ class Answering:
         if declared is None or declared.visual:
             raise _Ended("invalid", f"the world has no event type {request.answer}")
         try:
-            prompt = Prompt.of(request, self.setup.system, schema_of(declared))
+            schema = schema_of(declared)
         except MisuseError as error:
             raise _Ended("invalid", str(error)) from None
-        reason = ""
-        for _ in range(self.limits.corrections + 1):
+        tools = await self.setup.tools.text()
+        prompt = Prompt.of(request, self.setup.system, schema, tools)
+        reason, rejected = "", 0
+        while rejected <= self.limits.corrections:
             completion = await self._complete(prompt)
+            wanted = json_object(completion.text) if prompt.has_tools else None
+            if wanted is not None and self._may_call(wanted):
+                used = await self.setup.tools.call(wanted)
+                self.tools.append(used)
+                prompt = prompt.after_tool(completion.text, used.shown)
+                continue
+            rejected += 1
             try:
                 event = event_of(declared, completion.text, request.topic)
             except MisuseError as error:
@@ -170,6 +185,10 @@ class Answering:
             else:
                 return json.dumps(event.data)
         raise _Ended("invalid", reason)
+
+    def _may_call(self, wanted: Mapping[str, Any]) -> bool:
+        """Whether an answer calls a tool, and a further call is permitted."""
+        return self.setup.tools.wanted(wanted) and len(self.tools) < self.limits.tool_calls
 
     async def _complete(self, prompt: Prompt) -> Completion:
         """A completion, from the cache or of a call. Raises _Ended."""

@@ -15,26 +15,31 @@ class Prompt:
     """A request as a backend receives it.
 
     `turns` are role and text: the request first, then each rejected answer with the reason.
-    `schema` is the JSON Schema of the answer.
+    `schema` is the JSON Schema of the answer; an answer may also call a tool if `has_tools`.
     """
 
     request: OpenRequest
     system: str
     turns: tuple[tuple[str, str], ...]
     schema: Mapping[str, Any] = field(default_factory=dict[str, Any])
+    has_tools: bool = False
 
     @staticmethod
-    def of(request: OpenRequest, system: str, schema: Mapping[str, Any]) -> Prompt:
-        """The first prompt of a request; `system` is common to all requests."""
+    def of(request: OpenRequest, system: str, schema: Mapping[str, Any], tools: str = "") -> Prompt:
+        """The first prompt of a request; `system` and `tools` are common to all requests."""
         form = f"Answer with one JSON object, valid for this JSON Schema:\n{json.dumps(schema)}"
-        parts = [system, request.system, form]
+        parts = [system, request.system, form, tools]
         turns = (("user", request.prompt),)
-        return Prompt(request, "\n\n".join(filter(None, parts)), turns, schema)
+        return Prompt(request, "\n\n".join(filter(None, parts)), turns, schema, bool(tools))
 
     def corrected(self, answer: str, reason: str) -> Prompt:
         """The prompt that follows a rejected answer."""
         again = f"This answer is invalid: {reason}. Answer again."
         return replace(self, turns=(*self.turns, ("assistant", answer), ("user", again)))
+
+    def after_tool(self, answer: str, result: str) -> Prompt:
+        """The prompt that follows the call of a tool."""
+        return replace(self, turns=(*self.turns, ("assistant", answer), ("user", result)))
 
     @property
     def messages(self) -> list[dict[str, str]]:

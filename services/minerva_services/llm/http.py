@@ -51,10 +51,12 @@ class HttpBackend:
         if not self._model:
             self._model = _first_model(await self._call("GET", "/models"))
         form = {"name": prompt.request.answer, "schema": prompt.schema, "strict": True}
+        # A strict schema would exclude the calls of tools.
+        strict = {"type": "json_schema", "json_schema": form}
         asked = {
             "model": self._model,
             "messages": prompt.messages,
-            "response_format": {"type": "json_schema", "json_schema": form},
+            "response_format": {"type": "json_object"} if prompt.has_tools else strict,
             **self._parameters,
         }
         return _completion(await self._call("POST", "/chat/completions", asked), self._model)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import json
 import math
 import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from queue import Empty
 from typing import Any, ClassVar, Final, cast
@@ -30,6 +31,7 @@ from minerva_services.llm.http import HttpBackend
 from minerva_services.llm.local import CommandBackend, FunctionBackend
 from minerva_services.llm.reading import MindRequest, OpenRequests, RequestKey
 from minerva_services.llm.script import ScriptBackend
+from minerva_services.llm.tools import ToolServers
 from minerva_services.options import read_password, require
 
 POLL_SECONDS: Final = 0.2
@@ -64,6 +66,8 @@ class Llm(Generator, Device, events=("eReply",), draws=("eThink",), lockstep=Fal
         prices: prices of a million tokens in and out by model, `{ "NAME" = [0.15, 0.6] }`.
         budget: what the world may use: `{ calls = 1000, tokens = 100_000, cost = 5.0 }`.
         agent_budget: what each agent may use, likewise.
+        tools: MCP servers by name, each `{ command = [...], allow = [...] }` or with a `url`.
+        tool_calls: calls of tools before an answer.
 
     """
 
@@ -88,14 +92,17 @@ class Llm(Generator, Device, events=("eReply",), draws=("eThink",), lockstep=Fal
         prices: Mapping[str, Any] | None = None,
         budget: Mapping[str, Any] | None = None,
         agent_budget: Mapping[str, Any] | None = None,
+        tools: Mapping[str, Any] | None = None,
+        tool_calls: int = 5,
     ) -> None:
         self._read_key = _key_reader(key_env, key_file)
         chosen = _backend(backend, model, self._read_key, parameters or {})
-        self._limits = CallLimits(concurrent, per_minute, timeout, retries, corrections)
+        self._limits = CallLimits(concurrent, per_minute, timeout, retries, corrections, tool_calls)
         ledger = Ledger(Budget.of("budget", budget), Budget.of("agent_budget", agent_budget))
         self._setup = CallSetup(
-            chosen, {}, system, Prices(prices), ledger, CompletionCache(cache), self._log
-        )
+            chosen, {}, system, Prices(prices), ledger, CompletionCache(cache), self._log,
+            ToolServers.of(tools, concurrent, self._log),
+        )  # fmt: skip
         # Answers of a script take simulated time, so frames can wait for them.
         self.lockstep = self.coupled = wait or chosen.scripted
         self._dt = 0.1
@@ -113,6 +120,8 @@ class Llm(Generator, Device, events=("eReply",), draws=("eThink",), lockstep=Fal
         if isinstance(backend, HttpBackend):
             require("llm", "httpx", "httpx", "llm")
             self._read_key()  # A missing key is reported here.
+        if self._setup.tools:
+            require("llm", "mcp", "mcp", "mcp")
         for ours in (eReply, eThink):
             if event_type("llm", world, ours.name).fields != ours.fields:
                 raise MisuseError(f"llm: the world declares a different {ours.name}; use *MINDS")
@@ -130,6 +139,8 @@ class Llm(Generator, Device, events=("eReply",), draws=("eThink",), lockstep=Fal
         used = {"calls": total.calls, "tokens": total.tokens_in + total.tokens_out}
         # Where frames wait for calls, replies wait for the frame that is due.
         pending = len(self._ended if self.lockstep else self._open)
+        if self._setup.tools:
+            used["tools"] = self._setup.tools.used
         return {"pending": pending, **self._counts, **used, "cost": total.cost}
 
     # --- open requests ---
@@ -234,6 +245,7 @@ def _reply(result: RequestResult, seconds: float) -> Event:
         usage.tokens_in,
         usage.tokens_out,
         usage.cost,
+        json.dumps([asdict(used) for used in result.tools]) if result.tools else "",
         receivers=[asked.mind],
     )
     return reply
