@@ -16,7 +16,7 @@ from minerva_bus.log.reader import Record
 
 @dataclass(frozen=True, slots=True)
 class ValueQuestion:
-    """An attribute of an agent; `code` names a world file that has moved."""
+    """An agent, and an attribute or ""; `code` names a world file that has moved."""
 
     code: str
     agent: str
@@ -36,9 +36,8 @@ class ValueQuestion:
 
     def check(self, about: str, hint: str) -> None:
         """Raise MisuseError if the question is incomplete; `about` is its record or world."""
-        for option, given in (("--agent ID", self.agent), ("--attribute NAME", self.attribute)):
-            if not given:
-                raise MisuseError(f"explain {about}: {option} is missing; {hint}")
+        if not self.agent:
+            raise MisuseError(f"explain {about}: --agent ID is missing; {hint}")
         if self.no_code and self.code:
             raise MisuseError(f"{self.code} has code, which --no-code forbids")
 
@@ -63,7 +62,10 @@ def explain_running(target: WorldTarget, question: ValueQuestion, as_json: bool)
 
 
 def explain_record(file: Path, question: ValueQuestion, as_json: bool) -> None:
-    """Print how an attribute got its value. Raises RecordError and WorldFileError."""
+    """Print how an attribute got its value, or without one what its agent received.
+
+    Raises RecordError and WorldFileError.
+    """
     question.check(str(file), f"minerva info {file} --string lists the agents and their attributes")
     agent, attribute = question.agent.removeprefix("#"), question.attribute
     with Record(file) as record:

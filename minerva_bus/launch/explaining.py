@@ -17,6 +17,7 @@ from minerva_bus.world.operator import LogLine, Operator, WorldStatus
 if TYPE_CHECKING:
     from minerva_bus.launch.resuming import WorldSource
     from minerva_bus.log.explanation import Explanation
+    from minerva_bus.log.observation import Observation
 
 SAMPLE_SECONDS: Final = 0.5
 """Time between two states of the world."""
@@ -50,8 +51,10 @@ def explain_running_value(
     agent: str,
     attribute: str,
     frame: int | None = None,
-) -> Explanation:
+) -> Explanation | Observation:
     """How an agent's attribute got its value in a running world; see `explain_value`.
+
+    Without an attribute, it is the agent with what it received; see `observe_agent`.
 
     The frames come from the world's journal, which has the latest ones. If the value is older, they
     come from its record, as far as it is written. The world does not notice it.
@@ -60,7 +63,7 @@ def explain_running_value(
         operator: the running world, on this machine.
         code: the world with the code of the agents; "": its own world file; None: run no code.
         agent: id of the agent, without #.
-        attribute: name of the attribute.
+        attribute: name of the attribute, or "".
         frame: the value at the beginning of this frame is explained; None: the latest one.
 
     Raises:

@@ -133,7 +133,9 @@ class RunRecord:
         recorder = self._recorder
         if recorder is None:
             return ()
-        return (FileStatus("record", str(recorder.path), recorder.problem, recorder.lost),)
+        return (
+            FileStatus("record", str(recorder.path.absolute()), recorder.problem, recorder.lost),
+        )
 
     def close(self) -> None:
         """Finish the record."""

@@ -28,19 +28,22 @@ from minerva_bus.launch.resuming import (
     read_source,
 )
 from minerva_bus.launch.worldfile import WorldFile
-from minerva_bus.runtime.control import COMMANDS, Operated
+from minerva_bus.runtime.control import COMMANDS, Operated, status_of
 from minerva_bus.runtime.coordinator import Coordinator
 from minerva_bus.runtime.watchers import Watchers
 from minerva_bus.settings.overrides import Overrides
 from minerva_bus.wire.keys import checked_name
 from minerva_bus.wire.plain import as_int
+from minerva_bus.wire.status import plain_status
 from minerva_bus.wording import frames_up_to
 from minerva_bus.world.kinds import Kinds
+from minerva_bus.world.operator import FileStatus
 
 if TYPE_CHECKING:
     from minerva_bus.log.comparison import Difference
     from minerva_bus.log.description import Description
     from minerva_bus.log.explanation import Explanation
+    from minerva_bus.log.observation import Observation
     from minerva_bus.log.reader import Record
 
 
@@ -72,13 +75,19 @@ def replay_coordinator(
         running.runner.handle(s.Seek(frame))
         return {"frame": algorithm.frame}
 
+    def status(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
+        now = status_of(running, as_int(asked.get("since", 0), "since"))
+        return {"status": plain_status(replace(now, end=cursor.end))}
+
     cursor = Cursor(Record(path))
     cursor.seek(world.past.frame)
     source = partial(RecordedSource, cursor=cursor, kinds=kinds, stay=stay)
     options["algorithm"] = FrameAlgorithm(world, source)
     # Recorded frames are fixed, so commands that would change them are rejected.
     commands = {**COMMANDS, **dict.fromkeys(("pub", "order", "restart"), _reject), "seek": seek}
-    watching = replace(watchers, listening=listening)
+    commands["status"] = status
+    record = FileStatus("record", str(path.absolute()))
+    watching = replace(watchers, listening=listening, files=lambda: (record,))
     coordinator = Coordinator(world, watching, commands=commands, **options)
     return coordinator
 
@@ -155,22 +164,31 @@ def explained(
 
     Raises RecordError and WorldFileError, and ActivityError if user code fails.
     """
+    from minerva_bus.log.causes import explain_value
     from minerva_bus.log.reader import Record
 
     with Record(path) as record:
-        return explained_in(record, world, name, attribute, frame)
+        return explain_value(record, _kinds_for(record, world), name, attribute, frame)
 
 
 def explained_in(
     record: Record, world: WorldSource | None, name: str, attribute: str, frame: int | None
-) -> Explanation:
-    """As `explained`, of an open record; without a world no code runs."""
-    from minerva_bus.log.causes import explain_value
+) -> Explanation | Observation:
+    """As `explained`, of an open record; without a world no code runs.
 
-    if world is None:
-        return explain_value(record, {}, name, attribute, frame)
-    file = world_file_of(record.path, world, record.description, Overrides())
-    return explain_value(record, kinds_in(file), name, attribute, frame)
+    Without an attribute, it is the agent with what it received; see `observe_agent`.
+    """
+    from minerva_bus.log.causes import explain_value
+    from minerva_bus.log.observation import observe_agent
+
+    kinds = {} if world is None else _kinds_for(record, world)
+    if not attribute:
+        return observe_agent(record, kinds, name, frame)
+    return explain_value(record, kinds, name, attribute, frame)
+
+
+def _kinds_for(record: Record, world: WorldSource) -> Kinds:
+    return kinds_in(world_file_of(record.path, world, record.description, Overrides()))
 
 
 def world_file_of(

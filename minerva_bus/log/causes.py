@@ -75,7 +75,7 @@ def explain_value(
     change = last_change(record, name, attribute, end)
     windows = ((change.frame - MAX_LINKS, change.frame + 1), (end - RECENT, end))
     past = {each.frame.number: each for window in windows for each in past_frames(record, *window)}
-    causes = _Causes(record.description.world, kinds, past)
+    causes = Causes(record.description.world, kinds, past)
     links, origin = causes.of_change(change, attribute)
     recent = range(end - 1, max(change.frame, end - RECENT - 1), -1)
     return Explanation(
@@ -83,7 +83,7 @@ def explain_value(
         name,
         change.after.symbol,
         attribute,
-        _shown(value_of(change.after, attribute)),
+        shown_value(value_of(change.after, attribute)),
         end,
         change.frame,
         tuple(links),
@@ -93,7 +93,7 @@ def explain_value(
     )
 
 
-class _Causes:
+class Causes:
     """Causes in the frames `past` of a run, by number."""
 
     def __init__(self, world: World, kinds: Kinds, past: Mapping[int, PastFrame]) -> None:
@@ -110,12 +110,12 @@ class _Causes:
             return [], "the world file: the initial string has this value"
         new, name = value_of(change.after, attribute), change.after.id
         if change.before is not None:
-            old = _shown(value_of(change.before, attribute), MAX_VALUE)
+            old = shown_value(value_of(change.before, attribute), MAX_VALUE)
             did = f"changed {attribute} from {old} to "
             actor = name
         else:
             did, actor = f"appeared with {attribute} = ", self._parent(name, change.frame)
-        link = Cause(change.frame, name, did + _shown(new, MAX_VALUE))
+        link = Cause(change.frame, name, did + shown_value(new, MAX_VALUE))
         if change.gap:
             return [link], "unknown: the frames before this one are lost"
         if not actor:
@@ -162,7 +162,7 @@ class _Causes:
         self, link: Cause, actor: str, call: TracedCall | None, attribute: str = ""
     ) -> tuple[Cause, Event | None]:
         """A link with the method of `actor`, and the event that caused the call."""
-        received = self._received(actor, link.frame)
+        received = self.received(actor, link.frame)
         counts = Counter[str]()
         for each in received:
             counts[each.type] += len(each)
@@ -177,7 +177,7 @@ class _Causes:
         if event is None:
             return link, None
         source = source_of(event, self._past, link.frame, self._world.norms)
-        return replace(link, event=_event_text(event), source=source), event
+        return replace(link, event=event_text(event), source=source), event
 
     def _remark(
         self,
@@ -214,7 +214,8 @@ class _Causes:
         around = piece_around(then.before, name)
         return trace_calls(around, name, then.frame.events, self._kinds, frame)
 
-    def _received(self, name: str, number: int) -> list[AnyEvent]:
+    def received(self, name: str, number: int) -> list[AnyEvent]:
+        """The events that an agent received in a frame, in order, by their receivers and types."""
         then = self._past[number]
         agent = agent_in(then.before, name)
         kind = None if agent is None else self._world.vocabulary.kinds.get(agent.symbol)
@@ -258,7 +259,7 @@ def _place(method: Callable[..., Any], attribute: str) -> SourceLine | None:
     return lines[0] if len(lines) == 1 else defined(method)
 
 
-def _event_text(event: Event) -> str:
+def event_text(event: Event) -> str:
     """An event without its sender and receivers, which an explanation names elsewhere."""
     return str(replace(event, sender="", receivers=()))
 
@@ -271,7 +272,8 @@ def _origin(source: EventSource, event: Event) -> str:
     return f"{source.text} sent {event.type} for frame {source.frame}{order}"
 
 
-def _shown(value: Value, longest: int = MAX_SHOWN) -> str:
+def shown_value(value: Value, longest: int = MAX_SHOWN) -> str:
+    """A value as text, of a large matrix its shape."""
     if isinstance(value, np.ndarray) and value.size > LONGEST_MATRIX:
         return shape_text(value)
     return short(value_text(value), longest)

@@ -129,6 +129,14 @@ def value_of(agent: AgentNode, attribute: str) -> Value:
     return agent.state.get(attribute, "")
 
 
+def agent_at(record: Record, name: str, end: int) -> AgentNode:
+    """The agent with an id at the beginning of a frame. Raises RecordError if there is none."""
+    agent = agent_in(record.string(end), name)
+    if agent is None:
+        raise _missing(record, name, end)
+    return agent
+
+
 def _missing(record: Record, name: str, end: int) -> RecordError:
     died = _last_frame_of(record, name, end)
     if died is not None:

@@ -90,6 +90,10 @@ class AskingOperator:
         """Run a number of frames, then pause."""
         self._ask("step", frames=frames, by=self._by)
 
+    def seek(self, frame: int) -> None:
+        """Continue the replay of a record at a frame."""
+        self._ask("seek", frame=frame)
+
     def set_rate(self, rate: float) -> None:
         """Set the frames per second; 0: as many as possible."""
         self._ask("rate", rate=rate, by=self._by)

@@ -175,7 +175,8 @@ class WorldStatus:
     the frame has waited `waited` seconds. `refused` counts rejected messages by class of sender:
     members, people, strangers. `late_frames` have taken longer than real time, by `behind` seconds
     in all. `series` is the number of collected series that can be shown. `norms` are those
-    that were broken, and `files` what the world writes.
+    that were broken, and `files` what the world writes. `end` is the frame at which the replay of a
+    record ends, 0 if this is no replay; its record is then among the files.
     """
 
     world: str
@@ -201,6 +202,7 @@ class WorldStatus:
     series: int = 0
     norms: tuple[NormStatus, ...] = ()
     files: tuple[FileStatus, ...] = ()
+    end: int = 0
 
     @property
     def orders(self) -> tuple[str, ...]:
@@ -245,6 +247,10 @@ class Operator(Protocol):
 
     def step(self, frames: int = 1) -> None:
         """Run a number of frames, then pause."""
+        ...
+
+    def seek(self, frame: int) -> None:
+        """Continue the replay of a record at a frame."""
         ...
 
     def set_rate(self, rate: float) -> None:

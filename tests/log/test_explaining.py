@@ -8,6 +8,8 @@ from harbour import Crew, Pilot, Port, Raft, Ship, eCargo, eSail, harbour
 from minerva_bus import Agent, explain, on, record
 from minerva_bus.errors import MinervaError
 from minerva_bus.log.errors import RecordError
+from minerva_bus.log.observation import observe_agent
+from minerva_bus.log.reader import Record
 from tests.runtime.running import here
 
 SCREEN = 30
@@ -182,9 +184,31 @@ def test_the_command_prints_text_and_json(records):
     assert plain["since"] == 23
     assert [link["source"]["name"] for link in plain["links"]] == ["manager", "steps"]
     assert plain["links"][0]["place"]["line"] > 0
-    missing = here(records, "explain", "warehouse.mcap", "--agent", "carrier1")
+    missing = here(records, "explain", "warehouse.mcap", "--attribute", "talks")
     assert missing.returncode == 2
-    assert "--attribute NAME is missing; minerva info" in missing.stderr
+    assert "--agent ID is missing; minerva info" in missing.stderr
+
+
+def test_without_an_attribute_the_agent_is_shown_with_what_it_received_and_what_was_rejected(
+    records,
+):
+    with Record(records / "harbour.mcap") as recorded:
+        ship = observe_agent(recorded, {}, "s1", 7)
+    assert (ship.kind, ship.frame) == ("AShip", 7)
+    assert dict(ship.state)["x"]
+    sources = {
+        (each.frame, each.event.partition("<")[0]): each.source.text for each in ship.received
+    }
+    assert sources[3, "eSail"] == "the person anna"
+    assert [each.frame for each in ship.received] == sorted(
+        (each.frame for each in ship.received), reverse=True
+    )
+    assert "the norm inshore rejected eSail<x=300> to #s1, sent by the person anna" in "".join(
+        ship.rejected
+    )
+    text = here(records, "explain", "warehouse.mcap", "--agent", "carrier1", "--frame", "24")
+    assert text.stdout.startswith("ACarrier#carrier1 at the beginning of frame 24\n")
+    assert "frame 23: eMessage<" in text.stdout
 
 
 def test_a_record_of_another_world_is_refused(records):

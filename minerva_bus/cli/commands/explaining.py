@@ -61,6 +61,9 @@ def explain(
     file that the record names; --no-code runs none, and names no methods. Of a running world, the
     frames are those in its journal and in its record, if it has one.
 
+    Without --attribute, it prints the agent's state, the events that it received in the last
+    frames, and what norms have rejected.
+
     Without --agent, it prints who is awaited, in which call, what happens next and what to do.
     """
     with uncollected():
