@@ -181,7 +181,7 @@ def explained_in(
     from minerva_bus.log.causes import explain_value
     from minerva_bus.log.observation import observe_agent
 
-    kinds = {} if world is None else _kinds_for(record, world)
+    kinds: Kinds = {} if world is None else _kinds_for(record, world)
     if not attribute:
         return observe_agent(record, kinds, name, frame)
     return explain_value(record, kinds, name, attribute, frame)

@@ -155,7 +155,8 @@ def pin_of(page, name):
 
 def test_a_click_on_a_name_and_a_key_are_orders(tmp_path, browsers):
     """The robots' world: its markers are labels, and its speed has a unit."""
-    with running(tmp_path, "robot", "--robots", "1", "--parcels", "", "--view", "page") as run:
+    words = "--robots", "1", "--parcels", "", "--record", "run.mcap"
+    with running(tmp_path, "robot", *words, "--view", "page") as run:
         page = browsers().new_page(viewport={"width": 1000, "height": 700})
         page.goto(run.url)
         shown(page)
@@ -164,8 +165,38 @@ def test_a_click_on_a_name_and_a_key_are_orders(tmp_path, browsers):
         assert run.event("eObjective").startswith('eObjective<marker="lab">')
         page.keyboard.press("ArrowUp")
         run.event("eSpeed")
+        follow_an_order(page)
         page.keyboard.press("Space")
         eventually(lambda: run.client.operator.status().paused, "it is not paused")
+
+
+def follow_an_order(page):
+    """Choose a name, and find the order of this person by the inspector, now and in the past."""
+    for name, answer in (("a b", "cannot name a person"), ("anna", "anna")):
+        page.locator("#you").click()
+        page.locator("#name").fill(name)
+        page.keyboard.press("Enter")
+        page.get_by_text(answer, exact=False).first.wait_for()
+    page.mouse.click(*pin_of(page, "store"))
+    page.locator("#fates li", has_text="anna").get_by_text("accepted in frame").wait_for()
+    page.locator("#choose").fill("r1")
+    page.keyboard.press("Enter")
+    inspector = page.locator("#inspector")
+    inspector.get_by_role("button", name="objective").click()
+    inspector.get_by_text("set_objective", exact=False).first.wait_for()
+    # The file of the record may lack the last frames.
+    inspector.get_by_text("the generator gObjective", exact=False).first.wait_for()
+    # In one call, because the next frame moves the slider to the end.
+    page.locator("#moment").evaluate(
+        "(slider) => { slider.stepDown(20); slider.dispatchEvent(new Event('input')); }"
+    )
+    inspector.get_by_text("at the beginning of frame", exact=False).first.wait_for()
+    inspector.get_by_text("Rejected").wait_for()
+    past = int(page.get_attribute("body", "data-frame"))
+    page.locator("#live").click()
+    shown(page, past + 21)
+    inspector.get_by_title("Close").click()
+    inspector.wait_for(state="hidden")
 
 
 def test_interrupting_the_world_ends_its_pages(garden, browsers):

@@ -16,6 +16,7 @@ from minerva_services.views.page.names import PageNames, read_joins
 from minerva_services.views.page.relay import check_relayed
 from minerva_services.views.page.service import MemberPage
 from minerva_services.views.page.site import PageSite
+from minerva_services.views.palette import person_colour
 
 ROOT = Path(__file__).parents[2]
 PROTOCOL = (ROOT / "PROTOCOL.md").read_text(encoding="utf-8")
@@ -261,3 +262,24 @@ def test_the_package_sends_nothing_that_is_refused():
     guard = BusGuard("w", "rain")
     for batch in batches:
         guard.check(bytes.fromhex(batch))
+
+
+def test_people_choose_names_that_no_other_page_or_person_has():
+    names = PageNames("page", ("snails",))
+    with names.page() as first, names.page() as second:
+        assert names.people == ["page-1", "page-2"]
+        names.choose(first, "anna")
+        assert names.person(first) == "anna"
+        for name in ("anna", "page-1", "page-7", "snails"):
+            with pytest.raises(MisuseError, match="choose another one"):
+                names.choose(second, name)
+        with pytest.raises(MisuseError, match="cannot name a person"):
+            names.choose(second, "a/b")
+        names.choose(second, "bert")
+        names.choose(first, "")
+        assert names.people == ["bert", "page-1"]
+    assert names.people == []
+
+
+def test_the_colour_of_a_person_follows_from_the_name():
+    assert person_colour("web/anna") == person_colour("anna") != person_colour("bert")

@@ -15,6 +15,8 @@ from page_run import copied, eventually, running
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
+from minerva_services.views.palette import person_colour
+
 
 @pytest.fixture(scope="module")
 def garden(tmp_path_factory):
@@ -130,6 +132,7 @@ def test_a_page_learns_where_it_is_and_sends_orders(garden):
         assert welcome == {
             "world": "phone", "page": "page-1", "draws": ["ePicture"], "rate": 15.0,
             "module": "/modules/garden.js", "joins": {"snails": "snails", "tilt-*": "tilt-1"},
+            "you": {"name": "page-1", "colour": person_colour("page-1")},
         }  # fmt: skip
         status = messages(socket, "status")
         while not status["types"].get("place"):
@@ -147,6 +150,10 @@ def test_a_page_learns_where_it_is_and_sends_orders(garden):
             ('{"order": "eLettuce", "data": {"x": NaN, "y": 0}, "to": []}', "x"),
             ('{"order": "eLettuce", "data": {"x": 1, "y": 2}, "to": [3]}', "ids"),
             ('{"order": "eRain", "data": {}, "to": []}', "eRain"),
+            ('{"name": "a/b"}', "cannot name a person"),
+            ('{"name": "snails"}', "another page or person"),
+            ('{"state": "nobody"}', "no agent #nobody"),
+            ('{"seek": 3}', "not a replay"),
         ):
             socket.send(order)
             assert reason in messages(socket, "error"), order

@@ -1,4 +1,4 @@
-"""The names under which pages take part, each held by one page at a time."""
+"""The names of pages and their people, each held by one page at a time."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Collection, Generator
 from contextlib import contextmanager
 
 from minerva_bus.errors import MisuseError
-from minerva_bus.wire.keys import is_name
+from minerva_bus.wire.keys import checked_name, is_name
 
 _OF_EACH = "-*"
 
@@ -33,6 +33,7 @@ class PageNames:
         self._prefix = prefix
         self._joins = joins
         self._pages: set[int] = set()
+        self._people: dict[int, str] = {}
         self._taken: set[str] = set()
         names = (f"{prefix}{_OF_EACH}", *joins)
         numbered = "[1-9][0-9]{0,5}"
@@ -69,6 +70,30 @@ class PageNames:
             yield number
         finally:
             self._pages.discard(number)
+            self._people.pop(number, None)
+
+    def person(self, number: int) -> str:
+        """The name of the person at a page: the chosen one, or that of the page."""
+        return self._people.get(number, self.of_page(number))
+
+    @property
+    def people(self) -> list[str]:
+        """The names of the people at all pages, sorted."""
+        return sorted(map(self.person, self._pages))
+
+    def choose(self, number: int, name: str) -> None:
+        """Give the person at a page a name; "" is that of the page.
+
+        Raises MisuseError for a text that is no name, and for the name of another page or person.
+        """
+        if name in ("", self.of_page(number)):
+            self._people.pop(number, None)
+            return
+        checked_name(name, "a person")
+        others = {self.person(page) for page in self._pages if page != number}
+        if self._allowed.fullmatch(name) or name in others:
+            raise MisuseError(f"{name} is the name of another page or person; choose another one")
+        self._people[number] = name
 
     def objection(self, name: str) -> str:
         """Why no page may take a name; empty if one may."""

@@ -12,8 +12,10 @@ from minerva_bus.errors import MinervaError, MisuseError
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.symbols import EventType
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.world.operator import WorldStatus
+from minerva_bus.world.operator import OrderStatus, WorldStatus
 from minerva_bus.world.services import WorldInfo
+from minerva_services.views.page.fates import shown_order, shown_person
+from minerva_services.views.page.inspector import AgentQuestion, Inspector
 from minerva_services.views.page.names import PageNames
 from minerva_services.views.page.site import PageSite
 from minerva_services.views.reports import LatestReport
@@ -26,6 +28,8 @@ if TYPE_CHECKING:
 POLL_SECONDS: Final = 0.25
 _MAX_RECEIVERS: Final = 100
 _MAX_STEPS: Final = 10
+_MAX_ORDERS: Final = 8
+"""Orders that pages list."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,8 +70,9 @@ def _is_place(declared: EventType) -> bool:
 class People:
     """The links to pages over which their users take part: text messages in JSON.
 
-    A page sends `{order, data, to}`, `{slide, steps, to}`, `{pause}` or `{step}`, and receives
-    `{welcome}`, `{status}`, `{note}`, `{error}` and `{ended}`.
+    A page sends `{order, data, to}`, `{slide, steps, to}`, `{pause}`, `{step}`, `{seek}`, `{name}`,
+    `{state}` and `{explain}`, and receives `{welcome}`, `{status}`, `{orders}`, `{you}`, `{state}`,
+    `{explained}`, `{note}`, `{error}` and `{ended}`.
     """
 
     def __init__(
@@ -77,10 +82,15 @@ class People:
         self._options = options
         self._names = names
         self._site = site
+        self._inspector = Inspector(world)
+        self._orders: dict[int, dict[str, Any]] = {}
+        self._last_change = 0
         self._reports = LatestReport(world.vocabulary)
         self._numbers = SentNumbers()
         self._pages: set[ServerConnection] = set()
-        self._status: dict[str, Any] = {"types": {}, "paused": False, "report": "", "taken": []}
+        self._status: dict[str, Any] = {
+            "types": {}, "paused": False, "report": "", "taken": [], "end": 0, "people": []
+        }  # fmt: skip
 
     # --- pages ---
 
@@ -91,13 +101,32 @@ class People:
         with self._names.page() as number:
             self._pages.add(page)
             try:
-                await self._send(page, {"welcome": self._welcome(number), "status": self._status})
-                async for text in page:
-                    await self._send(page, await self._reply(text, self._names.of_page(number)))
-            except ConnectionClosed:
+                welcome = {"welcome": self._welcome(number), "status": self._status}
+                await self._send(page, {**welcome, "orders": [*self._orders.values()]})
+                async with asyncio.TaskGroup() as questions:
+                    explained: asyncio.Task[None] | None = None
+                    async for text in page:
+                        question = _question(text)
+                        if question is None:
+                            await self._send(page, await self._reply(text, number))
+                            continue
+                        # A person who asks again no longer waits for the earlier answer.
+                        if explained is not None:
+                            explained.cancel()
+                        explained = questions.create_task(self._explain(page, question))
+                    if explained is not None:
+                        explained.cancel()
+            except* ConnectionClosed:
                 pass
             finally:
                 self._pages.discard(page)
+
+    async def _explain(self, page: ServerConnection, question: AgentQuestion) -> None:
+        try:
+            answer: dict[str, Any] = {"answer": await self._inspector.explain(question)}
+        except MinervaError as error:
+            answer = {"problem": str(error)}
+        await self._send(page, {"explained": {**question.plain(), **answer}})
 
     def _welcome(self, number: int) -> dict[str, Any]:
         return {
@@ -107,6 +136,7 @@ class People:
             "rate": self._options.rate,
             "module": self._site.module,
             "joins": self._names.joins_of(number),
+            "you": shown_person(self._names.person(number)),
         }
 
     async def end(self, why: str) -> None:
@@ -135,9 +165,9 @@ class People:
             if not self._pages:
                 continue
             try:
-                self._update(
-                    await asyncio.to_thread(self._world.operator.status, self._reports.last)
-                )
+                operator = self._world.operator
+                self._update(await asyncio.to_thread(operator.status, self._reports.last))
+                self._follow(await asyncio.to_thread(operator.orders, self._last_change))
                 problem = ""
             except MinervaError as error:
                 if problem != str(error):
@@ -151,16 +181,38 @@ class People:
             "paused": status.paused,
             "report": self._reports.text,
             "taken": self._names.taken,
+            "end": status.end,
+            "people": [shown_person(name) for name in self._names.people],
         }
         if now != self._status:
             self._status = now
             self.broadcast({"status": now})
 
+    def _follow(self, changed: Sequence[OrderStatus]) -> None:
+        """Send the fates of orders to all pages."""
+        for order in changed:
+            self._last_change = order.change
+            self._orders.pop(order.number, None)
+            self._orders[order.number] = shown_order(order)
+        while len(self._orders) > _MAX_ORDERS:
+            del self._orders[next(iter(self._orders))]
+        if changed:
+            self.broadcast({"orders": [*self._orders.values()]})
+
     # --- actions ---
 
-    async def _reply(self, text: str | bytes, person: str) -> dict[str, Any]:
+    async def _reply(self, text: str | bytes, number: int) -> dict[str, Any]:
         try:
-            return {"note": await asyncio.to_thread(self._do, _read(text), person)}
+            action = _read(text)
+            match action:
+                case {"name": str(name)}:
+                    self._names.choose(number, name)
+                    return {"you": shown_person(self._names.person(number))}
+                case {"state": str(agent)}:
+                    return {"state": await asyncio.to_thread(self._inspector.state, agent)}
+                case _:
+                    person = self._names.person(number)
+                    return {"note": await asyncio.to_thread(self._do, action, person)}
         except MinervaError as error:
             return {"error": str(error)}
 
@@ -183,6 +235,9 @@ class People:
             case {"pause": bool(pause)}:
                 operator.pause() if pause else operator.resume()
                 return "paused" if pause else ""
+            case {"seek": int(frame)}:
+                operator.seek(frame)
+                return ""
             case {"step": 1}:
                 operator.step(1)
                 return ""
@@ -201,6 +256,18 @@ class People:
         if unknown:
             raise MisuseError(f"{name} has no {unknown[0][:64]!r}")
         return declared(**data, receivers=receivers)
+
+
+def _question(text: str | bytes) -> AgentQuestion | None:
+    """The question about an agent in a page's message; None for any other message."""
+    try:
+        match _read(text):
+            case {"explain": str(agent), "attribute": str(attribute), "frame": int() | None as at}:
+                return AgentQuestion(agent, attribute, at)
+            case _:
+                return None
+    except MinervaError:
+        return None
 
 
 def _ids(to: list[object]) -> tuple[str, ...]:

@@ -7,6 +7,7 @@ const INK = "#2f3640";
 const FAINT = "#6d6657";
 const CHOSEN = "#1f7a8c";
 const MOST_NAMES = 24;
+const MOST_AGENTS = 500; // offered by id
 const LEAST_RADIUS = 3; // pixels
 const TOUCH = 14; // pixels around a finger in which something counts as touched
 /** The mark on discs with a heading: distances in radii, directions in radians. */
@@ -36,6 +37,12 @@ export class Scene {
     this.#items = items;
     this.#frame = frameOf(items, this.#frame);
     this.#due();
+  }
+
+  /** The ids of the agents that are drawn, sorted. */
+  get agents() {
+    const ids = this.#items.map(({ agent }) => agent).filter((agent) => agent && !agent.startsWith("~"));
+    return [...new Set(ids)].sort().slice(0, MOST_AGENTS);
   }
 
   select(agent) {

@@ -8,21 +8,24 @@ const ZOOM = 1.0015;
 /**
  * Turns gestures on the scene into orders.
  *
- * `send(message)` gets `{order, data, to}`, `{slide, steps, to}`, `{pause}` or `{step}`.
+ * `send(message)` gets `{order, data, to}`, `{slide, steps, to}`, `{pause}` or `{step}`; `select(agent)`
+ * the agent that a person selects, or "".
  */
 export class Orders {
   #scene;
   #panel;
   #send;
+  #select;
   #types = {};
   #offered = "";
   #buttons = [];
   #isPaused = false;
 
-  constructor(scene, panel, send) {
+  constructor(scene, panel, send, select) {
     this.#scene = scene;
     this.#panel = panel;
     this.#send = send;
+    this.#select = select;
     this.#listen(document.getElementById("scene"));
     document.addEventListener("keydown", (event) => this.#key(event));
   }
@@ -88,15 +91,16 @@ export class Orders {
     const target = this.#scene.at(x, y);
     const { click, place } = this.#types;
     if (target?.text !== undefined && click) this.#order(click.type, { [click.name]: target.text });
-    else if (target?.agent !== undefined) this.#scene.select(target.agent === this.#scene.selected ? "" : target.agent);
+    else if (target?.agent !== undefined) this.#select(target.agent === this.#scene.selected ? "" : target.agent);
     else if (place) {
       const [east, north] = this.#scene.metres(x, y).map((metres) => Math.round(1000 * metres) / 1000);
       this.#order(place, { x: east, y: north });
-    } else this.#scene.select("");
+    } else this.#select("");
   }
 
   #key({ key, target, ctrlKey, metaKey, altKey }) {
-    if (ctrlKey || metaKey || altKey || target instanceof HTMLButtonElement) return;
+    if (ctrlKey || metaKey || altKey || target instanceof HTMLInputElement) return;
+    if (target instanceof HTMLButtonElement && key !== "Escape") return;
     const acts = {
       " ": () => this.#send({ pause: !this.#isPaused }),
       n: () => this.#send({ step: 1 }),
@@ -106,7 +110,7 @@ export class Orders {
       ArrowDown: () => this.#types.slide && this.#slide(-1),
       "-": () => this.#types.slide && this.#slide(-1),
       0: () => this.#scene.reset(),
-      Escape: () => this.#scene.select(""),
+      Escape: () => this.#select(""),
     };
     acts[key]?.();
   }

@@ -4,10 +4,13 @@ import { device } from "minerva-bus";
 
 import { Scene } from "./canvas.js";
 import { displayList } from "./geometry.js";
+import { Inspector } from "./inspector.js";
 import { isPale, legend } from "./legend.js";
 import { loadMember, PageMember } from "./members.js";
 import { Orders } from "./orders.js";
+import { Person, showFates, showPeople } from "./people.js";
 import { connectToServer } from "./server.js";
+import { Timeline } from "./timeline.js";
 
 const element = (id) => document.getElementById(id);
 const scene = new Scene(element("scene"));
@@ -19,7 +22,34 @@ const members = [];
 let world = null;
 
 const server = connectToServer(onMessage, (reason) => note(reason || "the link to the world is lost; trying again …", true));
-const orders = new Orders(scene, element("orders"), (order) => server.send(order));
+const orders = new Orders(scene, element("orders"), (order) => server.send(order), select);
+const person = new Person({ form: element("naming"), button: element("you"), input: element("name") }, (name) => server.send({ name }));
+const timeline = new Timeline({ slider: element("moment"), live: element("live"), shown: element("shown") }, {
+  show: (items, frame) => {
+    scene.show(items);
+    element("frame").textContent = `frame ${frame}`;
+    document.body.dataset.frame = String(frame);
+  },
+  seek: (frame) => server.send({ seek: frame }),
+  onChange: () => inspector.refresh(),
+});
+const inspector = new Inspector(element("inspector"), { ask: (message) => server.send(message), past: () => timeline.past, select });
+let own = "";
+
+/** Selects an agent on the picture and in the inspector; "" selects none. */
+function select(agent) {
+  scene.select(agent);
+  inspector.open(agent);
+}
+
+element("choose").addEventListener("change", ({ target }) => {
+  select(target.value.trim().replace(/^#/, ""));
+  target.value = "";
+});
+element("choose").addEventListener("focus", () => {
+  const ids = scene.agents.map((id) => new Option(id));
+  element("agents").replaceChildren(...ids);
+});
 
 /** Shows a line to the user; without any, what a tap does. */
 function note(text, isError = false) {
@@ -31,6 +61,10 @@ function note(text, isError = false) {
 function onMessage(message) {
   if (message.welcome !== undefined) begin(message.welcome);
   if (message.status !== undefined) update(message.status);
+  if (message.orders !== undefined) showFates(element("fates"), message.orders);
+  if (message.you !== undefined) showSelf(message.you);
+  if (message.state !== undefined) inspector.take(message.state);
+  if (message.explained !== undefined) inspector.explain(message.explained);
   if (message.note !== undefined) note(message.note);
   if (message.error !== undefined) note(message.error, true);
   if (message.ended !== undefined) note(message.ended);
@@ -41,10 +75,17 @@ function begin(welcome) {
   if (world !== null && world.page === welcome.page) return;
   if (world !== null) return location.reload();
   world = { ...welcome, taken: [] };
+  showSelf(welcome.you);
+  person.begin();
   document.title = element("world").textContent = world.world;
   const view = device({ service: "page", draws: world.draws, rate: world.rate, draw });
   join(world.page, view);
   for (const [exported, name] of Object.entries(world.joins)) prepareToJoin(name, exported);
+}
+
+function showSelf(you) {
+  own = you.name;
+  person.show(you);
 }
 
 async function prepareToJoin(name, exported) {
@@ -86,6 +127,8 @@ async function poke() {
 function update(status) {
   world.taken = status.taken;
   orders.update(status);
+  timeline.end = status.end;
+  showPeople(element("people"), status.people, own);
   if (status.report) note(status.report);
   else if (element("notice").dataset.isHint === "true") note("");
   poke();
@@ -104,9 +147,7 @@ function draw({ type, frame, nodes, vocabulary }) {
   drawn.set(type, displayList(nodes, vocabulary));
   if (isFirst) note("");
   const items = world.draws.flatMap((each) => drawn.get(each) ?? []);
-  scene.show(items);
-  element("frame").textContent = `frame ${frame}`;
-  document.body.dataset.frame = String(frame);
+  timeline.add(items, Number(frame));
   const known = symbols.size;
   for (const { symbol } of items) symbols.add(symbol);
   if (symbols.size > known) showLegend(vocabulary);

@@ -1,0 +1,110 @@
+/** The slider over the recent past of a world, or over the record that is replayed. */
+
+const MOST_MOMENTS = 600;
+const MOST_VALUES = 4e6; // items and cells of matrices, each counted once
+
+/**
+ * Keeps what was drawn in the last frames, in bounded memory, and shows one of them.
+ *
+ * `show(items, frame)` draws; `seek(frame)` moves a replay. If the memory is full, every second
+ * moment of the older half is dropped: the past remains, but in larger steps.
+ */
+export class Timeline {
+  #parts;
+  #show;
+  #seek;
+  #moments = [];
+  #chosen = null; // a frame of the past; null: live
+  #end = 0;
+  #onChange;
+
+  constructor(parts, { show, seek, onChange }) {
+    this.#parts = parts;
+    this.#show = show;
+    this.#seek = seek;
+    this.#onChange = onChange;
+    parts.slider.addEventListener("input", () => this.#choose(Number(parts.slider.value)));
+    parts.live.addEventListener("click", () => this.goLive());
+    this.#update();
+  }
+
+  /** The frame of the past that is shown; null if the page is live. */
+  get past() {
+    return this.#chosen;
+  }
+
+  /** Takes what was drawn for a frame; shows it if the page is live. */
+  add(items, frame) {
+    const last = this.#moments.at(-1);
+    // A replay that went back shows frames that are not the future of the earlier ones.
+    if (last !== undefined && frame < last.frame) this.#moments = [];
+    if (this.#moments.at(-1)?.frame === frame) this.#moments.pop();
+    this.#moments.push({ frame, items });
+    this.#forget();
+    if (this.#chosen === null) this.#show(items, frame);
+    this.#update();
+  }
+
+  /** The frame at which a replayed record ends; 0: the world is no replay. */
+  set end(frame) {
+    if (frame === this.#end) return;
+    this.#end = frame;
+    this.#update();
+  }
+
+  goLive() {
+    this.#chosen = null;
+    const last = this.#moments.at(-1);
+    if (last !== undefined) this.#show(last.items, last.frame);
+    this.#update();
+    this.#onChange();
+  }
+
+  #choose(frame) {
+    if (this.#end > 0) return this.#seek(frame);
+    const moment = this.#moments.findLast((each) => each.frame <= frame) ?? this.#moments[0];
+    if (moment === undefined) return;
+    if (moment === this.#moments.at(-1)) return this.goLive();
+    this.#chosen = moment.frame;
+    this.#show(moment.items, moment.frame);
+    this.#update();
+    this.#onChange();
+  }
+
+  #update() {
+    const { slider, live, shown } = this.#parts;
+    const [first, last] = [this.#moments[0]?.frame ?? 0, this.#moments.at(-1)?.frame ?? 0];
+    const isReplay = this.#end > 0;
+    live.hidden = isReplay;
+    live.classList.toggle("on", this.#chosen === null);
+    live.setAttribute("aria-pressed", String(this.#chosen === null));
+    [slider.min, slider.max] = isReplay ? [0, this.#end] : [first, last];
+    slider.disabled = !isReplay && first === last;
+    slider.value = this.#chosen ?? last;
+    if (isReplay) shown.textContent = `frame ${last} of ${this.#end}`;
+    else shown.textContent = this.#chosen === null ? "" : `frame ${this.#chosen}, ${last - this.#chosen} ago`;
+    document.body.classList.toggle("past", this.#chosen !== null);
+  }
+
+  #forget() {
+    while (this.#moments.length > MOST_MOMENTS || this.#values() > MOST_VALUES) {
+      const half = Math.floor(this.#moments.length / 2);
+      if (half < 2) return;
+      this.#moments = this.#moments.filter(({ frame }, place) => place >= half || place % 2 === 0 || frame === this.#chosen);
+    }
+  }
+
+  #values() {
+    const matrices = new Set();
+    let values = 0;
+    for (const { items } of this.#moments) {
+      values += items.length;
+      for (const { matrix } of items) {
+        if (matrix === undefined || matrices.has(matrix)) continue;
+        matrices.add(matrix);
+        values += matrix.values.length;
+      }
+    }
+    return values;
+  }
+}
