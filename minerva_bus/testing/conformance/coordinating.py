@@ -15,7 +15,7 @@ from minerva_bus.frame import messages as m
 from minerva_bus.runtime.scripted_member import ScriptedMember
 from minerva_bus.testing.conformance.case import Case, CaseOutcome, CaseResult, CoordinatorRole
 from minerva_bus.testing.conformance.launching import RunningMember, StartMember
-from minerva_bus.testing.conformance.player import CaseFailure, NotJoined
+from minerva_bus.testing.conformance.link import CaseFailure, NotJoined
 from minerva_bus.testing.conformance.world import MemberRole, reference
 from minerva_bus.wire.codec import encode
 from minerva_bus.wire.epochs import stamp, stamped

@@ -14,7 +14,8 @@ from minerva_bus.runtime.scripted import ScriptedHub
 from minerva_bus.testing.conformance.case import Case, CaseOutcome, CaseResult, Role, Tier
 from minerva_bus.testing.conformance.cases import CASES
 from minerva_bus.testing.conformance.launching import StartMember, command
-from minerva_bus.testing.conformance.player import NotJoined, TimeLimits, play, probe
+from minerva_bus.testing.conformance.link import NotJoined, TimeLimits
+from minerva_bus.testing.conformance.player import play, probe
 from minerva_bus.testing.conformance.world import MemberRole, capabilities_of, roles_of
 
 JOBS: Final = 4

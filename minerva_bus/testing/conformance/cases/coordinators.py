@@ -13,7 +13,7 @@ from minerva_bus.testing.conformance.coordinating import (
     hello,
     join_both,
 )
-from minerva_bus.testing.conformance.player import CaseFailure
+from minerva_bus.testing.conformance.link import CaseFailure
 from minerva_bus.testing.conformance.world import DT, SEED, MemberRole
 from minerva_bus.wire.epochs import stamp
 from minerva_bus.wire.plain import pack
