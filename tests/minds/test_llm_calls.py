@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sys
 import threading
 from contextlib import contextmanager
@@ -292,6 +293,27 @@ def test_a_script_answers_by_rules():
     assert (third.outcome, third.content) == ("backend", "town:RULES: no rule for '?'")
 
 
+def _pieces(*texts, end="data: [DONE]\n\n"):
+    events = [{"choices": [{"delta": {"content": text}}]} for text in texts]
+    events.append({"choices": [], "usage": {"prompt_tokens": 7, "completion_tokens": 2}})
+    return "".join([f"data: {json.dumps(event)}\n\n" for event in events]) + end
+
+
+def test_an_answer_is_streamed_and_cut_off_or_late_ones_are_repeated():
+    whole = _pieces('{"action": ', '"eat"}')
+    replies = [Answered(raw=_pieces("{", end="")), Answered(hangs=True), Answered(raw=whole), EAT]
+    with ChatServer(lambda asked: replies.pop(0)) as server:
+        backend = HttpBackend(server.url, "small", str, {}, stream=True, first_token=2.0)
+        with calling(backend) as calls:
+            (first,) = calls(request(1))
+            (plain,) = calls(request(2))
+    assert (first.outcome, first.content) == ("answered", '{"action": "eat"}')
+    assert (first.usage.calls, first.usage.tokens_in, first.usage.tokens_out) == (3, 7, 2)
+    assert plain.content == '{"action": "eat"}', "of a server that does not stream"
+    assert calls.log == ["llm: the stream has been cut off", "llm: no first piece within 2 s"]
+    assert server.calls[0]["stream"] is True
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [
@@ -307,6 +329,7 @@ def test_a_script_answers_by_rules():
         ({"backend": ["x"], "agent_budget": {"cost": -1}}, "agent_budget.cost is -1"),
         ({"backend": ["x"], "prices": {"m": 3}}, "prices.m must be the prices of a million"),
         ({"backend": ["x"], "key_env": "A", "key_file": "b"}, "not both"),
+        ({"backend": "http://host/v1", "first_token": 3}, "expected seconds, with stream"),
     ],
 )
 def test_wrong_options_are_refused(options, message):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 from collections.abc import Callable, Mapping
 from typing import Any, Final, cast
@@ -9,9 +10,7 @@ from urllib.parse import urlsplit
 
 from minerva_bus.errors import MisuseError
 from minerva_services.llm.backends import BackendError, Completion, Prompt, Unavailable
-
-MAX_BYTES: Final = 4 << 20
-"""Largest reply of a server; a longer one is rejected."""
+from minerva_services.llm.streams import MAX_BYTES, streamed_reply
 
 MAX_DETAIL: Final = 200
 PASSING: Final = frozenset((408, 409, 425, 429, 500, 502, 503, 504, 529))
@@ -26,13 +25,22 @@ class HttpBackend:
         model: the model's name; the first one that the server lists if empty.
         read_key: returns the API key, or the empty text; called before the first call.
         parameters: further members of the request's JSON object, such as `temperature`.
+        stream: whether the server sends its answer in pieces.
+        first_token: seconds until the first piece of a streamed answer; 0: any time.
 
     """
 
     scripted = False
 
     def __init__(
-        self, url: str, model: str, read_key: Callable[[], str], parameters: Mapping[str, Any]
+        self,
+        url: str,
+        model: str,
+        read_key: Callable[[], str],
+        parameters: Mapping[str, Any],
+        *,
+        stream: bool = False,
+        first_token: float = 0.0,
     ) -> None:
         parts = urlsplit(url)
         if not parts.hostname or parts.username or parts.query:
@@ -44,6 +52,7 @@ class HttpBackend:
         self._url, self._model = url.rstrip("/"), model
         self._read_key, self._key = read_key, ""
         self._parameters = parameters
+        self._stream, self._first_token = stream, first_token
         self._open: Any = None
 
     async def complete(self, prompt: Prompt) -> Completion:
@@ -59,14 +68,17 @@ class HttpBackend:
             "response_format": {"type": "json_object"} if prompt.has_tools else strict,
             **self._parameters,
         }
-        return _completion(await self._call("POST", "/chat/completions", asked), self._model)
+        if self._stream:
+            asked |= {"stream": True, "stream_options": {"include_usage": True}}
+        reply = await self._call("POST", "/chat/completions", asked, stream=self._stream)
+        return _completion(reply, self._model)
 
     async def close(self) -> None:
         """Close all connections."""
         if self._open is not None:
             await self._open.aclose()
 
-    async def _call(self, method: str, path: str, body: Any = None) -> Any:
+    async def _call(self, method: str, path: str, body: Any = None, *, stream: bool = False) -> Any:
         # Imported late: only this backend needs the extra.
         import httpx
 
@@ -77,10 +89,17 @@ class HttpBackend:
             self._open = httpx.AsyncClient(headers=headers, timeout=None)  # noqa: S113
         client: httpx.AsyncClient = self._open
         try:
-            async with client.stream(method, self._url + path, json=body) as response:
+            async with (
+                asyncio.timeout((self._first_token or None) if stream else None) as limit,
+                client.stream(method, self._url + path, json=body) as response,
+            ):
+                if stream and response.status_code < 400:
+                    return await streamed_reply(response.aiter_bytes(), limit)
                 content = await _body(response.aiter_bytes())
                 if response.status_code >= 400:
                     raise self._failure(response.status_code, response.headers, content)
+        except TimeoutError:
+            raise Unavailable(f"no first piece within {self._first_token:g} s") from None
         except httpx.HTTPError as error:
             raise Unavailable(self._safe(str(error) or type(error).__name__)) from None
         try:

@@ -9,6 +9,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, replace
+from functools import partial
 from pathlib import Path
 from queue import Empty
 from typing import Any, ClassVar, Final, cast
@@ -68,6 +69,8 @@ class Llm(Generator, Device, events=("eReply",), draws=("eThink",), lockstep=Fal
         agent_budget: what each agent may use, likewise.
         tools: MCP servers by name, each `{ command = [...], allow = [...] }` or with a `url`.
         tool_calls: calls of tools before an answer.
+        stream: whether a server sends its answers in pieces.
+        first_token: seconds until the first piece of a streamed answer; 0: any time.
 
     """
 
@@ -94,9 +97,21 @@ class Llm(Generator, Device, events=("eReply",), draws=("eThink",), lockstep=Fal
         agent_budget: Mapping[str, Any] | None = None,
         tools: Mapping[str, Any] | None = None,
         tool_calls: int = 5,
+        stream: bool = False,
+        first_token: float = 0.0,
     ) -> None:
         self._read_key = _key_reader(key_env, key_file)
-        chosen = _backend(backend, model, self._read_key, parameters or {})
+        if first_token and not (stream and 0 < first_token < float("inf")):
+            raise MisuseError(f"llm: first_token is {first_token}; expected seconds, with stream")
+        server = partial(
+            HttpBackend,
+            model=model,
+            read_key=self._read_key,
+            parameters=parameters or {},
+            stream=stream,
+            first_token=first_token,
+        )
+        chosen = _backend(backend, server)
         self._limits = CallLimits(concurrent, per_minute, timeout, retries, corrections, tool_calls)
         ledger = Ledger(Budget.of("budget", budget), Budget.of("agent_budget", agent_budget))
         self._setup = CallSetup(
@@ -258,10 +273,8 @@ def _key_reader(variable: str, file: str) -> Callable[[], str]:
     return lambda: read_password("llm", variable, file) if variable or file else ""
 
 
-def _backend(
-    chosen: Any, model: str, read_key: Callable[[], str], parameters: Mapping[str, Any]
-) -> Backend:
-    """The backend that an option describes. Raises MisuseError."""
+def _backend(chosen: Any, server: Callable[[str], Backend]) -> Backend:
+    """The backend that an option describes; `server` makes that of a URL. Raises MisuseError."""
     if isinstance(chosen, list | tuple):
         command = [str(word) for word in cast("list[Any]", chosen)]
         if not command:
@@ -273,7 +286,7 @@ def _backend(
             f" program and its arguments, not {chosen!r:.60}"
         )
     if chosen.startswith(("http://", "https://")):
-        return HttpBackend(chosen, model, read_key, parameters)
+        return server(chosen)
     if chosen.endswith(".toml"):
         return ScriptBackend.read(Path(chosen))
     named = load(chosen)
