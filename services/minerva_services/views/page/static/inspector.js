@@ -22,13 +22,16 @@ function short(text, most = 60) {
  * Shows one agent.
  *
  * `ask(message)` sends `{state}` and `{explain, attribute, frame}`; `past()` is the frame of the past
- * that the page shows, or null; `select(agent)` selects another agent on the page.
+ * that the page shows, or null; `asked()` the frame that questions are about, null for the latest
+ * one; `select(agent)` selects another agent on the page.
  */
 export class Inspector {
   #panel;
   #ask;
   #past;
+  #asked;
   #select;
+  #frame = null; // of the last question
   #agent = "";
   #kind = "";
   #state = {};
@@ -37,10 +40,11 @@ export class Inspector {
   #cause = null; // the answer about the attribute, or {problem}
   #drawn = "";
 
-  constructor(panel, { ask, past, select }) {
+  constructor(panel, { ask, past, asked, select }) {
     this.#panel = panel;
     this.#ask = ask;
     this.#past = past;
+    this.#asked = asked;
     this.#select = select;
     setInterval(() => this.#poll(), EVERY);
   }
@@ -74,11 +78,11 @@ export class Inspector {
 
   /** Takes an answer about an agent or an attribute. */
   explain({ agent, attribute, frame, answer, problem }) {
-    if (agent !== this.#agent || frame !== this.#past() || !["", this.#attribute].includes(attribute)) return;
+    if (agent !== this.#agent || frame !== this.#frame || !["", this.#attribute].includes(attribute)) return;
     const taken = answer ?? { problem };
     if (attribute === "") this.#about = taken;
     else this.#cause = taken;
-    if (attribute === "" && answer !== undefined && frame !== null) [this.#kind, this.#state] = [answer.kind, answer.state];
+    if (attribute === "" && answer !== undefined && this.#past() !== null) [this.#kind, this.#state] = [answer.kind, answer.state];
     this.#draw();
     // One after the other: the server answers the last question of a page only.
     if (this.#about === null) this.#question("");
@@ -90,7 +94,8 @@ export class Inspector {
   }
 
   #question(attribute) {
-    this.#ask({ explain: this.#agent, attribute, frame: this.#past() });
+    this.#frame = this.#asked();
+    this.#ask({ explain: this.#agent, attribute, frame: this.#frame });
   }
 
   #choose(attribute) {

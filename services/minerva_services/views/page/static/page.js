@@ -33,7 +33,7 @@ const timeline = new Timeline({ slider: element("moment"), live: element("live")
   seek: (frame) => server.send({ seek: frame }),
   onChange: () => inspector.refresh(),
 });
-const inspector = new Inspector(element("inspector"), { ask: (message) => server.send(message), past: () => timeline.past, select });
+const inspector = new Inspector(element("inspector"), { ask: (message) => server.send(message), past: () => timeline.past, asked: () => timeline.asked, select });
 let own = "";
 
 /** Selects an agent on the picture and in the inspector; "" selects none. */

@@ -33,6 +33,11 @@ export class Timeline {
     return this.#chosen;
   }
 
+  /** The frame that questions are about: that which is shown, or null for the latest one. */
+  get asked() {
+    return this.#end > 0 ? (this.#moments.at(-1)?.frame ?? null) : this.#chosen;
+  }
+
   /** Takes what was drawn for a frame; shows it if the page is live. */
   add(items, frame) {
     const last = this.#moments.at(-1);
