@@ -21,7 +21,7 @@ from minerva_bus.outputs import note_read
 from minerva_bus.wording import counted
 
 if TYPE_CHECKING:
-    from minerva_bus.cli.commands.records import ExportTargets
+    from minerva_bus.cli.commands.exporting import ExportTargets
 
 
 @dataclass(frozen=True, slots=True)

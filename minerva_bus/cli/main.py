@@ -17,7 +17,15 @@ from typing import Annotated, Any, Final, cast
 
 import typer
 
-from minerva_bus.cli.commands import explaining, keys, operating, records, studies, worlds
+from minerva_bus.cli.commands import (
+    explaining,
+    exporting,
+    keys,
+    operating,
+    records,
+    studies,
+    worlds,
+)
 from minerva_bus.cli.options import examples_of
 from minerva_bus.cli.other_options import TAKES_OTHERS, OtherOptionsCommand
 from minerva_bus.cli.output import INTERRUPTED, WRONG, print_result
@@ -87,7 +95,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     epilog="Exit codes: 0 done, 1 a check or a world failed, 2 wrong input, 130 interrupted.",
 )
-_MODULES: Final = (worlds, operating, records, studies, explaining)
+_MODULES: Final = (worlds, operating, records, exporting, studies, explaining)
 
 
 def command_of(name: str) -> Callable[..., None]:
