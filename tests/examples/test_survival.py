@@ -26,15 +26,23 @@ def test_rabbits_live_longer_after_training(monkeypatch):
             sys.modules.pop(name, None)
 
 
-def test_one_policy_of_all_rabbits_learns_by_ppo(monkeypatch):
+SMELL = [[0.4, 0.3, 2.0]]
+WALL_ON_THE_RIGHT = [[1.0, 1.0, 1.0, 4.0, 6.0, 6.0, 6.0, 0.0]]
+
+
+@pytest.mark.parametrize(
+    ("world", "seed", "updates", "observed"),
+    [("survival", 2, 6, SMELL), ("corridor", 0, 4, WALL_ON_THE_RIGHT)],
+)
+def test_one_policy_of_all_agents_learns_by_ppo(monkeypatch, world, seed, updates, observed):
     monkeypatch.syspath_prepend(str(FOLDER))
     try:
         import train_ppo
 
-        policy, curve = train_ppo.train(seed=2, updates=6, frames=150, rabbits=48)
+        policy, curve = train_ppo.train(world, seed, updates, frames=150)
         assert curve[-1] > curve[0]
-        # A rabbit that smells more on its left turns to the left.
-        assert policy(train_ppo.features(np.array([[0.4, 0.3, 2.0]]))) > 0
+        # Towards the stronger smell, or away from the wall: to the left.
+        assert policy(train_ppo.TASKS[world].features(np.array(observed))) > 0
     finally:
-        for name in ("train_ppo", "ppo", "survival"):
+        for name in ("train_ppo", "ppo", "survival", "corridor"):
             sys.modules.pop(name, None)
