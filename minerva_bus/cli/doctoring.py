@@ -52,6 +52,7 @@ EXTRAS: Final = {
     "vision": (("cv2",), "markers that cameras see"),
     "gamepad": (("pygame",), "gamepads"),
     "mosaik": (("mosaik_api_v3",), "worlds in mosaik's scenarios"),
+    "fmi": (("fmpy",), "models as FMUs in worlds"),
     "helics": (("helics",), "worlds as federates of HELICS"),
     "lerobot": (("pyarrow", "PIL"), "data sets of LeRobot"),
     "spade": (("spade", "greenlet"), "agents of SPADE"),
