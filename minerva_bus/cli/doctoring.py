@@ -54,6 +54,7 @@ EXTRAS: Final = {
     "mosaik": (("mosaik_api_v3",), "worlds in mosaik's scenarios"),
     "fmi": (("fmpy",), "models as FMUs in worlds"),
     "helics": (("helics",), "worlds as federates of HELICS"),
+    "optuna": (("optuna",), "searches by a sampler of Optuna"),
     "lerobot": (("pyarrow", "PIL"), "data sets of LeRobot"),
     "spade": (("spade", "greenlet"), "agents of SPADE"),
 }
