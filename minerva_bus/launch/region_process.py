@@ -15,11 +15,12 @@ from typing import Any, Final
 from minerva_bus.errors import ProtocolError, SceneError, WorldStopped
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.member import Unready
-from minerva_bus.frame.pace import Pace
 from minerva_bus.launch.failures import CodeFailure
 from minerva_bus.launch.free_running import close_services
-from minerva_bus.launch.in_process import STATUS_EVERY, members_of
+from minerva_bus.launch.in_process import members_of
 from minerva_bus.launch.pipes import LineBuffer, ReportPipe
+from minerva_bus.launch.region_journal import RegionJournal
+from minerva_bus.launch.region_times import RegionTimes
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.regions.messages import from_message, to_message
 from minerva_bus.regions.outbox import Outbox
@@ -33,18 +34,21 @@ from minerva_bus.wire.keys import Keys
 REGIONS: Final = "regions"
 """Stands for a member in errors of the function that assigns regions."""
 
-AGAIN_SECONDS: Final = 1.0
-"""Time after which parcels are sent again to regions that are still awaited."""
-
 
 @dataclass(frozen=True, slots=True)
 class RegionStart:
-    """A region's process: its number, the endpoints of all regions, and the file for its part."""
+    """A region's process: its number, the endpoints of all regions, and its files.
+
+    `part` is the file for its part of the last string. `again`: a process before this one was
+    killed, whose `journal` this one reads.
+    """
 
     file: WorldFile
     number: int
     endpoints: Mapping[int, str]
     part: Path
+    journal: Path
+    again: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,8 +85,9 @@ class RegionProcess:
         self._runner = InProcessRunner(self._region.algorithm, self._members, self._observe)
         self._outbox = Outbox()
         self._decoder = Decoder(file.world.vocabulary, file.access.limits)
+        self._journal = RegionJournal(start.journal)
         self._links: RegionLinks | None = None
-        self._times = _Times(file.rate)
+        self._times = RegionTimes(file.rate)
         self._running = False
         self._entered = False
         self._until: int | None = None
@@ -94,6 +99,9 @@ class RegionProcess:
             self._running = True
             self._runner.start()
             self._running = False
+            if self._start.again:
+                self._repeat()
+            self._journal.open()
             threading.Thread(target=self._read, args=(commands,), daemon=True).start()
             keys = Keys(self._start.file.world.name)
             number, endpoints = self._start.number, self._start.endpoints
@@ -105,6 +113,17 @@ class RegionProcess:
         except Exception as error:
             self._fail(error)
         return 0
+
+    def _repeat(self) -> None:
+        """Run the frames of the process before this one again; others have their parcels."""
+        for arrived in self._journal.read():
+            while self._enter():
+                self._run_frame()
+            self._accept(arrived)
+        while self._enter():
+            self._run_frame()
+        # The frames that it has repeated were early, so the next one would wait for their rhythm.
+        self._times = RegionTimes(self._start.file.rate)
 
     # --- frames ---
 
@@ -138,7 +157,6 @@ class RegionProcess:
         return True
 
     def _run_frame(self) -> None:
-        assert self._links is not None
         region = self._region
         self._running = True
         self._runner.handle(s.Begin())
@@ -151,7 +169,7 @@ class RegionProcess:
             if parcel.target == region.number:
                 region.receive(parcel)
                 self._outbox.acknowledge(parcel)
-            else:
+            elif self._links is not None:
                 self._links.send(parcel.target, encode(to_message(parcel)))
         if self._times.completed():
             self._reports.send("status", frame=region.frame)
@@ -240,10 +258,13 @@ class RegionProcess:
         try:
             message = self._decoder.parcel(arrived.data)
             parcel = from_message(message, arrived.source, self._region.number)
-            self._region.receive(parcel)
+            is_new = self._region.receive(parcel)
         except (ProtocolError, SceneError) as error:
             text = f"region {arrived.source} has sent an invalid parcel: {error}"
             raise WorldStopped(text) from None
+        if is_new:
+            # Before the next parcel of this region acknowledges it.
+            self._journal.write(arrived)
         self._outbox.acknowledge(parcel)
 
     def _obey(self, command: _Command) -> None:
@@ -257,36 +278,3 @@ class RegionProcess:
             self._end(command.rest)
         elif command.word == "close":
             self._state = _State.CLOSED
-
-
-class _Times:
-    """When frames are due and were completed, on the monotonic clock, which all regions share."""
-
-    def __init__(self, rate: float) -> None:
-        self.due = 0.0
-        self.first_at: float | None = None
-        self.last_at = 0.0
-        self.again_at = 0.0
-        self._pace = Pace(rate)
-        self._shown_at = 0.0
-
-    def plan(self, *, resting: bool) -> None:
-        """Plan the next frame; at rest, frames are as rare as with one coordinator."""
-        now = time.monotonic()
-        self.due = self._pace.due(now) or now
-        if resting:
-            self.due = max(self.due, self._pace.rest(self.last_at, float("inf")))
-
-    def completed(self) -> bool:
-        """Note the end of a frame; whether a report is due."""
-        now = self.last_at = time.monotonic()
-        self.first_at = now if self.first_at is None else self.first_at
-        self.again()
-        is_due = now - self._shown_at >= STATUS_EVERY
-        self._shown_at = now if is_due else self._shown_at
-        return is_due
-
-    def again(self) -> float:
-        """Seconds until parcels are sent again, from now on."""
-        self.again_at = time.monotonic() + AGAIN_SECONDS
-        return AGAIN_SECONDS

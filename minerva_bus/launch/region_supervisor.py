@@ -6,7 +6,7 @@ import os
 import signal
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -16,10 +16,11 @@ from minerva_bus.launch.capacity import check_capacity
 from minerva_bus.launch.compiling import compile_agents
 from minerva_bus.launch.console import Console, live_line
 from minerva_bus.launch.failures import CodeFailure
-from minerva_bus.launch.forking import ChildProcess, how_ended
+from minerva_bus.launch.forking import how_ended
 from minerva_bus.launch.interrupts import caught
-from minerva_bus.launch.pipes import LineReader, Pipes, ReportPipe, parse_report
-from minerva_bus.launch.region_process import RegionProcess, RegionStart
+from minerva_bus.launch.pipes import LineReader, Pipes, parse_report
+from minerva_bus.launch.region_child import RegionChild, start_region
+from minerva_bus.launch.region_process import RegionStart
 from minerva_bus.launch.summary import RunSummary
 from minerva_bus.launch.temporary_folder import temporary_folder
 from minerva_bus.launch.worldfile import WorldFile
@@ -36,31 +37,6 @@ CLOSE_SECONDS: Final = 0.5
 """Time for the processes to exit after the end of the world."""
 
 
-@dataclass(slots=True)
-class _RegionChild:
-    """A region's process, and what it has reported.
-
-    `frame` is its next frame, `held` that at which it waits, and `ended` its last report.
-    """
-
-    number: int
-    child: ChildProcess
-    commands: int
-    readers: list[LineReader] = field(default_factory=list[LineReader])
-    frame: int = 0
-    held: int | None = None
-    ended: Mapping[str, Any] | None = None
-    last_line: str = ""
-    running: bool = True
-
-    def command(self, line: str) -> None:
-        """Send a line; a process that has died is detected by its end."""
-        try:
-            os.write(self.commands, f"{line}\n".encode())
-        except OSError:
-            return
-
-
 class RegionSupervisor:
     """One world as regions, each with a process of its own. `run` runs it to its end."""
 
@@ -71,7 +47,7 @@ class RegionSupervisor:
         self._began = began
         self._pipes = Pipes()
         self._lifeline = os.pipe()
-        self._regions: dict[int, _RegionChild] = {}
+        self._regions: dict[int, RegionChild] = {}
         self._reason = ""
         self._deadline: float | None = None
         self._holding: dict[int, int] = {}
@@ -105,21 +81,18 @@ class RegionSupervisor:
     def _start(self, folder: Path, count: int) -> None:
         endpoints = {n: f"unixsock-stream/{folder}/{n}.sock" for n in range(count)}
         for number in range(count):
-            start = RegionStart(self._file, number, endpoints, _part(folder, number))
-            commands, command_end = os.pipe()
-            report_end, reports = os.pipe()
-            child = forking.fork(
-                _body(start, reports, commands), (commands, reports), self._lifeline[0]
+            part, journal = _part(folder, number), folder / f"{number}.journal"
+            self._regions[number] = self._fork(
+                RegionStart(self._file, number, endpoints, part, journal)
             )
-            os.close(commands)
-            os.close(reports)
-            os.set_blocking(report_end, False)
-            os.set_blocking(command_end, False)  # A stuck region must not block the launcher.
-            region = self._regions[number] = _RegionChild(number, child, command_end)
-            region.readers = [
-                LineReader(self._pipes, report_end, self._reports_of(region)),
-                LineReader(self._pipes, child.output, self._lines_of(region)),
-            ]
+
+    def _fork(self, start: RegionStart) -> RegionChild:
+        region, reports = start_region(start, self._lifeline[0])
+        region.readers = [
+            LineReader(self._pipes, reports, self._reports_of(region)),
+            LineReader(self._pipes, region.child.output, self._lines_of(region)),
+        ]
+        return region
 
     def _turn(self) -> None:
         """Wait for reports, output, signals or the deadline, and handle them."""
@@ -129,21 +102,29 @@ class RegionSupervisor:
             self._on_exit(*ended)
 
     def _on_exit(self, pid: int, code: int) -> None:
-        for region in self._regions.values():
-            if region.child.pid == pid:
-                region.running = False
-                for reader in region.readers:
-                    reader.finish()  # Its failure may be among its last reports.
-                if region.ended is None and not self._reason:
-                    why = region.last_line if code > 0 else ""
-                    name = f"region {region.number}"
-                    raise WorldStopped(
-                        f"{name} {why or how_ended(code)} in frame {region.frame}; the world stops"
-                    )
+        region = next(each for each in self._regions.values() if each.child.pid == pid)
+        region.running = False
+        for reader in region.readers:
+            reader.finish()  # Its failure may be among its last reports.
+        # One that has ended may be needed to send its last parcels again.
+        if self._reason or all(each.ended is not None for each in self._regions.values()):
+            return
+        why = region.last_line if code > 0 else ""
+        died = f"{why or how_ended(code)} in frame {region.frame}"
+        if not region.may_continue(code):
+            raise WorldStopped(f"region {region.number} {died}; the world stops")
+        self._log(
+            f"region {region.number}", f"{died}; a new process runs its frames again", "warning"
+        )
+        os.close(region.commands)
+        following = self._fork(replace(region.start, again=True))
+        following.frame, following.died_at = region.frame, region.died_at
+        following.deaths = region.deaths
+        self._regions[region.number] = following
 
     # --- reports ---
 
-    def _reports_of(self, region: _RegionChild) -> Callable[[str], None]:
+    def _reports_of(self, region: RegionChild) -> Callable[[str], None]:
         def read(line: str) -> None:
             report = parse_report(line)
             if report is not None:
@@ -151,15 +132,16 @@ class RegionSupervisor:
 
         return read
 
-    def _lines_of(self, region: _RegionChild) -> Callable[[str], None]:
+    def _lines_of(self, region: RegionChild) -> Callable[[str], None]:
         def show(line: str) -> None:
             region.last_line = line
             self._log(f"region {region.number}", line, "info")
 
         return show
 
-    def _on_status(self, region: _RegionChild, frame: int) -> None:
-        region.frame = frame
+    def _on_status(self, region: RegionChild, frame: int) -> None:
+        # A new process repeats earlier frames.
+        region.frame = max(region.frame, frame)
         if region.number == 0:
             before, at = self._shown
             now = time.monotonic()
@@ -170,19 +152,19 @@ class RegionSupervisor:
             world = self._file.world
             self._console.live(live_line(world.name, status, world.frames, self._began))
 
-    def _on_log(self, region: _RegionChild, member: str, text: str) -> None:
+    def _on_log(self, region: RegionChild, member: str, text: str) -> None:
         self._log(f"{member}, region {region.number}", text, "warning")
 
     def _on_failed(
-        self, region: _RegionChild, member: str, frame: int, problem: str, details: str
+        self, region: RegionChild, member: str, frame: int, problem: str, details: str
     ) -> None:
         name = f"{member}, region {region.number},"
         raise CodeFailure(name, frame, problem, details).stops(self._console)
 
-    def _on_stopped(self, region: _RegionChild, text: str) -> None:
+    def _on_stopped(self, region: RegionChild, text: str) -> None:
         raise WorldStopped(f"region {region.number}: {text}")
 
-    def _on_ended(self, region: _RegionChild, **report: Any) -> None:
+    def _on_ended(self, region: RegionChild, **report: Any) -> None:
         region.ended = report
 
     # --- ending ---
@@ -195,14 +177,14 @@ class RegionSupervisor:
         self._deadline = time.monotonic() + STOP_SECONDS
         self._command_all("hold")
 
-    def _on_holds(self, region: _RegionChild, frame: int) -> None:
+    def _on_holds(self, region: RegionChild, frame: int) -> None:
         """All regions end after the same frame: that of the region which is furthest."""
         self._holding[region.number] = frame
         if len(self._holding) == len(self._regions):
             self._meeting = max(self._holding.values())
             self._command_all(f"until {self._meeting}")
 
-    def _on_held(self, region: _RegionChild, frame: int) -> None:
+    def _on_held(self, region: RegionChild, frame: int) -> None:
         region.held = frame
         if all(each.held == self._meeting for each in self._regions.values()):
             self._command_all(f"end {self._reason}")
@@ -241,7 +223,7 @@ class RegionSupervisor:
         file = self._file
         reports = [each.ended for each in self._regions.values() if each.ended is not None]
         whole = len(reports) == len(self._regions)
-        first = max((each["first_at"] or 0.0 for each in reports), default=0.0)
+        first = min((each["first_at"] or 0.0 for each in reports), default=0.0)
         last = max((each["last_at"] for each in reports), default=0.0)
         # The members of one region report the figures of all, because generators are equal.
         figures: Mapping[str, Any] = reports[0]["figures"] if whole else {}
@@ -278,7 +260,3 @@ class RegionSupervisor:
 def _part(folder: Path, number: int) -> Path:
     """The file for a region's part of the last string."""
     return folder / f"{number}.part"
-
-
-def _body(start: RegionStart, reports: int, commands: int) -> Callable[[], int]:
-    return lambda: RegionProcess(start, ReportPipe(reports)).run(commands)

@@ -96,16 +96,22 @@ class Region:
 
     # --- before a frame ---
 
-    def receive(self, parcel: Parcel) -> None:
-        """Accept a parcel; those that arrive again do not count.
+    def receive(self, parcel: Parcel) -> bool:
+        """Accept a parcel; returns False for one that has arrived before.
 
         Raises ProtocolError for one that its sender cannot have, because this region has not sent
         the parcels that it would need.
         """
         if parcel.frame > self.frame:
             raise ProtocolError(f"it is of frame {parcel.frame}, expected at most {self.frame}")
-        if parcel.frame + 1 >= self._entered:
-            self._parcels.setdefault(parcel.frame, {}).setdefault(parcel.source, parcel)
+        if self._is_known(parcel):
+            return False
+        self._parcels.setdefault(parcel.frame, {})[parcel.source] = parcel
+        return True
+
+    def _is_known(self, parcel: Parcel) -> bool:
+        entered = parcel.frame + 1 < self._entered
+        return entered or parcel.source in self._parcels.get(parcel.frame, ())
 
     @property
     def missing(self) -> list[int]:
