@@ -192,6 +192,7 @@ class RegionProcess:
             frames=region.frame,
             first_at=times.first_at,
             last_at=times.last_at,
+            sent_bytes=0 if self._links is None else self._links.sent_bytes,
             figures={} if ended is None else dict(ended.figures),
         )
 

@@ -227,6 +227,10 @@ class RegionSupervisor:
         last = max((each["last_at"] for each in reports), default=0.0)
         # The members of one region report the figures of all, because generators are equal.
         figures: Mapping[str, Any] = reports[0]["figures"] if whole else {}
+        count, frames = len(self._regions), reports[0]["frames"] if whole else 0
+        if frames and count > 1:
+            sent = sum(each["sent_bytes"] for each in reports)
+            figures = {"parcel_bytes": round(sent / (frames * count * (count - 1))), **figures}
         return RunSummary(
             world=file.world.name,
             frames=min(
@@ -241,7 +245,7 @@ class RegionSupervisor:
             members=len(file.processes),
             seed=file.world.seed,
             startup={},
-            figures={"regions": len(self._regions), **figures},
+            figures={"regions": count, **figures},
         )
 
     def _digest(self, folder: Path) -> str:

@@ -51,8 +51,8 @@ Arrivals: TypeAlias = SimpleQueue[Any]
 class RegionLinks:
     """Links to all other regions of a world.
 
-    `RegionAppeared` and `ParcelArrived` go to the queue `arrivals`, in threads of Zenoh, which must
-    not wait.
+    `sent_bytes` counts the bytes of all parcels. `RegionAppeared` and `ParcelArrived` go to the
+    queue `arrivals`, in threads of Zenoh, which must not wait.
     """
 
     def __init__(
@@ -60,6 +60,7 @@ class RegionLinks:
     ) -> None:
         """`endpoints` are those of all regions, by number. Raises BusError if it cannot listen."""
         earlier = [endpoint for region, endpoint in sorted(endpoints.items()) if region < number]
+        self.sent_bytes = 0
         self._arrivals = arrivals
         self._number = number
         # One side of each pair dials: two paths would deliver twice.
@@ -81,6 +82,7 @@ class RegionLinks:
 
     def send(self, region: int, data: bytes) -> None:
         """Send a parcel; it is lost if there is no link to the region."""
+        self.sent_bytes += len(data)
         self._publishers[region].put(data)
 
     def _arrived(self, sample: zenoh.Sample) -> None:
