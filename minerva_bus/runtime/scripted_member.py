@@ -54,12 +54,18 @@ class ScriptedMember:
 
     def appear(self) -> None:
         """Declare the member's token."""
-        token = f"{self.keys.base}/alive/{self.name}"
-        self._token = self._session.liveliness().declare_token(token)
+        self._token = self.declare_token(f"alive/{self.name}")
+
+    def declare_token(self, rest: str) -> Any:
+        """Declare a token on a key of the world; it lasts until the session ends."""
+        token = self._session.liveliness().declare_token(f"{self.keys.base}/{rest}")
+        self._declared.append(token)
+        return token
 
     def vanish(self) -> None:
         """Undeclare it."""
         if self._token is not None:
+            self._declared.remove(self._token)
             self._token.undeclare()
             self._token = None
 

@@ -53,7 +53,7 @@ def test_a_coordinator_of_another_version_fails(monkeypatch: pytest.MonkeyPatch)
 
 def test_the_cases_name_requirements_of_the_protocol() -> None:
     names = [script.case.id for script in COORDINATORS]
-    assert len(set(names)) == len(names) >= 30
+    assert len(set(names)) == len(names) >= 50
     for script in COORDINATORS:
         assert script.case.requirements
         assert set(script.case.requirements) <= REQUIREMENTS, script.case.id

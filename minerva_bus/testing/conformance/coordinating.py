@@ -36,6 +36,7 @@ class PlayedMember:
         self.epoch = -1
         self.tokens: set[str] = set()
         self.asked = -1
+        self.records: dict[int, list[Any]] = {}
         self._sent = sent
 
     def send(self, *message: object, later: int = 0) -> None:
@@ -54,7 +55,10 @@ class PlayedMember:
             kind = self.bus.keys.kind(sample.key)
             if kind in ("alive", "epoch"):
                 self._note(sample.key, sample.there)
-            elif kind != "record":
+            elif kind == "record":
+                _, frame, *items = unpack(sample.data)
+                self.records[frame] = items
+            else:
                 self.epoch, body = stamped(sample.data)
                 return unpack(body)
         return None
@@ -74,6 +78,15 @@ class PlayedMember:
             if message[0] in ("refused", "stop"):
                 raise CaseFailure("another answer than expected", [name], [str(message)])
         raise CaseFailure(f"no {name} within {ANSWER_SECONDS:g} s", [name])
+
+    def record(self, frame: int) -> list[Any]:
+        """Events, changed fragments and digest of the record of a frame."""
+        until = time.monotonic() + ANSWER_SECONDS
+        while frame not in self.records:
+            if time.monotonic() > until:
+                raise CaseFailure(f"no record of frame {frame} within {ANSWER_SECONDS:g} s")
+            self.next(0.05)
+        return self.records[frame]
 
     def receive_none(self, *names: str) -> None:
         """Check that no message of these names follows."""
@@ -219,7 +232,7 @@ def play_scripts(start: StartMember, scripts: Collection[Script]) -> Sequence[Ca
                 problem = f"{reason}\n{stage.process.output()}".strip()
                 return [*results, *(_result(s, CaseOutcome.BLOCKED, problem) for s in waiting)]
             while waiting and stage.process.code(0.0) is None:
-                results.append(_played(stage, waiting.pop(0)))
+                results.append(play_on(stage, waiting.pop(0)))
     return results
 
 
@@ -227,7 +240,8 @@ def _result(script: Script, outcome: CaseOutcome, problem: str = "") -> CaseResu
     return CaseResult(script.case, CoordinatorRole.COORDINATOR, outcome, problem)
 
 
-def _played(stage: Stage, script: Script) -> CaseResult:
+def play_on(stage: Stage, script: Script) -> CaseResult:
+    """Play a script with the coordinator of a stage, and end its members."""
     role = CoordinatorRole.COORDINATOR
     try:
         script.play(stage)

@@ -3,42 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any, Final
+from typing import Final
 
-from minerva_bus.testing.conformance.case import Case, CoordinatorRole, Tier
-from minerva_bus.testing.conformance.coordinating import (
-    PlayedMember,
-    Script,
-    Stage,
-    hello,
-    join_both,
+from minerva_bus.testing.conformance.case import Tier
+from minerva_bus.testing.conformance.cases.coordinated import COORDINATED, SUCCEEDED
+from minerva_bus.testing.conformance.cases.coordinator_scripts import (
+    check,
+    evolve_request,
+    hosted,
+    script,
 )
+from minerva_bus.testing.conformance.coordinating import PlayedMember, Stage, hello, join_both
 from minerva_bus.testing.conformance.link import CaseFailure
 from minerva_bus.testing.conformance.world import DT, SEED, MemberRole
 from minerva_bus.wire.epochs import stamp
 from minerva_bus.wire.plain import pack
-
-_HOST: Final = MemberRole.HOST
-
-
-def _script(
-    name: str,
-    title: str,
-    requirements: str,
-    play: Callable[[Stage], None],
-    tier: Tier = Tier.PARTICIPATES,
-    *,
-    ends: bool = False,
-) -> Script:
-    roles = (CoordinatorRole.COORDINATOR,)
-    case = Case(f"coordinator.{name}", title, tuple(requirements.split()), tier, roles)
-    return Script(case, play, ends)
-
-
-def _check(expected: object, received: object) -> None:
-    if expected != received:
-        raise CaseFailure("another answer than expected", [str(expected)], [str(received)])
-
 
 # --- joining ---
 
@@ -49,15 +28,15 @@ def _greets(stage: Stage) -> None:
 
 def _announces_epoch(stage: Stage) -> None:
     member = stage.member().greeted()
-    _check({f"minerva/{stage.world}/epoch/{member.epoch}",
+    check({f"minerva/{stage.world}/epoch/{member.epoch}",
             f"minerva/{stage.world}/alive/coordinator"}, member.tokens)  # fmt: skip
 
 
 def _welcomes(stage: Stage) -> None:
     world, vocabulary, seed, dt, frame, policy, saved = stage.member().join()
-    _check([stage.world, SEED, DT, "sequential", None], [world, seed, dt, policy, saved])
-    _check(True, isinstance(frame, int) and frame >= 0)
-    _check({"ACounter"}, {kind[0] for kind in vocabulary["kinds"]})
+    check([stage.world, SEED, DT, "sequential", None], [world, seed, dt, policy, saved])
+    check(True, isinstance(frame, int) and frame >= 0)
+    check({"ACounter"}, {kind[0] for kind in vocabulary["kinds"]})
 
 
 def _welcomes_once(stage: Stage) -> None:
@@ -90,18 +69,18 @@ def _ignores_later_key(stage: Stage) -> None:
 
 _OTHER_KIND: Final = ["ACounter", [["total", "text", None]], [], [], []]
 _JOINING: Final = (
-    _script("greet", "greets a member whose token appears", "P6.5", _greets, Tier.JOINS),
-    _script("epoch", "announces its epoch", "P2.5 P2.9", _announces_epoch, Tier.JOINS),
-    _script("welcome", "welcomes a member", "P8.1", _welcomes, Tier.JOINS),
-    _script("hello", "counts a repeated hello once", "P6.6", _welcomes_once, Tier.JOINS),
-    _script("version", "refuses another version", "P6.9 P16.1", _refuses(version=5), Tier.JOINS),
-    _script("event type", "refuses an unknown event type", "P6.9", _refuses(generates=["eFar"]),
+    script("greet", "greets a member whose token appears", "P6.5", _greets, Tier.JOINS),
+    script("epoch", "announces its epoch", "P2.5 P2.9", _announces_epoch, Tier.JOINS),
+    script("welcome", "welcomes a member", "P8.1", _welcomes, Tier.JOINS),
+    script("hello", "counts a repeated hello once", "P6.6", _welcomes_once, Tier.JOINS),
+    script("version", "refuses another version", "P6.9 P16.1", _refuses(version=5), Tier.JOINS),
+    script("event type", "refuses an unknown event type", "P6.9", _refuses(generates=["eFar"]),
             Tier.JOINS),
-    _script("kind", "refuses a kind with other attributes", "P6.9", _refuses(kinds=[_OTHER_KIND]),
+    script("kind", "refuses a kind with other attributes", "P6.9", _refuses(kinds=[_OTHER_KIND]),
             Tier.JOINS),
-    _script("name", "ignores a member with an invalid name", "P2.1 P2.2", _ignores_name,
+    script("name", "ignores a member with an invalid name", "P2.1 P2.2", _ignores_name,
             Tier.JOINS),
-    _script("later key", "ignores unknown keys of a hello", "P8.2 P16.2",
+    script("later key", "ignores unknown keys of a hello", "P8.2 P16.2",
             _ignores_later_key, Tier.JOINS),
 )  # fmt: skip
 
@@ -113,7 +92,7 @@ def _ticks(stage: Stage) -> None:
     member = stage.member()
     frame = member.join()[4]
     for expected in range(frame, frame + 5):
-        _check(expected, member.tick())
+        check(expected, member.tick())
         member.answer(expected)
 
 
@@ -123,60 +102,43 @@ def _waits(stage: Stage) -> None:
     frame = member.tick()
     member.receive_none("tick")
     member.answer(frame)
-    _check(frame + 1, member.tick())
-
-
-def _hosted(stage: Stage) -> tuple[PlayedMember, PlayedMember, int]:
-    """A host and a generator that has been asked for the events of a frame."""
-    host, generator = stage.member(), stage.member()
-    host.join(_HOST)
-    generator.join()
-    return host, generator, generator.tick()
-
-
-def _evolve(host: PlayedMember, frame: int) -> list[Any]:
-    """The request of this frame; the host answers those before it."""
-    while True:
-        request = host.receive("evolve")
-        if request[0] == frame:
-            return request
-        host.send("evolved", request[0], request[4], {}, {}, {})
+    check(frame + 1, member.tick())
 
 
 def _orders_events(stage: Stage) -> None:
-    host, generator, frame = _hosted(stage)
+    host, generator, frame = hosted(stage)
     generator.answer(frame, 2.0, 1.0, 2.0)
-    events = [[event[0], list(event[1])] for event in _evolve(host, frame)[2]]
-    _check([["eAdd", [2.0]], ["eAdd", [1.0]]], events)
+    events = [[event[0], list(event[1])] for event in evolve_request(host, frame)[2]]
+    check([["eAdd", [2.0]], ["eAdd", [1.0]]], events)
 
 
 def _gives_fragments(stage: Stage) -> None:
-    host, generator, frame = _hosted(stage)
+    host, generator, frame = hosted(stage)
     generator.answer(frame, 1.0)
     given, _ = host.receive("fragments")
-    _check(["a"], sorted(given))
-    _check([1, ["ACounter", "a"]], [given["a"][0], given["a"][1][:2]])
-    _check(frame, host.receive("evolve")[0])
+    check(["a"], sorted(given))
+    check([1, ["ACounter", "a"]], [given["a"][0], given["a"][1][:2]])
+    check(frame, host.receive("evolve")[0])
 
 
 def _takes_result(stage: Stage) -> None:
-    host, generator, frame = _hosted(stage)
+    host, generator, frame = hosted(stage)
     generator.answer(frame, 1.0)
-    part = _evolve(host, frame)[4]
+    part = evolve_request(host, frame)[4]
     total = frame + 0.25
     host.send("evolved", frame, part, {"a": [1, ["ACounter", "a", [total, "é", 3], 0]]}, {}, {})
     generator.tick()
     text = stage.ask({"ask": "fragment", "agent": "a"})["fragment"]
-    _check(f'ACounter#a<total={total:g}, name="é", births=3>()', text)
+    check(f'ACounter#a<total={total:g}, name="é", births=3>()', text)
 
 
 def _passes_emitted_on(stage: Stage) -> None:
-    host, generator, frame = _hosted(stage)
+    host, generator, frame = hosted(stage)
     generator.answer(frame, 1.0)
-    part = _evolve(host, frame)[4]
+    part = evolve_request(host, frame)[4]
     host.send("evolved", frame, part, {}, {"a": [["eAdd", [0.5], "", "a", ["a"]]]}, {})
     generator.answer(generator.tick())
-    _check([["eAdd", [0.5], "", "a", ["a"]]], _evolve(host, frame + 1)[2])
+    check([["eAdd", [0.5], "", "a", ["a"]]], evolve_request(host, frame + 1)[2])
 
 
 def _keeps_saved(stage: Stage) -> None:
@@ -186,18 +148,18 @@ def _keeps_saved(stage: Stage) -> None:
     member.answer(frame, saved={"count": 7})
     member.tick()
     member.bus.vanish()
-    _check({"count": 7}, member.join()[6])
+    check({"count": 7}, member.join()[6])
 
 
 _FRAMES: Final = (
-    _script("ticks", "requests the events of each frame", "P7.3", _ticks),
-    _script("waits", "waits for the answer of a generator", "P15.1", _waits),
-    _script("events", "orders events, and keeps the first of equal ones", "P7.2", _orders_events),
-    _script("fragments", "gives a host the fragments of its kinds", "P9.1", _gives_fragments),
-    _script("changed", "takes the results of a host", "P9.7 P13.1", _takes_result),
-    _script("emitted", "passes emitted events on in the next frame", "P9.15 P7.1",
+    script("ticks", "requests the events of each frame", "P7.3", _ticks),
+    script("waits", "waits for the answer of a generator", "P15.1", _waits),
+    script("events", "orders events, and keeps the first of equal ones", "P7.2", _orders_events),
+    script("fragments", "gives a host the fragments of its kinds", "P9.1", _gives_fragments),
+    script("changed", "takes the results of a host", "P9.7 P13.1", _takes_result),
+    script("emitted", "passes emitted events on in the next frame", "P9.15 P7.1",
             _passes_emitted_on),
-    _script("saved", "gives saved data to a successor", "P8.5 P6.20", _keeps_saved, Tier.EXACT),
+    script("saved", "gives saved data to a successor", "P8.5 P6.20", _keeps_saved, Tier.EXACT),
 )  # fmt: skip
 
 
@@ -207,7 +169,7 @@ _FRAMES: Final = (
 def _continues(member: PlayedMember, frame: int) -> None:
     """Check that the member takes part: its answer leads to the next tick."""
     member.answer(frame)
-    _check(frame + 1, member.tick())
+    check(frame + 1, member.tick())
 
 
 def _drops_late(stage: Stage) -> None:
@@ -294,23 +256,23 @@ _GARBAGE: Final[Mapping[str, tuple[str, bytes]]] = {
     "too deep": ("P14.2", b"\x92\xa6report" + b"\x91" * 2000 + b"\xc0"),
 }
 _ROBUST: Final = (
-    _script("late", "drops a late reply", "P7.4 P14.5", _drops_late, Tier.ROBUST),
-    _script("early", "drops a reply for a frame that is not awaited", "P7.4", _drops_early,
+    script("late", "drops a late reply", "P7.4 P14.5", _drops_late, Tier.ROBUST),
+    script("early", "drops a reply for a frame that is not awaited", "P7.4", _drops_early,
             Tier.ROBUST),
-    _script("older epoch", "ignores an older epoch", "P2.8", _ignores_epoch(-1), Tier.ROBUST),
-    _script("newer epoch", "ignores a newer epoch", "P2.8", _ignores_epoch(1), Tier.ROBUST),
-    _script("empty", "ignores an empty payload", "P2.3 P14.5", _ignores_empty, Tier.ROBUST),
+    script("older epoch", "ignores an older epoch", "P2.8", _ignores_epoch(-1), Tier.ROBUST),
+    script("newer epoch", "ignores a newer epoch", "P2.8", _ignores_epoch(1), Tier.ROBUST),
+    script("empty", "ignores an empty payload", "P2.3 P14.5", _ignores_empty, Tier.ROBUST),
     *(
-        _script(f"garbage.{name}", "refuses an invalid message", f"{rule} P14.3", _expels(body),
+        script(f"garbage.{name}", "refuses an invalid message", f"{rule} P14.3", _expels(body),
                 Tier.ROBUST)
         for name, (rule, body) in _GARBAGE.items()
     ),
-    _script("leaving", "continues without a member that leaves", "P6.21",
+    script("leaving", "continues without a member that leaves", "P6.21",
             _continues_without(PlayedMember.leave), Tier.ROBUST),
-    _script("failed", "continues without a member that fails", "P6.22",
+    script("failed", "continues without a member that fails", "P6.22",
             _continues_without(_fails),
             Tier.ROBUST),
-    _script("gone", "continues without a member whose token vanishes", "P6.21",
+    script("gone", "continues without a member whose token vanishes", "P6.21",
             _continues_without(lambda member: member.bus.vanish()), Tier.ROBUST),
 )  # fmt: skip
 
@@ -319,7 +281,7 @@ _ROBUST: Final = (
 
 
 def _answers_invalid(stage: Stage) -> None:
-    _check(["error"], list(stage.ask({"ask": "something else"})))
+    check(["error"], list(stage.ask({"ask": "something else"})))
 
 
 def _stops(stage: Stage) -> None:
@@ -337,11 +299,13 @@ def _stops(stage: Stage) -> None:
 
 
 _QUESTIONS: Final = (
-    _script("question", "answers an invalid question by an error", "P13.2", _answers_invalid,
+    script("question", "answers an invalid question by an error", "P13.2", _answers_invalid,
             Tier.ROBUST),
-    _script("stop", "stops its members, awaits their reports, and ends", "P6.23", _stops,
+    script("stop", "stops its members, awaits their reports, and ends", "P6.23", _stops,
             ends=True),
 )  # fmt: skip
 
-COORDINATORS: Final = (*_JOINING, *_FRAMES, *_ROBUST, *_QUESTIONS)
+COORDINATORS: Final = (
+    *_JOINING, *_FRAMES, *COORDINATED, *_ROBUST, *_QUESTIONS, *SUCCEEDED,
+)  # fmt: skip
 """All cases of coordinators, in the order in which they are played."""
