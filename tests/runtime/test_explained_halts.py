@@ -148,9 +148,9 @@ def test_a_paused_world_as_text_and_json(faulty):
     plain = json.loads(here(faulty.folder, "explain", "--json").stdout)
     assert plain["advances"] is False
     assert plain["causes"][0]["kind"] == "paused world"
-    wrong = here(faulty.folder, "explain", faulty.name, "--agent", "anna")
+    wrong = here(faulty.folder, "explain", faulty.name, "--attribute", "x")
     assert wrong.returncode == 2
-    assert "--attribute NAME is missing" in wrong.stderr
+    assert "--agent ID is missing" in wrong.stderr
 
 
 def test_a_missing_member_and_a_lost_link(tmp_path):
