@@ -103,7 +103,8 @@ def world(tmp_path, monkeypatch):
     monkeypatch.syspath_prepend(str(tmp_path))
 
     def write(compiled="", hosts=1, more=""):
-        path = tmp_path / "compiled_pasture.toml"
+        # The name of the file is that of the world, which another run of the tests may also have.
+        path = tmp_path / f"compiled-pasture-{os.getpid()}.toml"
         path.write_text(WORLD.format(compiled=compiled, hosts=hosts) + more, encoding="utf-8")
         return path
 
