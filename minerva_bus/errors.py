@@ -25,8 +25,8 @@
     │   └── Followed             another coordinator runs the world now
     ├── KeysError                a key or a certificate is missing or does not fit
     ├── WorldStopped             a running world ended prematurely
-    ├── CaseFailure              a member violates a requirement          testing.conformance.player
-    └── NotJoined                a member has not joined for a case       testing.conformance.player
+    ├── CaseFailure              a member violates a requirement          testing.conformance.link
+    └── NotJoined                a member has not joined for a case       testing.conformance.link
 
 A module name at the end of a line says where a class is defined; the others are defined here.
 tests/unit/test_errors.py compares the tree with the classes. An error message says who failed,

@@ -29,7 +29,6 @@ NO_CASE = {
     "of another run": "P6.19",
     "permissions": "P9.20 P9.23",
     "between regions": "P20.1 P20.2 P20.3 P20.4 P20.5 P20.6",
-    "between the coordinators of regions": "P20.1 P20.2 P20.3 P20.4 P20.5 P20.6",
 }
 """Requirements without a case, by the reason."""
 

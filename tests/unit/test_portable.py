@@ -207,7 +207,7 @@ def test_draws_are_distributed_as_they_should_be():
 ROOT = Path(portable.__file__).parents[2]
 OURS = "minerva_bus/grammar minerva_bus/semantics minerva_bus/world minerva_bus/frame"
 OURS += " agents/minerva_agents services/minerva_services worlds/minerva_worlds"
-PICTURES = "views vision sight.py picture.py"
+PICTURES = "views datasets vision sight.py picture.py"
 OUTSIDE = (
     "drift.py ros2/messages.py ros_robot.py node.py floor.py"  # reports, and a real robot's side
     " closures.py keyframes.py pose_graph.py loops.py doubling.py"  # `minerva map`: no world runs
