@@ -65,6 +65,7 @@ def faulty(tmp_path_factory):
     # Files of its processes have at most 16 kB, as on a disk that is full.
     limited = ("bash", "-c", 'ulimit -f 16; exec "$@"', "bash")
     with World(path, "--record", "run.mcap", "--flush", "0", inside=limited) as world:
+        cause(world, "pending request")
         yield world
 
 
@@ -134,6 +135,7 @@ def test_no_events(faulty):
 
 
 def test_a_full_disk(faulty):
+    (faulty.folder / "fault.txt").write_text("none")
     found = cause(faulty, "full disk")
     assert found.what.endswith("run.mcap: File too large")
     assert found.then == "frames are not recorded"
