@@ -43,11 +43,12 @@ def publish(order: OrderToSend, waiting: Waiting, target: WorldTarget, as_json: 
     """
     if waiting.seconds and not waiting.fate:
         raise MisuseError("pub: --timeout limits --wait, which is missing")
+    pairs = _pairs(order.data)
     with client(target) as world:
         answer = world.ask(
             "pub",
             type=order.type,
-            data=_pairs(order.data),
+            data=pairs,
             receivers=list(order.to),
             condition=order.condition,
             by=order.by,
