@@ -16,6 +16,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any, Final
 
+from minerva_bus.blame import report
 from minerva_bus.errors import MinervaError, WorldStopped
 from minerva_bus.launch.forking import ChildProcess, fork, how_ended, kill
 from minerva_bus.launch.pipes import LineReader, Pipes, ReportPipe, parse_report
@@ -180,6 +181,8 @@ def _serve(
                     block.reset(seeds)
             except MinervaError as error:
                 reports.send("failed", error=str(error))
+            except Exception as error:  # of code that the user has written, such as a reward
+                reports.send("failed", error=report(error))
             else:
                 reports.send("done")
     block.close()
