@@ -99,7 +99,7 @@ def calibrate(
 
     Example:
         >>> found = calibrate("meadow", "rabbits", {"weather.amount": (0.005, 0.05)}, seeds=3,
-        ...                   collect={"rabbits": "count(ARabbit)"}, minimise=False)
+        ...                   frames=200, collect={"rabbits": "count(ARabbit)"}, minimise=False)
         >>> found.best, found.value
 
     """

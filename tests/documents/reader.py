@@ -72,6 +72,7 @@ class Reader:
             if block.file:
                 path = self.terminal.place / block.file
                 before = path.read_text(encoding="utf-8") if path.exists() else ""
+                path.parent.mkdir(parents=True, exist_ok=True)
                 path.write_text(written(block, before), encoding="utf-8")
             elif block.language in SHELL:
                 for command in transcript(block):

@@ -8,7 +8,10 @@ import minerva_bus
 from minerva_bus import Disc, EventType, Metres, Motion, Primitive, Transformation
 
 NUMPY = {"Cells", "Reals"}
-ELSEWHERE = {"Live", "branch", "connect", "evolve_strings", "export", "run", "sweep", "World"}
+ELSEWHERE = {
+    *("Live", "World", "branch", "calibrate", "connect", "evolve_strings"),
+    *("export", "export_dataset", "run", "sweep"),
+}
 """Examples that need a world, a record or a running world; the docs run such code."""
 
 

@@ -24,7 +24,8 @@ SOURCE = ROOT / "members" / "javascript" / "src"
 SCRIPT = f"""
 import {{ readFileSync }} from "node:fs";
 import {{ decode }} from "{SOURCE / "msgpack.js"}";
-import {{ readString, Vocabulary }} from "{SOURCE / "scene.js"}";
+import {{ readString }} from "{SOURCE / "scene.js"}";
+import {{ Vocabulary }} from "{SOURCE / "vocabulary.js"}";
 import {{ colourOf, displayList, frameOf }} from "{STATIC / "geometry.js"}";
 import {{ isPale, legend }} from "{STATIC / "legend.js"}";
 
