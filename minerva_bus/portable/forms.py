@@ -1,8 +1,12 @@
-"""Functions of numbers and arrays, composed of a form for each."""
+"""Functions of numbers and arrays, composed of a form for each.
+
+Both forms have the same bits for the same number.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any, Final, Protocol, TypeVar, cast, overload
 
 import numpy as np
@@ -16,6 +20,9 @@ F = TypeVar("F", float, Numbers)
 
 _BLOCK: Final = 4096
 """Length of blocks of arrays, whose intermediate results fit into the processor's cache."""
+
+FEW: Final = 16
+"""Up to this length, arrays are computed number by number: a call of numpy takes longer."""
 
 _HEAD: Final = 2.0**32 + 1
 
@@ -45,7 +52,7 @@ def unary(scalar: Callable[[float], float], arrays: Callable[[Numbers], Numbers]
 
     def function(x: Any, /) -> Any:
         if isinstance(x, np.ndarray):
-            return in_blocks(arrays, cast("NDArray[Any]", x))
+            return _all(scalar, arrays, cast("NDArray[Any]", x))
         return scalar(float(x))
 
     return cast("Unary", _named(function, scalar))
@@ -58,7 +65,7 @@ def binary(
 
     def function(x: Any, y: Any, /) -> Any:
         if isinstance(x, np.ndarray) or isinstance(y, np.ndarray):
-            return in_blocks(arrays, *np.broadcast_arrays(cast("Any", x), cast("Any", y)))
+            return _all(scalar, arrays, *np.broadcast_arrays(cast("Any", x), cast("Any", y)))
         return scalar(float(x), float(y))
 
     return cast("Binary", _named(function, scalar))
@@ -74,7 +81,19 @@ def _named(function: Callable[..., Any], scalar: Callable[..., Any]) -> Callable
     return function
 
 
-def in_blocks(function: Callable[..., Numbers], *arrays: NDArray[Any]) -> Numbers:
+def _all(
+    scalar: Callable[..., float], function: Callable[..., Numbers], *arrays: NDArray[Any]
+) -> Numbers:
+    """The results for all elements of arrays of one shape."""
+    if arrays[0].size <= FEW:
+        flat = [np.asarray(array, np.float64).ravel().tolist() for array in arrays]
+        # For what a number has no result, an array has inf or nan.
+        with suppress(ValueError, OverflowError):
+            return np.array(list(map(scalar, *flat)), np.float64).reshape(arrays[0].shape)
+    return _in_blocks(function, *arrays)
+
+
+def _in_blocks(function: Callable[..., Numbers], *arrays: NDArray[Any]) -> Numbers:
     """The results of a form for arrays of one axis; arrays of one shape, block by block."""
     flat = [np.asarray(array, np.float64).ravel() for array in arrays]
     count = len(flat[0])

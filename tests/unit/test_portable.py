@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import minerva_bus.portable as portable
+from minerva_bus.portable.forms import FEW
 from minerva_bus.world.rng import Rng, RngBatch, stream
 
 ONE = ["sin", "cos", "tan", "asin", "acos", "atan", "exp", "expm1", "tanh"]
@@ -81,9 +82,13 @@ def test_two_numbers_give_what_math_gives_to_two_last_places(name, x, y):
 
 
 def same_in_an_array(function, *columns):
+    # Few numbers are computed one by one, so they are repeated for the form for arrays.
+    times = FEW // len(columns[0]) + 1
     with np.errstate(all="raise"):
-        many = function(*(np.array(column) for column in columns)).tolist()
-    for numbers, found in zip(zip(*columns, strict=True), many, strict=True):
+        few = function(*(np.array(column[:FEW]) for column in columns)).tolist()
+        many = function(*(np.array(column * times) for column in columns)).tolist()
+    assert [*map(bits, few)] == [*map(bits, many[: len(few)])]
+    for numbers, found in zip(zip(*columns, strict=True), many[: len(columns[0])], strict=True):
         expected = outcome(function, *numbers)
         if isinstance(expected, type):
             assert not math.isfinite(found), (numbers, found)
