@@ -1,18 +1,24 @@
 """Distance that a robot drives to find a marker on an unknown floor.
 
     python -m benchmarks.exploration [--json] [--seeds 1,2] [--held-out 11,12] [--noise]
-                                     [--strategy astar|nearest|random] [--only NAME] [--large]
-                                     [--check] [--jobs 2]
+                                     [--strategy astar|nearest|random] [--maps NAME,...] [--large]
+                                     [--check] [--no-tour] [--rows FILE] [--jobs 2]
 
 Each floor is explored for two markers: the farthest one, which `minerva run robot --map` selects,
 and another one. `ratio` is the driven distance divided by the length of the shortest path on the
 true map, with moves to eight neighbours, for a disc of the robot's radius. A run ends when the
-robot arrives or gives up with eUnreachable (`reported`); only its own patience limits the search.
+robot arrives or gives up with eUnreachable (`reported`), or after a number of frames that the floor
+determines: the robot's patience, and a search that takes 2 m of driving for each square metre.
 `tour` is the same ratio for a robot that knows the map, but not the marker, and drives a tour with
 a view of the complete floor. It is omitted for floors that are too large.
 
 The strategy is tuned on the floors of --seeds and not on those of --held-out. Halls of different
-seeds differ only in the start. `--check` also runs the floors in the complete world.
+seeds differ only in the start. `--maps` selects floors by parts of their names, and `--check` also
+runs them in the complete world.
+
+Rows appear in the order in which runs end. `--rows` appends each of them to a file of JSON lines
+and skips the runs that the file already has, so an interrupted benchmark continues where it ended.
+Delete the file after a change of the robot.
 """
 
 from __future__ import annotations
@@ -20,24 +26,25 @@ from __future__ import annotations
 import argparse
 import json
 import math
-import statistics
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from dataclasses import asdict, dataclass
+from collections.abc import Iterable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
 
-from benchmarks.exploring.driving import Drive, Floor, Noise
+from benchmarks.exploring.driving import DT, Drive, Floor, Noise
 from benchmarks.exploring.floors import Named, generated, large, of_others
+from benchmarks.exploring.results import Result, append_row, groups, read_rows, show
 from benchmarks.exploring.strategies import use
 from benchmarks.exploring.tours import tour_of
 from minerva_agents.robot.distances import clearance
 from minerva_agents.robot.maps import MapPose, Marker, OccupancyMap
+from minerva_agents.robot.patience import METRES_PER_NEWS, patience
 from minerva_agents.robot.placing import roomiest, spread
 from minerva_agents.robot.planning import shortest_path
 from minerva_agents.robot.robot import ARobot
@@ -45,9 +52,6 @@ from minerva_agents.robot.world import scene
 from minerva_bus.grammar.scene import agents
 
 RADIUS, SPEED = 0.18, 0.8
-MOST_FRAMES = 1_000_000
-"""Beyond the patience of any robot: a run of this length is neither reached nor reported."""
-
 LARGEST_TOUR_M = 40.0
 """Longest side in metres of floors for which the tour takes seconds rather than minutes."""
 
@@ -64,30 +68,17 @@ class Task:
     shortest: float | None
     noise: Noise
     strategy: str
+    with_tour: bool = True
+
+    @property
+    def key(self) -> tuple[str, str, bool, str]:
+        """Identity of the run, equal to that of its result."""
+        return self.named.name, self.marker.name, self.noise != Noise(), self.strategy
 
 
-@dataclass(frozen=True, slots=True)
-class Result:
-    """Result of a run, in metres and seconds."""
-
-    map: str
-    marker: str
-    held_out: bool
-    noise: bool
-    strategy: str
-    reached: bool
-    ratio: float | None
-    tour: float | None
-    metres: float
-    shortest: float | None
-    collisions: int
-    frames: int
-    reported: bool
-    ms_per_frame: float
-    slowest_ms: float
-
-
-def tasks(floors: Iterator[Named], noises: Sequence[Noise], strategy: str) -> Iterator[Task]:
+def tasks(
+    floors: Iterable[Named], noises: Sequence[Noise], strategy: str, *, with_tour: bool = True
+) -> Iterator[Task]:
     """Runs for the farthest marker on each floor, and for another one."""
     for named in floors:
         start = named.floor.start or roomiest(named.floor, RADIUS)
@@ -95,7 +86,7 @@ def tasks(floors: Iterator[Named], noises: Sequence[Noise], strategy: str) -> It
         for marker in (places[0], places[-1]):
             shortest = _shortest(named.floor, start, marker)
             for noise in noises:
-                yield Task(named, start, marker, shortest, noise, strategy)
+                yield Task(named, start, marker, shortest, noise, strategy, with_tour)
 
 
 def _shortest(floor: OccupancyMap, start: MapPose, marker: Marker) -> float | None:
@@ -117,7 +108,7 @@ def run(task: Task) -> Result:
     robot.speed, robot.planner = SPEED, task.strategy
     robot.seek(task.marker.name)
     drive = Drive(_floor(task.named.name, task.named.floor), (task.marker,), robot, task.noise, 1)
-    made = drive.go(MOST_FRAMES)
+    made = drive.go(_most_frames(robot, task.named))
     return Result(
         task.named.name,
         task.marker.name,
@@ -132,9 +123,24 @@ def run(task: Task) -> Result:
         made.collisions,
         made.frames,
         made.reported,
+        made.reason,
         round(1000 * made.seconds / made.frames, 2),
         round(1000 * made.slowest, 1),
     )
+
+
+def _most_frames(robot: ARobot, named: Named) -> int:
+    """Frames of the robot's patience and of one search of the whole floor.
+
+    A longer run is neither reached nor reported.
+    """
+    seconds = patience(robot) + _area(named) * METRES_PER_NEWS / robot.speed
+    return math.ceil(seconds / DT)
+
+
+def _area(named: Named) -> float:
+    """Free area of a floor in m²."""
+    return np.count_nonzero(~named.floor.obstacles) * named.floor.resolution**2
 
 
 def _ratio(metres: float, task: Task) -> float | None:
@@ -144,7 +150,7 @@ def _ratio(metres: float, task: Task) -> float | None:
 
 def _tour_ratio(task: Task) -> float | None:
     floor = task.named.floor
-    if max(floor.cells.shape) * floor.resolution > LARGEST_TOUR_M:
+    if not task.with_tour or max(floor.cells.shape) * floor.resolution > LARGEST_TOUR_M:
         return None
     tour = tour_of(floor, task.start, RADIUS)
     return _ratio(tour.metres_to(task.marker.x, task.marker.y), task)
@@ -185,56 +191,19 @@ def options_of(task: Task, folder: Path) -> dict[str, Any]:
     }
 
 
-def in_world(task: Task) -> dict[str, Any]:
-    """The same run with `minerva run robot`: frames, distance in metres, and success."""
+def in_world(task: Task, frames: int) -> dict[str, Any]:
+    """The same run with `minerva run robot`, with at most so many frames: figures and success."""
     with tempfile.TemporaryDirectory() as folder:
         options = options_of(task, Path(folder))
         place = f"{{{task.marker.name} = [{task.marker.x}, {task.marker.y}]}}"
         command = [
             sys.executable, "-m", "minerva_bus", "run", "robot", "--in-process", "--json",
             "--map", options["map"], "--start", options["start"], "--markers", place,
-            "--parcels", "", "--frames", str(MOST_FRAMES),
+            "--parcels", "", "--frames", str(frames),
         ]  # fmt: skip
         done = subprocess.run(command, capture_output=True, text=True, check=True)
     result = json.loads(done.stdout.splitlines()[-1])
     return {key: result[key] for key in ("reached", "frames", "distance_driven", "collisions")}
-
-
-def summary(results: Sequence[Result]) -> dict[str, Any]:
-    """Aggregated results of some runs."""
-    ratios = [result.ratio for result in results if result.reached and result.ratio is not None]
-    tours = [result.tour for result in results if result.tour is not None]
-    metres = math.fsum(result.metres for result in results if result.shortest)
-    shortest = math.fsum(result.shortest for result in results if result.shortest)
-    return {
-        "runs": len(results),
-        "reached": sum(result.reached for result in results),
-        "mean_ratio": _mean(ratios),
-        "median_ratio": round(statistics.median(ratios), 3) if ratios else None,
-        "ratio_of_sums": round(metres / shortest, 3) if shortest else None,
-        "worst_ratio": max(ratios, default=None),
-        "mean_tour": _mean(tours),
-        "collisions": sum(result.collisions for result in results),
-        "lost_and_not_reported": sum(not (result.reached or result.reported) for result in results),
-        "ms_per_frame": _mean([result.ms_per_frame for result in results]),
-    }
-
-
-def _mean(numbers: Sequence[float]) -> float | None:
-    return round(statistics.fmean(numbers), 3) if numbers else None
-
-
-def _groups(results: Sequence[Result]) -> dict[str, dict[str, Any]]:
-    """Summaries by seeds and noise, and by kind of floor."""
-    groups: dict[str, list[Result]] = {}
-    for result in results:
-        where = (
-            f"{'held out' if result.held_out else 'tuned on'}{', noise' if result.noise else ''}"
-        )
-        groups.setdefault(where, []).append(result)
-    for result in results:
-        groups.setdefault(result.map.split("-")[0], []).append(result)
-    return {name: summary(group) for name, group in groups.items()}
 
 
 def _chosen(arguments: argparse.Namespace) -> list[Task]:
@@ -244,51 +213,56 @@ def _chosen(arguments: argparse.Namespace) -> list[Task]:
             floors += generated(seed, held_out=held_out)
             if arguments.large:
                 floors += large(seed, held_out=held_out)
-    floors = [floor for floor in floors if arguments.only in floor.name]
+    parts = arguments.maps.split(",")
+    floors = [floor for floor in floors if any(part in floor.name for part in parts)]
+    # Small floors first, so that an interrupted benchmark has the rows of as many as possible.
+    floors.sort(key=_area)
     noises = (Noise(), NOISE) if arguments.noise else (Noise(),)
-    return list(tasks(iter(floors), noises, arguments.strategy))
+    return list(tasks(floors, noises, arguments.strategy, with_tour=arguments.tour))
 
 
 def main() -> None:
+    arguments = _arguments()
+    rows: Path | None = arguments.rows
+    chosen = _chosen(arguments)
+    keys = {task.key for task in chosen}
+    results = [result for result in read_rows(rows) if result.key in keys]
+    done = {result.key for result in results}
+    left = [task for task in chosen if task.key not in done]
+    for task, result in _executed(left, arguments.jobs):
+        append_row(rows, result)
+        results.append(result)
+        # The complete world is given twice the frames of the simulation.
+        world = in_world(task, 2 * result.frames) if arguments.check else None
+        show(result, world, arguments.json)
+    for name, group in groups(results).items():
+        print(json.dumps({"group": name, **group}) if arguments.json else f"{name}: {group}")
+
+
+def _executed(chosen: Sequence[Task], jobs: int) -> Iterator[tuple[Task, Result]]:
+    """Tasks with their results, in the order in which they end; one job needs no process."""
+    if jobs == 1:
+        yield from ((task, run(task)) for task in chosen)
+        return
+    with ProcessPoolExecutor(jobs) as pool:
+        futures = {pool.submit(run, task): task for task in chosen}
+        yield from ((futures[future], future.result()) for future in as_completed(futures))
+
+
+def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=cast("str", __doc__).splitlines()[0])
     parser.add_argument("--json", action="store_true")
     parser.add_argument("--seeds", default="1")
     parser.add_argument("--held-out", default="11")
     parser.add_argument("--noise", action="store_true")
     parser.add_argument("--strategy", default="astar", choices=("astar", "nearest", "random"))
-    parser.add_argument("--only", default="")
+    parser.add_argument("--maps", default="")
     parser.add_argument("--large", action="store_true")
     parser.add_argument("--check", action="store_true")
+    parser.add_argument("--no-tour", dest="tour", action="store_false")
+    parser.add_argument("--rows", type=Path)
     parser.add_argument("--jobs", type=int, default=1)
-    arguments = parser.parse_args()
-    chosen = _chosen(arguments)
-    results: list[Result] = []
-    with ProcessPoolExecutor(arguments.jobs) as pool:
-        for task, result in zip(chosen, pool.map(run, chosen), strict=True):
-            results.append(result)
-            _say(result, in_world(task) if arguments.check else None, arguments.json)
-    for name, group in _groups(results).items():
-        print(json.dumps({"group": name, **group}) if arguments.json else f"{name}: {group}")
-
-
-def _say(result: Result, world: dict[str, Any] | None, as_json: bool) -> None:
-    if as_json:
-        print(json.dumps(asdict(result) | ({"world": world} if world else {})), flush=True)
-        return
-    noise = " noise" if result.noise else ""
-    print(
-        f"{result.map:16} {result.marker:8}{noise:6} {'' if result.reached else 'NOT REACHED '}"
-        f"ratio {_number(result.ratio)}  tour {_number(result.tour)}"
-        f"  {result.metres:7.1f} of {_number(result.shortest)} m"
-        f"  {result.frames:6} frames  {result.collisions} collisions"
-        f"  {result.ms_per_frame:5.1f} ms, at most {result.slowest_ms:.0f}"
-        f"{'  reported' if result.reported else ''}{f'  world: {world}' if world else ''}",
-        flush=True,
-    )
-
-
-def _number(number: float | None) -> str:
-    return "     -" if number is None else f"{number:6.2f}"
+    return parser.parse_args()
 
 
 if __name__ == "__main__":

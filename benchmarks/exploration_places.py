@@ -1,6 +1,6 @@
 """Expected ratio of driven distance to shortest path, over all places of a marker on each floor.
 
-    python -m benchmarks.exploration_places [--json] [--seeds 1] [--noise] [--only NAME]
+    python -m benchmarks.exploration_places [--json] [--seeds 1] [--noise] [--maps NAME,...]
                                             [--strategy astar|nearest|random] [--jobs 2]
 
 `benchmarks.exploration` drives to two markers per floor; this benchmark averages over a lattice of
@@ -110,7 +110,7 @@ def main() -> None:
     parser.add_argument("--json", action="store_true")
     parser.add_argument("--seeds", default="1")
     parser.add_argument("--noise", action="store_true")
-    parser.add_argument("--only", default="")
+    parser.add_argument("--maps", default="")
     parser.add_argument("--strategy", default="astar", choices=("astar", "nearest", "random"))
     parser.add_argument("--jobs", type=int, default=1)
     arguments = parser.parse_args()
@@ -118,8 +118,11 @@ def main() -> None:
     for seed in (int(number) for number in arguments.seeds.split(",") if number):
         floors += generated(seed, held_out=False)
     noise = NOISE if arguments.noise else Noise()
+    parts = arguments.maps.split(",")
     chosen = [
-        (floor, noise, arguments.strategy) for floor in floors if arguments.only in floor.name
+        (floor, noise, arguments.strategy)
+        for floor in floors
+        if any(part in floor.name for part in parts)
     ]
     results: list[Result] = []
     with ProcessPoolExecutor(arguments.jobs) as pool:

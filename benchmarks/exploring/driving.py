@@ -48,13 +48,14 @@ class Noise:
 
 @dataclass(slots=True)
 class Run:
-    """Result of a run, in metres and seconds."""
+    """Result of a run, in metres and seconds; `reason` is the one that the robot reported."""
 
     reached: bool = False
     frames: int = 0
     metres: float = 0.0
     collisions: int = 0
     reported: bool = False
+    reason: str = ""
     slowest: float = 0.0
     seconds: float = 0.0
 
@@ -131,7 +132,8 @@ class Drive:
         self.run.slowest = max(self.run.slowest, time.perf_counter() - begin)
         for event in moment.emitted:
             self.run.reached |= event.type == "eReached"
-            self.run.reported |= event.type == "eUnreachable"
+            if event.type == "eUnreachable":
+                self.run.reported, self.run.reason = True, event.why
 
     def _carry_out(self) -> None:
         """Execute the command on the true floor, and stop at a contact."""

@@ -6,10 +6,11 @@ import json
 import numpy as np
 import pytest
 
-from benchmarks.exploration import RADIUS, SPEED, Result, Task, _shortest, options_of, run, summary
+from benchmarks.exploration import RADIUS, SPEED, Task, _shortest, main, options_of, run
 from benchmarks.exploring.driving import Drive, Floor, Noise
 from benchmarks.exploring.floors import Named, floor_of
 from benchmarks.exploring.places import Expected, Places, Watched
+from benchmarks.exploring.results import Result, append_row, read_rows, summary
 from benchmarks.exploring.tours import Tour
 from minerva_agents.robot.occupancy import Marker
 from minerva_agents.robot.robot import ARobot
@@ -17,6 +18,11 @@ from minerva_agents.robot.world import scene
 from minerva_bus.grammar.scene import agents
 
 MARKER = Marker("A", 2.0, 2.0)
+
+
+RESULT = Result(
+    "m", "A", False, False, "astar", True, 2.0, 3.0, 4.0, 2.0, 0, 9, False, "", 1.0, 1.0
+)
 
 
 def task_of(named):
@@ -39,6 +45,7 @@ def drive(tmp_path):
 def test_a_robot_that_gives_up_has_reported_it(drive):
     robot, run = drive[0], drive[1].go(6000)
     assert (run.reached, run.reported, robot.objective) == (False, True, "")
+    assert "looked everywhere" in run.reason
     assert run.frames < 6000
 
 
@@ -58,12 +65,33 @@ def test_a_run_is_repeatable_and_its_line_is_json_also_without_a_path():
 
 
 def test_lost_runs_are_those_neither_reached_nor_reported():
-    reached = Result("m", "A", False, False, "astar", True, 2.0, 3.0, 4.0, 2.0, 0, 9, False, 1.0, 1)
-    reported = dataclasses.replace(reached, reached=False, reported=True)
-    lost = dataclasses.replace(reached, reached=False)
-    told = summary([reached, reported, lost])
+    reported = dataclasses.replace(RESULT, reached=False, reported=True)
+    lost = dataclasses.replace(RESULT, reached=False)
+    told = summary([RESULT, reported, lost])
     assert (told["runs"], told["reached"], told["lost_and_not_reported"]) == (3, 1, 1)
     assert (told["mean_ratio"], told["mean_tour"]) == (2.0, 3.0)
+
+
+def test_rows_are_in_the_file_as_soon_as_a_run_is_complete(tmp_path):
+    path = tmp_path / "rows.jsonl"
+    other = dataclasses.replace(RESULT, marker="B", ratio=None, reason="not found", reported=True)
+    assert read_rows(path) == []
+    append_row(path, RESULT)
+    append_row(path, other)
+    assert read_rows(path) == [RESULT, other]
+
+
+def test_an_interrupted_benchmark_continues_with_the_missing_runs(tmp_path, monkeypatch, capsys):
+    path = tmp_path / "rows.jsonl"
+    words = ["exploration", "--maps", "hall-10-", "--held-out", "", "--no-tour", "--json"]
+    monkeypatch.setattr("sys.argv", [*words, "--rows", str(path)])
+    append_row(path, dataclasses.replace(RESULT, map="hall-10-1", marker="A", metres=-1.0))
+    main()
+    rows = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    assert [row["marker"] for row in rows if "marker" in row] == ["D"]
+    assert {"map", "reached", "ratio", "collisions", "frames", "reported"} <= rows[0].keys()
+    assert rows[1]["runs"] == 2
+    assert next(result.metres for result in read_rows(path)) == -1.0
 
 
 def test_halls_of_different_seeds_differ_in_the_start_alone():
