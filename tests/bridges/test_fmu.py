@@ -1,6 +1,7 @@
 """An FMU in a world: a room of FMI 3, heated by an agent."""
 
 import gc
+import sys
 import textwrap
 
 import pytest
@@ -132,6 +133,12 @@ def test_a_model_that_fails_ends_the_world_and_nothing_else(room):
         with pytest.raises(MinervaError, match="fatal"):
             run(world(room, starts="celsius=-300"), frames=3)
         gc.collect()
+
+
+def test_a_process_with_helics_is_refused(room, monkeypatch):
+    monkeypatch.setitem(sys.modules, "helics", gc)
+    with pytest.raises(MinervaError, match="HELICS is loaded in this process"):
+        run(world(room), frames=1)
 
 
 def test_two_heaters_for_one_variable_are_an_error(room):

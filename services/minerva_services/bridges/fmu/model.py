@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+import sys
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
@@ -28,11 +29,18 @@ class FmuModel:
         path: the file.
         starts: values of parameters and inputs before the first step, by name.
 
-    Raises MisuseError if the file is no FMU for co-simulation of FMI 3 that runs on this machine.
+    Raises MisuseError if the file is no FMU for co-simulation of FMI 3 that runs on this machine,
+    and if HELICS is loaded in this process.
 
     """
 
     def __init__(self, path: Path, starts: Mapping[str, float]) -> None:
+        if "helics" in sys.modules:
+            # It exports the symbols of a C++ standard library of its own, which crashes FMUs.
+            raise MisuseError(
+                f"fmu: {path}: HELICS is loaded in this process, and FMUs crash with its library;"
+                " let this service run in a process of its own, as `minerva run` does"
+            )
         self._path = path
         self._folder = tempfile.mkdtemp(prefix="minerva-fmu-")
         self._slave: Any = None
