@@ -52,7 +52,7 @@ EXTRAS: Final = {
     "vision": (("cv2",), "markers that cameras see"),
     "gamepad": (("pygame",), "gamepads"),
     "mosaik": (("mosaik_api_v3",), "worlds in mosaik's scenarios"),
-    "fmi": (("fmpy",), "models as FMUs in worlds"),
+    "fmi": (("fmpy", "pythonfmu3"), "models as FMUs in worlds, worlds as FMUs"),
     "helics": (("helics",), "worlds as federates of HELICS"),
     "optuna": (("optuna",), "searches by a sampler of Optuna"),
     "lerobot": (("pyarrow", "PIL"), "data sets of LeRobot"),

@@ -5,8 +5,9 @@
     stepped.step()
     print(stepped.get("room.celsius"))
 
-`minerva_bus.cosimulation.mosaik` is the same as a simulator of mosaik, and
-`minerva_bus.cosimulation.helics` as a federate of HELICS.
+`minerva_bus.cosimulation.mosaik` is the same as a simulator of mosaik,
+`minerva_bus.cosimulation.helics` as a federate of HELICS, and `minerva_bus.cosimulation.fmi` writes
+a world as an FMU of FMI 3.
 """
 
 from minerva_bus.cosimulation.stepped_world import SteppedWorld

@@ -34,7 +34,7 @@ _READERS: Final[Mapping[str, Callable[[helics.HelicsInput], Any]]] = {
     "text": lambda source: source.string,
     "list": lambda source: source.vector,
 }
-"""How an input of HELICS is read, by the first word of the type of the world's input."""
+"""How an input of HELICS is read, by the kind of its type."""
 
 
 class WorldFederate:
@@ -136,8 +136,8 @@ class WorldFederate:
         return {name: (inputs[name], self._reader(name)) for name in sorted(inputs)}
 
     def _reader(self, name: str) -> Callable[[helics.HelicsInput], Any]:
-        kind = self._world.input_type(name)
-        reader = _READERS.get(kind.split(" ")[0])
+        kind = self._world.input_field(name).type
+        reader = _READERS.get(kind.kind)
         if reader is None:
             raise MisuseError(f"helics: {name} is {kind}, which HELICS has no values of")
         return reader

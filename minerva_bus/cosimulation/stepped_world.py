@@ -12,6 +12,7 @@ import numpy as np
 from minerva_bus.api.live import Live
 from minerva_bus.api.world import World, world_of
 from minerva_bus.errors import MisuseError, nearest
+from minerva_bus.grammar.fields import Field, Fields
 from minerva_bus.grammar.scene import AgentNode, agents
 from minerva_bus.grammar.symbols import EventType
 from minerva_bus.grammar.vocabulary import Vocabulary
@@ -76,11 +77,6 @@ class SteppedWorld:
             self._agents = {agent.id: agent for agent in agents(self._live.scene)}
         return self._agents
 
-    def input_type(self, name: str) -> str:
-        """The type of an input, as in the vocabulary. Raises MisuseError if there is none."""
-        _, event_type, datum = self._input(name)
-        return next(str(field.type) for field in event_type.fields.all if field.name == datum)
-
     def set(self, name: str, value: Any) -> None:
         """Set an input for the next step. Raises MisuseError if there is no such input."""
         agent, event_type, datum = self._input(name)
@@ -90,14 +86,18 @@ class SteppedWorld:
 
     def get(self, name: str) -> Any:
         """The value of an output: a bool, number, text, or list of these. Raises MisuseError."""
-        agent, _, attribute = name.partition(".")
-        node = self._agent(agent, name)
-        if attribute not in node.names:
-            raise MisuseError(
-                f"{name}: {node.symbol} has no attribute {attribute!r}"
-                f"{nearest(attribute, list(node.names))}"
-            )
+        node, attribute = self._output(name)
         return _plain(node.state[attribute])
+
+    def input_field(self, name: str) -> Field:
+        """The type and default of an input. Raises MisuseError if there is no such input."""
+        _, event_type, datum = self._input(name)
+        return _field(event_type.fields, datum)
+
+    def output_field(self, name: str) -> Field:
+        """The type of an output. Raises MisuseError if there is no such output."""
+        node, attribute = self._output(name)
+        return _field(self.vocabulary.kinds[node.symbol].fields, attribute)
 
     def step(self, frames: int = 1) -> None:
         """Send the inputs that were set, and run this number of frames.
@@ -131,6 +131,17 @@ class SteppedWorld:
             )
         return self.agents[agent]
 
+    def _output(self, name: str) -> tuple[AgentNode, str]:
+        """The agent and the attribute of an output."""
+        agent, _, attribute = name.partition(".")
+        node = self._agent(agent, name)
+        if attribute not in node.names:
+            raise MisuseError(
+                f"{name}: {node.symbol} has no attribute {attribute!r}"
+                f"{nearest(attribute, list(node.names))}"
+            )
+        return node, attribute
+
     def _input(self, name: str) -> tuple[str, EventType, str]:
         """The agent ("": all), event type and datum of an input."""
         parts = name.split(".")
@@ -149,6 +160,10 @@ class SteppedWorld:
         if datum not in names:
             raise MisuseError(f"{name}: {event} has no {datum!r}{nearest(datum, list(names))}")
         return agent, events[event], datum
+
+
+def _field(fields: Fields, name: str) -> Field:
+    return next(field for field in fields.all if field.name == name)
 
 
 def _plain(value: Any) -> Any:

@@ -1,13 +1,11 @@
 """A world in a scenario of mosaik, which controls the time."""
 
-import re
 import sys
 from pathlib import Path
 
 import pytest
 
 pytest.importorskip("mosaik", reason="needs mosaik (pip install mosaik)")
-pytest.importorskip("helics", reason="needs HELICS (pip install helics)")
 
 from minerva_bus import MinervaError, World, each, run
 from minerva_bus.cosimulation import SteppedWorld
@@ -15,22 +13,9 @@ from minerva_bus.cosimulation.mosaik import MinervaSimulator
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "examples" / "heating"))
 import heating
-import heating_mosaik
 
-ROOT = Path(__file__).parents[2]
-PAGE = ROOT / "docs" / "howto" / "cosimulation.md"
 ROOM = World("ARoom#room", agents=[heating.Room], services=[each(heating.eStep)], name="room")
 STEPS = 100
-
-
-def test_the_page_runs_from_its_first_block_to_its_last(monkeypatch, capsys):
-    monkeypatch.chdir(ROOT)
-    heating_mosaik.ROWS.clear()
-    names = {"__name__": "page"}
-    for block in re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.S):
-        exec(compile(block, PAGE.name, "exec"), names)
-    assert len(heating_mosaik.ROWS) == STEPS
-    assert "4 18.163" in capsys.readouterr().out
 
 
 @pytest.fixture

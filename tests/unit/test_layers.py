@@ -42,6 +42,7 @@ ONLY = {
     "gymnasium": "rl",
     "pettingzoo": "rl",
     "mosaik_api_v3": "cosimulation",
+    "pythonfmu3": "cosimulation",
     "helics": "cosimulation",
 }
 
