@@ -16,9 +16,9 @@ from minerva_bus.launch.installed import find_world
 from minerva_bus.launch.interrupts import end_signals
 from minerva_bus.launch.profiling import NOTHING, Profiling
 from minerva_bus.launch.reading import read_world_file
+from minerva_bus.launch.region_process import in_regions
 from minerva_bus.launch.region_run import RegionRun
 from minerva_bus.launch.region_settings import check_region_run
-from minerva_bus.launch.region_supervisor import RegionSupervisor
 from minerva_bus.launch.summary import RunSummary
 from minerva_bus.launch.supervisor import Supervisor
 from minerva_bus.launch.worldfile import WorldFile
@@ -36,11 +36,9 @@ def run_world(file: WorldFile, began: float, options: RunOptions) -> None:
     `began` is when the program started, on the monotonic clock, seconds.
     """
     profiling = Profiling(options.profile, options.profile_member)
-    if (options.in_process or file.partition is not None) and profiling != NOTHING:
-        omit = "run with --regions 0" if file.partition is not None else "omit --in-process"
-        raise MisuseError(f"--profile and --profile-member measure the bus: {omit}")
-    check_region_run(file)
-    profiling.check(file)
+    if options.in_process and profiling != NOTHING:
+        raise MisuseError("--profile and --profile-member measure the bus: omit --in-process")
+    check_region_run(file, in_process=options.in_process)
     as_json = file.watch.log_format == "json"
     quiet = options.quiet or (options.json and not as_json and not sys.stderr.isatty())
     console = Console(quiet=quiet, json=as_json, world=file.world.name, traceback=options.traceback)
@@ -53,12 +51,12 @@ def run_world(file: WorldFile, began: float, options: RunOptions) -> None:
                 signal.signal(number, signal.default_int_handler)
             here = InProcessRun if file.partition is None else RegionRun
             summary = here(file, console, began).run()
-        elif file.partition is not None:
-            summary = RegionSupervisor(file, console, began).run()
         else:
-            supervisor = Supervisor(file, console, began, profiling)
-            summary = supervisor.run()
-            failure = supervisor.failure
+            with in_regions(file) as processes:
+                profiling.check(processes)
+                supervisor = Supervisor(processes, console, began, profiling)
+                summary = supervisor.run()
+                failure = supervisor.failure
     except WorldStopped as stopped:
         console.problem(stopped.rest or str(stopped))
         raise typer.Exit(FAILED) from None

@@ -336,7 +336,7 @@ class FrameAlgorithm:
         index = self.members.index
         # A device with `every` shows the latest change only in one frame of that many.
         unseen = self.frame - self.views.last_change < index.every
-        busy = unseen or index.tickers or index.joining or self._fading
+        busy = unseen or not self.source.at_rest or index.joining or self._fading
         return not (busy or self.inbox)
 
     @property

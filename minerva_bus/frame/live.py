@@ -30,6 +30,11 @@ class FrameSource:
         """Whether a frame can begin."""
         return True
 
+    @property
+    def at_rest(self) -> bool:
+        """Whether no member in step could change anything in the next frame."""
+        return not self._algorithm.members.index.tickers
+
     def begin(self) -> None:
         """Request the events of the frame that begins."""
 

@@ -18,6 +18,7 @@ from minerva_bus.launch.journaling import RunJournal, find_past, next_epoch
 from minerva_bus.launch.pipes import LineBuffer, ReportPipe
 from minerva_bus.launch.profiling import Profiling, profile_path, sampled
 from minerva_bus.launch.recording import RunRecord, recording
+from minerva_bus.launch.region_process import RegionProcess, RegionSpec, source_of
 from minerva_bus.launch.sizes import check_sizes
 from minerva_bus.launch.worldfile import Process, WorldFile
 from minerva_bus.log.journaled import resume_from
@@ -66,8 +67,17 @@ def run_member(start: MemberStart) -> int:
 
     # With STARTED_HERE the member waits for its greeting without limit: the launcher takes into
     # account how many processes start at the same time, and kills late ones.
-    member = MemberProcess(
-        process.participant(), world, start.endpoint, log, shared=start.shared, arrival=STARTED_HERE
+    member = (
+        RegionProcess(process, start.endpoint, log, shared=start.shared)
+        if isinstance(process, RegionSpec)
+        else MemberProcess(
+            process.participant(),
+            world,
+            start.endpoint,
+            log,
+            shared=start.shared,
+            arrival=STARTED_HERE,
+        )
     )
     if process.name == start.profiling.member:
         return sampled(member.run, profile_path(world, process.name))
@@ -95,7 +105,8 @@ class CoordinatorRun:
         reporter = self._reporter = _Reporter(reports, remote)
         # The world of a journal begins with its keyframe, so everything below works on that state.
         past = find_past(file, again=start.again)
-        algorithm = FrameAlgorithm(file.world if past is None else past.world)
+        world = file.world if past is None else past.world
+        algorithm = FrameAlgorithm(world, source_of(file))
         # Before any member starts: one that cannot read its fragments would fail at each restart.
         check_sizes(algorithm.composition.fragments, file.processes)
 

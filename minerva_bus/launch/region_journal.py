@@ -1,7 +1,8 @@
-"""The journal of a region: the parcels that it has received, from which its frames can be repeated.
+"""The journal of a region: the messages that it has received, from which frames can be repeated.
 
-A region depends on nothing but the world and these parcels. So a process that replaces one that was
-killed reads the journal, runs all frames again and continues.
+A region depends on nothing but the world and these messages: parcels of other regions, and the
+coordinator's requests and orders. So a process that replaces one that was killed reads the journal,
+runs all frames again and continues.
 """
 
 from __future__ import annotations
@@ -17,6 +18,9 @@ MAX_BYTES: Final = 64 << 20
 """Size at which a journal is given up, because the file of a world without an end would fill the
 disk, and repeating its frames would take as long as the run."""
 
+COORDINATOR: Final = (1 << 32) - 1
+"""Stands for a region in entries with messages of the coordinator."""
+
 _HEAD: Final = struct.Struct("<II")
 
 
@@ -27,8 +31,15 @@ class RegionJournal:
         self._path = path
         self._file: BinaryIO | None = None
 
+    @property
+    def exists(self) -> bool:
+        """Whether there is a file, which may be empty."""
+        return self._path.exists()
+
     def read(self) -> Iterator[ParcelArrived]:
-        """The parcels of the file, in the order of their arrival."""
+        """The messages of the file, in the order of their arrival."""
+        if not self.exists:
+            return
         whole = 0
         with self._path.open("r+b") as file:
             while len(head := file.read(_HEAD.size)) == _HEAD.size:
@@ -46,7 +57,7 @@ class RegionJournal:
         self._file = self._path.open("ab", buffering=0)
 
     def write(self, arrived: ParcelArrived) -> None:
-        """Write a parcel that survives the process, or give up a journal that is too long."""
+        """Write a message that survives the process, or give up a journal that is too long."""
         if self._file is None:
             return
         self._file.write(_HEAD.pack(arrived.source, len(arrived.data)) + arrived.data)

@@ -86,15 +86,20 @@ def check_regions(file: WorldFile, members: Sequence[Member]) -> None:
     _refuse(file, reasons)
 
 
-def check_region_run(file: WorldFile) -> None:
+def check_region_run(file: WorldFile, *, in_process: bool) -> None:
     """Raise WorldFileError if a run as regions cannot have its settings."""
     unsupported = {
         "--resume": bool(file.world.past.frame),
-        "records (--record)": bool(file.record.path),
-        "tables of collected data ([collect], --collect)": bool(file.collect.entries),
-        "metrics ([metrics], --metrics)": bool(file.watch.metrics),
         "journals (--journal)": bool(file.bus.journal),
     }
+    if in_process:
+        unsupported |= {
+            "records (--record) in one process": bool(file.record.path),
+            "tables of collected data ([collect], --collect) in one process": bool(
+                file.collect.entries
+            ),
+            "metrics ([metrics], --metrics) in one process": bool(file.watch.metrics),
+        }
     _refuse(file, [what for what, is_used in unsupported.items() if is_used])
 
 

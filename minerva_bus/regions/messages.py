@@ -82,11 +82,12 @@ def from_message(message: ParcelMessage, source: int, target: int) -> Parcel:
         frozenset(message.striving),
         left,
     )
-    events = tuple(_placed(message.events, message.senders))
+    events = tuple(placed_events(message.events, message.senders))
     return Parcel(message.frame, source, target, Units(places, scene.pieces), events, progress)
 
 
-def _placed(events: Sequence[AnyEvent], senders: bytes) -> Iterable[PlacedEvent]:
+def placed_events(events: Sequence[AnyEvent], senders: bytes) -> Iterable[PlacedEvent]:
+    """Events with the places of their senders. Raises ProtocolError if they do not match."""
     counts = [len(event) if isinstance(event, Events) else 1 for event in events]
     places, end = unpacked_places(senders, sum(counts), "senders"), 0
     for event, count in zip(events, counts, strict=True):

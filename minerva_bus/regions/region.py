@@ -94,6 +94,11 @@ class Region:
         """The region's part of w, before agents that leave it have been removed."""
         return Units(self._source.places, self.algorithm.scene.pieces)
 
+    @property
+    def sent(self) -> Sequence[PlacedEvent]:
+        """The events that the region's agents have sent in the last frame."""
+        return self._source.sent
+
     # --- before a frame ---
 
     def receive(self, parcel: Parcel) -> bool:
@@ -196,7 +201,7 @@ class Region:
         }
         routing = Routing(self.number, self.partition.count, composition, moving)
         routed = routing.route(self._source.sent)
-        progress = self._progress()
+        progress = self.progress()
         return [
             Parcel(frame, self.number, to, leaving.get(to, NOTHING), tuple(events), progress)
             for to, events in enumerate(routed)
@@ -204,9 +209,10 @@ class Region:
 
     def part(self) -> Parcel:
         """The whole part of w between `enter` and the next frame, as a parcel to itself."""
-        return Parcel(self.frame, self.number, self.number, self.units, (), self._progress())
+        return Parcel(self.frame, self.number, self.number, self.units, (), self.progress())
 
-    def _progress(self) -> Progress:
+    def progress(self) -> Progress:
+        """What other regions have to know of the last frame."""
         algorithm, goal = self.algorithm, self.algorithm.goal
         reached, striving = self._known
         return Progress(

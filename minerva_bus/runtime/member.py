@@ -362,11 +362,14 @@ class MemberProcess:
             self._figures = figures
             self.link.send(m.MemberMetrics(self.member.name, figures))
 
+    def _described(self, error: Exception) -> str:
+        return report(error)
+
     def _report_failure(self, error: Exception) -> int:
         """Report that user code raised; returns the exit code."""
         self.failure = error
         name, frame = self.member.name, self.member.frame
-        self.link.send(m.Failed(name, frame, report(error), whole(error)))
+        self.link.send(m.Failed(name, frame, self._described(error), whole(error)))
         # UserCodeError wraps the exception of the user's code, which is its cause.
         outside = isinstance(error.__cause__ or error, OSError)
         return RAISED_BY_CHANCE if outside or frame < 0 else RAISED

@@ -11,8 +11,7 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from queue import SimpleQueue
-from typing import Any, Final, TypeAlias
+from typing import Any, Final, Protocol
 
 import zenoh
 from zenoh.handlers import Callback
@@ -45,14 +44,18 @@ class ParcelArrived:
     data: bytes
 
 
-Arrivals: TypeAlias = SimpleQueue[Any]
+class Arrivals(Protocol):
+    """A queue for what arrives."""
+
+    def put(self, item: Any) -> None:
+        """Add an item; called in threads of Zenoh, which must not wait."""
+        ...
 
 
 class RegionLinks:
     """Links to all other regions of a world.
 
-    `sent_bytes` counts the bytes of all parcels. `RegionAppeared` and `ParcelArrived` go to the
-    queue `arrivals`, in threads of Zenoh, which must not wait.
+    `RegionAppeared` and `ParcelArrived` go to the queue `arrivals`.
     """
 
     def __init__(
@@ -60,7 +63,6 @@ class RegionLinks:
     ) -> None:
         """`endpoints` are those of all regions, by number. Raises BusError if it cannot listen."""
         earlier = [endpoint for region, endpoint in sorted(endpoints.items()) if region < number]
-        self.sent_bytes = 0
         self._arrivals = arrivals
         self._number = number
         # One side of each pair dials: two paths would deliver twice.
@@ -82,8 +84,11 @@ class RegionLinks:
 
     def send(self, region: int, data: bytes) -> None:
         """Send a parcel; it is lost if there is no link to the region."""
-        self.sent_bytes += len(data)
         self._publishers[region].put(data)
+
+    def close(self) -> None:
+        """Close all links."""
+        self._session.close()
 
     def _arrived(self, sample: zenoh.Sample) -> None:
         source = str(sample.key_expr).rsplit("/", 2)[1]

@@ -14,6 +14,7 @@ from minerva_bus.frame import messages as m
 from minerva_bus.frame.schema import Wire
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.regions.messages import ParcelMessage
+from minerva_bus.regions.part import PartMessage
 from minerva_bus.wire.declared import Encode, MessageCodec, by_name, message_codec
 from minerva_bus.wire.limits import DEFAULT, Limits
 from minerva_bus.wire.plain import as_list, as_text, uncollected, unpack
@@ -26,7 +27,9 @@ FROM_MEMBER: Final = by_name(get_args(m.FromMember))
 TO_MEMBER: Final = by_name(get_args(m.ToMember))
 FOR_ALL: Final = by_name((m.Readings, m.FrameRecord))
 FROM_REGION: Final = by_name((ParcelMessage,))
+PARTS: Final = by_name((PartMessage,))
 _PARCEL: Final = ParcelMessage.WIRE
+_PART: Final = PartMessage.WIRE
 _READINGS: Final = by_name((m.Readings,))
 _RECORD: Final = by_name((m.FrameRecord,))
 
@@ -43,7 +46,7 @@ _ENCODERS: Final = _Encoders()
 _UNKNOWN: Final = Wire("", ("from",), "an unknown message")
 
 
-def encode(message: m.Message | ParcelMessage) -> bytes:
+def encode(message: m.Message | ParcelMessage | PartMessage) -> bytes:
     """A message as bytes. Raises ProtocolError for values that MessagePack cannot represent."""
     try:
         return _ENCODERS[type(message)](message)
@@ -90,6 +93,11 @@ class Decoder:
         """A message from a region to another one, checked against its limits."""
         check_weight(data, _PARCEL, self._limits)
         return self.decode(FROM_REGION, (), data)
+
+    def part(self, data: bytes) -> PartMessage:
+        """A region's report to the coordinator, checked against its limits."""
+        check_weight(data, _PART, self._limits)
+        return self.decode(PARTS, (), data)
 
     def decode(
         self,

@@ -16,13 +16,15 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.description import World
 from minerva_bus.frame.member import Member
+from minerva_bus.grammar.batch import single
 from minerva_bus.grammar.columns import packed
 from minerva_bus.grammar.scene import Scene
-from minerva_bus.regions.merging import merged
+from minerva_bus.regions.merging import in_order, merged
 from minerva_bus.regions.messages import from_message, to_message
 from minerva_bus.regions.outbox import Outbox
+from minerva_bus.regions.part import PartReceiver, PartSender
 from minerva_bus.regions.partition import ByFunction, ById, ByPosition
-from minerva_bus.regions.region import Region
+from minerva_bus.regions.region import Region, cut
 from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.testing.family import (
     FAMILY,
@@ -91,8 +93,15 @@ def digests_of_one(world, frames):
         if runner.ended:
             break
         begin(runner, events)
-        digests.append(algorithm.scene.digest)
+        digests.append(state(algorithm.scene, algorithm.inbox.emitted))
     return digests
+
+
+def state(scene, emitted):
+    """What has to be equal after a frame: the string, and the events that agents have sent."""
+    # The order of types is that of a frame's collection.
+    events = sorted(single(emitted), key=lambda event: event.type)
+    return scene.digest, [(str(event), event.sender) for event in events]
 
 
 @dataclass
@@ -108,9 +117,12 @@ class Regions:
     units: dict = field(default_factory=dict)
     ends: list = field(default_factory=list)
     outboxes: dict = field(default_factory=lambda: defaultdict(Outbox))
+    parts: list = field(default_factory=list)
+    sent: dict = field(default_factory=dict)
 
     def digests(self):
         first = self.partitions[0]
+        self.parts = [(PartSender(), PartReceiver(part)) for part in cut(self.world.scene, first)]
         runners = {}
         for number in range(first.count):
             region = Region(self.world, number, first)
@@ -123,7 +135,10 @@ class Regions:
             numbers = [region.frame for region, _ in runners.values()]
             self.ahead = max(self.ahead, max(numbers) - min(numbers))
             self.deliver(runners)
-        return [merged(units).scene.digest for _, units in sorted(self.units.items())]
+        return [
+            state(merged(units).scene, in_order(self.sent[frame]))
+            for frame, units in sorted(self.units.items())
+        ]
 
     def goes_on(self, region):
         return region.frame < len(self.frames) and not region.over
@@ -135,11 +150,19 @@ class Regions:
             self.ends.append((region.over, region.reached, frame))
             return
         begin(runner, self.frames[frame])
-        self.units.setdefault(frame, []).append(region.units)
+        self.report(region, frame)
         region.partition = self.partitions[(frame + 1) % len(self.partitions)]
         parcels = region.leave()
         self.outboxes[region.number].keep(parcels)
         self.parcels += parcels
+
+    def report(self, region, frame):
+        """Send the changes of a region's part to the coordinator, which assembles the string."""
+        sender, receiver = self.parts[region.number]
+        message = sender.message(frame, region.units, region.sent, region.progress(), b"")
+        receiver.apply(Decoder(self.world.vocabulary).part(encode(message)))
+        self.units.setdefault(frame, []).append(receiver.units)
+        self.sent.setdefault(frame, []).extend(receiver.sent)
 
     def deliver(self, runners):
         for _ in range(self.chance.randrange(len(self.parcels) + 1)):

@@ -1,4 +1,4 @@
-"""Regions as processes: the string of one coordinator, interrupts, and processes that die."""
+"""Regions as processes: the run of one coordinator, operators, records, and processes that die."""
 
 import json
 import os
@@ -6,12 +6,22 @@ import re
 import signal
 
 import pytest
-from running import MEMBERS, World, alive, children, eventually, here, minerva, summary, write_world
+from running import (
+    MEMBERS,
+    World,
+    alive,
+    children,
+    eventually,
+    here,
+    minerva,
+    summary,
+    write_world,
+)
 
 from minerva_bus.launch import region_journal
-from minerva_bus.launch.region_child import RegionChild
 from minerva_bus.launch.region_journal import RegionJournal
-from minerva_bus.launch.region_process import RegionStart
+from minerva_bus.log.comparison import compare
+from minerva_bus.log.reader import Record
 from minerva_bus.runtime.region_links import ParcelArrived
 
 LOUD = """
@@ -31,27 +41,42 @@ def path(tmp_path):
     return write_world(tmp_path, MEMBERS.replace("yard:Steps", "loud:LoudSteps"))
 
 
-def alone(path, frames):
+def alone(path, frames, *words):
     """The summary of the world in one process, with one coordinator."""
-    words = "--in-process", "--rate", 0, "--frames", frames, "--json"
+    words = "--in-process", "--rate", 0, "--frames", frames, "--json", *words
     return summary(here(path.parent, "run", path, *words))
 
 
-def test_regions_in_processes_have_the_string_of_one_coordinator(path):
-    regions = summary(minerva(path.parent, "run", path, "--rate", 0, "--regions", 3, "--json"))
-    single = alone(path, 30)
-    same = ("digest", "frames", "ended", "reached", "members", "steps")
+def digests(path):
+    with Record(path) as record:
+        return [frame.digest for frame in record.frames()]
+
+
+def test_a_record_of_regions_is_that_of_one_coordinator(path):
+    folder = path.parent
+    words = "--rate", 0, "--regions", 3, "--record", "regions.mcap", "--json"
+    regions = summary(minerva(folder, "run", path, *words))
+    single = alone(path, 30, "--record", "one.mcap")
+    same = ("digest", "frames", "ended", "reached", "steps")
     assert {name: regions[name] for name in same} == {name: single[name] for name in same}
-    assert regions["regions"] == 3
+    assert regions["regions"] == regions["members"] == 3
+    assert digests(folder / "regions.mcap") == digests(folder / "one.mcap")
+    with Record(folder / "regions.mcap") as a, Record(folder / "one.mcap") as b:
+        assert a.end()[0].frame == 30
+        difference = compare(a, b)
+    assert difference.frame is None, difference
+    assert not difference.before
+    done = here(folder, "replay", "regions.mcap", path, "--recompute")
+    assert done.returncode == 0, done.stdout + done.stderr
 
 
 def test_an_interrupt_ends_all_regions_after_the_same_frame(path):
     words = "--rate", 100, "--frames", 0, "--regions", 3, "--json"
     with World(path, *words) as world:
         for number in range(3):
-            world.says(f"region {number}", "tick")
+            world.says(f"region-{number}", "tick")
         processes = children(world.process.pid)
-        assert len(processes) == 3
+        assert len(processes) == 4
         world.kill(signal.SIGINT)
         assert world.ends() == 130, world.text
         ended = json.loads("\n".join(world.output))
@@ -60,12 +85,37 @@ def test_an_interrupt_ends_all_regions_after_the_same_frame(path):
     eventually(lambda: not any(map(alive, processes)), "all processes have ended")
 
 
-def test_a_killed_region_repeats_its_frames_and_continues(path):
-    with World(path, "--rate", 60, "--frames", 240, "--regions", 3, "--json") as world:
-        world.says("region 1", "tick")
-        os.kill(sorted(children(world.process.pid))[1], signal.SIGKILL)
-        world.says("was killed by SIGKILL in frame", "a new process runs its frames again")
-        assert world.summary()["digest"] == alone(path, 240)["digest"]
+def test_operators_and_deaths_leave_one_run(path):
+    """Pause, an order, a killed region, steps and the end: as if with one coordinator."""
+    folder = path.parent
+    words = "--rate", 100, "--frames", 0, "--regions", 3, "--record", "run.mcap", "--json"
+    with World(path, *words) as world:
+        pids = world.runs("region-0", "region-1", "region-2")
+        paused = summary(here(folder, "pause", "--json"))["frame"]
+        os.kill(pids["region-1"], signal.SIGKILL)
+        world.says("region-1", "was killed by SIGKILL")
+        summary(here(folder, "pub", "eWish", "x=2", "name=hill", "--to", "c", "--json"))
+        done = here(folder, "step", 5, "--json")
+        assert done.returncode == 0, world.text
+        assert summary(done)["frame"] == paused + 5
+        eventually(lambda: world.members() and world.frame == paused + 5, "five steps")
+        assert here(folder, "rate", 0).returncode == 0
+        assert here(folder, "resume").returncode == 0
+        eventually(lambda: world.members() and world.frame > paused + 20, "more frames")
+        assert here(folder, "stop").returncode == 0
+        ended = world.summary()
+    with Record(folder / "run.mcap") as record:
+        orders = [
+            frame.number
+            for frame in record.frames()
+            for event in frame.events
+            if event.type == "eWish"
+        ]
+        assert orders == [paused]
+        assert record.end()[0].frame == ended["frames"]
+    # One coordinator computes the same strings from the recorded events.
+    done = here(folder, "replay", "run.mcap", path, "--recompute")
+    assert done.returncode == 0, done.stdout + done.stderr
 
 
 def test_an_error_in_code_stops_all_regions(path):
@@ -74,21 +124,9 @@ def test_an_error_in_code_stops_all_regions(path):
     )
     done = minerva(path.parent, "run", path, "--rate", 0, "--regions", 2)
     assert done.returncode == 1
-    assert re.search(r"steps, region [01], failed in frame 5; the world stops", done.stderr)
-
-
-def test_a_region_is_not_repeated_forever_or_without_its_journal(tmp_path):
-    journal = tmp_path / "journal"
-    journal.touch()
-    region = RegionChild(RegionStart(None, 0, {}, tmp_path, journal), None, -1)
-    assert not region.may_continue(1)
-    region.frame = 7
-    assert [region.may_continue(-9) for _ in range(3)] == [True, True, False]
-    region.frame = 8
-    assert region.may_continue(-9)
-    journal.unlink()
-    region.frame = 9
-    assert not region.may_continue(-9)
+    assert re.search(
+        r"region-[01] │ failed in frame 5: steps: LoudSteps.generate: ValueError", done.stderr
+    )
 
 
 def test_a_journal_omits_an_entry_that_was_cut_off(tmp_path, monkeypatch):
@@ -104,4 +142,4 @@ def test_a_journal_omits_an_entry_that_was_cut_off(tmp_path, monkeypatch):
     assert list(RegionJournal(path).read()) == parcels
     monkeypatch.setattr(region_journal, "MAX_BYTES", whole)
     journal.write(parcels[0])
-    assert not path.exists()
+    assert not journal.exists

@@ -74,10 +74,10 @@ def test_an_unsupported_world_is_refused_with_the_reason(world, reason):
         read_world_file(find_world(world), Overrides(regions=4))
 
 
-def test_a_run_with_a_record_is_refused(tmp_path: Path):
+def test_a_record_in_one_process_is_refused(tmp_path: Path):
     file = read("count = 2", record=str(tmp_path / "run.mcap"))
     with pytest.raises(WorldFileError, match="records"):
-        check_region_run(file)
+        check_region_run(file, in_process=True)
 
 
 def test_a_world_has_the_digest_of_one_coordinator():

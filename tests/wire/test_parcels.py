@@ -1,4 +1,4 @@
-"""Parcels between regions: what a region refuses from another one."""
+"""Parcels between regions and reports to the coordinator: what their receivers refuse."""
 
 from dataclasses import replace
 
@@ -10,6 +10,7 @@ from minerva_bus.grammar.scene import Scene
 from minerva_bus.regions.merging import PlacedEvent, Units
 from minerva_bus.regions.messages import from_message, packed_places, to_message, unpacked_places
 from minerva_bus.regions.parcel import Parcel, Progress
+from minerva_bus.regions.part import PartReceiver, PartSender
 from minerva_bus.regions.partition import ByFunction
 from minerva_bus.regions.region import Region
 from minerva_bus.runtime.direct import InProcessRunner
@@ -95,3 +96,22 @@ def test_a_parcel_from_the_future_is_refused(region):
     assert region.missing == [1]
     with pytest.raises(ProtocolError, match="it is of frame 2, expected at most 1"):
         region.receive(parcel(frame=2))
+
+
+@pytest.mark.parametrize(
+    ("change", "problem"),
+    [
+        ({"kept": b"\1"}, "kept must be a list of int32"),
+        ({"kept": b"\1\0\0\0"}, "kept must be from -1 to 0"),
+        ({"changed": {}}, "piece 0 must be given"),
+        ({"kept": bytes(4), "changed": {}}, "which are not 1 places"),
+        ({"places": packed_places([(1,)])}, "which are not 2 places"),
+        ({"places": b""}, "expected places of 2 nodes, got 1"),
+        ({"senders": packed_places([(1,)])}, "which are not 0 places"),
+    ],
+)
+def test_a_report_with_contradictions_is_refused(change, problem):
+    receiver = PartReceiver(Units([(3,)], nodes("a")))
+    report = PartSender().message(0, Units([(3,), (4,)], nodes("b", "c")), [], PROGRESS, b"")
+    with pytest.raises(ProtocolError, match=problem):
+        receiver.apply(DECODER.part(encode(replace(report, **change))))

@@ -1,0 +1,249 @@
+"""A region as a member of its world: the coordinator requests frames, regions send parcels.
+
+Messages in, messages out: it has no clock, no link and no thread, apart from its members' own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
+from typing import Final
+
+from minerva_bus.errors import ProtocolError, SceneError, WorldStopped
+from minerva_bus.frame import messages as m
+from minerva_bus.frame import stimuli as s
+from minerva_bus.frame.collection import ORDERS
+from minerva_bus.frame.member import Member, Outgoing
+from minerva_bus.grammar.batch import AnyEvent
+from minerva_bus.launch.free_running import close_services
+from minerva_bus.launch.in_process import members_of
+from minerva_bus.launch.region_journal import COORDINATOR, MAX_BYTES, RegionJournal
+from minerva_bus.launch.worldfile import WorldFile
+from minerva_bus.log.entries import encode_inputs
+from minerva_bus.regions.messages import from_message, to_message
+from minerva_bus.regions.outbox import Outbox
+from minerva_bus.regions.parcel import Parcel
+from minerva_bus.regions.part import PartSender
+from minerva_bus.regions.region import Region
+from minerva_bus.regions.whole import FIRST, PART
+from minerva_bus.runtime.direct import InProcessRunner
+from minerva_bus.runtime.region_links import ParcelArrived
+from minerva_bus.runtime.runner import Notice
+from minerva_bus.wire.codec import Decoder, encode
+
+REPORTS_KEPT: Final = 2
+"""Reports that the coordinator may request again: those of the frames that it may wait for."""
+
+
+class RegionMember(Member):
+    """One region of a world, with members for its agents and generators in this process.
+
+    `send` sends a parcel to another region; it may be lost, because parcels are kept until they are
+    acknowledged. `log` is called with lines for people.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        file: WorldFile,
+        number: int,
+        journal: RegionJournal,
+        send: Callable[[int, bytes], None],
+        log: Callable[[str], None],
+    ) -> None:
+        super().__init__(name)
+        assert file.partition is not None
+        self.region = Region(file.world, number, file.partition)
+        self._members = members_of(file)
+        self._runner = InProcessRunner(self.region.algorithm, self._members, self._observe)
+        self._decoder = Decoder(file.world.vocabulary, file.access.limits)
+        self._journal = journal
+        self._send = send
+        self._log = log
+        self._outbox = Outbox()
+        self._sender = PartSender()
+        self._done: s.FrameDone | None = None
+        self._requested = -1
+        self._repeats = False
+        self._sent_bytes = 0
+        self._early: list[ParcelArrived] = []
+        self._orders: dict[int, tuple[AnyEvent, ...]] = {}
+        self._reports: dict[int, m.TickReply] = {}
+        self._handlers[m.Orders] = self._on_orders
+
+    @property
+    def running(self) -> str:
+        """The name of the member whose code runs, or ran last; "" before the first call."""
+        running = self._runner.direct.running
+        return "" if running is None else running.name
+
+    def hello(self) -> m.Hello:
+        """A member in step that generates nothing itself."""
+        service = f"region {self.region.number}"
+        return replace(super().hello(), service=service, lockstep=True)
+
+    # --- messages ---
+
+    def _on_welcome(self, welcome: m.Welcome) -> None:
+        joins = self.world is None
+        super()._on_welcome(welcome)
+        if not joins:
+            return
+        self._runner.start()
+        self._repeat(welcome.frame)
+        for arrived in self._early:
+            self._out += self.parcel(arrived)
+        # Those that the former process may not have sent.
+        own, count = self.region.number, self.region.partition.count
+        self.send_again(number for number in range(count) if number != own)
+
+    def _repeat(self, frame: int) -> None:
+        """Run the frames of the process before this one again; others have what it sent."""
+        if frame > self.region.frame and not self._journal.exists:
+            lost = f"its journal was longer than {MAX_BYTES >> 20} MiB"
+            raise WorldStopped(f"a new process cannot repeat {frame} frames: {lost}")
+        self._repeats = True
+        for entry in self._journal.read():
+            if entry.source != COORDINATOR:
+                self._accept(entry)
+            else:
+                self._note_request(self._decoder.to_member(entry.data))
+            for _ in self._advance():
+                pass
+        self._repeats = False
+        self._journal.open()
+
+    def _note_request(self, message: m.ToMember) -> None:
+        if isinstance(message, m.Orders):
+            self._orders[message.frame] = message.events
+        elif isinstance(message, m.TickRequest):
+            self._requested = message.frame
+
+    def parcel(self, arrived: ParcelArrived) -> list[Outgoing]:
+        """Accept a parcel of another region; returns the messages to the coordinator.
+
+        Raises WorldStopped if it is invalid.
+        """
+        if self.world is None:
+            self._early.append(arrived)
+            return []
+        if self._accept(arrived):
+            # Before the next parcel of this region acknowledges it.
+            self._journal.write(arrived)
+        return list(self._advance())
+
+    def send_again(self, regions: Iterable[int]) -> None:
+        """Send the parcels that these regions may not have."""
+        for region in regions:
+            for parcel in self._outbox.kept_for(region):
+                self._send(region, encode(to_message(parcel)))
+
+    @property
+    def awaited(self) -> list[int]:
+        """The regions whose parcels a requested frame needs."""
+        return self.region.missing if self.region.frame <= self._requested else []
+
+    def _accept(self, arrived: ParcelArrived) -> bool:
+        try:
+            message = self._decoder.parcel(arrived.data)
+            parcel = from_message(message, arrived.source, self.region.number)
+            is_new = self.region.receive(parcel)
+        except (ProtocolError, SceneError) as error:
+            text = f"region {arrived.source} has sent an invalid parcel: {error}"
+            raise WorldStopped(text) from None
+        self._outbox.acknowledge(parcel)
+        return is_new
+
+    def _on_orders(self, orders: m.Orders) -> None:
+        if orders.frame > self._requested:
+            self._journal.write(ParcelArrived(COORDINATOR, encode(orders)))
+            self._note_request(orders)
+
+    def _on_tick(self, request: m.TickRequest) -> None:
+        if request.frame in self._reports:
+            self._out.append(self._reports[request.frame])
+        elif request.frame > self._requested:
+            self._journal.write(ParcelArrived(COORDINATOR, encode(request)))
+            self._note_request(request)
+        self._out.extend(self._advance())
+
+    def _on_stop(self, stop: m.Stop) -> None:
+        self.stopped = stop.reason or "the world has ended"
+        self._runner.handle(s.End(stop.reason))
+        close_services(self._members)
+        self._out.append(m.Report(self.name, self._last_figures()))
+
+    def figures(self) -> m.Figures:
+        """Nothing before the end of the world."""
+        return {}
+
+    def _last_figures(self) -> m.Figures:
+        count, frames, ended = self.region.partition.count, self.region.frame, self._runner.ended
+        figures: dict[str, int] = {}
+        if frames and count > 1:  # The coordinator adds them up to the mean over all regions.
+            figures["parcel_bytes"] = round(self._sent_bytes / (frames * count * (count - 1)))
+        # The members of one region report the figures of all, because generators are equal.
+        if self.region.number != FIRST or ended is None:
+            return figures
+        return {"regions": count, **figures, **ended.figures}
+
+    # --- frames ---
+
+    def _advance(self) -> Iterator[m.TickReply]:
+        """Run the requested frames whose parcels have arrived."""
+        region = self.region
+        while region.frame <= self._requested and not (region.missing or region.over):
+            region.enter()
+            # The coordinator ends the world, for the same reason.
+            if not region.over:
+                yield self._run_frame()
+
+    def _run_frame(self) -> m.TickReply:
+        region, self.frame = self.region, self.region.frame
+        for event in self._orders.pop(self.frame, ()):
+            region.algorithm.inbox.add_order(event)
+        self._runner.handle(s.Begin())
+        report = self._report()
+        parcels = region.leave()
+        self._outbox.keep(parcels)
+        for parcel in parcels:
+            self._pass_on(parcel)
+        self._reports = {
+            n: kept for n, kept in self._reports.items() if n > self.frame - REPORTS_KEPT
+        }
+        self._reports[self.frame] = report
+        return report
+
+    def _pass_on(self, parcel: Parcel) -> None:
+        if parcel.target == self.region.number:
+            self.region.receive(parcel)
+            self._outbox.acknowledge(parcel)
+            return
+        data = encode(to_message(parcel))
+        self._sent_bytes += len(data)
+        if not self._repeats:
+            self._send(parcel.target, data)
+
+    def _report(self) -> m.TickReply:
+        region, done = self.region, self._done
+        assert done is not None
+        inputs = done.inputs if region.number == FIRST else None
+        message = self._sender.message(
+            self.frame,
+            region.units,
+            region.sent,
+            region.progress(),
+            b"" if inputs is None else encode_inputs(inputs.without_replies),
+        )
+        return m.TickReply(self.name, self.frame, (), {PART: encode(message)})
+
+    def _observe(self, notice: Notice) -> None:
+        if isinstance(notice, s.FrameDone):
+            self._done = notice
+        elif (
+            isinstance(notice, s.Notify) and notice.member != ORDERS
+        ):  # The coordinator logs those.
+            self._log(f"{notice.member}: {notice.text}")
+        elif isinstance(notice, s.Stopping) and self.region.algorithm.failed:
+            # A region's algorithm ends by itself only because of a failure.
+            raise WorldStopped(notice.reason)

@@ -1,0 +1,168 @@
+"""What a region reports after a frame: how its part of the string has changed, and its events."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Annotated, ClassVar, Final
+
+import numpy as np
+
+from minerva_bus.errors import ProtocolError
+from minerva_bus.frame.messages import Parts, Patches
+from minerva_bus.frame.schema import Note, Wire, Within
+from minerva_bus.grammar.batch import AnyEvent
+from minerva_bus.grammar.columns import Columns
+from minerva_bus.grammar.delta import Delta, difference, patched
+from minerva_bus.grammar.fitting import Unfit
+from minerva_bus.grammar.scene import Piece, Scene
+from minerva_bus.regions.merging import PlacedEvent, Units
+from minerva_bus.regions.messages import packed_places, placed_events, unpacked_places
+from minerva_bus.regions.parcel import Progress
+from minerva_bus.regions.places import Place
+
+_INDEX: Final = np.dtype("<i4")
+NEW: Final = -1
+
+
+@dataclass(frozen=True, slots=True)
+class PartMessage:
+    """A region's report to the coordinator of the world, as bytes in the data of its `ticked`."""
+
+    WIRE: ClassVar = Wire(
+        "part",
+        ("from",),
+        "what has changed in a region, in the saved data of its `ticked`",
+        max_bytes="message_bytes",
+        max_values="answer_values",
+        awaited=True,
+    )
+
+    frame: int
+    kept: Annotated[
+        bytes,
+        Note(
+            "for each piece of its string after the frame, as int32: the number of the same or"
+            " patched piece before it, or -1"
+        ),
+    ]
+    changed: Annotated[Parts, Note("by its number, each piece that is new")]
+    patched: Annotated[Patches, Within("changed")]
+    places: Annotated[bytes, Note("of all nodes of its string, empty if they are unchanged")]
+    events: Annotated[tuple[AnyEvent, ...], Note("that its agents have sent")]
+    senders: Annotated[bytes, Note("the places of the senders of `events`")]
+    resting: Annotated[bool, Note("its next frame would change nothing")]
+    reached: Annotated[tuple[str, ...], Note("agents that have sent `until` in this frame")]
+    striving: Annotated[tuple[str, ...], Note("their kinds")]
+    inputs: Annotated[
+        bytes, Note("of region 0: the events of generators, as an entry of a record (section 12)")
+    ]
+
+
+@dataclass(slots=True)
+class PartSender:
+    """The region's side: makes messages from the states of its part after each frame."""
+
+    pieces: tuple[Piece, ...] = ()
+    places: Sequence[Place] = ()
+
+    def message(
+        self,
+        frame: int,
+        units: Units,
+        sent: Sequence[PlacedEvent],
+        progress: Progress,
+        inputs: bytes,
+    ) -> PartMessage:
+        """The message after a frame, relative to that of the frame before."""
+        kept, changed, patches = _changes(self.pieces, units.pieces)
+        same = units.places == self.places
+        places = b"" if same else packed_places(units.places)
+        self.pieces, self.places = units.pieces, units.places
+        return PartMessage(
+            frame,
+            np.array(kept, _INDEX).tobytes(),
+            changed,
+            patches,
+            places,
+            tuple(each.event for each in sent),
+            packed_places([place for each in sent for place in each.places]),
+            progress.resting,
+            tuple(sorted(progress.reached)),
+            tuple(sorted(progress.striving)),
+            inputs,
+        )
+
+
+@dataclass(slots=True)
+class PartReceiver:
+    """The coordinator's side: the part of one region, and its last report."""
+
+    units: Units
+    resting: bool = False
+    sent: list[PlacedEvent] = field(default_factory=list[PlacedEvent])
+
+    def apply(self, message: PartMessage) -> None:
+        """Continue with the part after a frame. Raises ProtocolError if the message is invalid."""
+        before = self.units.pieces
+        if len(message.kept) % _INDEX.itemsize:
+            raise ProtocolError("part: kept must be a list of int32")
+        kept: list[int] = np.frombuffer(message.kept, _INDEX).tolist()
+        if any(not NEW <= number < len(before) for number in kept):
+            raise ProtocolError(f"part: kept must be from -1 to {len(before) - 1}")
+        pieces = tuple(
+            _piece(message, str(position), None if number == NEW else before[number])
+            for position, number in enumerate(kept)
+        )
+        count = sum(piece.count for piece in pieces)
+        places = self.units.places
+        if message.places or not count:
+            places = unpacked_places(message.places, count, "places")
+        if len(places) != count:
+            raise ProtocolError(f"part: expected places of {count} nodes, got {len(places)}")
+        self.sent = list(placed_events(message.events, message.senders))
+        self.units, self.resting = Units(places, pieces), message.resting
+
+
+def _piece(message: PartMessage, position: str, old: Piece | None) -> Piece:
+    if old is not None:
+        delta = message.patched.get(position)
+        try:
+            return old if delta is None else patched(old, delta)
+        except Unfit as unfit:
+            raise ProtocolError(f"part: piece {position}: {unfit}") from None
+    new = message.changed.get(position)
+    if new is None or len(new.pieces) != 1:
+        raise ProtocolError(f"part: piece {position} must be given, as one piece")
+    return new.pieces[0]
+
+
+def _changes(
+    old: Sequence[Piece], new: Sequence[Piece]
+) -> tuple[list[int], dict[str, Scene], dict[str, Delta]]:
+    """Numbers of the kept or patched pieces, the new ones, and the patches, by position."""
+    numbers = {id(piece): number for number, piece in enumerate(old)}
+    kept = [numbers.get(id(piece), NEW) for piece in new]
+    used = set(kept)
+    free = [n for n, piece in enumerate(old) if n not in used and isinstance(piece, Columns)]
+    changed: dict[str, Scene] = {}
+    patches: dict[str, Delta] = {}
+    for position, piece in enumerate(new):
+        if kept[position] != NEW:
+            continue
+        number = _counterpart(old, free, piece)
+        delta = None if number is None else difference(old[number], piece)
+        if number is None or delta is None:
+            changed[str(position)] = Scene((piece,))
+            continue
+        free.remove(number)
+        kept[position] = number
+        patches[str(position)] = delta
+    return kept, changed, patches
+
+
+def _counterpart(old: Sequence[Piece], free: Sequence[int], piece: Piece) -> int | None:
+    """The number of the first free piece of the same shape."""
+    if not isinstance(piece, Columns):
+        return None
+    return next((n for n in free if getattr(old[n], "shape", None) == piece.shape), None)

@@ -1,0 +1,214 @@
+"""The coordinator of a world in regions: it times their frames and assembles the whole string.
+
+For this coordinator each region is a member in step. A frame is requested by `tick`, and complete
+when all regions have reported it; the string is merged from their parts, and no agent evolves here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from minerva_bus.errors import ProtocolError, SceneError, VocabularyError
+from minerva_bus.frame import messages as m
+from minerva_bus.frame import stimuli as s
+from minerva_bus.frame.collection import AGENTS, ORDERS, note_answer
+from minerva_bus.frame.inbox import Orders, counting, is_people, name_of
+from minerva_bus.frame.inputs import FrameInputs, RecordedFrame
+from minerva_bus.frame.live import why_over
+from minerva_bus.frame.members import MemberEntry
+from minerva_bus.frame.replaying import RecordedSource
+from minerva_bus.grammar.batch import AnyEvent
+from minerva_bus.grammar.events import Event
+from minerva_bus.grammar.scene import Scene
+from minerva_bus.regions.merging import in_order, merged
+from minerva_bus.regions.part import PartMessage, PartReceiver
+from minerva_bus.regions.partition import Partition
+from minerva_bus.regions.region import cut
+from minerva_bus.world.kinds import Kinds
+from minerva_bus.world.order import collect
+
+if TYPE_CHECKING:
+    from minerva_bus.frame.algorithm import FrameAlgorithm
+
+PART = "part"
+"""Key of the report in the saved data of a region's `ticked`."""
+
+FIRST = 0
+"""The region that reports the events of generators, which are equal in all regions."""
+
+
+class WholeSource(RecordedSource):
+    """The frames of a world whose agents evolve in regions.
+
+    `names` are the members that are the regions, by number. `part` decodes a region's report, and
+    `inputs` the events of generators in it; both raise ProtocolError. `kinds` make the views.
+    """
+
+    _generated: FrameInputs
+
+    def __init__(
+        self,
+        algorithm: FrameAlgorithm,
+        *,
+        partition: Partition,
+        names: Sequence[str],
+        kinds: Kinds,
+        part: Callable[[bytes], PartMessage],
+        inputs: Callable[[bytes], FrameInputs],
+    ) -> None:
+        self._whole = _Whole([PartReceiver(part) for part in cut(algorithm.world.scene, partition)])
+        super().__init__(algorithm, cursor=self._whole, kinds=kinds)
+        self._names = names
+        self._part, self._inputs = part, inputs
+        self._reports: dict[str, PartMessage] = {}
+        self._orders: Orders = {}
+
+    # --- a frame ---
+
+    def has_next(self) -> bool:
+        """Whether a frame can begin: always, until the world is over."""
+        return True
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether the next frame would change nothing in any region."""
+        return all(part.resting for part in self._whole.parts)
+
+    def begin(self) -> None:
+        """Request a frame of all regions, with the orders that count in it."""
+        algorithm = self._algorithm
+        self._orders = algorithm.inbox.take_orders(lambda _: True)
+        algorithm.in_flight.pending = set(self._names)
+        for name in self._names if self._orders else ():
+            self._send_orders(name)
+        algorithm.out.send(s.TICKED, m.TickRequest(algorithm.frame))
+
+    def ask(self, member: MemberEntry) -> None:
+        """Repeat the request to a region that has returned while the frame waits for it."""
+        self._send_orders(member.name)
+        self._algorithm.out.send(member.name, m.TickRequest(self._algorithm.frame))
+
+    def _send_orders(self, region: str) -> None:
+        # In the order of their sources, because a region does not know the people.
+        events = [event for _, sent in sorted(self._orders.items()) for event in sent]
+        if events:
+            self._algorithm.out.send(region, m.Orders(self._algorithm.frame, tuple(events)))
+
+    def tick_reply(self, reply: m.TickReply) -> None:
+        """Accept the report of a region."""
+        algorithm = self._algorithm
+        member = algorithm.members.get(reply.member)
+        awaited = algorithm.awaits_tick(reply.member) and reply.frame == algorithm.frame
+        if not member.active or not awaited or reply.member not in self._names:
+            member.late += 1
+            return
+        try:
+            data = (reply.saved or {}).get(PART)
+            if not isinstance(data, bytes):
+                raise ProtocolError(f"ticked: a region must report its {PART}")
+            message = self._part(data)
+            if reply.member == self._names[FIRST]:
+                self._generated = self._inputs(message.inputs)
+            self._whole.parts[self._names.index(reply.member)].apply(message)
+        except (ProtocolError, SceneError) as error:
+            algorithm.joining.violation(s.Violation(reply.member, str(error)))
+            return
+        note_answer(algorithm, member)
+        self._reports[reply.member] = message
+        algorithm.in_flight.pending.discard(reply.member)
+
+    def order(self, order: s.Publish) -> None:
+        """Accept an event from a person for the next frame."""
+        self._algorithm.inbox.add_order(order.event, order.person)
+
+    def collect(self) -> None:
+        """Steps 2 to 4: the events of all regions in the order of one coordinator."""
+        algorithm, inbox = self._algorithm, self._algorithm.inbox
+        inputs = self._generated
+        taken = _with_people(inputs.taken, self._orders)
+        sources: dict[str, Sequence[AnyEvent]] = {**taken}
+        if inbox.emitted:
+            sources[AGENTS] = inbox.emitted
+        for name, reply in inputs.ticked.items():
+            if reply.events:
+                sources[name] = [*reply.events, *sources.get(name, ())]
+            if reply.saved is not None:
+                algorithm.members.saved[name] = reply.saved
+        events = collect(algorithm.world.order, sources)
+        logged = replace(inputs, taken=taken)
+        self._whole.ahead = RecordedFrame(algorithm.frame, events, [], b"", 0.0, logged)
+        self._log_orders()
+        super().collect()
+
+    def commit(self) -> None:
+        """Step 8: continue with the string of all parts."""
+        algorithm, goal = self._algorithm, self._algorithm.goal
+        for report in self._reports.values():
+            goal.reached = goal.reached.union(report.reached)
+            goal.striving = goal.striving.union(report.striving)
+        algorithm.inbox.emitted = in_order(
+            event for part in self._whole.parts for event in part.sent
+        )
+        self._reports, self._orders = {}, {}
+        try:
+            super().commit()
+        except VocabularyError as error:
+            algorithm.fail(f"frame {algorithm.frame}: {error}")
+            return
+        if algorithm.in_flight.result.changed:
+            algorithm.views.last_change = algorithm.frame
+
+    def why_over(self) -> str:
+        """Step 9: reason why no frame follows, or an empty string."""
+        algorithm = self._algorithm
+        empty, finished = algorithm.composition.empty, algorithm.goal.finished
+        return why_over(algorithm.world, algorithm.frame, empty, finished)
+
+    def announce(self) -> None:
+        """Step 10: announce that the next frame may begin."""
+        self._algorithm.out.add(s.Ready(self._algorithm.frame))
+
+    def seek(self, frame: int) -> None:
+        """Do nothing: a running world has no other frames."""
+
+    def _log_orders(self) -> None:
+        frame, out = self._algorithm.frame, self._algorithm.out
+        for source, orders in sorted(self._orders.items()):
+            for event in orders:
+                out.log(ORDERS, f"{counting(source, event)} in frame {frame}")
+                if isinstance(event, Event):
+                    out.add(s.OrderJudged(event, name_of(source), frame))
+
+
+class _Whole:
+    """The string of all parts, as the cursor of a run whose last frame is the present one."""
+
+    end = 0
+
+    def __init__(self, parts: list[PartReceiver]) -> None:
+        self.parts = parts
+        self.ahead: RecordedFrame | None = None
+
+    def advance(self) -> Scene:
+        """The string after the frame that all regions have reported."""
+        self.ahead = None
+        return merged(part.units for part in self.parts).scene
+
+    def seek(self, number: int) -> Scene:
+        """The present string."""
+        return merged(part.units for part in self.parts).scene
+
+
+def _with_people(
+    taken: Mapping[str, Sequence[AnyEvent]], orders: Orders
+) -> dict[str, Sequence[AnyEvent]]:
+    """Events by source; regions do not know the people, whose events have the same types."""
+    # A generator may have taken orders, which then do not count themselves.
+    counted = {event.type for name, sent in taken.items() if is_people(name) for event in sent}
+    sources = {name: sent for name, sent in taken.items() if not is_people(name)}
+    for source, sent in orders.items():
+        if events := tuple(event for event in sent if event.type in counted):
+            sources[source] = events
+    return sources
