@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -32,11 +32,12 @@ class Resource:
     read: Callable[[ToolCall], Any]
     media_type: str = _JSON
     changes: bool = True
+    root: str = _ROOT
 
     @property
     def uri(self) -> str:
         """Its URI."""
-        return f"{_ROOT}/{self.name}"
+        return f"{self.root}/{self.name}"
 
 
 RESOURCES: Final = (
@@ -57,15 +58,15 @@ RESOURCES: Final = (
 )
 
 
-def read(uri: str, call: ToolCall) -> tuple[str, str]:
+def read(uri: str, call: ToolCall, resources: Sequence[Resource] = RESOURCES) -> tuple[str, str]:
     """Media type and text of a resource. Raises MinervaError."""
-    for resource in RESOURCES:
+    for resource in resources:
         if resource.uri == uri:
             return resource.media_type, _text(resource.read(call))
     agent = uri.removeprefix(AGENT_TEMPLATE.partition("{")[0])
     if agent != uri and AGENT_ID.fullmatch(agent):
         return _JSON, _text(string_object(call, agent))
-    known = ", ".join([*(resource.uri for resource in RESOURCES), AGENT_TEMPLATE])
+    known = ", ".join([*(resource.uri for resource in resources), AGENT_TEMPLATE])
     raise MisuseError(f"there is no resource {uri[:200]!r}; there are {known}")
 
 

@@ -55,6 +55,10 @@ class Tool:
     required: tuple[str, ...] = ()
     permission: str = ""
 
+    def allowed(self, permissions: frozenset[str]) -> bool:
+        """Whether a server with these permissions offers the tool."""
+        return not self.permission or self.permission in permissions
+
     @property
     def schema(self) -> dict[str, Any]:
         """JSON Schema of the arguments."""

@@ -150,6 +150,25 @@ def test_a_subscriber_is_notified_of_changes(served):
     asyncio.run(subscribing())
 
 
+def test_a_long_call_reports_progress(served, monkeypatch):
+    monkeypatch.setattr("minerva_bus.mcp.server.PROGRESS_SECONDS", 0.02)
+
+    async def waiting():
+        seconds = []
+
+        async def report(progress, total, message):
+            seconds.append(progress)
+
+        async with Client(served()) as client:
+            never = {"kind": "AWalker", "condition": "x > 1e9", "seconds": 0.5}
+            await client.call_tool("wait_for", never, progress_callback=report)
+        return seconds
+
+    seconds = asyncio.run(waiting())
+    assert len(seconds) > 1
+    assert seconds == sorted(set(seconds))
+
+
 # --- operating ---
 
 
@@ -331,6 +350,11 @@ HOSTILE = [
 ]
 
 
+def test_there_are_sixty_hostile_calls_each_another():
+    calls = {(tool, json.dumps(arguments)) for tool, arguments in HOSTILE}
+    assert len(calls) == len(HOSTILE) >= 60
+
+
 @pytest.fixture(scope="module")
 def paused(world):
     with world.client() as client:
@@ -367,8 +391,9 @@ def test_an_unknown_resource_is_an_error(uri, served):
     async def reading():
         async with Client(served()) as client:
             # Inside: a task group would wrap the error.
-            with pytest.raises(MCPError, match="there is no"):
+            with pytest.raises(MCPError, match="there is no") as raised:
                 await client.read_resource(uri)
+            assert raised.value.error.data == {"uri": uri}
 
     asyncio.run(reading())
 
