@@ -14,6 +14,8 @@ from minerva_bus.runtime.client import Client
 from minerva_bus.world.operator import OrderStatus
 
 POLL_SECONDS: Final = 0.1
+NOT_DONE: Final = ("rejected", "failed", "replaced")
+"""States of orders that end `pub --wait` with FAILED."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +65,7 @@ def publish(order: OrderToSend, waiting: Waiting, target: WorldTarget, as_json: 
         print_json({**answer, "order": None if fate is None else asdict(fate)})
     elif fate is not None:
         print_result(fate.fate)
-    return FAILED if fate is not None and fate.state in ("rejected", "failed") else 0
+    return FAILED if fate is not None and fate.state in NOT_DONE else 0
 
 
 def _pairs(data: tuple[str, ...]) -> dict[str, str]:

@@ -1,4 +1,4 @@
-"""The fates of people's orders: whether a frame takes them, and what agents report about them."""
+"""The fates of people's orders: whether a frame takes them, and how they end."""
 
 from __future__ import annotations
 
@@ -11,9 +11,12 @@ from minerva_bus.grammar.digest import same_values
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.world.operator import OrderStatus
+from minerva_bus.world.order import Order
 
 MAX_ORDERS: Final = 1000
 """Orders whose fates are kept; older ones are dropped."""
+
+_BY_NAME: Final = Order()
 
 
 @dataclass(slots=True)
@@ -33,15 +36,27 @@ class OrderFates:
     or to all, and whose data are equal to those of the event where both have data of one name; and
     all orders equal to it, because people may give the same order. One agent that fails an order to
     all does not end it: another agent may still complete it.
+
+    An event type may also declare that such an order `replaces` orders of some types: those that
+    were before it, that have not ended, whose receivers all receive it, and that are not equal.
+
+    Args:
+        vocabulary: the declarations of event types.
+        order: the order of the events of one frame.
+
     """
 
-    def __init__(self, vocabulary: Vocabulary) -> None:
+    def __init__(self, vocabulary: Vocabulary, order: Order = _BY_NAME) -> None:
+        self._order = order
         self._completes = {e.name: e.completes for e in vocabulary.events.values() if e.completes}
         self._fails = {e.name: e.fails for e in vocabulary.events.values() if e.fails}
-        reports = (*self._completes.values(), *self._fails.values())
-        self._reported = frozenset[str]().union(*reports)
+        self._replaces = {e.name: e.replaces for e in vocabulary.events.values() if e.replaces}
+        ends = (*self._completes.values(), *self._fails.values(), *self._replaces.values())
+        self._ended = frozenset[str]().union(*ends)
         self._orders: dict[int, _Order] = {}
         self._open: set[int] = set()
+        self._accepted: list[int] = []
+        """The orders that this frame has accepted."""
         self._last_number = 0
         self._last_change = 0
 
@@ -77,14 +92,52 @@ class OrderFates:
         number = next(waiting, None)
         if number is None:  # It arrived at an earlier coordinator of this world.
             number = self.arrive(event, person, frame)
-        reported = not norm and event.type in self._reported
+        may_end = not norm and event.type in self._ended
         self._orders[number].accepted = frame
-        self._change(number, "rejected" if norm else "accepted", frame, norm, is_open=reported)
+        self._change(number, "rejected" if norm else "accepted", frame, norm, is_open=may_end)
+        if not norm:
+            self._accepted.append(number)
 
-    def report(self, frame: int, events: Iterable[AnyEvent]) -> list[OrderStatus]:
-        """Note the reports among the events of a frame; returns the orders that they concern."""
-        if not self._open:
-            return []
+    def end_frame(self, frame: int, events: Iterable[AnyEvent]) -> list[OrderStatus]:
+        """Note what the accepted orders and the events of a frame end; returns these orders."""
+        changed = self._replace(frame)
+        if self._open:
+            changed += self._report(frame, events)
+        return changed
+
+    def _replace(self, frame: int) -> list[OrderStatus]:
+        """Note which orders those that were accepted in a frame replace."""
+        # As agents receive them, whereas they were judged person by person.
+        accepted = sorted(self._accepted, key=self._place)
+        self._accepted.clear()
+        changed: list[OrderStatus] = []
+        for position, number in enumerate(accepted):
+            by = self._orders.get(number)
+            if by is None or by.event.type not in self._replaces:
+                continue
+            later = accepted[position:]
+            for other in sorted(self._open.difference(later)):
+                if self._is_replaced(self._orders[other].event, by.event):
+                    text = by.status.event
+                    changed.append(self._change(other, "replaced", frame, text, is_open=False))
+        return changed
+
+    def _place(self, number: int) -> tuple[int, str, str, int]:
+        order = self._orders.get(number)
+        if order is None:  # A later order has displaced it.
+            return 0, "", "", number
+        return self._order.key(order.event.type, order.status.person, number)
+
+    def _is_replaced(self, event: Event, by: Event) -> bool:
+        return (
+            event.type in self._replaces[by.type]
+            and event != by
+            and not by.condition
+            and (not by.receivers or set() < set(event.receivers) <= set(by.receivers))
+        )
+
+    def _report(self, frame: int, events: Iterable[AnyEvent]) -> list[OrderStatus]:
+        """Note the reports among the events of a frame."""
         changed: list[OrderStatus] = []
         for event in single(each for each in events if self._is_report(each.type)):
             sender = event.sender

@@ -204,6 +204,7 @@ class EventType:
         visual: d ∈ V: agents respond with views instead of an evolution.
         completes: event types of orders; an agent that sends this event has carried one out.
         fails: event types of orders; an agent that sends this event has given one up.
+        replaces: event types of orders, this one or others, that agents drop for such an order.
         data: names with types, such as `heat=float`, or with `Default(type, value)`.
 
     Raises:
@@ -223,12 +224,14 @@ class EventType:
         visual: bool = False,
         completes: ReportedTypes = (),
         fails: ReportedTypes = (),
+        replaces: ReportedTypes = (),
         **data: Any,
     ) -> None:
         self.name = _checked(name, "an event type", "e")
         self.visual = visual
         self.completes = _names_of(completes)
         self.fails = _names_of(fails)
+        self.replaces = _names_of(replaces)
         self.fields = Fields.of(data)
         for datum in self.fields.names:
             # An event's own attribute would hide the datum.

@@ -105,11 +105,11 @@ class Vocabulary:
                 )
 
     def _check_reported_by(self, event_type: EventType) -> None:
-        """Raise MisuseError if an event type reports on orders of an unknown type."""
-        for order in (*event_type.completes, *event_type.fails):
+        """Raise MisuseError if an event type ends orders of an unknown type."""
+        for order in (*event_type.completes, *event_type.fails, *event_type.replaces):
             if order not in self.events:
                 raise MisuseError(
-                    f"{event_type.name} reports on orders {order!r}, an event type that the"
+                    f"{event_type.name} ends orders {order!r}, an event type that the"
                     f" vocabulary does not have{nearest(order, list(self.events))}"
                 )
 

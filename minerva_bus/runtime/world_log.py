@@ -33,7 +33,7 @@ class WorldLog(Sink):
         metrics: Metrics,
     ) -> None:
         self.event_log = EventLog()
-        self.orders = OrderFates(algorithm.world.vocabulary)
+        self.orders = OrderFates(algorithm.world.vocabulary, algorithm.world.order)
         self._algorithm = algorithm
         self._metrics = metrics
         self._show = show
@@ -72,8 +72,8 @@ class WorldLog(Sink):
             self.line(ORDERS, str(operation), "info")
 
     def frame_done(self, notice: s.FrameDone) -> None:
-        """Log the reports on orders; a frame's events while an operator watches."""
-        for order in self.orders.report(notice.frame, notice.events):
+        """Log which orders have ended; a frame's events while an operator watches."""
+        for order in self.orders.end_frame(notice.frame, notice.events):
             self.warn(ORDERS, f"{order.event} of {order.person or 'people'}: {order.fate}")
         if self._metrics.wanted:
             self.event_log.frame(notice.frame, notice.events)

@@ -2,8 +2,9 @@
 
 vocabulary     = {primitives: [...], transformations: [...], kinds: [...], events: [...],
                   meanings: {primitive: [text]}, marks: [primitive],
-                  completes: {event type: [order]}, fails: {event type: [order]}}
-                                       the last four may be absent
+                  completes: {event type: [order]}, fails: {event type: [order]},
+                  replaces: {event type: [order]}}
+                                       the last five may be absent
 primitive      = [name, [field], shape or nil]
 transformation = [name, [field], motion or nil]
 kind           = [name, [field], [subscribed], [visual event types], [attribute at rest]]
@@ -17,6 +18,7 @@ meanings       = texts of the legend, one for each colour of a shape
 marks          = primitives whose labels give their colour to other labels
 completes      = event types of orders that agents report as carried out by an event of this type;
                  fails: as given up
+replaces       = event types of orders that agents drop for an order of this type
 """
 
 from __future__ import annotations
@@ -41,6 +43,7 @@ _MAX_ERROR_CHARS = 300
 _FORMS: dict[str, type[Form]] = {
     form.__name__.lower(): form for form in (Disc, Line, Label, Raster, Motion)
 }
+_ENDS = ("completes", "fails", "replaces")
 _APART = frozenset(("meaning", "meanings", "marks"))
 """Fields of forms with optional keys of their own, which older members do not know."""
 
@@ -50,8 +53,7 @@ def plain_vocabulary(vocabulary: Vocabulary) -> dict[str, Any]:
     shapes = {p.name: p.shape for p in vocabulary.primitives.values() if p.shape is not None}
     meanings = {name: list(_meanings(shape)) for name, shape in shapes.items() if _meanings(shape)}
     marks = [name for name, shape in shapes.items() if isinstance(shape, Label) and shape.marks]
-    completes = {e.name: list(e.completes) for e in vocabulary.events.values() if e.completes}
-    fails = {e.name: list(e.fails) for e in vocabulary.events.values() if e.fails}
+    ends = {key: _ended_orders(vocabulary, key) for key in _ENDS}
     return {
         "primitives": [
             [p.name, _plain_fields(p.fields), _plain_form(p.shape)]
@@ -65,9 +67,14 @@ def plain_vocabulary(vocabulary: Vocabulary) -> dict[str, Any]:
         "events": [[e.name, _plain_fields(e.fields), e.visual] for e in vocabulary.events.values()],
         **({"meanings": meanings} if meanings else {}),
         **({"marks": marks} if marks else {}),
-        **({"completes": completes} if completes else {}),
-        **({"fails": fails} if fails else {}),
+        **{key: orders for key, orders in ends.items() if orders},
     }
+
+
+def _ended_orders(vocabulary: Vocabulary, key: str) -> dict[str, list[str]]:
+    """The event types of orders that each event type completes, fails or replaces."""
+    ended = {event.name: list(getattr(event, key)) for event in vocabulary.events.values()}
+    return {name: orders for name, orders in ended.items() if orders}
 
 
 def plain_kind(kind: AgentKind) -> list[Any]:
@@ -200,10 +207,7 @@ def _event_type(plain: Any, parts: Mapping[str, Any]) -> EventType:
     declared = EventType(
         as_text(name, "an event type's name"),
         as_bool(visual, "visual"),
-        *(
-            as_texts(as_map(parts.get(key, {}), key).get(name, []), key)
-            for key in ("completes", "fails")
-        ),
+        *(as_texts(as_map(parts.get(key, {}), key).get(name, []), key) for key in _ENDS),
     )
     declared.fields = _fields(fields)
     return declared

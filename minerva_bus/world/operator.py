@@ -82,8 +82,8 @@ class OrderStatus:
 
     `number` counts the orders of the world from 1, `change` the changes of all orders. `person` is
     empty for a person without a name. `state` is "waiting" (for a frame), "accepted", "rejected",
-    "done" or "failed", since `frame`. `by` is the norm that rejected it, or the agent that reported
-    it. `open`: another state may follow.
+    "done", "failed" or "replaced", since `frame`. `by` is the norm that rejected it, the agent that
+    reported it, or the order that replaced it. `open`: another state may follow.
     """
 
     number: int
@@ -101,9 +101,11 @@ class OrderStatus:
         """The state in words, such as `rejected by the norm curfew in frame 12`."""
         if self.state == "waiting":
             return "waits for a frame"
-        by = {"rejected": f" by the norm {self.by}", "accepted": ""}.get(
-            self.state, f", reported by #{self.by},"
-        )
+        by = {
+            "accepted": "",
+            "rejected": f" by the norm {self.by}",
+            "replaced": f" by {self.by}",
+        }.get(self.state, f", reported by #{self.by},")
         return f"{self.state}{by} in frame {self.frame}"
 
 

@@ -3,12 +3,14 @@
 from minerva_bus import EventType, Vocabulary
 from minerva_bus.frame.order_fates import MAX_ORDERS, OrderFates
 from minerva_bus.wire.vocabulary import plain_vocabulary, read_vocabulary
+from minerva_bus.world.order import Order
 
 eFetch = EventType("eFetch", what=str)
 eStay = EventType("eStay")
 eFetched = EventType("eFetched", completes=eFetch, what=str)
 eLost = EventType("eLost", fails=["eFetch"], what=str, why=str)
-VOCABULARY = Vocabulary.of(eFetched, eLost, eFetch, eStay)
+eSit = EventType("eSit", replaces=("eSit", eFetch), where=str)
+VOCABULARY = Vocabulary.of(eFetched, eLost, eFetch, eStay, eSit)
 
 
 def given(*orders, frame=1):
@@ -45,28 +47,56 @@ def test_an_order_waits_until_a_frame_takes_it_or_a_norm_rejects_it():
 def test_a_report_concerns_the_last_order_to_its_sender_with_equal_data_and_all_equal_ones():
     ball, stick = eFetch("ball", receivers=["rex"]), eFetch("stick", receivers=["rex"])
     fates = given(ball, eFetch("ball", receivers=["ace"]), stick, ball, eStay())
-    assert fates.report(1, [eFetched("ball", sender="rex")]) == [], "of an earlier order"
-    assert fates.report(2, [eFetched("ball"), eFetched("ball", sender="max")]) == []
-    fates.report(2, [eFetched("ball", sender="rex"), eLost("stick", "eaten", sender="rex")])
+    assert fates.end_frame(1, [eFetched("ball", sender="rex")]) == [], "of an earlier order"
+    assert fates.end_frame(2, [eFetched("ball"), eFetched("ball", sender="max")]) == []
+    fates.end_frame(2, [eFetched("ball", sender="rex"), eLost("stick", "eaten", sender="rex")])
     assert states(fates) == ["done", "accepted", "failed", "done", "accepted"]
     failed = next(order for order in fates.changed_since(0) if order.state == "failed")
     assert failed.fate == "failed, reported by #rex, in frame 2"
-    assert fates.report(3, [eFetched("stick", sender="rex")]) == [], "it has ended"
+    assert fates.end_frame(3, [eFetched("stick", sender="rex")]) == [], "it has ended"
 
 
 def test_an_order_to_all_that_one_agent_gives_up_may_still_be_done():
     fates = given(eFetch("ball"))
-    (failed,) = fates.report(2, [eLost("ball", "far", sender="ace")])
+    (failed,) = fates.end_frame(2, [eLost("ball", "far", sender="ace")])
     assert (failed.state, failed.open) == ("failed", True)
-    (done,) = fates.report(3, [eFetched("ball", sender="rex")])
+    (done,) = fates.end_frame(3, [eFetched("ball", sender="rex")])
     assert (done.state, done.by, done.open) == ("done", "rex", False)
+
+
+def test_an_order_that_all_its_agents_drop_for_another_is_replaced():
+    fates = given(eSit("here", receivers=["rex"]))
+    fates.end_frame(1, [])
+    fates.judge(eSit("there", condition="x > 0"), "bert", 2)
+    fates.judge(eSit("here", receivers=["rex"]), "bert", 2)
+    assert fates.end_frame(2, []) == [], "only its agents know the condition; the other is equal"
+    fates.judge(eSit("there", receivers=["rex"]), "bert", 3)
+    both = fates.end_frame(3, [])
+    assert [order.number for order in both] == [1, 3]
+    assert not both[0].open
+    assert both[0].fate == 'replaced by eSit<where="there"> to #rex in frame 3'
+    fates = given(eFetch("ball"), eFetch("stick", receivers=["rex", "ace"]))
+    fates.judge(eSit("there", receivers=["rex"]), "bert", 2)
+    assert fates.end_frame(2, []) == [], "other agents may carry them out"
+    fates.judge(eSit("here"), "bert", 3)
+    assert [order.number for order in fates.end_frame(3, [])] == [1, 2, 3]
+
+
+def test_orders_of_one_frame_replace_each_other_as_agents_receive_them():
+    # By type, then by person, although the orders are judged person by person.
+    fates = OrderFates(VOCABULARY, Order(("eSit", "eFetch")))
+    fates.judge(eFetch("ball"), "anna", 1)
+    fates.judge(eSit("here"), "anna", 1)
+    fates.judge(eSit("there"), "bert", 1)
+    fates.end_frame(1, [])
+    assert states(fates) == ["accepted", "replaced", "accepted"]
 
 
 def test_the_last_orders_are_kept():
     fates = given(*[eFetch(str(number)) for number in range(MAX_ORDERS + 5)])
     assert len(fates.changed_since(0)) == MAX_ORDERS
-    assert fates.report(2, [eFetched("4", sender="rex")]) == []
-    assert len(fates.report(2, [eFetched("5", sender="rex")])) == 1
+    assert fates.end_frame(2, [eFetched("4", sender="rex")]) == []
+    assert len(fates.end_frame(2, [eFetched("5", sender="rex")])) == 1
 
 
 def test_reports_survive_the_wire_and_are_absent_without_any():
@@ -74,4 +104,5 @@ def test_reports_survive_the_wire_and_are_absent_without_any():
     assert plain["completes"] == {"eFetched": ["eFetch"]}
     back = read_vocabulary(plain).events
     assert (back["eFetched"].completes, back["eLost"].fails) == (("eFetch",), ("eFetch",))
-    assert not {"completes", "fails"} & plain_vocabulary(Vocabulary.of(eStay)).keys()
+    assert back["eSit"].replaces == ("eSit", "eFetch")
+    assert not {"completes", "fails", "replaces"} & plain_vocabulary(Vocabulary.of(eStay)).keys()

@@ -112,7 +112,7 @@ def test_an_interrupted_robot_stops_and_both_orders_have_a_fate(hall):
             run.runner.handle(s.Begin())
         fates.judge(order, "anna", run.algorithm.frame - 12)
     (interrupted,) = [event for event in run.events if event.type == "eInterrupted"]
-    fates.report(run.algorithm.frame, [interrupted])
+    fates.end_frame(run.algorithm.frame, [interrupted])
     states = {order.type: order.state for order in fates.changed_since(0)}
     assert states == {"eErrand": "failed", "eInterrupt": "done"}
     (robot,) = [agent for agent in agents(run.algorithm.scene) if agent.symbol == "ARobot"]

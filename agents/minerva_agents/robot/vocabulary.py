@@ -158,8 +158,8 @@ eDecide = EventType("eDecide")
 
 _MARKER = Annotated[str, Of("PMarker", "name")]
 
-eObjective = EventType("eObjective", marker=_MARKER)
-"""The user sets the objective marker."""
+eObjective = EventType("eObjective", replaces=("eObjective", "eErrand"), marker=_MARKER)
+"""The user sets the objective marker; a robot drops earlier objectives and its errand."""
 
 eSpeed = EventType("eSpeed", speed=Annotated[MetresPerSecond, Range(least=0.0)])
 """The user sets a new speed."""
@@ -189,7 +189,7 @@ eReached = EventType("eReached", completes=eObjective, marker=str)
 eUnreachable = EventType("eUnreachable", fails=eObjective, marker=str, why=str)
 """A robot has given up its objective and stops; sent by the robot."""
 
-eErrand = EventType("eErrand", source=_MARKER, target=_MARKER)
+eErrand = EventType("eErrand", replaces="eErrand", source=_MARKER, target=_MARKER)
 """The user orders a robot to bring what stands at one marker to another.
 
 Without receivers it addresses all robots: all depart, the first at the source gets the load, and
