@@ -52,7 +52,7 @@ class MemberLifecycle:
         # A host that joins while the generators answer can evolve agents in this frame already.
         in_time = algorithm.phase is Phase.TICK and hello.kinds
         awaited = algorithm.awaits_answer(member.name) or algorithm.in_flight.requests.unassigned
-        if between or in_time or awaited:
+        if between or in_time or awaited or algorithm.source.admits_at_once:
             self._admit(member, hello)
         algorithm.start_if_complete()
 

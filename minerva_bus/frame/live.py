@@ -18,8 +18,11 @@ if TYPE_CHECKING:
 class FrameSource:
     """The steps of Table 2 whose inputs are from members or from a record.
 
-    This base class is a source without members: it ignores their messages.
+    This base class is a source without members: it ignores their messages. `admits_at_once`: a
+    member that joins during a frame does not wait for the next one.
     """
+
+    admits_at_once: bool = False
 
     def __init__(self, algorithm: FrameAlgorithm) -> None:
         self._algorithm = algorithm

@@ -46,6 +46,8 @@ class WholeSource(RecordedSource):
     `inputs` the events of generators in it; both raise ProtocolError. `kinds` make the views.
     """
 
+    # Other regions may wait for the parcels of one that has returned after its report.
+    admits_at_once = True
     _generated: FrameInputs
 
     def __init__(
