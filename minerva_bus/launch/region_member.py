@@ -5,7 +5,7 @@ Messages in, messages out: it has no clock, no link and no thread, apart from it
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -20,6 +20,7 @@ from minerva_bus.launch.in_process import members_of
 from minerva_bus.launch.region_journal import COORDINATOR, MAX_BYTES, RegionJournal
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.log.entries import encode_inputs
+from minerva_bus.regions.attached import Replies
 from minerva_bus.regions.messages import from_message, to_message
 from minerva_bus.regions.outbox import Outbox
 from minerva_bus.regions.parcel import Parcel
@@ -53,9 +54,12 @@ class RegionMember(Member):
     ) -> None:
         super().__init__(name)
         assert file.partition is not None
-        self.region = Region(file.world, number, file.partition)
         self._members = members_of(file)
-        self._runner = InProcessRunner(self.region.algorithm, self._members, self._observe)
+        self.region = region = Region(file.world, number, file.partition, self._members)
+        region.services.send = self._send_all
+        self._runner = InProcessRunner(
+            region.algorithm, self._members, self._observe, deliver=region.services.deliver
+        )
         self._decoder = Decoder(file.world.vocabulary, file.access.limits)
         self._journal = journal
         self._send = send
@@ -133,25 +137,26 @@ class RegionMember(Member):
         return list(self._advance())
 
     def send_again(self, regions: Iterable[int]) -> None:
-        """Send the parcels that these regions may not have."""
+        """Send what these regions may not have."""
         for region in regions:
-            for parcel in self._outbox.kept_for(region):
-                self._send(region, encode(to_message(parcel)))
+            for message in self._outbox.kept_for(region):
+                self._send(region, encode(to_message(message)))
 
     @property
     def awaited(self) -> list[int]:
-        """The regions whose parcels a requested frame needs."""
+        """The regions whose messages a requested frame needs."""
         return self.region.missing if self.region.frame <= self._requested else []
 
     def _accept(self, arrived: ParcelArrived) -> bool:
         try:
             message = self._decoder.parcel(arrived.data)
-            parcel = from_message(message, arrived.source, self.region.number)
-            is_new = self.region.receive(parcel)
+            received = from_message(message, arrived.source, self.region.number)
+            is_new = self.region.receive(received)
         except (ProtocolError, SceneError) as error:
             text = f"region {arrived.source} has sent an invalid parcel: {error}"
             raise WorldStopped(text) from None
-        self._outbox.acknowledge(parcel)
+        if isinstance(received, Parcel):
+            self._outbox.acknowledge(received)
         return is_new
 
     def _on_orders(self, orders: m.Orders) -> None:
@@ -170,7 +175,8 @@ class RegionMember(Member):
     def _on_stop(self, stop: m.Stop) -> None:
         self.stopped = stop.reason or "the world has ended"
         self._runner.handle(s.End(stop.reason))
-        close_services(self._members)
+        elsewhere = self.region.services.elsewhere
+        close_services(each for each in self._members if not elsewhere(each))
         self._out.append(m.Report(self.name, self._last_figures()))
 
     def figures(self) -> m.Figures:
@@ -190,12 +196,13 @@ class RegionMember(Member):
     # --- frames ---
 
     def _advance(self) -> Iterator[m.TickReply]:
-        """Run the requested frames whose parcels have arrived."""
+        """Run the requested frames for which everything has arrived."""
         region = self.region
         while region.frame <= self._requested and not (region.missing or region.over):
             region.enter()
-            # The coordinator ends the world, for the same reason.
-            if not region.over:
+            # The coordinator ends the world, for the same reason. Otherwise services in another
+            # region may still have to answer for this frame.
+            if not (region.over or region.missing):
                 yield self._run_frame()
 
     def _run_frame(self) -> m.TickReply:
@@ -204,25 +211,24 @@ class RegionMember(Member):
             region.algorithm.inbox.add_order(event)
         self._runner.handle(s.Begin())
         report = self._report()
-        parcels = region.leave()
-        self._outbox.keep(parcels)
-        for parcel in parcels:
-            self._pass_on(parcel)
+        for parcel in region.leave():
+            if parcel.target == region.number:
+                region.receive(parcel)
+            else:
+                self._send_all([parcel])
         self._reports = {
             n: kept for n, kept in self._reports.items() if n > self.frame - REPORTS_KEPT
         }
         self._reports[self.frame] = report
         return report
 
-    def _pass_on(self, parcel: Parcel) -> None:
-        if parcel.target == self.region.number:
-            self.region.receive(parcel)
-            self._outbox.acknowledge(parcel)
-            return
-        data = encode(to_message(parcel))
-        self._sent_bytes += len(data)
-        if not self._repeats:
-            self._send(parcel.target, data)
+    def _send_all(self, messages: Sequence[Parcel | Replies]) -> None:
+        self._outbox.keep(messages)
+        for message in messages:
+            data = encode(to_message(message))
+            self._sent_bytes += len(data)
+            if not self._repeats:
+                self._send(message.target, data)
 
     def _report(self) -> m.TickReply:
         region, done = self.region, self._done

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 
@@ -19,6 +19,7 @@ from minerva_bus.launch.in_process import members_of
 from minerva_bus.launch.printed import MEMBERS, printed
 from minerva_bus.launch.summary import RunSummary
 from minerva_bus.launch.worldfile import WorldFile
+from minerva_bus.regions.attached import Replies
 from minerva_bus.regions.merging import Units, merged
 from minerva_bus.regions.region import Region
 from minerva_bus.runtime.direct import InProcessRunner
@@ -69,7 +70,8 @@ class RegionRun:
             finally:
                 self._console.end()
                 for part in self._parts:
-                    close_services(part.members)
+                    elsewhere = part.region.services.elsewhere
+                    close_services(each for each in part.members if not elsewhere(each))
             return self._summary()
 
     def _open(self) -> None:
@@ -79,14 +81,21 @@ class RegionRun:
         for note in file.notes:
             self._console.note(f"{file.world.name}: {note}")
         for number in range(partition.count):
-            region, members = Region(file.world, number, partition), members_of(file)
-            runner = InProcessRunner(region.algorithm, members, self._observer(number))
+            members = members_of(file)
+            region = Region(file.world, number, partition, members)
+            region.services.send = self._receive_replies
+            observe, deliver = self._observer(number), region.services.deliver
+            runner = InProcessRunner(region.algorithm, members, observe, deliver=deliver)
             self._parts.append(_Part(region, members, runner))
         for part in self._parts:
             self._running = part.runner
             part.runner.start()
         self._running = None
         self._units = [part.region.units for part in self._parts]
+
+    def _receive_replies(self, replies: Sequence[Replies]) -> None:
+        for each in replies:
+            self._parts[each.target].region.receive(each)
 
     def _observer(self, number: int) -> Callable[[Notice], None]:
         def observe(notice: Notice) -> None:

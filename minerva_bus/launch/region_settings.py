@@ -13,6 +13,7 @@ from minerva_bus.frame.member import Member
 from minerva_bus.launch.specs import load
 from minerva_bus.launch.table import Table
 from minerva_bus.launch.worldfile import Process, WorldFile
+from minerva_bus.regions.attached import is_attached
 from minerva_bus.regions.partition import ByFunction, ById, ByPosition, Partition
 from minerva_bus.settings.tables import MAX_REGIONS, RegionSettings
 from minerva_bus.world.evolution import Policy
@@ -119,13 +120,11 @@ def _unsupported_processes(processes: Iterable[Process]) -> Iterator[str]:
 
 
 def _unsupported_service(service: Service | None) -> str:
-    """Why a service cannot run in each region with the same results; "" if it can."""
-    if service is None:
-        return ""
-    if isinstance(service, Device):
-        return "devices and views, which draw the whole string"
-    if service.topics or service.publishes:
-        return "sensor topics"
-    if not isinstance(service, Generator) or not service.lockstep:
+    """Why a service can run neither in each region with the same results nor in one; or ""."""
+    if isinstance(service, Generator) and not service.lockstep:
         return "generators that run freely"
+    if isinstance(service, Device) and (service.rate or service.interactive or service.pulse_every):
+        return "devices in real time, such as windows and pages"
+    if isinstance(service, Generator) and service.ahead and is_attached(service):
+        return "generators that run ahead and have sensor topics or views"
     return ""

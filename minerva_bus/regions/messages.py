@@ -1,22 +1,25 @@
-"""The message that carries a parcel, and the checks of a parcel from another process."""
+"""The messages between regions, and the checks of those from another process."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from itertools import chain, pairwise
-from typing import Annotated, ClassVar, Final
+from typing import Annotated, ClassVar, Final, TypeAlias
 
 import numpy as np
 
 from minerva_bus.errors import ProtocolError
 from minerva_bus.frame import messages as m
-from minerva_bus.frame.schema import Note, Wire
+from minerva_bus.frame.schema import Mark, Note, Wire, Within
 from minerva_bus.grammar.batch import AnyEvent, Events
-from minerva_bus.grammar.scene import Scene
+from minerva_bus.grammar.delta import Delta
+from minerva_bus.grammar.scene import AgentNode, Scene
+from minerva_bus.regions.attached import Replies
 from minerva_bus.regions.merging import PlacedEvent, Units
 from minerva_bus.regions.parcel import Parcel, Progress
 from minerva_bus.regions.places import Place
+from minerva_bus.regions.views import PlacedSkeleton, ViewPart
 
 _COUNT: Final = np.dtype("<u4")
 _NUMBER: Final = np.dtype("<i8")
@@ -45,11 +48,50 @@ class ParcelMessage:
     reached: Annotated[tuple[str, ...], Note("agents that have sent `until` in this frame")]
     striving: Annotated[tuple[str, ...], Note("their kinds")]
     left: Annotated[m.Figures, Note("by kind, the number of its agents that have not sent it")]
+    views: Annotated[
+        Mapping[str, m.Parts],
+        Mark.VIEW,
+        Note("for region 0: what has changed in the views of the frame"),
+    ] = field(default_factory=dict[str, m.Parts])
+    view_patches: Annotated[Mapping[str, m.Patches], Within("views")] = field(
+        default_factory=dict[str, dict[str, Delta]]
+    )
+    skeleton: Annotated[
+        Scene | None, Mark.SLOTS, Note("of these views; nil: as in the last parcel with views")
+    ] = None
+    sizes: Annotated[
+        bytes, Note("the number of nodes in the string for each piece of `skeleton`")
+    ] = b""
+    shown: Annotated[bytes, Note("the places of these nodes")] = b""
+    halted: Annotated[tuple[str, ...], Note("agents whose actions devices must not execute")] = ()
 
 
-def to_message(parcel: Parcel) -> ParcelMessage:
-    """The message of a parcel."""
-    progress, units = parcel.progress, parcel.units
+@dataclass(frozen=True, slots=True)
+class RepliesMessage:
+    """Replies of attached services without their source and target, which are in its key."""
+
+    WIRE: ClassVar = Wire(
+        "replies",
+        ("parcel",),
+        "what the services in region 0 have sent for a frame",
+        max_bytes="message_bytes",
+        max_values="answer_values",
+        awaited=True,
+    )
+
+    frame: int
+    events: Annotated[m.SentBy, Note("by the name of the service; also of those without events")]
+
+
+RegionMessage: TypeAlias = ParcelMessage | RepliesMessage
+
+
+def to_message(parcel: Parcel | Replies) -> RegionMessage:
+    """The message of a parcel, or of replies."""
+    if isinstance(parcel, Replies):
+        return RepliesMessage(parcel.frame, parcel.events)
+    progress, units, views = parcel.progress, parcel.units, parcel.views
+    layout = views.layout
     places = [place for each in parcel.events for place in each.places]
     return ParcelMessage(
         parcel.frame,
@@ -62,10 +104,23 @@ def to_message(parcel: Parcel) -> ParcelMessage:
         tuple(sorted(progress.reached)),
         tuple(sorted(progress.striving)),
         dict(progress.left),
+        views.views,
+        views.patches,
+        None if layout is None else layout.skeleton,
+        b"" if layout is None else np.array(layout.sizes, _COUNT).tobytes(),
+        b"" if layout is None else packed_places(layout.places),
+        views.halted,
     )
 
 
-def from_message(message: ParcelMessage, source: int, target: int) -> Parcel:
+def from_message(message: RegionMessage, source: int, target: int) -> Parcel | Replies:
+    """The parcel or the replies of a message. Raises ProtocolError if its parts contradict."""
+    if isinstance(message, RepliesMessage):
+        return Replies(message.frame, source, target, message.events)
+    return parcel_of(message, source, target)
+
+
+def parcel_of(message: ParcelMessage, source: int, target: int) -> Parcel:
     """The parcel of a message. Raises ProtocolError if its parts contradict each other."""
     scene = message.string or Scene(())
     nodes = sum(piece.count for piece in scene.pieces)
@@ -83,7 +138,23 @@ def from_message(message: ParcelMessage, source: int, target: int) -> Parcel:
         left,
     )
     events = tuple(placed_events(message.events, message.senders))
-    return Parcel(message.frame, source, target, Units(places, scene.pieces), events, progress)
+    units = Units(places, scene.pieces)
+    return Parcel(message.frame, source, target, units, events, progress, _views(message))
+
+
+def _views(message: ParcelMessage) -> ViewPart:
+    layout: PlacedSkeleton | None = None
+    if message.skeleton is not None:
+        pieces = message.skeleton.pieces
+        if len(message.sizes) != len(pieces) * _COUNT.itemsize:
+            raise ProtocolError(f"parcel: sizes has no number for each of {len(pieces)} pieces")
+        sizes: list[int] = np.frombuffer(message.sizes, _COUNT).tolist()
+        for piece, count in zip(pieces, sizes, strict=True):
+            if not isinstance(piece, AgentNode) and piece.count != count:
+                raise ProtocolError(f"parcel: sizes has {count} for {piece.count} {piece.symbol}")
+        places = unpacked_places(message.shown, sum(sizes), "shown")
+        layout = PlacedSkeleton(message.skeleton, tuple(sizes), places)
+    return ViewPart(message.views, message.view_patches, layout, message.halted)
 
 
 def placed_events(events: Sequence[AnyEvent], senders: bytes) -> Iterable[PlacedEvent]:

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from minerva_bus.regions.merging import PlacedEvent, Units
+from minerva_bus.regions.views import NO_VIEWS, ViewPart
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,10 +27,10 @@ class Progress:
 
 @dataclass(frozen=True, slots=True)
 class Parcel:
-    """The only message from one region to another in a frame.
+    """What one region sends to another after a frame.
 
     `units` become part of the receiver's string, and `events` belong to the next frame, unless
-    `frame` is the last one.
+    `frame` is the last one. `views` are only for the region of attached services.
     """
 
     frame: int
@@ -38,3 +39,9 @@ class Parcel:
     units: Units
     events: tuple[PlacedEvent, ...]
     progress: Progress
+    views: ViewPart = NO_VIEWS
+
+    @property
+    def needed_in(self) -> int:
+        """The frame that cannot begin without it."""
+        return self.frame + 1

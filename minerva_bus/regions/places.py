@@ -50,7 +50,7 @@ def after_frame(
 
     """
     made: list[Place] = []
-    for _, name, begin, end in _spans(composition):
+    for _, name, begin, end in spans(composition):
         result = changed.get(name)
         if result is None:
             made += places[begin:end]
@@ -70,7 +70,7 @@ class SenderPlaces:
         self._places = places
         self._composition = composition
         self._begins: dict[str, int] = {}
-        for piece, name, begin, _ in _spans(composition):
+        for piece, name, begin, _ in spans(composition):
             # The slots in a transformation are agents without scopes.
             inside = () if name or piece.still else agents(Scene((piece,)))
             names = [name] if name else [slot.id for slot in inside]
@@ -89,7 +89,7 @@ class SenderPlaces:
         return [self._places[node] for node in nodes.tolist()]
 
 
-def _spans(composition: Composition) -> Iterator[tuple[Piece, str, int, int]]:
+def spans(composition: Composition) -> Iterator[tuple[Piece, str, int, int]]:
     """The pieces of the skeleton, each with its fragment and its range of nodes.
 
     The fragment is "" for other pieces, such as a transformation around fragments, which is always

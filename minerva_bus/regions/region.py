@@ -8,7 +8,7 @@ arrive in any order and more than once.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
 
@@ -20,16 +20,16 @@ from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.description import World
 from minerva_bus.frame.goal import all_sent
 from minerva_bus.frame.live import LiveSource, why_over
+from minerva_bus.frame.member import Member
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.scene import Piece, Scene, agents
+from minerva_bus.regions.attached import HOME, AttachedServices, Replies
 from minerva_bus.regions.merging import PlacedEvent, Units, in_order, merged
 from minerva_bus.regions.parcel import Parcel, Progress
 from minerva_bus.regions.partition import Partition, regions_of
 from minerva_bus.regions.places import Place, SenderPlaces, after_frame
 from minerva_bus.regions.routing import Routing
-
-HOME = 0
-"""The region of units without agents; they stay where they are."""
+from minerva_bus.regions.views import NO_VIEWS, PartialViews
 
 
 class RegionSource(LiveSource):
@@ -39,6 +39,8 @@ class RegionSource(LiveSource):
         super().__init__(algorithm)
         self.places: Sequence[Place] = ()
         self.sent: list[PlacedEvent] = []
+        self.shown = NO_VIEWS
+        self._views = PartialViews()
         self.commit = self._commit
 
     def why_over(self) -> str:
@@ -48,7 +50,9 @@ class RegionSource(LiveSource):
     def _commit(self) -> None:
         algorithm = self._algorithm
         composition, changed = algorithm.composition, algorithm.in_flight.result.changed
-        # Before the replacement, because agents that died in this frame have no place after it.
+        # Before the replacement: views are of the string that the frame began with, and agents
+        # that died in this frame have no place after it.
+        self.shown = self._views.part(algorithm.in_flight, composition, self.places)
         sent = self.evolution.sent_in_order()
         senders = SenderPlaces(self.places, composition) if sent else None
         self.sent = [PlacedEvent(senders.of(event), event) for event in sent] if senders else []
@@ -64,14 +68,21 @@ class Region:
     world has ended by its goal. `resting`: the next frame would change nothing in any region.
     """
 
-    def __init__(self, world: World, number: int, partition: Partition) -> None:
-        """`world` is the whole world, whose string is cut here, equally in each region."""
+    def __init__(
+        self, world: World, number: int, partition: Partition, members: Iterable[Member] = ()
+    ) -> None:
+        """`world` is the whole world, whose string is cut here, equally in each region.
+
+        `members` are those of the world; the region delivers messages to them by
+        `services.deliver`.
+        """
         own = cut(world.scene, partition)[number]
         self.number = number
         self.partition = partition
         self.over = ""
         self.reached = False
         self.resting = False
+        self.services = AttachedServices(number, partition.count, members)
         self.algorithm = FrameAlgorithm(replace(world, scene=own.scene), RegionSource)
         assert isinstance(self.algorithm.source, RegionSource)
         self._source = self.algorithm.source
@@ -101,14 +112,16 @@ class Region:
 
     # --- before a frame ---
 
-    def receive(self, parcel: Parcel) -> bool:
-        """Accept a parcel; returns False for one that has arrived before.
+    def receive(self, parcel: Parcel | Replies) -> bool:
+        """Accept a parcel, or replies of services; returns False if it has arrived before.
 
         Raises ProtocolError for one that its sender cannot have, because this region has not sent
         the parcels that it would need.
         """
         if parcel.frame > self.frame:
             raise ProtocolError(f"it is of frame {parcel.frame}, expected at most {self.frame}")
+        if isinstance(parcel, Replies):
+            return self.services.receive(parcel)
         if self._is_known(parcel):
             return False
         self._parcels.setdefault(parcel.frame, {})[parcel.source] = parcel
@@ -120,31 +133,32 @@ class Region:
 
     @property
     def missing(self) -> list[int]:
-        """The regions whose parcels the next frame needs and that have not arrived."""
-        if self._is_first:
-            return []
+        """The regions that have not sent what `enter` needs, or then the next frame."""
+        if self._has_entered:
+            return [HOME] if self.services.lacks(self.frame) else []
         arrived = self._parcels.get(self.frame - 1, ())
         return [region for region in range(self.partition.count) if region not in arrived]
 
     def enter(self) -> None:
-        """Prepare the next frame from the parcels: agents that arrive, and events of all regions.
+        """Prepare the next frame, once, from the parcels: agents that arrive, and all events.
 
         The world is over if `over` is set afterwards. Raises ProtocolError if a region has sent
         agents that do not belong here.
         """
-        if self._is_first:
+        if self._has_entered:
             return
         parcels = [parcel for _, parcel in sorted(self._parcels.pop(self.frame - 1).items())]
         self._entered = self.frame + 1
         self._check_arriving(parcels)
+        self.services.take(self.frame - 1, {parcel.source: parcel.views for parcel in parcels})
         self._join([parcel.units for parcel in parcels])
         events = in_order(event for parcel in parcels for event in parcel.events)
         self.algorithm.inbox.emitted = events
         self._note_progress([parcel.progress for parcel in parcels])
 
     @property
-    def _is_first(self) -> bool:
-        return self.frame == self._world.past.frame
+    def _has_entered(self) -> bool:
+        return self._entered > self.frame or self.frame == self._world.past.frame
 
     def _check_arriving(self, parcels: Sequence[Parcel]) -> None:
         """Raise ProtocolError for an agent of another region, or one that is here already."""
@@ -202,8 +216,17 @@ class Region:
         routing = Routing(self.number, self.partition.count, composition, moving)
         routed = routing.route(self._source.sent)
         progress = self.progress()
+        views = {HOME: self._source.shown} if self.services.shows else {}
         return [
-            Parcel(frame, self.number, to, leaving.get(to, NOTHING), tuple(events), progress)
+            Parcel(
+                frame,
+                self.number,
+                to,
+                leaving.get(to, NOTHING),
+                tuple(events),
+                progress,
+                views.get(to, NO_VIEWS),
+            )
             for to, events in enumerate(routed)
         ]
 

@@ -13,7 +13,7 @@ from minerva_bus.errors import ProtocolError, SceneError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame.schema import Wire
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.regions.messages import ParcelMessage
+from minerva_bus.regions.messages import ParcelMessage, RegionMessage, RepliesMessage
 from minerva_bus.regions.part import PartMessage
 from minerva_bus.wire.declared import Encode, MessageCodec, by_name, message_codec
 from minerva_bus.wire.limits import DEFAULT, Limits
@@ -26,7 +26,7 @@ _EMPTY: Final = Vocabulary()
 FROM_MEMBER: Final = by_name(get_args(m.FromMember))
 TO_MEMBER: Final = by_name(get_args(m.ToMember))
 FOR_ALL: Final = by_name((m.Readings, m.FrameRecord))
-FROM_REGION: Final = by_name((ParcelMessage,))
+FROM_REGION: Final = by_name((ParcelMessage, RepliesMessage))
 PARTS: Final = by_name((PartMessage,))
 _PARCEL: Final = ParcelMessage.WIRE
 _PART: Final = PartMessage.WIRE
@@ -46,7 +46,7 @@ _ENCODERS: Final = _Encoders()
 _UNKNOWN: Final = Wire("", ("from",), "an unknown message")
 
 
-def encode(message: m.Message | ParcelMessage | PartMessage) -> bytes:
+def encode(message: m.Message | RegionMessage | PartMessage) -> bytes:
     """A message as bytes. Raises ProtocolError for values that MessagePack cannot represent."""
     try:
         return _ENCODERS[type(message)](message)
@@ -89,7 +89,7 @@ class Decoder:
         """The record of a frame."""
         return self.decode(_RECORD, (), data)
 
-    def parcel(self, data: bytes) -> ParcelMessage:
+    def parcel(self, data: bytes) -> RegionMessage:
         """A message from a region to another one, checked against its limits."""
         check_weight(data, _PARCEL, self._limits)
         return self.decode(FROM_REGION, (), data)

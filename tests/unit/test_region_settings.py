@@ -67,7 +67,7 @@ def test_mistakes_are_named(table, problem):
 
 @pytest.mark.parametrize(
     ("world", "reason"),
-    [("flock", r"devices and views.*\(neighbours\)"), ("traffic", "norms")],
+    [("traffic", "norms")],
 )
 def test_an_unsupported_world_is_refused_with_the_reason(world, reason):
     with pytest.raises(WorldFileError, match=rf"{reason}.*--regions 0"):

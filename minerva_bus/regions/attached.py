@@ -1,0 +1,156 @@
+"""Services that are attached to one region: they get the views of all regions, and answer for all.
+
+Other generators have a copy in each region, which makes the same events. A device needs the whole
+view of the string, and a service with sensor topics may depend on one, so these exist once, in the
+region `HOME`:
+
+    frame t      each region sends its views of w_t to HOME, in its parcel
+    frame t + 1  HOME assembles them, shows them, and sends the events of its services to all
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final, TypeAlias
+
+from minerva_bus.errors import ProtocolError
+from minerva_bus.frame import messages as m
+from minerva_bus.frame.member import Member
+from minerva_bus.grammar.batch import AnyEvent
+from minerva_bus.regions.views import ViewAssembly, ViewPart
+from minerva_bus.world.services import Device, Service
+
+HOME: Final = 0
+"""The region of attached services, and of units without agents."""
+
+Answer: TypeAlias = m.FromMember | m.Readings
+
+
+def is_attached(service: Service | None) -> bool:
+    """Whether a service exists in one region only."""
+    if service is None:
+        return False
+    return isinstance(service, Device) or bool(service.topics or service.publishes)
+
+
+@dataclass(frozen=True, slots=True)
+class Replies:
+    """The events of all attached services in a frame, by their names, for one region."""
+
+    frame: int
+    source: int
+    target: int
+    events: Mapping[str, tuple[AnyEvent, ...]]
+
+    @property
+    def needed_in(self) -> int:
+        """The frame that cannot begin without it."""
+        return self.frame
+
+
+class AttachedServices:
+    """The attached services of a world, as one region knows them.
+
+    `deliver` is between the region's algorithm and all of its members. At `HOME`, `send` is called
+    with the replies for the other regions as soon as the services have answered.
+    """
+
+    def __init__(self, number: int, regions: int, members: Iterable[Member]) -> None:
+        attached = [member for member in members if is_attached(member.service)]
+        hellos = [member.hello() for member in attached]
+        self.send: Callable[[Sequence[Replies]], None] = lambda replies: None
+        self.shows = any(hello.draws for hello in hellos)
+        self._number = number
+        self._others = [region for region in range(regions) if region != HOME]
+        self._names = frozenset(hello.member for hello in hellos)
+        self._tickers = frozenset(hello.member for hello in hellos if hello.ticks)
+        self._drawn = {hello.member: frozenset(hello.draws) for hello in hellos}
+        self._replies: dict[int, dict[str, tuple[AnyEvent, ...]]] = {}
+        self._answered = -1
+        self._assembly = ViewAssembly()
+        self._unshown: dict[str, list[m.ViewShown]] = {}
+
+    @property
+    def at_home(self) -> bool:
+        """Whether the services are in this region."""
+        return self._number == HOME
+
+    def lacks(self, frame: int) -> bool:
+        """Whether the replies for a frame have not arrived yet."""
+        return bool(self._tickers) and not self.at_home and frame not in self._replies
+
+    def receive(self, replies: Replies) -> bool:
+        """Accept replies; returns False if they have arrived before.
+
+        Raises ProtocolError for replies that are not those of all attached services.
+        """
+        if replies.source != HOME or frozenset(replies.events) != self._tickers:
+            raise ProtocolError(
+                f"replies of {', '.join(sorted(replies.events))[:80] or 'no service'}"
+            )
+        if replies.frame <= self._answered or replies.frame in self._replies:
+            return False
+        self._replies[replies.frame] = dict(replies.events)
+        return True
+
+    def take(self, frame: int, parts: Mapping[int, ViewPart]) -> None:
+        """Assemble the views of a frame; services get them before they are asked again."""
+        if not self.at_home or not self.shows:
+            return
+        for shown in self._assembly.assemble(frame, parts):
+            for name, drawn in self._drawn.items():
+                if shown.event_type in drawn:
+                    self._unshown.setdefault(name, []).append(shown)
+
+    def elsewhere(self, member: Member) -> bool:
+        """Whether a member is a service in another region, so that here it only stands for it."""
+        return member.name in self._names and not self.at_home
+
+    def deliver(self, member: Member, message: m.ToMember | m.Readings) -> Iterable[Answer]:
+        """Deliver a message to a member of this region; returns its answers."""
+        if member.name not in self._names:
+            return _received(member, message)
+        # The view of this region alone: its parcel has it.
+        is_view = isinstance(message, m.ViewShown)
+        if not self.at_home:
+            return () if is_view else self._stand_in(member, message)
+        answers: list[Answer] = []
+        for shown in self._unshown.pop(member.name, ()):
+            answers += _received(member, shown)
+        if not is_view:
+            answers += _received(member, message)
+        self._note(answers)
+        return answers
+
+    def _stand_in(self, member: Member, message: m.ToMember | m.Readings) -> Iterable[Answer]:
+        """The answer of a service in another region."""
+        match message:
+            case m.Greet():
+                return (member.hello(),)
+            case m.TickRequest(frame):
+                self._answered = frame
+                self._replies = {n: of for n, of in self._replies.items() if n >= frame}
+                return (m.TickReply(member.name, frame, self._replies[frame][member.name]),)
+            case m.Stop():
+                return (m.Report(member.name, {}),)
+            case _:
+                return ()
+
+    def _note(self, answers: Iterable[Answer]) -> None:
+        """Keep the replies of services until all have answered, and send them then."""
+        for reply in answers:
+            if not isinstance(reply, m.TickReply):
+                continue
+            replies = self._replies.setdefault(reply.frame, {})
+            replies[reply.member] = reply.events
+            if frozenset(replies) == self._tickers:
+                del self._replies[reply.frame]
+                self.send([Replies(reply.frame, HOME, to, replies) for to in self._others])
+
+
+def _received(member: Member, message: m.ToMember | m.Readings) -> list[Answer]:
+    answers = member.receive(message)
+    # On the bus an observer draws when its inbox is empty, which it always is here.
+    member.show()
+    return answers

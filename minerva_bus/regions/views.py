@@ -1,0 +1,165 @@
+"""Views of regions: parts of the view of a whole string, and their assembly at its devices."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+
+from minerva_bus.errors import WorldStopped
+from minerva_bus.frame.composition import PART, Composition
+from minerva_bus.frame.in_flight import FrameInFlight
+from minerva_bus.frame.messages import Parts, Patches, ViewShown
+from minerva_bus.frame.views import patch_all
+from minerva_bus.grammar.columns import size
+from minerva_bus.grammar.scene import EMPTY, AgentNode, Piece, Scene, agents
+from minerva_bus.regions.merging import Units, merged
+from minerva_bus.regions.places import Place, spans
+
+
+@dataclass(frozen=True, slots=True)
+class PlacedSkeleton:
+    """A region's string without its agents.
+
+    `skeleton` has a slot for each fragment, `sizes` the number of nodes of each of its pieces or of
+    the fragment there, and `places` the places of all these nodes.
+    """
+
+    skeleton: Scene = EMPTY
+    sizes: tuple[int, ...] = ()
+    places: Sequence[Place] = ()
+
+    @classmethod
+    def of(cls, composition: Composition, places: Sequence[Place]) -> PlacedSkeleton:
+        """The layout of a composition whose nodes have these places."""
+        sizes = tuple([end - begin for _, _, begin, end in spans(composition)])
+        return cls(composition.skeleton, sizes, places)
+
+    def each(self) -> Iterator[tuple[Piece, Sequence[Place]]]:
+        """Each piece with the places of its nodes."""
+        end = 0
+        for piece, count in zip(self.skeleton.pieces, self.sizes, strict=True):
+            begin, end = end, end + count
+            yield piece, self.places[begin:end]
+
+
+@dataclass(frozen=True, slots=True)
+class ViewPart:
+    """The views of a region's part of w in one frame, by visual event type and fragment.
+
+    They are changed views, whole or as patches of the last ones. `layout` is None if it has not
+    changed since the last part. `halted`: agents whose actions devices must not execute.
+    """
+
+    views: Mapping[str, Parts] = field(default_factory=dict[str, Parts])
+    patches: Mapping[str, Patches] = field(default_factory=dict[str, Patches])
+    layout: PlacedSkeleton | None = None
+    halted: tuple[str, ...] = ()
+
+
+NO_VIEWS = ViewPart()
+
+
+class PartialViews:
+    """The views that a region sends to the region of its devices."""
+
+    def __init__(self) -> None:
+        self._sent: PlacedSkeleton | None = None
+
+    def part(
+        self, in_flight: FrameInFlight, composition: Composition, places: Sequence[Place]
+    ) -> ViewPart:
+        """The part of a frame whose results are final, before they replace the string."""
+        types = sorted({event.type for event in in_flight.events.visual})
+        if not types:
+            return NO_VIEWS
+        layout, result = PlacedSkeleton.of(composition, places), in_flight.result
+        changed = self._sent != layout
+        self._sent = layout
+        return ViewPart(
+            {name: result.views.get(name, {}) for name in types},
+            {name: result.view_patches[name] for name in types if name in result.view_patches},
+            layout if changed else None,
+            result.halted,
+        )
+
+
+@dataclass(slots=True)
+class _RegionViews:
+    """The latest views of a region, by event type and fragment."""
+
+    layout: PlacedSkeleton = field(default_factory=PlacedSkeleton)
+    views: dict[str, dict[str, Scene]] = field(default_factory=dict[str, dict[str, Scene]])
+
+    def take(self, part: ViewPart) -> None:
+        if part.layout is not None:
+            self.layout = part.layout
+            slots = {slot.id for slot in agents(part.layout.skeleton)}
+            self.views = {
+                event_type: {name: view for name, view in of.items() if name in slots}
+                for event_type, of in self.views.items()
+            }
+        for event_type, changed in part.views.items():
+            of = self.views.setdefault(event_type, {})
+            of.update(changed)
+            patch_all(of, part.patches.get(event_type, {}))
+
+
+class ViewAssembly:
+    """The views of the whole string, assembled from those of all regions."""
+
+    def __init__(self) -> None:
+        self._regions: dict[int, _RegionViews] = {}
+        self._skeletons: dict[str, Scene] = {}
+        self._sequence = 0
+
+    def assemble(self, frame: int, parts: Mapping[int, ViewPart]) -> list[ViewShown]:
+        """The views of a frame, whole, from the parts of all regions by number.
+
+        Raises WorldStopped if nothing shows which agents have made which nodes of a view.
+        """
+        for number, part in sorted(parts.items()):
+            self._regions.setdefault(number, _RegionViews()).take(part)
+            self._forget_skeletons(part)
+        types = sorted({event_type for part in parts.values() for event_type in part.views})
+        halted = tuple(sorted({who for part in parts.values() for who in part.halted}))
+        self._sequence += 1
+        return [self._whole(event_type, frame, halted) for event_type in types]
+
+    def _forget_skeletons(self, part: ViewPart) -> None:
+        if part.layout is not None:
+            self._skeletons.clear()
+        # Agents in columns stand in the skeleton, because the rows of regions alternate there.
+        for event_type, views in part.views.items():
+            if part.patches.get(event_type) or any(name.startswith(PART) for name in views):
+                self._skeletons.pop(event_type, None)
+
+    def _whole(self, event_type: str, frame: int, halted: tuple[str, ...]) -> ViewShown:
+        parts: dict[str, Scene] = {}
+        for region in self._regions.values():
+            views = region.views.get(event_type, {}).items()
+            parts |= {name: view for name, view in views if not name.startswith(PART)}
+        skeleton = self._skeletons.get(event_type)
+        if skeleton is None:
+            units = merged(_units(region, event_type) for region in self._regions.values())
+            skeleton = self._skeletons[event_type] = units.scene
+        return ViewShown(event_type, frame, self._sequence, parts, skeleton, halted=halted)
+
+
+def _units(region: _RegionViews, event_type: str) -> Units:
+    """The slots of a region, and what its agents in columns show, by place."""
+    views, places, pieces = region.views.get(event_type, {}), list[Place](), list[Piece]()
+    for piece, own in region.layout.each():
+        if not (isinstance(piece, AgentNode) and piece.id.startswith(PART)):
+            places += own
+            pieces.append(piece)
+            continue
+        shown = views.get(piece.id, EMPTY).pieces
+        if shown and size(shown) != len(own):
+            raise WorldStopped(
+                f"regions: {len(own)} agents of the kind {piece.symbol}, held in columns, show"
+                f" {size(shown)} nodes for {event_type}; expected one node of each agent, or run"
+                " this world without regions"
+            )
+        places += own if shown else ()
+        pieces += shown
+    return Units(places, tuple(pieces))

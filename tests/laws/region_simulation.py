@@ -1,0 +1,176 @@
+"""Regions that run in any order, with messages that are lost, repeated and reordered, and kills."""
+
+from collections import defaultdict
+from dataclasses import dataclass, field
+from itertools import chain
+from random import Random
+
+from minerva_bus.frame import stimuli as s
+from minerva_bus.frame.algorithm import FrameAlgorithm
+from minerva_bus.frame.description import World
+from minerva_bus.grammar.batch import single
+from minerva_bus.regions.merging import in_order, merged
+from minerva_bus.regions.messages import from_message, to_message
+from minerva_bus.regions.outbox import Outbox
+from minerva_bus.regions.parcel import Parcel
+from minerva_bus.regions.part import PartReceiver, PartSender
+from minerva_bus.regions.region import Region, cut
+from minerva_bus.runtime.direct import InProcessRunner
+from minerva_bus.wire.codec import Decoder, encode
+
+
+def begin(runner, events):
+    """Run one frame with these events of a generator."""
+    runner.algorithm.inbox.replace({"generator": events} if events else {})
+    runner.handle(s.Begin())
+
+
+def digests_of_one(world, frames, members):
+    algorithm = FrameAlgorithm(world)
+    runner = InProcessRunner(algorithm, members())
+    runner.start()
+    digests = []
+    for events in frames:
+        if runner.ended:
+            break
+        begin(runner, events)
+        digests.append(state(algorithm.scene, algorithm.inbox.emitted))
+    return digests
+
+
+def state(scene, emitted):
+    """What has to be equal after a frame: the string, and the events that agents have sent."""
+    # The order of types is that of a frame's collection.
+    events = sorted(single(emitted), key=lambda event: event.type)
+    return scene.digest, [(str(event), event.sender) for event in events]
+
+
+class Process:
+    """A region with its members, which can be killed: then its journal is all that remains."""
+
+    def __init__(self, regions, number, journal=()):
+        self.regions = regions
+        self.journal = list(journal)
+        members = regions.members()
+        self.region = region = Region(regions.world, number, regions.partitions[0], members)
+        self.outbox = Outbox()
+        self.sent = []
+        self.parts = PartSender()
+        region.services.send = self.send
+        deliver = region.services.deliver
+        self.runner = InProcessRunner(region.algorithm, members, deliver=deliver)
+        self.runner.start()
+        for message in journal:
+            self.advance_all()
+            region.receive(message)
+            self.acknowledge(message)
+        if journal:
+            self.advance_all()
+
+    def send(self, messages):
+        self.outbox.keep(messages)
+        self.sent += messages
+
+    def receive(self, message):
+        if self.region.receive(message):
+            self.journal.append(message)
+        self.acknowledge(message)
+
+    def acknowledge(self, message):
+        if isinstance(message, Parcel):
+            self.outbox.acknowledge(message)
+
+    def advance_all(self):
+        while self.advance():
+            pass
+
+    def advance(self):
+        """Run one frame if everything for it has arrived."""
+        region, regions = self.region, self.regions
+        if not self.goes_on or region.missing:
+            return False
+        region.enter()
+        frame = region.frame
+        if region.over:
+            regions.ends[region.number] = (region.over, region.reached, frame)
+        if region.over or region.missing:
+            return False
+        begin(self.runner, regions.frames[frame])
+        message = self.parts.message(frame, region.units, region.sent, region.progress(), b"")
+        regions.report(frame, region.number, message)
+        region.partition = regions.partitions[(frame + 1) % len(regions.partitions)]
+        self.send(region.leave())
+        return True
+
+    @property
+    def goes_on(self):
+        return self.region.frame < len(self.regions.frames) and not self.region.over
+
+
+@dataclass
+class Regions:
+    """`members` makes the members of one region; `kills` is the probability of a kill per turn."""
+
+    world: World
+    frames: list
+    partitions: list
+    chance: Random
+    members: object
+    kills: float = 0.0
+    ahead: int = 0
+    killed: int = 0
+    messages: list = field(default_factory=list)
+    parts: list = field(default_factory=list)
+    reports: dict = field(default_factory=lambda: defaultdict(dict))
+    ends: dict = field(default_factory=dict)
+
+    def digests(self):
+        count, chance = self.partitions[0].count, self.chance
+        self.decoder = Decoder(self.world.vocabulary)
+        self.parts = [PartReceiver(part) for part in cut(self.world.scene, self.partitions[0])]
+        self.processes = [Process(self, number) for number in range(count)]
+        while any(process.goes_on for process in self.processes):
+            number = chance.randrange(count)
+            if chance.random() < self.kills:
+                self.killed += 1
+                self.processes[number] = Process(self, number, self.processes[number].journal)
+            self.processes[number].advance()
+            frames = [process.region.frame for process in self.processes]
+            self.ahead = max(self.ahead, max(frames) - min(frames))
+            self.deliver()
+        return [
+            state(
+                merged(units for units, _ in parts).scene,
+                in_order(chain(*(sent for _, sent in parts))),
+            )
+            for parts in ([*of.values()] for _, of in sorted(self.reports.items()))
+        ]
+
+    def report(self, frame, number, message):
+        """Send the changes of a region's part to the coordinator, which assembles the string."""
+        if number not in self.reports[frame]:  # Otherwise a new process repeats the frame.
+            receiver = self.parts[number]
+            receiver.apply(self.decoder.part(encode(message)))
+            self.reports[frame][number] = receiver.units, receiver.sent
+
+    def deliver(self):
+        chance = self.chance
+        for process in self.processes:
+            self.messages += process.sent
+            process.sent = []
+        for _ in range(chance.randrange(len(self.messages) + 1)):
+            message = chance.choice(self.messages)
+            if chance.random() < 0.8:  # Otherwise it arrives once more.
+                self.messages.remove(message)
+            if chance.random() < 0.1:
+                continue  # It is lost.
+            received = self.decoder.parcel(encode(to_message(message)))
+            arrived = from_message(received, message.source, message.target)
+            self.processes[message.target].receive(arrived)
+        if chance.random() < 0.2:  # A link that was cut is there again.
+            self.send_again(chance.choice(self.processes), chance.choice(self.processes))
+
+    def send_again(self, source, target):
+        kept = source.outbox.kept_for(target.region.number)
+        assert len(kept) <= 4
+        self.messages += kept

@@ -1,0 +1,50 @@
+"""Laws of regions for whole worlds, whose devices, physics and searches need the whole string."""
+
+from functools import cache
+from random import Random
+
+import pytest
+from region_simulation import Regions, digests_of_one
+
+from minerva_bus.launch.in_process import members_of
+from minerva_bus.launch.installed import find_world
+from minerva_bus.launch.reading import read_world_file
+from minerva_bus.regions.partition import ById, ByPosition
+from minerva_bus.settings.overrides import Overrides
+
+OPTIONS = {
+    "meadow": {},
+    "flock": {"birds": "70"},
+    "crowd": {"people": "40"},
+    "warehouse": {},
+    "robots": {},
+}
+FRAMES = [[]] * 6
+GRIDS = {
+    2: [ById(2), ByPosition((12.0,))],
+    4: [ById(4), ByPosition((12.0,), (8.0,))],
+    9: [ById(9), ByPosition((5.0, 20.0), (5.0, 12.0))],
+    16: [ById(16), ByPosition((5.0, 10.0, 20.0), (4.0, 8.0, 12.0))],
+}
+
+
+class File:
+    """A world file with the members of each run, and the digests of one coordinator."""
+
+    def __init__(self, name):
+        self.file = read_world_file(find_world(name), Overrides(options=OPTIONS[name]))
+        self.single = digests_of_one(self.file.world, FRAMES, self.members)
+
+    def members(self):
+        return members_of(self.file)
+
+
+world_file = cache(File)
+
+
+@pytest.mark.parametrize("count", [2, 9])
+@pytest.mark.parametrize("name", sorted(OPTIONS))
+def test_regions_have_the_digests_of_one_coordinator(name, count):
+    of = world_file(name)
+    regions = Regions(of.file.world, FRAMES, GRIDS[count], Random(count), of.members, kills=0.01)
+    assert regions.digests() == of.single
