@@ -30,8 +30,9 @@ if TYPE_CHECKING:
     )
     from minerva_bus.api.run_result import Interrupted, Run
     from minerva_bus.api.running import run
+    from minerva_bus.api.service_specs import each, service
     from minerva_bus.api.studies import sweep
-    from minerva_bus.api.world import World, each, service
+    from minerva_bus.api.world import World
     from minerva_bus.errors import MinervaError
     from minerva_bus.grammar.batch import Events
     from minerva_bus.grammar.events import Event
@@ -52,11 +53,12 @@ if TYPE_CHECKING:
     )
     from minerva_bus.grammar.vocabulary import Vocabulary
     from minerva_bus.semantics.geometry import Geometry, interpret
-    from minerva_bus.world.agent import Agent, on, view
+    from minerva_bus.world.agent import Agent
     from minerva_bus.world.context import BatchContext, Context, Frame
     from minerva_bus.world.event_batch import EventBatch
     from minerva_bus.world.evolution import Policy, evolve
     from minerva_bus.world.expressions import count, data
+    from minerva_bus.world.marking import on, view
     from minerva_bus.world.services import Device, Generator, Tick, View, WorldInfo
     from minerva_bus.world.views import visualize
 
@@ -75,8 +77,9 @@ _HOMES = {
     "api.records": "diff explain record replay replay_swapped replay_views resume",
     "api.run_result": "Interrupted Run",
     "api.running": "run",
+    "api.service_specs": "each service",
     "api.studies": "sweep",
-    "api.world": "World each service",
+    "api.world": "World",
     "errors": "MinervaError",
     "grammar.batch": "Events",
     "grammar.events": "Event",
@@ -90,11 +93,12 @@ _HOMES = {
     "grammar.types": "Cells Degrees Metres MetresPerSecond Reals Seconds",
     "grammar.vocabulary": "Vocabulary",
     "semantics.geometry": "Geometry interpret",
-    "world.agent": "Agent on view",
+    "world.agent": "Agent",
     "world.evolution": "Policy evolve",
     "world.context": "BatchContext Context Frame",
     "world.event_batch": "EventBatch",
     "world.expressions": "count data",
+    "world.marking": "on view",
     "world.services": "Device Generator Tick View WorldInfo",
     "world.views": "visualize",
 }

@@ -15,8 +15,9 @@ from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.fields import Default
 from minerva_bus.grammar.scene import EMPTY, Scene
 from minerva_bus.grammar.symbols import EventType, Primitive, Transformation
-from minerva_bus.world.agent import Agent, on, view
+from minerva_bus.world.agent import Agent
 from minerva_bus.world.context import Context
+from minerva_bus.world.marking import on, view
 
 eMail = EventType("eMail", visual=True)  # noqa: N816 - event types begin with e
 

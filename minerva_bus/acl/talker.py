@@ -27,8 +27,9 @@ from minerva_bus.acl.receiving import numbered, receive
 from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.scene import EMPTY, Scene
-from minerva_bus.world.agent import Agent, on
+from minerva_bus.world.agent import Agent
 from minerva_bus.world.context import Context
+from minerva_bus.world.marking import on
 
 
 class Talker(Agent):

@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-import threading
 import time
 from collections.abc import Callable, Generator, Mapping
-from concurrent.futures import Future
-from concurrent.futures import TimeoutError as NoAnswer
 from contextlib import contextmanager
 from dataclasses import dataclass
-from queue import Empty, SimpleQueue
 from typing import Any, Final
 
-from minerva_bus.errors import BusError, MinervaError, WorldStopped
+from minerva_bus.errors import MinervaError, WorldStopped
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.collection import ORDERS
@@ -20,10 +16,12 @@ from minerva_bus.frame.member import Member, Unready
 from minerva_bus.frame.phases import Phase
 from minerva_bus.launch.collecting import CollectSink, collect_sink
 from minerva_bus.launch.compiling import compile_agents
-from minerva_bus.launch.console import Console, live_line
+from minerva_bus.launch.console import Console
 from minerva_bus.launch.exporting import exported
 from minerva_bus.launch.failures import CodeFailure
 from minerva_bus.launch.free_running import FreeRunning, close_services
+from minerva_bus.launch.in_process_progress import InProcessProgress
+from minerva_bus.launch.in_process_questions import InProcessQuestions
 from minerva_bus.launch.interrupts import interrupts_deferred
 from minerva_bus.launch.printed import MEMBERS, printed
 from minerva_bus.launch.recording import RunRecord, recording
@@ -31,12 +29,11 @@ from minerva_bus.launch.slow_frames import slow_frames_reported
 from minerva_bus.launch.summary import RunSummary
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.runtime.asking import AskingOperator
-from minerva_bus.runtime.control import Operated, answer
 from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.runtime.metrics import Metrics
+from minerva_bus.runtime.operated import Operated
 from minerva_bus.runtime.runner import Notice, Sink
 from minerva_bus.runtime.schedule import FrameSchedule
-from minerva_bus.runtime.status import StatusMeter
 from minerva_bus.runtime.system import REAL
 from minerva_bus.runtime.world_log import WorldLog
 from minerva_bus.source import SourceLine
@@ -46,9 +43,6 @@ from minerva_bus.world.operator import PersonOperation
 
 POLL_SECONDS: Final = 0.01
 """Longest sleep between two turns, while no frame is due."""
-
-STATUS_EVERY: Final = 0.1
-ANSWER_SECONDS: Final = 1.0
 
 
 def never() -> bool:
@@ -77,8 +71,8 @@ class InProcessRun:
         self._console = console
         self._sinks = sinks
         self._schedule = FrameSchedule(self.algorithm, file.rate, time.monotonic, self._warn)
-        self._progress = _Progress(file, console, began, self.algorithm, self._schedule)
-        self._questions = _Questions(file.world.name)
+        self._progress = InProcessProgress(file, console, began, self.algorithm, self._schedule)
+        self._questions = InProcessQuestions(file.world.name)
         self._record = RunRecord()
         self._metrics = Metrics(self.algorithm, time.monotonic)
         self._log = WorldLog(self.algorithm, self._show, REAL, self._metrics)
@@ -318,102 +312,3 @@ def _no_restart(_: str) -> str:
 
 def _no_stack(_: str) -> str:
     return "all members run in one process: none has a stack of its own"
-
-
-class _Progress(Sink):
-    """Shows the state of the run, and makes its summary."""
-
-    def __init__(
-        self,
-        file: WorldFile,
-        console: Console,
-        began: float,
-        algorithm: FrameAlgorithm,
-        schedule: FrameSchedule,
-    ) -> None:
-        self.status = StatusMeter(algorithm, schedule.pace, began)
-        self._file = file
-        self._console = console
-        self._began = began
-        self._algorithm = algorithm
-        self._schedule = schedule
-        self._first_frame_at: float | None = None
-
-    def frame_done(self, notice: s.FrameDone) -> None:
-        """Show the frame rate every STATUS_EVERY seconds."""
-        now = self._schedule.last_frame_at
-        if self._first_frame_at is None:
-            self._first_frame_at = now
-        if now - self.status.at >= STATUS_EVERY:
-            rate = self.status.status(now, ()).rate
-            frame, frames = self._algorithm.frame, self._file.world.frames
-            status = {"frame": frame, "rate": rate, "members": 1, "waiting": (), "waited": 0.0}
-            self._console.live(live_line(self._file.world.name, status, frames, self._began))
-
-    def summary(self, ended: s.Ended | None, reason: str) -> RunSummary:
-        """The summary of the run; `reason` replaces that of the world."""
-        first, algorithm, file = self._first_frame_at, self._algorithm, self._file
-        figures = dict(ended.figures) if ended is not None else {}
-        return RunSummary(
-            world=file.world.name,
-            frames=algorithm.frame,
-            digest=algorithm.scene.digest.hex(),
-            reached=algorithm.reached,
-            ended=reason or (ended.reason if ended is not None else ""),
-            wall_seconds=0.0 if first is None else self._schedule.last_frame_at - first,
-            first_frame_seconds=None if first is None else max(0.0, first - self._began),
-            members=len(file.processes),
-            seed=file.world.seed,
-            startup={},
-            figures={**figures, **self._schedule.overruns.figures()},
-            before=file.world.past.frame,
-        )
-
-
-class _Questions:
-    """Questions of operators, from any thread.
-
-    While the world runs, the thread that runs it answers them between two frames.
-    """
-
-    world: Operated
-
-    def __init__(self, name: str) -> None:
-        self._name = name
-        self._running = threading.RLock()
-        self._queue: SimpleQueue[tuple[dict[str, Any], Future[dict[str, Any]]]] = SimpleQueue()
-
-    @contextmanager
-    def deferred(self) -> Generator[None]:
-        """Defer questions of other threads to `answer`."""
-        with self._running:
-            yield
-
-    def ask(self, question: str, **details: Any) -> Mapping[str, Any]:
-        """The answer to a question. Raises BusError if there is none within ANSWER_SECONDS."""
-        asked = {"ask": question, **details}
-        # The thread that runs the world must not wait for itself, as after a key in a window.
-        if self._running.acquire(blocking=False):
-            try:
-                reply = answer(asked, self.world)
-            finally:
-                self._running.release()
-        else:
-            later: Future[dict[str, Any]] = Future()
-            self._queue.put((asked, later))
-            try:
-                reply = later.result(ANSWER_SECONDS)
-            except NoAnswer:
-                raise BusError(f"{self._name} has not answered for a second") from None
-        if "error" in reply:
-            raise BusError(str(reply["error"]))
-        return reply
-
-    def answer(self) -> None:
-        """Answer all waiting questions."""
-        while True:
-            try:
-                asked, later = self._queue.get_nowait()
-            except Empty:
-                return
-            later.set_result(answer(asked, self.world))

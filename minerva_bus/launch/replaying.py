@@ -28,9 +28,11 @@ from minerva_bus.launch.resuming import (
     read_source,
 )
 from minerva_bus.launch.worldfile import WorldFile
-from minerva_bus.runtime.control import COMMANDS, Operated, status_of
+from minerva_bus.runtime.control import COMMANDS
 from minerva_bus.runtime.coordinator import Coordinator
+from minerva_bus.runtime.operated import Operated
 from minerva_bus.runtime.watchers import Watchers
+from minerva_bus.runtime.world_status import status_of
 from minerva_bus.settings.overrides import Overrides
 from minerva_bus.wire.keys import checked_name
 from minerva_bus.wire.plain import as_int

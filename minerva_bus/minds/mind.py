@@ -23,8 +23,9 @@ from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.scene import EMPTY, FigureNode, Scene
 from minerva_bus.grammar.types import Reals
 from minerva_bus.minds.symbols import PAccounts, PRequests, TMind, eNoAnswer, eRemind
-from minerva_bus.world.agent import Agent, on, view
+from minerva_bus.world.agent import Agent
 from minerva_bus.world.context import Context
+from minerva_bus.world.marking import on, view
 
 
 @dataclass(frozen=True, slots=True)

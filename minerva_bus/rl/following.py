@@ -23,8 +23,9 @@ from minerva_bus.grammar.symbols import EventType
 from minerva_bus.rl.acting import Acting, AnySpace, acting_of
 from minerva_bus.rl.observing import Observe, Observing, observing_of
 from minerva_bus.rl.states import KindStates
-from minerva_bus.world.agent import Agent, Handler, on
+from minerva_bus.world.agent import Agent, Handler
 from minerva_bus.world.context import Context
+from minerva_bus.world.marking import on
 from minerva_bus.world.views import visualize
 
 Policy: TypeAlias = Callable[[Any], Any]

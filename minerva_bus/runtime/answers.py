@@ -12,8 +12,9 @@ import zenoh
 
 from minerva_bus.errors import MinervaError
 from minerva_bus.runtime.admission import Admission
-from minerva_bus.runtime.control import ASKER, Command, Operated, answer
+from minerva_bus.runtime.control import answer
 from minerva_bus.runtime.inbox import Question, question
+from minerva_bus.runtime.operated import ASKER, Command, Operated
 from minerva_bus.runtime.system import System
 from minerva_bus.runtime.watchers import LocalQuestion
 from minerva_bus.wire.keys import who_asks

@@ -22,83 +22,24 @@ An invalid question is answered with {"error": text}.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, Final, TypeAlias
+from collections.abc import Mapping
+from typing import Any, Final
 
-from minerva_bus.errors import MinervaError, ProtocolError, SceneError, nearest
+from minerva_bus.errors import MinervaError, ProtocolError
 from minerva_bus.frame import stimuli as s
-from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.composition import PART
-from minerva_bus.frame.event_log import EventLog
-from minerva_bus.frame.members import MemberEntry
-from minerva_bus.frame.order_fates import OrderFates
-from minerva_bus.frame.orders import listed, refusal_of_order, unknown_value
-from minerva_bus.frame.pace import Pace
-from minerva_bus.grammar.batch import Events
-from minerva_bus.grammar.events import Event
-from minerva_bus.grammar.fitting import Unfit
-from minerva_bus.grammar.parser import parse
-from minerva_bus.grammar.scene import Scene, agents
-from minerva_bus.runtime.metrics import Meter
-from minerva_bus.runtime.runner import Runner
-from minerva_bus.runtime.schedule import FrameSchedule
-from minerva_bus.runtime.status import StatusMeter
-from minerva_bus.wire.keys import is_name
-from minerva_bus.wire.plain import as_int, as_list, as_map, as_number, as_text
+from minerva_bus.grammar.scene import Scene
+from minerva_bus.runtime.operated import Command, Operated, person_of
+from minerva_bus.runtime.publishing import order, publish
+from minerva_bus.runtime.world_status import status_of
+from minerva_bus.wire.plain import as_int, as_map, as_number, as_text
 from minerva_bus.wire.status import plain_lines, plain_orders, plain_series, plain_status
-from minerva_bus.wire.values import Reader
 from minerva_bus.wire.vocabulary import plain_vocabulary
-from minerva_bus.world.operator import FileStatus, MemberStatus, PersonOperation, WorldStatus
-
-if TYPE_CHECKING:
-    from minerva_bus.collect.history import SeriesHistory
-
-ASKER: Final = "asker"
-"""Name of the certificate of a question, which the coordinator adds; empty without certificates."""
+from minerva_bus.world.operator import PersonOperation
 
 MAX_STEPS = 1_000_000_000
 MAX_RATE = 1_000_000.0
 MAX_LINES = 1000
-
-
-@dataclass(frozen=True, slots=True)
-class Operated:
-    """The parts of a running world that operators' commands use.
-
-    `rejected` gives the number of rejections by sender, `outlook` what the world does with an
-    awaited member, and `files` what it writes. `restart` requests a restart of a member, `stack`
-    that its stacks are written to its log; both return the reason if that is impossible, otherwise
-    an empty string. `orders` has the fates of people's orders, `collected` the collected series, if
-    any. `noted` receives each operation of a person.
-    """
-
-    runner: Runner
-    schedule: FrameSchedule
-    event_log: EventLog
-    orders: OrderFates
-    meter: Meter
-    status: StatusMeter
-    rejected: Callable[[], Mapping[str, int]]
-    restart: Callable[[str], str]
-    stack: Callable[[str], str]
-    collected: SeriesHistory | None = None
-    outlook: Callable[[str], str] = field(default=lambda _: "")
-    files: Callable[[], tuple[FileStatus, ...]] = field(default=lambda: ())
-    noted: Callable[[PersonOperation], None] = field(default=lambda _: None)
-
-    @property
-    def algorithm(self) -> FrameAlgorithm:
-        """The frame algorithm."""
-        return self.runner.algorithm
-
-    @property
-    def pace(self) -> Pace:
-        """The frame rate and the number of frames that may begin."""
-        return self.schedule.pace
-
-
-Command: TypeAlias = Callable[[Operated, dict[str, Any]], dict[str, Any]]
 
 
 def answer(
@@ -117,75 +58,6 @@ def answer(
 
 def _status(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
     return {"status": plain_status(status_of(running, as_int(asked.get("since", 0), "since")))}
-
-
-def status_of(running: Operated, since: int = 0) -> WorldStatus:
-    """State of a world, with the log entries since a number."""
-    algorithm, pace, hz = running.algorithm, running.pace, running.status.hz
-    measured = dict(running.meter.measured())
-    waits = {
-        name.removeprefix("wait for "): measured.pop(name)
-        for name in sorted(measured)
-        if name.startswith("wait for ")
-    }
-    waiting = tuple(algorithm.waiting_for())
-    members = [_member(entry, waits.get(entry.name, 0.0)) for entry in algorithm.members]
-    return WorldStatus(
-        world=algorithm.world.name,
-        frame=algorithm.frame,
-        dt=algorithm.world.dt,
-        phase=algorithm.phase.value,
-        paused=pace.paused,
-        left=pace.left or 0,
-        rate=pace.rate,
-        hz=hz,
-        agents=algorithm.composition.count,
-        waiting=waiting,
-        waited=running.status.waited,
-        members=tuple(
-            [
-                replace(member, outlook=running.outlook(member.name))
-                if member.name in waiting
-                else member
-                for member in members
-            ]
-        ),
-        events={name: count * hz for name, count in running.event_log.per_frame().items()},
-        bytes_in=measured.pop("bytes in", 0.0),
-        bytes_out=measured.pop("bytes out", 0.0),
-        phases=measured,
-        happenings=running.event_log.entries(since),
-        refused=running.rejected(),
-        late_frames=running.schedule.overruns.count,
-        behind=running.schedule.overruns.behind,
-        series=0 if running.collected is None else len(running.collected),
-        norms=algorithm.norms.status(),
-        files=running.files(),
-    )
-
-
-def _member(member: MemberEntry, wait: float) -> MemberStatus:
-    hello = member.hello
-    if hello is None:
-        return MemberStatus(member.name, member.state.value, expected=member.expected)
-    return MemberStatus(
-        name=member.name,
-        state="drained" if member.active and member.drained else member.state.value,
-        roles=hello.roles,
-        service=hello.service,
-        kinds=tuple([kind.name for kind in hello.kinds]),
-        generates=hello.generates,
-        orders=hello.orders,
-        draws=hello.draws,
-        last_reply=member.last_reply,
-        late=member.late,
-        pid=hello.pid,
-        host=hello.host,
-        expected=member.expected,
-        joins=member.joins,
-        wait=wait,
-        figures={**member.figures, **({"dropped": member.dropped} if member.dropped else {})},
-    )
 
 
 def _totals(running: Operated, _: Mapping[str, Any]) -> dict[str, Any]:
@@ -212,82 +84,11 @@ def _fragment(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
     return {"frame": running.algorithm.frame, "fragment": str(Scene((node,)))}
 
 
-def _order(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
-    reader = Reader(running.algorithm.world.vocabulary)
-    event = reader.event(asked.get("event"))
-    # Agents trust the sender of an event, so an operator must not set one.
-    if event.senders is not None if isinstance(event, Events) else event.sender:
-        raise ProtocolError("an order is an event or a batch of people: it has no sender")
-    if isinstance(event, Events):
-        return _send_batch(running, event, _person(asked))
-    return _send(running, event, _person(asked))
-
-
-def _send_batch(running: Operated, batch: Events, person: str) -> dict[str, Any]:
-    """Send the events of a batch; their fates are not kept."""
-    algorithm = running.algorithm
-    takers = [member.name for member in algorithm.members.takers(batch.type)]
-    types = algorithm.world.vocabulary.events[batch.type].fields.all
-    # Generators take single orders, and values that the string has are compared one by one.
-    if takers or any(field.type.source is not None for field in types):
-        for event in batch:
-            _send(running, event, person)
-    else:
-        refusal = refusal_of_order(algorithm, batch.type)
-        if refusal:
-            raise ProtocolError(refusal)
-        missing = algorithm.composition.first_missing(batch.receivers)
-        if missing is not None:
-            raise ProtocolError(_no_agent(running, missing))
-        running.runner.handle(s.Publish(batch, person))
-    frame, sent = algorithm.frame, f"{batch.count} {batch.type}"
-    return {"frame": frame, "event": sent, "through": takers, "by": person}
-
-
-def _no_agent(running: Operated, receiver: str) -> str:
-    known = sorted(node.id for node in agents(running.algorithm.scene))
-    hint = nearest(receiver, known) or f"; there are {listed(known)}"
-    return f"there is no agent #{receiver[:64]}{hint}"
-
-
-def _person(asked: Mapping[str, Any]) -> str:
-    """The name of the person who asks.
-
-    With certificates it begins with the name of the certificate, which a question cannot change.
-    """
-    by, asker = as_text(asked.get("by", ""), "by"), as_text(asked.get(ASKER, ""), "the asker")
-    if by and not is_name(by):
-        raise ProtocolError(f"by: {by[:64]!r} is not a name: use letters, digits, _, - and .")
-    return "/".join(dict.fromkeys(name for name in (asker, by) if name))
-
-
-def _send(running: Operated, event: Event, person: str) -> dict[str, Any]:
-    algorithm = running.algorithm
-    for receiver in event.receivers:
-        # Not `agent`, which makes the node of an agent in columns.
-        if algorithm.composition.home(receiver) is None:
-            raise ProtocolError(_no_agent(running, receiver))
-    refusal = refusal_of_order(algorithm, event.type)
-    refusal = refusal or unknown_value(algorithm, event)
-    if refusal:
-        raise ProtocolError(refusal)
-    takers = [member.name for member in algorithm.members.takers(event.type)]
-    number = running.orders.arrive(event, person, algorithm.frame)
-    running.runner.handle(s.Publish(event, person))
-    return {
-        "frame": algorithm.frame,
-        "event": str(event),
-        "through": takers,
-        "by": person,
-        "number": number,
-    }
-
-
 def _note(running: Operated, asked: Mapping[str, Any], value: object = "") -> None:
     """Note that a person operates the world, with an effect."""
     running.noted(
         PersonOperation(
-            running.algorithm.frame, as_text(asked["ask"], "ask"), str(value), _person(asked)
+            running.algorithm.frame, as_text(asked["ask"], "ask"), str(value), person_of(asked)
         )
     )
 
@@ -393,45 +194,6 @@ def _vocabulary(running: Operated, _: Mapping[str, Any]) -> dict[str, Any]:
     return {"vocabulary": plain_vocabulary(running.algorithm.world.vocabulary)}
 
 
-def _pub(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
-    """Send an event of a type in the vocabulary; its data are texts in the notation of strings."""
-    algorithm = running.algorithm
-    name = as_text(asked.get("type"), "the type")
-    values = {
-        field: _value(as_text(value, field), field)
-        for field, value in as_map(asked.get("data", {}), "the data").items()
-    }
-    receivers = [
-        as_text(name, "a receiver") for name in as_list(asked.get("receivers", []), "receivers")
-    ]
-    vocabulary = algorithm.world.vocabulary
-    declared = vocabulary.events.get(name)
-    if declared is None:
-        raise ProtocolError(
-            f"the world has no event type {name}; it has {', '.join(vocabulary.events)}"
-        )
-    condition = as_text(asked.get("condition", ""), "if")
-    # A condition that no agent can fulfil is an error of the operator.
-    vocabulary.check_condition(name, condition, "pub")
-    try:
-        fitted = declared.fields.values(name, values)
-    except Unfit as unfit:
-        raise ProtocolError(str(unfit)) from None
-    to = tuple(sorted(set(receivers)))
-    event = Event(name, declared.fields.names, fitted, condition, receivers=to)
-    return _send(running, event, _person(asked))
-
-
-def _value(shown: str, name: str) -> Any:
-    """A value in the notation of strings; quotes around a text are optional."""
-    try:
-        (node,) = parse(f"P<value={shown}>", name)
-        (value,) = node.values
-    except (SceneError, ValueError):
-        return shown
-    return value
-
-
 def _seek(running: Operated, _: Mapping[str, Any]) -> dict[str, Any]:
     raise ProtocolError("this is not a replay; only a replay can continue from another frame")
 
@@ -449,8 +211,8 @@ COMMANDS: Final[Mapping[str, Command]] = {
     "scene": _scene,
     "fragment": _fragment,
     "vocabulary": _vocabulary,
-    "pub": _pub,
-    "order": _order,
+    "pub": publish,
+    "order": order,
     "pause": _pause,
     "resume": _resume,
     "step": _step,

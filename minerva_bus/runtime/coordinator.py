@@ -20,12 +20,13 @@ from minerva_bus.frame.description import World
 from minerva_bus.runtime.admission import Admission, ListenConfig
 from minerva_bus.runtime.answers import Answers
 from minerva_bus.runtime.audit import Denials
-from minerva_bus.runtime.control import COMMANDS, Command, Operated
+from minerva_bus.runtime.control import COMMANDS
 from minerva_bus.runtime.inbox import HubInbox, Question, TimerTick
 from minerva_bus.runtime.large import Decoded
 from minerva_bus.runtime.links import Linked
 from minerva_bus.runtime.metrics import Metrics
 from minerva_bus.runtime.monitor import STATUS_EVERY, Monitor
+from minerva_bus.runtime.operated import Command, Operated
 from minerva_bus.runtime.presence import Successor, presence, successor
 from minerva_bus.runtime.receiver import Receiver
 from minerva_bus.runtime.rejected_connections import RejectedConnection

@@ -12,8 +12,9 @@ from minerva_bus.grammar.scene import EMPTY, Scene
 from minerva_bus.grammar.symbols import EventType, Primitive, Transformation
 from minerva_bus.grammar.types import Metres
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.world.agent import Agent, on, view
+from minerva_bus.world.agent import Agent
 from minerva_bus.world.context import Context
+from minerva_bus.world.marking import on, view
 
 PDot = Primitive("PDot", size=float)
 PGrave = Primitive("PGrave")

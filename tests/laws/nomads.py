@@ -4,7 +4,8 @@ from minerva_bus.grammar.columns import packed
 from minerva_bus.grammar.scene import EMPTY, Scene
 from minerva_bus.grammar.symbols import EventType, Primitive, Transformation
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.world.agent import Agent, on
+from minerva_bus.world.agent import Agent
+from minerva_bus.world.marking import on
 
 NOMADS, SETTLERS = 24, 40
 

@@ -10,8 +10,7 @@ from minerva_bus import EventType, Of, Primitive, Vocabulary, parse
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.description import World
-from minerva_bus.frame.orders import unknown_value
-from minerva_bus.runtime.control import refusal_of_order
+from minerva_bus.frame.orders import refusal_of_order, unknown_value
 
 
 def refusal(bus, event_type):

@@ -18,8 +18,9 @@ from minerva_bus.grammar.scene import EMPTY, Scene, walk
 from minerva_bus.grammar.symbols import EventType, Primitive
 from minerva_bus.grammar.types import Metres
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.world.agent import Agent, on, view
+from minerva_bus.world.agent import Agent
 from minerva_bus.world.context import Context
+from minerva_bus.world.marking import on, view
 from minerva_bus.world.readings import Battery, Sightings
 from minerva_bus.world.services import Device, Generator, Tick, View
 

@@ -1,0 +1,200 @@
+"""Worlds that are made in Python, as the tables of a world file."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterable, Mapping
+from functools import partial
+from itertools import count
+from types import ModuleType
+from typing import TYPE_CHECKING, Any, Final, cast
+
+from minerva_bus.api.service_specs import ServiceSpec, plain_setting
+from minerva_bus.api.symbols import SymbolFinder, spec_of
+from minerva_bus.errors import MisuseError
+from minerva_bus.grammar.parser import parse
+from minerva_bus.grammar.scene import Scene
+from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.launch.specs import bind, find_service
+from minerva_bus.launch.toml import toml_text
+from minerva_bus.settings.declaring import check_known, settings_of
+from minerva_bus.settings.tables import WorldSettings
+from minerva_bus.world.agent import Agent
+from minerva_bus.world.services import Service
+
+if TYPE_CHECKING:
+    pass
+
+
+MAKE: Final = "make"
+
+
+_numbers = count(1)
+
+
+class PythonTables:
+    """A world that was made in Python, as the tables of a world file.
+
+    Its classes are attributes of a module that exists in this process only, so that they are found
+    like those of a world file.
+    """
+
+    def __init__(
+        self,
+        string: str | Scene | Callable[[Mapping[str, Any]], str | Scene],
+        name: str,
+        options: dict[str, Any],
+        names: Mapping[str, Any],
+        settings: Mapping[str, Any],
+    ) -> None:
+        known = {key: value for key, value in settings_of(WorldSettings).items() if value.key}
+        check_known(settings, known)
+        self.name = name
+        self.module = ModuleType(f"minerva_world_{next(_numbers)}")
+        sys.modules[self.module.__name__] = self.module
+        self._string = string
+        self._finder = SymbolFinder(names)
+        world = {key: plain_setting(value) for key, value in settings.items()}
+        self.tables: dict[str, Any] = {"world": {"name": name, **world}, "options": options}
+
+    def find(
+        self,
+        agents: Iterable[type[Agent]] | Mapping[str, Any] | None,
+        services: Iterable[Any] | Mapping[str, Any],
+        symbols: Iterable[Any],
+    ) -> None:
+        """Find agents, services and vocabulary, and describe the processes."""
+        finder, processes = self._finder, dict[str, Any]()
+        for symbol in symbols:
+            finder.add(symbol)
+        self._add_string()
+        given: Mapping[str, Any] = (
+            cast("Mapping[str, Any]", agents)
+            if isinstance(agents, Mapping)
+            else {"agents": list(agents)}
+            if agents is not None
+            else {}
+        )
+        for classes in given.values():
+            for cls in _listed(classes):
+                finder.add(cls)
+        for process, spec in self._services(services):
+            cls = find_service(spec.service) if isinstance(spec.service, str) else spec.service
+            # An instance, because event types may depend on its options.
+            finder.add_service(cls, bind(cls, spec.options, f"{self.name}: {process}")())
+            own = spec.service if isinstance(spec.service, str) else self._keep(cls)
+            processes[process] = {"service": own, **spec.options}
+        vocabulary = finder.vocabulary()
+        # Found in the string and in code, after services have added the event types that they use.
+        if agents is None:
+            given = {"agents": list(finder.agents().values())}
+        hosts = {
+            process: {"agents": [self._keep(cls) for cls in _listed(classes)]}
+            for process, classes in given.items()
+            if _listed(classes)
+        }
+        twice = hosts.keys() & processes.keys()
+        if twice:
+            raise MisuseError(f"{self.name}: two processes are called {min(twice)}")
+        self.tables["process"] = {**hosts, **processes}
+        self.tables["world"]["vocabulary"] = self._keep(vocabulary, "vocabulary")
+
+    def _add_string(self) -> None:
+        world, string = self.tables["world"], self._string
+        if isinstance(string, str):
+            world["string"] = string
+            # A text with options can be parsed only after they are filled in.
+            if "${" not in string:
+                self._finder.add_scene(parse(string, f"{self.name}: the string"))
+        elif isinstance(string, Scene):
+            # World files name a function that takes the options.
+            world["scene"] = self._keep(partial(_same, string), MAKE)
+            self._finder.add_scene(string)
+        elif callable(string):  # pyright: ignore[reportUnnecessaryComparison]
+            world["scene"] = self._keep(string, MAKE)
+            self._finder.add_function(string)
+            # Made once with the defaults, to find its symbols.
+            made = string(dict(self.tables["options"]))
+            self._finder.add_scene(parse(made) if isinstance(made, str) else made)
+        else:
+            raise MisuseError(f"{self.name}: a string is a text or a Scene, not {string!r:.60}")
+
+    def _services(self, services: Any) -> Iterable[tuple[str, ServiceSpec]]:
+        named: list[tuple[str, Any]] = (
+            list(cast("Mapping[str, Any]", services).items())
+            if isinstance(services, Mapping)
+            else [("", given) for given in services]
+        )
+        taken: set[str] = set()
+        for name, given in named:
+            spec = given if isinstance(given, ServiceSpec) else ServiceSpec(given)
+            if not isinstance(spec.service, str) and not (
+                isinstance(spec.service, type) and issubclass(spec.service, Service)  # pyright: ignore[reportUnnecessaryIsInstance]
+            ):
+                raise MisuseError(
+                    f"{self.name}: a service is a class or an installed name, not {given!r:.60};"
+                    " options: service(MyService, option=value)"
+                )
+            own = spec.service if isinstance(spec.service, str) else spec.service.__name__.lower()
+            process = name or spec.name or own.rpartition(":")[2]
+            if process in taken:
+                raise MisuseError(
+                    f"{self.name}: two services are called {process}; name one, name=..."
+                )
+            taken.add(process)
+            yield process, spec
+
+    def _keep(self, thing: Any, name: str = "") -> str:
+        """Keep a class, function or vocabulary in the module; its spec."""
+        name = name or thing.__name__
+        # Two classes of different modules may have the same name.
+        while getattr(self.module, name, thing) is not thing:
+            name += "_"
+        setattr(self.module, name, thing)
+        return f"{self.module.__name__}:{name}"
+
+    def toml(self) -> str:
+        """The text of a world file that other processes can read. Raises MisuseError."""
+        world = dict(self.tables["world"])
+        vocabulary: Vocabulary = vars(self.module)["vocabulary"]
+        kinds = self._finder.agents()
+        entries: list[Any] = [
+            *vocabulary.primitives.values(),
+            *vocabulary.transformations.values(),
+            *vocabulary.events.values(),
+            *[kinds[name] for name in vocabulary.kinds],
+        ]
+        world["vocabulary"] = [spec_of(entry, _shown(entry)) for entry in entries]
+        if isinstance(self._string, Scene):
+            # The text can be written to a file, the function in this process cannot.
+            del world["scene"]
+            world["string"] = str(self._string)
+        elif "scene" in world:
+            world["scene"] = spec_of(self._string, "the function that makes the string")
+        processes = {
+            name: {key: self._public(value) for key, value in table.items()}
+            for name, table in self.tables["process"].items()
+        }
+        return toml_text({**self.tables, "world": world, "process": processes})
+
+    def _public(self, value: Any) -> Any:
+        if isinstance(value, list):
+            return [self._public(item) for item in cast("list[Any]", value)]
+        prefix = f"{self.module.__name__}:"
+        if isinstance(value, str) and value.startswith(prefix):
+            thing = getattr(self.module, value.removeprefix(prefix))
+            return spec_of(thing, _shown(thing))
+        return value
+
+
+def _same(scene: Scene, options: Mapping[str, Any]) -> Scene:
+    """The string of a world whose options do not change it."""
+    return scene
+
+
+def _listed(classes: Any) -> list[Any]:
+    return [classes] if isinstance(classes, type) else list(classes)
+
+
+def _shown(thing: Any) -> str:
+    return str(getattr(thing, "__name__", getattr(thing, "name", thing)))
