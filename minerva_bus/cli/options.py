@@ -10,7 +10,7 @@ from typing import Annotated, Any, Final, TypeVar, get_origin, get_type_hints
 
 import typer
 
-from minerva_bus.cli import completing
+from minerva_bus.cli import completing, completing_running, completing_worlds
 from minerva_bus.errors import MinervaError, MisuseError
 from minerva_bus.settings.overrides import OPTIONS, Overrides
 
@@ -50,7 +50,9 @@ Keys = Annotated[
 ]
 World = Annotated[
     str,
-    typer.Option(help="Name of the world, if several run.", autocompletion=completing.running),
+    typer.Option(
+        help="Name of the world, if several run.", autocompletion=completing_running.running
+    ),
 ]
 Views = Annotated[
     list[str] | None,
@@ -65,14 +67,14 @@ Settings = Annotated[
     typer.Option(
         "--set",
         help="PROCESS.KEY=VALUE: set a key of a process; may be repeated.",
-        autocompletion=completing.process_settings,
+        autocompletion=completing_worlds.process_settings,
     ),
 ]
 Collect = Annotated[
     list[str] | None,
     typer.Option(
         help="NAME=EXPRESSION, such as 'sick=count(APerson, sick == true)'; may be repeated.",
-        autocompletion=completing.collected,
+        autocompletion=completing_worlds.collected,
     ),
 ]
 WorldArgument = Annotated[
@@ -123,7 +125,9 @@ class NamedTarget(WorldTarget):
 
     name: Annotated[
         str,
-        typer.Argument(metavar="[WORLD]", help="As --world.", autocompletion=completing.running),
+        typer.Argument(
+            metavar="[WORLD]", help="As --world.", autocompletion=completing_running.running
+        ),
     ] = ""
 
     def __post_init__(self) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, Final, NamedTuple
 
-from minerva_bus.cli import completing
+from minerva_bus.cli import completing_worlds
 from minerva_bus.cli.shells import Command
 from minerva_bus.errors import MinervaError, UnknownOption
 
@@ -77,9 +77,13 @@ class OtherOptionsCommand(Command):
             return choices
         is_world = _DESCRIBED[self.name] is _world_options
         if incomplete.startswith("-"):
-            complete = completing.world_flags if is_world else completing.service_flags
+            complete = (
+                completing_worlds.world_flags if is_world else completing_worlds.service_flags
+            )
         else:
-            complete = completing.world_values if is_world else completing.service_values
+            complete = (
+                completing_worlds.world_values if is_world else completing_worlds.service_values
+            )
         others = complete(ctx, incomplete)
         return choices + [_Choice(name, text) for name, text in others if name not in own]
 

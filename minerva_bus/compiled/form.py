@@ -58,7 +58,7 @@ class Variable:
 
 @dataclass(frozen=True, slots=True)
 class Call:
-    """A call of a function of `library`, or of a helper."""
+    """A call of a function of the libraries, or of a helper."""
 
     kind: ValueKind
     function: str

@@ -50,7 +50,7 @@ def _numbers(
 
 
 def _reals(count: int, function: str, *, faults: bool = True) -> Checked:
-    """A function of reals in `library`."""
+    """A function of reals in `function_library`."""
 
     def checked(check: Expressions, node: ast.Call, arguments: Sequence[Expression]) -> Expression:
         reals = map(check.as_real, _numbers(check, node, arguments, count, count))

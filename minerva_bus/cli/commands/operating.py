@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from minerva_bus.cli import completing
+from minerva_bus.cli import completing, completing_running
 from minerva_bus.cli.options import By, Json, NamedTarget, WorldTarget, examples, grouped
 
 
@@ -35,7 +35,8 @@ def echo(
     type: Annotated[
         str,
         typer.Argument(
-            help="An event type or an agent kind; default: all.", autocompletion=completing.echoed
+            help="An event type or an agent kind; default: all.",
+            autocompletion=completing_running.echoed,
         ),
     ] = "",
     count: Annotated[int, typer.Option(help="Stop after this many; 0: no limit.")] = 0,
@@ -59,13 +60,14 @@ def pub(
     type: Annotated[
         str,
         typer.Argument(
-            help="The event's type, such as eObjective.", autocompletion=completing.published
+            help="The event's type, such as eObjective.",
+            autocompletion=completing_running.published,
         ),
     ],
     data: Annotated[
         list[str] | None,
         typer.Argument(
-            help="Data of the event: KEY=VALUE ...", autocompletion=completing.event_data
+            help="Data of the event: KEY=VALUE ...", autocompletion=completing_running.event_data
         ),
     ] = None,
     to: Annotated[
@@ -172,7 +174,9 @@ def rate(
 def restart(
     member: Annotated[
         str,
-        typer.Argument(help="A process of the world file.", autocompletion=completing.members),
+        typer.Argument(
+            help="A process of the world file.", autocompletion=completing_running.members
+        ),
     ],
     by: By = "",
     json: Json = False,
@@ -192,7 +196,7 @@ def restart(
 @grouped
 def drain(
     member: Annotated[
-        str, typer.Argument(help="A host of agents.", autocompletion=completing.members)
+        str, typer.Argument(help="A host of agents.", autocompletion=completing_running.members)
     ],
     by: By = "",
     json: Json = False,
@@ -232,7 +236,8 @@ def seek(
 @grouped
 def logs(
     member: Annotated[
-        str, typer.Argument(help="Show only this member.", autocompletion=completing.members)
+        str,
+        typer.Argument(help="Show only this member.", autocompletion=completing_running.members),
     ] = "",
     follow: Annotated[bool, typer.Option("--follow", "-f", help="Wait for new lines.")] = False,
     json: Json = False,

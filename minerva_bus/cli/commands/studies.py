@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from minerva_bus.cli import completing
+from minerva_bus.cli import completing, completing_worlds
 from minerva_bus.cli.options import (
     Force,
     Json,
@@ -141,7 +141,7 @@ def sweep(
         typer.Option(
             "--set",
             help="KEY=A,B,... or KEY=FROM:TO[:STEP]; KEY: an option, seed or PROCESS.KEY.",
-            autocompletion=completing.swept,
+            autocompletion=completing_worlds.swept,
         ),
     ],
     output: Annotated[
@@ -212,7 +212,7 @@ def branch(
         typer.Option(
             "--set",
             help="KEY=A,B,... or KEY=FROM:TO[:STEP]; KEY: an option, seed or PROCESS.KEY.",
-            autocompletion=completing.branched,
+            autocompletion=completing_worlds.branched,
         ),
     ] = None,
     seeds: Annotated[
