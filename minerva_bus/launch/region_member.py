@@ -17,7 +17,8 @@ from minerva_bus.frame.member import Member, Outgoing
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.launch.free_running import close_services
 from minerva_bus.launch.in_process import members_of
-from minerva_bus.launch.region_journal import COORDINATOR, MAX_BYTES, RegionJournal
+from minerva_bus.launch.region_checkpoint import RegionCheckpoint
+from minerva_bus.launch.region_journal import CHECKPOINT, COORDINATOR, MAX_BYTES, RegionJournal
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.log.entries import encode_inputs
 from minerva_bus.regions.attached import Replies
@@ -54,12 +55,9 @@ class RegionMember(Member):
     ) -> None:
         super().__init__(name)
         assert file.partition is not None
+        self._world = file.world
         self._members = members_of(file)
-        self.region = region = Region(file.world, number, file.partition, self._members)
-        region.services.send = self._send_all
-        self._runner = InProcessRunner(
-            region.algorithm, self._members, self._observe, deliver=region.services.deliver
-        )
+        self._begin(Region(file.world, number, file.partition, self._members))
         self._decoder = Decoder(file.world.vocabulary, file.access.limits)
         self._journal = journal
         self._send = send
@@ -74,6 +72,13 @@ class RegionMember(Member):
         self._orders: dict[int, tuple[AnyEvent, ...]] = {}
         self._reports: dict[int, m.TickReply] = {}
         self._handlers[m.Orders] = self._on_orders
+
+    def _begin(self, region: Region) -> None:
+        self.region = region
+        region.services.send = self._send_all
+        self._runner = InProcessRunner(
+            region.algorithm, self._members, self._observe, deliver=region.services.deliver
+        )
 
     @property
     def running(self) -> str:
@@ -93,7 +98,6 @@ class RegionMember(Member):
         super()._on_welcome(welcome)
         if not joins:
             return
-        self._runner.start()
         self._repeat(welcome.frame)
         for arrived in self._early:
             self._out += self.parcel(arrived)
@@ -107,7 +111,14 @@ class RegionMember(Member):
             lost = f"its journal was longer than {MAX_BYTES >> 20} MiB"
             raise WorldStopped(f"a new process cannot repeat {frame} frames: {lost}")
         self._repeats = True
-        for entry in self._journal.read():
+        entries = list(self._journal.read())
+        if entries and entries[0].source == CHECKPOINT:
+            self._restore(RegionCheckpoint.decoded(entries.pop(0).data))
+        self._runner.start()
+        # A checkpoint is before a frame that was requested.
+        for _ in self._advance():
+            pass
+        for entry in entries:
             if entry.source != COORDINATOR:
                 self._accept(entry)
             else:
@@ -116,6 +127,40 @@ class RegionMember(Member):
                 pass
         self._repeats = False
         self._journal.open()
+
+    # --- checkpoints ---
+
+    def _save(self) -> None:
+        """Replace the journal by the state of the region before the frame that begins."""
+        region, count = self.region, self.region.partition.count
+        kept = [each for other in range(count) for each in self._outbox.kept_for(other)]
+        messages = [
+            [[each.target, encode(to_message(each))] for each in kept],
+            [[each.source, encode(to_message(each))] for each in region.arrived],
+            [encode(report) for _, report in sorted(self._reports.items())],
+            [encode(m.Orders(frame, sent)) for frame, sent in sorted(self._orders.items())],
+            self._requested,
+            self._sent_bytes,
+        ]
+        self._journal.begin_again(RegionCheckpoint.of(region, messages).encoded())
+
+    def _restore(self, checkpoint: RegionCheckpoint) -> None:
+        """Continue from the state that a former process of this region has saved."""
+        number, partition = self.region.number, self.region.partition
+        self._begin(checkpoint.region(self._world, number, partition, self._members))
+        kept, arrived, reports, orders, self._requested, self._sent_bytes = checkpoint.messages
+        for target, data in kept:
+            self._outbox.keep([from_message(self._decoder.parcel(data), number, target)])
+        for source, data in arrived:
+            self._accept(ParcelArrived(source, data))
+        for data in reports:
+            report = self._decoder.from_member(self.name, data)
+            assert isinstance(report, m.TickReply)
+            self._reports[report.frame] = report
+        for data in orders:
+            self._note_request(self._decoder.to_member(data))
+
+    # --- arrivals ---
 
     def _note_request(self, message: m.ToMember) -> None:
         if isinstance(message, m.Orders):
@@ -203,6 +248,9 @@ class RegionMember(Member):
             # The coordinator ends the world, for the same reason. Otherwise services in another
             # region may still have to answer for this frame.
             if not (region.over or region.missing):
+                # The state of attached services is not known.
+                if not region.services.exist and self._journal.is_due():
+                    self._save()
                 yield self._run_frame()
 
     def _run_frame(self) -> m.TickReply:
@@ -216,10 +264,8 @@ class RegionMember(Member):
                 region.receive(parcel)
             else:
                 self._send_all([parcel])
-        self._reports = {
-            n: kept for n, kept in self._reports.items() if n > self.frame - REPORTS_KEPT
-        }
         self._reports[self.frame] = report
+        self._reports.pop(self.frame - REPORTS_KEPT, None)
         return report
 
     def _send_all(self, messages: Sequence[Parcel | Replies]) -> None:
@@ -246,10 +292,9 @@ class RegionMember(Member):
     def _observe(self, notice: Notice) -> None:
         if isinstance(notice, s.FrameDone):
             self._done = notice
-        elif (
-            isinstance(notice, s.Notify) and notice.member != ORDERS
-        ):  # The coordinator logs those.
-            self._log(f"{notice.member}: {notice.text}")
+        elif isinstance(notice, s.Notify):
+            if notice.member != ORDERS:  # The coordinator logs those.
+                self._log(f"{notice.member}: {notice.text}")
         elif isinstance(notice, s.Stopping) and self.region.algorithm.failed:
             # A region's algorithm ends by itself only because of a failure.
             raise WorldStopped(notice.reason)

@@ -72,6 +72,11 @@ class AttachedServices:
         self._unshown: dict[str, list[m.ViewShown]] = {}
 
     @property
+    def exist(self) -> bool:
+        """Whether the world has attached services."""
+        return bool(self._names)
+
+    @property
     def at_home(self) -> bool:
         """Whether the services are in this region."""
         return self._number == HOME

@@ -69,14 +69,20 @@ class Region:
     """
 
     def __init__(
-        self, world: World, number: int, partition: Partition, members: Iterable[Member] = ()
+        self,
+        world: World,
+        number: int,
+        partition: Partition,
+        members: Iterable[Member] = (),
+        own: Units | None = None,
     ) -> None:
         """`world` is the whole world, whose string is cut here, equally in each region.
 
         `members` are those of the world; the region delivers messages to them by
-        `services.deliver`.
+        `services.deliver`. A region that continues a run has its `own` part instead of a cut, and
+        has entered its first frame.
         """
-        own = cut(world.scene, partition)[number]
+        own = cut(world.scene, partition)[number] if own is None else own
         self.number = number
         self.partition = partition
         self.over = ""
@@ -88,7 +94,7 @@ class Region:
         self._source = self.algorithm.source
         self._source.places = own.places
         self._world = world
-        self._entered = 0
+        self._entered = world.past.frame + 1
         self._parcels: dict[int, dict[int, Parcel]] = {}
         self._remaining: Units | None = None
         self._known = self.algorithm.goal.reached, self.algorithm.goal.striving
@@ -132,6 +138,11 @@ class Region:
         return entered or parcel.source in self._parcels.get(parcel.frame, ())
 
     @property
+    def arrived(self) -> list[Parcel]:
+        """The parcels for frames that have not been entered."""
+        return [parcel for arrived in self._parcels.values() for parcel in arrived.values()]
+
+    @property
     def missing(self) -> list[int]:
         """The regions that have not sent what `enter` needs, or then the next frame."""
         if self._has_entered:
@@ -158,7 +169,7 @@ class Region:
 
     @property
     def _has_entered(self) -> bool:
-        return self._entered > self.frame or self.frame == self._world.past.frame
+        return self._entered > self.frame
 
     def _check_arriving(self, parcels: Sequence[Parcel]) -> None:
         """Raise ProtocolError for an agent of another region, or one that is here already."""

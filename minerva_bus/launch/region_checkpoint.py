@@ -1,0 +1,61 @@
+"""A region's state before a frame, from which another process continues without earlier frames."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from minerva_bus.errors import ProtocolError
+from minerva_bus.frame.description import World
+from minerva_bus.frame.member import Member
+from minerva_bus.log.checkpoints import Kept
+from minerva_bus.log.entries import EntryDecoder, encode_keyframe
+from minerva_bus.regions.merging import Units
+from minerva_bus.regions.messages import packed_places, unpacked_places
+from minerva_bus.regions.partition import Partition
+from minerva_bus.regions.region import Region
+from minerva_bus.wire.limits import ON_DISK
+from minerva_bus.wire.plain import as_list, pack, unpack
+
+
+@dataclass(frozen=True, slots=True)
+class RegionCheckpoint:
+    """State between `enter` and a frame, as a journal has it.
+
+    `keyframe`: string and checkpoint, as in a record. `places`: of its nodes. `messages`: further
+    plain data of the region's process.
+    """
+
+    keyframe: bytes
+    places: bytes
+    messages: Sequence[Any]
+
+    @staticmethod
+    def of(region: Region, messages: Sequence[Any]) -> RegionCheckpoint:
+        """The state of a region. Raises TypeError if a generator saves data that are not plain."""
+        units, checkpoint = region.units, region.algorithm.checkpoint
+        keyframe = encode_keyframe(region.frame, units.scene, Kept.of(checkpoint))
+        return RegionCheckpoint(keyframe, packed_places(units.places), messages)
+
+    def encoded(self) -> bytes:
+        """The checkpoint as bytes."""
+        return pack([self.keyframe, self.places, list(self.messages)])
+
+    @staticmethod
+    def decoded(data: bytes) -> RegionCheckpoint:
+        """A checkpoint that this program has encoded. Raises ProtocolError."""
+        keyframe, places, messages = as_list(unpack(data, ON_DISK), "a checkpoint")
+        return RegionCheckpoint(keyframe, places, messages)
+
+    def region(
+        self, world: World, number: int, partition: Partition, members: Iterable[Member]
+    ) -> Region:
+        """The region in this state; arguments as of `Region`. Raises ProtocolError."""
+        keyframe = EntryDecoder(world.vocabulary).keyframe(self.keyframe)
+        if keyframe.checkpoint is None:
+            raise ProtocolError("the checkpoint of a region has no state beside its string")
+        pieces = keyframe.scene.pieces
+        places = unpacked_places(self.places, sum(piece.count for piece in pieces), "places")
+        past = replace(world, past=keyframe.checkpoint)
+        return Region(past, number, partition, members, Units(places, pieces))
