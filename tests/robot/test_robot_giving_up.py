@@ -7,7 +7,7 @@ from floor_simulator import Simulator
 from robot_steps import after, robot
 
 from minerva_agents.robot import astar
-from minerva_agents.robot.knowledge import FREE, SEEN
+from minerva_agents.robot.knowledge import CLOSED, FREE, MARKER, SEEN
 from minerva_agents.robot.motion import STAY, action_of, move_of
 from minerva_agents.robot.occupancy import OccupancyMap
 from minerva_agents.robot.patience import (
@@ -102,17 +102,31 @@ def test_a_restarted_search_may_inspect_everything_again():
     assert (seeker.most_known, seeker.stale, seeker.searches) == (3200, 0.0, 1)
 
 
+GOAL = Goal(((20, 35),), 0.0, 1.0)
+
+
 @pytest.mark.parametrize(
-    ("goal", "been", "searches"),
-    [(Goal(((20, 35),), 0.0, 1.0), (20 * 40 + 35,), 0), (None, (), 1)],
-    ids=["a viewpoint without a path", "no viewpoint"],
+    ("goal", "state", "been", "searches"),
+    [
+        (GOAL, {"failures": 2}, (7, 20 * 40 + 35), 0),
+        (None, {"failures": 2}, (), 1),
+        (None, {"failures": 1}, (7,), 0),
+        (None, {"failures": 2, "markers": ("kitchen",)}, (7,), 0),
+    ],
+    ids=["a viewpoint without a path", "no viewpoint", "too few failures", "a known marker"],
 )
-def test_only_a_search_without_viewpoints_is_restarted(goal, been, searches):
-    grid = np.full((40, 40), FREE, np.int16)
-    grid[:, 30] = 9
-    seeker = searching(grid=grid, failures=2)
+def test_only_a_search_without_viewpoints_is_restarted(goal, state, been, searches):
+    grid = np.full((40, 40), SEEN, np.int16)
+    grid[:, 28:] = 9
+    grid[0, 0] = CLOSED
+    if "markers" in state:
+        grid[20, 35] = MARKER
+    seeker = searching(grid=grid, been=(7,), dull=(8,), **state)
     astar.decide(seeker, Context(Frame(1, 0.1), "#r"), lambda state: goal)
     assert (seeker.been, seeker.searches) == (been, searches)
+    # A restarted search inspects everything again, also where a turn revealed nothing.
+    assert (seeker.dull == (), SEEN not in seeker.grid) == (searches > 0, searches > 0)
+    assert (CLOSED in seeker.grid) == (seeker.failures < 3)
 
 
 def test_in_a_room_without_the_marker_it_stops(tmp_path):
