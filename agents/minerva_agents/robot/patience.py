@@ -60,6 +60,13 @@ def gives_up(robot: ARobot, moment: Context) -> bool:
     return True
 
 
+def begin_search(robot: ARobot) -> None:
+    """Begin the first search for an objective, with full patience."""
+    robot.failures = robot.searches = robot.most_known = 0
+    robot.stale = 0.0
+    robot.been = robot.dull = ()
+
+
 def restart_search(robot: ARobot) -> None:
     """Begin another search for the same objective: its news pay for driving again."""
     robot.been = robot.dull = ()

@@ -22,16 +22,10 @@ from minerva_agents.robot.knowledge import (
     place_of,
 )
 from minerva_agents.robot.motion import STAY, GridPose, Move, action_of, move_of
+from minerva_agents.robot.patience import begin_search
 from minerva_agents.robot.scans import mark_scan
-from minerva_agents.robot.vocabulary import (
-    PGoal,
-    PGrid,
-    PObjective,
-    PPath,
-    PRobot,
-    TPlace,
-    eInterrupted,
-)
+from minerva_agents.robot.showing import goal_shown, way_shown
+from minerva_agents.robot.vocabulary import PGrid, PRobot, TPlace, eInterrupted
 from minerva_bus import (
     EMPTY,
     Agent,
@@ -238,7 +232,7 @@ class ARobot(Agent, symbol="ARobot", rest=("action",)):
         known = PGrid(self.grid, self.cell, self.x0, self.y0)
         robot = TPlace(*self.metres(self.position), self.angle)(PRobot(self.id, self.radius))
         # In drawing order, with the robot on top.
-        return known + self._way_shown() + self._goal_shown() + robot
+        return known + way_shown(self) + goal_shown(self) + robot
 
     @property
     def pose(self) -> GridPose:
@@ -263,9 +257,7 @@ class ARobot(Agent, symbol="ARobot", rest=("action",)):
     def seek(self, objective: str, target: str = "") -> None:
         """Start towards another marker, on an errand if there is a target, without a plan."""
         self.objective, self.target, self.waits = objective, target, 0
-        self.failures = self.searches = self.most_known = 0
-        self.stale = 0.0
-        self.been = self.dull = ()
+        begin_search(self)
         self.forget_plan()
 
     def set_way(self, way: list[Position], purpose: str, is_narrow: bool = False) -> None:
@@ -301,17 +293,3 @@ class ARobot(Agent, symbol="ARobot", rest=("action",)):
         # An equal action keeps its string, because comparisons of strings start with identity.
         if move != move_of(self.action):
             self.action = action_of(move, self.id, self.radius)
-
-    def _way_shown(self) -> Scene:
-        if not self.plan_rows:
-            return EMPTY
-        points = [self.metres(position) for position in (self.position, *self.way)]
-        return PPath(tuple([x for x, _ in points]), tuple([y for _, y in points]))
-
-    def _goal_shown(self) -> Scene:
-        if not self.objective:
-            return EMPTY
-        marked, place = PObjective(self.objective), self.objective_cell()
-        if place is None:
-            return marked
-        return marked + TPlace(*self.metres((place[0] + 0.5, place[1] + 0.5)))(PGoal())
