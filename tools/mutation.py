@@ -1,6 +1,6 @@
 """Mutation testing of the core: do the tests detect small faults?
 
-    python -m tools.mutation minerva_bus/world/order.py ... [--minutes 10] [--processes 1]
+    python -m tools.mutation minerva_bus/world/order.py ... [--minutes 10] [--sample 1]
     python -m tools.mutation            # every module of tools/mutation.toml
 
 mutmut creates the mutants and runs the tests that tools/mutation.toml names for a module, if
@@ -8,7 +8,8 @@ they reach the mutated function. Verdicts are stored in build/mutation: an inter
 where it stopped, and only changed functions and survivors run again after a change. A mutant that
 no test kills must be in tools/survivors.toml with the reason for accepting it; otherwise the
 command exits with 1, and with 2 if the run is incomplete. `--record` writes the run's counts there,
-and each new survivor with an empty reason, to be filled in.
+and each new survivor with an empty reason, to be filled in. `--sample 1` runs only the mutants with
+the numbers 1, 11, 21 ... of each function, where all would take too long.
 
 mutmut changes functions and plain, static and class methods; it skips properties and other
 decorated functions. A mutant that only changes the type argument of `cast` is not counted.
@@ -27,12 +28,19 @@ import sys
 import time
 import tomllib
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[1]
+from tools.survivors import (
+    ROOT,
+    Result,
+    Survivor,
+    compared,
+    only_a_cast,
+    read_survivors,
+    recorded,
+)
+
 MODULES = ROOT / "tools" / "mutation.toml"
-SURVIVORS = ROOT / "tools" / "survivors.toml"
 WORKSPACES = ROOT / "build" / "mutation"
 LINKED = (
     "agents",
@@ -46,127 +54,51 @@ LINKED = (
     "worlds",
 )
 ALIVE = ("survived", "no tests")
-HEAD = """\
-# Mutants of the core that no test kills, and why that is accepted; written by
-# `python -m tools.mutation --record`, with reasons written by hand. See docs/testing.md.
-# [run] has the counts of the last finished run of each module. Modules that are not listed
-# have not been run.
-"""
-
-
-@dataclass(frozen=True)
-class Survivor:
-    """A mutant that no test kills: its change, and the reason for accepting it."""
-
-    module: str
-    function: str
-    mutation: str
-    reason: str = ""
-
-    @property
-    def key(self) -> tuple[str, str, str]:
-        """Identity across runs, independent of its number."""
-        return self.module, self.function, self.mutation
-
-
-@dataclass(frozen=True)
-class Result:
-    """The verdicts on a module's mutants."""
-
-    module: str
-    verdicts: dict[str, str]
-    survivors: tuple[Survivor, ...]
-    same: int = 0
-    """Number of mutants that only change the type of a cast, which has no effect at run time."""
-
-    @property
-    def waiting(self) -> int:
-        """Number of mutants without a verdict."""
-        return sum(verdict == "not checked" for verdict in self.verdicts.values())
-
-    @property
-    def counts(self) -> dict[str, int]:
-        """Counts for [run]."""
-        total, alive = len(self.verdicts) - self.same, len(self.survivors)
-        return {"mutants": total, "killed": total - alive - self.waiting, "survived": alive}
-
-
-# --- the list of survivors ------------------------------------------------------------------------
-
-
-def read_survivors(path: Path = SURVIVORS) -> tuple[dict[str, dict[str, int]], list[Survivor]]:
-    """The recorded counts by module, and the accepted survivors."""
-    if not path.exists():
-        return {}, []
-    data = tomllib.loads(path.read_text(encoding="utf-8"))
-    return data.get("run", {}), [Survivor(**entry) for entry in data.get("survivor", [])]
-
-
-def write_survivors(
-    runs: dict[str, dict[str, int]], survivors: list[Survivor], path: Path = SURVIVORS
-) -> None:
-    """Write the list: runs by module, survivors by module, function and mutation."""
-    lines = [HEAD, "[run]"]
-    for module in sorted(runs):
-        counts = ", ".join(f"{name} = {count}" for name, count in runs[module].items())
-        lines.append(f"{json.dumps(module)} = {{ {counts} }}")
-    for survivor in sorted(survivors, key=lambda entry: entry.key):
-        lines += ["", "[[survivor]]"]
-        lines += [f"{name} = {_quoted(text)}" for name, text in vars(survivor).items()]
-    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
-
-
-def compared(result: Result, accepted: list[Survivor]) -> tuple[list[Survivor], list[Survivor]]:
-    """Survivors without a reason, and accepted ones that no longer survive."""
-    reasons = {entry.key: entry.reason for entry in accepted if entry.module == result.module}
-    new = [entry for entry in result.survivors if not reasons.get(entry.key)]
-    keys = {entry.key for entry in result.survivors}
-    gone = [entry for entry in accepted if entry.module == result.module and entry.key not in keys]
-    return new, gone if not result.waiting else []
-
-
-def recorded(result: Result, path: Path = SURVIVORS) -> None:
-    """Update the list with a finished run: reasons stay, obsolete entries go."""
-    runs, accepted = read_survivors(path)
-    reasons = {entry.key: entry.reason for entry in accepted}
-    others = [entry for entry in accepted if entry.module != result.module]
-    entries = {entry.key: entry for entry in result.survivors}
-    own = [replace(entry, reason=reasons.get(entry.key, "")) for entry in entries.values()]
-    write_survivors({**runs, result.module: result.counts}, others + own, path)
-
-
-def only_a_cast(mutation: str) -> bool:
-    """Whether a mutation only changes the type argument of `cast`."""
-    plain = re.sub(r'cast\((?:"[^"]*"|None),', "cast(_,", mutation)
-    removed = [line[2:] for line in plain.splitlines() if line.startswith("-")]
-    return removed == [line[2:] for line in plain.splitlines() if line.startswith("+")]
-
-
-def _quoted(text: str) -> str:
-    return f"'''\n{text}'''" if "\n" in text else json.dumps(text, ensure_ascii=False)
 
 
 # --- mutmut ---------------------------------------------------------------------------------------
 
 
-def run_module(module: str, tests: list[str], processes: int, until: float) -> Result:
-    """Run a module's mutants until a monotonic time, and read the verdicts."""
+def run_module(
+    module: str, tests: list[str], processes: int, until: float, digits: str = ""
+) -> Result:
+    """Run a module's mutants until a monotonic time, and read the verdicts.
+
+    With `digits`, only the mutants whose number in their function ends with one of them.
+    """
     workspace = _workspace(module, tests)
     _notice_changed_tests(workspace, tests)
-    words = [_mutmut(), "run", "--max-children", str(processes)]
+    words = [_mutmut(), "run", "--max-children", str(processes), *_sample(workspace, digits)]
     process = subprocess.Popen(words, cwd=workspace, start_new_session=True)
     try:
         process.wait(max(1.0, until - time.monotonic()))
     except (subprocess.TimeoutExpired, KeyboardInterrupt):
         os.killpg(process.pid, signal.SIGINT)
         process.wait()
-    verdicts = dict(_verdicts(workspace))
+    every = dict(_verdicts(workspace))
+    verdicts = {name: verdict for name, verdict in every.items() if _is_in_sample(name, digits)}
     if process.returncode and not any(verdict == "killed" for verdict in verdicts.values()):
         raise SystemExit(f"{module}: mutmut failed; its workspace is {workspace}")
     alive = [name for name, verdict in sorted(verdicts.items()) if verdict in ALIVE]
     survivors = [_survivor(module, name, workspace) for name in alive]
     different = [entry for entry in survivors if not only_a_cast(entry.mutation)]
-    return Result(module, verdicts, tuple(different), len(survivors) - len(different))
+    same = len(survivors) - len(different)
+    return Result(module, verdicts, tuple(different), same, len(every) if digits else None)
+
+
+def _sample(workspace: Path, digits: str) -> list[str]:
+    """Names of a sample for mutmut, which runs mutants that are named again.
+
+    So these are the mutants without a verdict, after an interruption, or patterns for all.
+    """
+    known = _verdicts(workspace) if digits and (workspace / "mutants").exists() else ()
+    waiting = [name for name, verdict in known if verdict == "not checked"]
+    patterns = [f"*__mutmut_*{digit}" for digit in digits]
+    return [name for name in waiting if _is_in_sample(name, digits)] or patterns
+
+
+def _is_in_sample(name: str, digits: str) -> bool:
+    return not digits or name[-1] in digits
 
 
 def _workspace(module: str, tests: list[str]) -> Path:
@@ -257,7 +189,7 @@ def report(result: Result) -> int:
     """Print the results of a run and return its exit code."""
     new, gone = compared(result, read_survivors()[1])
     counts = result.counts
-    judged = counts["mutants"] - result.waiting
+    judged = counts["killed"] + counts["survived"]
     print(f"{result.module}: {counts['killed']} of {judged} mutants killed")
     for entry in new:
         print(f"  survives without a reason: {entry.function}\n    " + _indented(entry))
@@ -280,6 +212,7 @@ def main() -> None:
     parser.add_argument("modules", nargs="*", help="files of tools/mutation.toml; none: all")
     parser.add_argument("--minutes", type=float, default=60.0, help="stop after so long")
     parser.add_argument("--processes", type=int, default=1, help="mutants at a time")
+    parser.add_argument("--sample", default="", help="only mutants whose numbers end with: 1, 16")
     parser.add_argument("--record", action="store_true", help="write tools/survivors.toml")
     options = parser.parse_args()
     known = tomllib.loads(MODULES.read_text(encoding="utf-8"))
@@ -289,7 +222,9 @@ def main() -> None:
     until = time.monotonic() + 60 * options.minutes
     codes: set[int] = set()
     for module in options.modules or known:
-        result = run_module(module, known[module]["tests"], options.processes, until)
+        result = run_module(
+            module, known[module]["tests"], options.processes, until, options.sample
+        )
         if options.record and not result.waiting:
             recorded(result)
         codes.add(report(result))

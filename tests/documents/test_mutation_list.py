@@ -2,8 +2,8 @@
 
 import tomllib
 
-from tools.mutation import (
-    MODULES,
+from tools.mutation import MODULES
+from tools.survivors import (
     ROOT,
     Result,
     Survivor,
@@ -46,6 +46,18 @@ def test_recording_keeps_reasons_and_other_modules(tmp_path):
     assert runs["a.py"] == {"mutants": 4, "killed": 3, "survived": 1}
     assert [entry.key for entry in survivors] == [BEFORE.key, OTHER.key]
     assert survivors[0].reason == "x is no 1"
+
+
+def test_a_sample_says_nothing_about_mutants_outside_of_it(tmp_path):
+    path = tmp_path / "survivors.toml"
+    new = Survivor("a.py", "f", "- x < 1\n+ x > 1", "x is never above 1")
+    sample = Result("a.py", {"k": "killed", "s": "survived"}, (new,), all=20)
+    assert compared(sample, [BEFORE]) == ([new], [])
+    recorded(result(BEFORE), path)
+    recorded(sample, path)
+    runs, survivors = read_survivors(path)
+    assert runs["a.py"] == {"mutants": 20, "sampled": 2, "killed": 1, "survived": 1}
+    assert [entry.key for entry in survivors] == [BEFORE.key, new.key]
 
 
 def test_the_type_of_a_cast_is_not_a_fault():
