@@ -5,6 +5,7 @@ from dataclasses import replace
 import pytest
 from pond import VOCABULARY, Add, Counter, Minnow, Steps, host, service, world
 
+from minerva_bus.frame import load
 from minerva_bus.frame.composition import Composition
 from minerva_bus.frame.constraints import PlacementRules, Rule
 from minerva_bus.frame.placement import Placement
@@ -212,3 +213,17 @@ def test_births_beyond_a_hosts_capacity_move_to_others():
 def _others(rows):
     text = " · ".join(f"AMinnow#o{n}<x={n}>" for n in range(64))
     return next(iter(Composition(VOCABULARY.read(text)).parts.values())).take(slice(rows))
+
+
+def test_a_slow_host_gets_a_smaller_share(monkeypatch):
+    monkeypatch.setattr(load, "_MIN_ROWS", 50)
+    composition, distribution, offers = distributed(140, 0, one=0, two=0)
+    first, second = composition.parts
+    assert (distribution.host_of(first), distribution.host_of(second)) == ("one", "two")
+    for _ in range(load.WINDOW):
+        distribution.note_elapsed("one", 3.0)
+        assert not distribution.imbalanced
+        distribution.note_elapsed("two", 1.0)
+    assert distribution.imbalanced
+    distribution.arrange(offers)
+    assert sizes(composition) == [35, 105]
