@@ -5,7 +5,7 @@ Messages in, messages out: it has no clock, no link and no thread, apart from it
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from typing import Final
 
@@ -19,11 +19,10 @@ from minerva_bus.launch.free_running import close_services
 from minerva_bus.launch.in_process import members_of
 from minerva_bus.launch.region_checkpoint import RegionCheckpoint
 from minerva_bus.launch.region_journal import CHECKPOINT, COORDINATOR, MAX_BYTES, RegionJournal
+from minerva_bus.launch.region_sending import ParcelSender
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.log.entries import encode_inputs
-from minerva_bus.regions.attached import Replies
 from minerva_bus.regions.messages import from_message, to_message
-from minerva_bus.regions.outbox import Outbox
 from minerva_bus.regions.parcel import Parcel
 from minerva_bus.regions.part import PartSender
 from minerva_bus.regions.region import Region
@@ -55,19 +54,16 @@ class RegionMember(Member):
     ) -> None:
         super().__init__(name)
         assert file.partition is not None
+        self._parcels = ParcelSender(send)
         self._world = file.world
         self._members = members_of(file)
         self._begin(Region(file.world, number, file.partition, self._members))
         self._decoder = Decoder(file.world.vocabulary, file.access.limits)
         self._journal = journal
-        self._send = send
         self._log = log
-        self._outbox = Outbox()
         self._sender = PartSender()
         self._done: s.FrameDone | None = None
         self._requested = -1
-        self._repeats = False
-        self._sent_bytes = 0
         self._early: list[ParcelArrived] = []
         self._orders: dict[int, tuple[AnyEvent, ...]] = {}
         self._reports: dict[int, m.TickReply] = {}
@@ -75,7 +71,7 @@ class RegionMember(Member):
 
     def _begin(self, region: Region) -> None:
         self.region = region
-        region.services.send = self._send_all
+        region.services.send = self._parcels.send
         self._runner = InProcessRunner(
             region.algorithm, self._members, self._observe, deliver=region.services.deliver
         )
@@ -110,7 +106,7 @@ class RegionMember(Member):
         if frame > self.region.frame and not self._journal.exists:
             lost = f"its journal was longer than {MAX_BYTES >> 20} MiB"
             raise WorldStopped(f"a new process cannot repeat {frame} frames: {lost}")
-        self._repeats = True
+        self._parcels.repeats = True
         entries = list(self._journal.read())
         if entries and entries[0].source == CHECKPOINT:
             self._restore(RegionCheckpoint.decoded(entries.pop(0).data))
@@ -125,7 +121,7 @@ class RegionMember(Member):
                 self._note_request(self._decoder.to_member(entry.data))
             for _ in self._advance():
                 pass
-        self._repeats = False
+        self._parcels.repeats = False
         self._journal.open()
 
     # --- checkpoints ---
@@ -133,14 +129,14 @@ class RegionMember(Member):
     def _save(self) -> None:
         """Replace the journal by the state of the region before the frame that begins."""
         region, count = self.region, self.region.partition.count
-        kept = [each for other in range(count) for each in self._outbox.kept_for(other)]
+        kept = [each for other in range(count) for each in self._parcels.outbox.kept_for(other)]
         messages = [
             [[each.target, encode(to_message(each))] for each in kept],
             [[each.source, encode(to_message(each))] for each in region.arrived],
             [encode(report) for _, report in sorted(self._reports.items())],
             [encode(m.Orders(frame, sent)) for frame, sent in sorted(self._orders.items())],
             self._requested,
-            self._sent_bytes,
+            self._parcels.sent_bytes,
         ]
         self._journal.begin_again(RegionCheckpoint.of(region, messages).encoded())
 
@@ -148,9 +144,10 @@ class RegionMember(Member):
         """Continue from the state that a former process of this region has saved."""
         number, partition = self.region.number, self.region.partition
         self._begin(checkpoint.region(self._world, number, partition, self._members))
-        kept, arrived, reports, orders, self._requested, self._sent_bytes = checkpoint.messages
+        kept, arrived, reports, orders, self._requested, sent_bytes = checkpoint.messages
+        self._parcels.sent_bytes = sent_bytes
         for target, data in kept:
-            self._outbox.keep([from_message(self._decoder.parcel(data), number, target)])
+            self._parcels.outbox.keep([from_message(self._decoder.parcel(data), number, target)])
         for source, data in arrived:
             self._accept(ParcelArrived(source, data))
         for data in reports:
@@ -183,9 +180,7 @@ class RegionMember(Member):
 
     def send_again(self, regions: Iterable[int]) -> None:
         """Send what these regions may not have."""
-        for region in regions:
-            for message in self._outbox.kept_for(region):
-                self._send(region, encode(to_message(message)))
+        self._parcels.again(regions)
 
     @property
     def awaited(self) -> list[int]:
@@ -201,7 +196,7 @@ class RegionMember(Member):
             text = f"region {arrived.source} has sent an invalid parcel: {error}"
             raise WorldStopped(text) from None
         if isinstance(received, Parcel):
-            self._outbox.acknowledge(received)
+            self._parcels.outbox.acknowledge(received)
         return is_new
 
     def _on_orders(self, orders: m.Orders) -> None:
@@ -232,7 +227,9 @@ class RegionMember(Member):
         count, frames, ended = self.region.partition.count, self.region.frame, self._runner.ended
         figures: dict[str, int] = {}
         if frames and count > 1:  # The coordinator adds them up to the mean over all regions.
-            figures["parcel_bytes"] = round(self._sent_bytes / (frames * count * (count - 1)))
+            figures["parcel_bytes"] = round(
+                self._parcels.sent_bytes / (frames * count * (count - 1))
+            )
         # The members of one region report the figures of all, because generators are equal.
         if self.region.number != FIRST or ended is None:
             return figures
@@ -263,18 +260,10 @@ class RegionMember(Member):
             if parcel.target == region.number:
                 region.receive(parcel)
             else:
-                self._send_all([parcel])
+                self._parcels.send([parcel])
         self._reports[self.frame] = report
         self._reports.pop(self.frame - REPORTS_KEPT, None)
         return report
-
-    def _send_all(self, messages: Sequence[Parcel | Replies]) -> None:
-        self._outbox.keep(messages)
-        for message in messages:
-            data = encode(to_message(message))
-            self._sent_bytes += len(data)
-            if not self._repeats:
-                self._send(message.target, data)
 
     def _report(self) -> m.TickReply:
         region, done = self.region, self._done

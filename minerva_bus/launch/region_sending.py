@@ -1,0 +1,40 @@
+"""Sends parcels to other regions, and keeps them until they have arrived."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+
+from minerva_bus.regions.attached import Replies
+from minerva_bus.regions.messages import to_message
+from minerva_bus.regions.outbox import Outbox
+from minerva_bus.regions.parcel import Parcel
+from minerva_bus.wire.codec import encode
+
+
+class ParcelSender:
+    """The parcels of a region. `send` sends bytes to a region; they may be lost.
+
+    While it `repeats` the frames of a former process, nothing is sent: others have the parcels, or
+    request them. `sent_bytes` counts the bytes of all parcels, also of those.
+    """
+
+    def __init__(self, send: Callable[[int, bytes], None]) -> None:
+        self.outbox = Outbox()
+        self.repeats = False
+        self.sent_bytes: int = 0
+        self._send = send
+
+    def send(self, messages: Sequence[Parcel | Replies]) -> None:
+        """Send parcels for the first time."""
+        self.outbox.keep(messages)
+        for message in messages:
+            data = encode(to_message(message))
+            self.sent_bytes += len(data)
+            if not self.repeats:
+                self._send(message.target, data)
+
+    def again(self, regions: Iterable[int]) -> None:
+        """Send what these regions may not have."""
+        for region in regions:
+            for message in self.outbox.kept_for(region):
+                self._send(region, encode(to_message(message)))
