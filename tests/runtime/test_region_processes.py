@@ -4,8 +4,14 @@ import json
 import os
 import re
 import signal
+import sys
+import tempfile
+import time
+from pathlib import Path
 
 import pytest
+import running
+from region_proxy import SCRIPT, Proxy
 from running import (
     MEMBERS,
     World,
@@ -115,6 +121,30 @@ def test_operators_and_deaths_leave_one_run(path):
     # One coordinator computes the same strings from the recorded events.
     done = here(folder, "replay", "run.mcap", path, "--recompute")
     assert done.returncode == 0, done.stdout + done.stderr
+
+
+@pytest.mark.slow
+def test_links_that_are_cut_delay_a_world_and_nothing_else(path, monkeypatch):
+    """For longer than a lease, after which Zenoh closes a link and dials again, and for less."""
+    script = path.parent / "proxied.py"
+    script.write_text(SCRIPT)
+    monkeypatch.setattr(running, "MINERVA", [sys.executable, str(script)])
+    words = "--rate", 20, "--frames", 100, "--regions", 3, "--json"
+    with tempfile.TemporaryDirectory() as folder:  # Paths of sockets must be short.
+        monkeypatch.setenv("TMPDIR", folder)
+        with World(path, *words) as world:
+            sockets = eventually(lambda: [*Path(folder).glob("minerva-regions-*")], "a folder")[0]
+            proxies = [Proxy(sockets, number) for number in range(2)]
+            for proxy in proxies:
+                proxy.start()
+            for seconds in (0.1, 1.0, 10.0):
+                world.runs("region-0", "region-1", "region-2")
+                for proxy in proxies:
+                    proxy.cut()
+                time.sleep(seconds)
+                for proxy in proxies:
+                    proxy.restore()
+            assert world.summary()["digest"] == alone(path, 100)["digest"]
 
 
 def test_an_error_in_code_stops_all_regions(path):
