@@ -63,7 +63,7 @@ class ParcelMessage:
         bytes, Note("the number of nodes in the string for each piece of `skeleton`")
     ] = b""
     shown: Annotated[bytes, Note("the places of these nodes")] = b""
-    halted: Annotated[tuple[str, ...], Note("agents whose actions devices must not execute")] = ()
+    halted: Annotated[tuple[str, ...], Note("agents whose actions no device executes")] = ()
 
 
 @dataclass(frozen=True, slots=True)
