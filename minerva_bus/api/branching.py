@@ -5,25 +5,34 @@ from __future__ import annotations
 import time
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from minerva_bus.api.records import world_of_record
 from minerva_bus.api.run_result import Run
 from minerva_bus.api.running import run_file
-from minerva_bus.api.studies import collected_of, grid_of, sweep_of, table_of_study
+from minerva_bus.api.studies import grid_of, sent_world, sweep_of, table_of_study
+from minerva_bus.api.study_tables import collected_of
 from minerva_bus.api.world import World
 from minerva_bus.collect.table import SEED, DataTable
 from minerva_bus.errors import MisuseError
 from minerva_bus.launch.branching import BranchPoint, read_branch_point, recorded_digest
 from minerva_bus.launch.collecting import Collecting
 from minerva_bus.launch.temporary_folder import temporary_folder
+from minerva_bus.log.reader import Record
 from minerva_bus.settings.overrides import AS_WRITTEN, Overrides
-from minerva_bus.study.executor_pool import Workers
+from minerva_bus.study.executor_pool import ExecutorSource, Workers
 from minerva_bus.study.grid import Grid
 from minerva_bus.study.results import Row
+from minerva_bus.study.sent_branch import SentBranch
 from minerva_bus.study.sweep import Sweep
+from minerva_bus.world.operator import WorldStatus
+
+RECORD: Final = "record"
+RECORD_SECONDS: Final = 10.0
+"""Longest time, in seconds, that a running world takes to write its frames to the disk."""
+
+POLL_SECONDS: Final = 0.05
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,12 +60,18 @@ class Branches:
         *,
         in_process: bool = True,
         collect: Collecting | None = None,
+        sent: bool = False,
     ) -> Sweep:
-        """The runs for all combinations; `given` are settings of all of them."""
+        """The runs for all combinations; `given` are settings of all of them.
+
+        `sent`: they run in the workers of an executor. Raises MisuseError if the world's code is
+        not in modules then.
+        """
         given, point = Overrides(rate=0.0).over(given), self.point
         runs = sweep_of(self.world, grid, given, point, collect or Collecting())
         own = {**runs.identity, "branch": point.past.frame}
-        return replace(runs, path=point.path, in_process=in_process, identity=own)
+        to = SentBranch.of(sent_world(self.world), point) if sent else None
+        return replace(runs, path=point.path, in_process=in_process, identity=own, sent=to)
 
     def unchanged(self, runs: Sweep) -> Row | None:
         """The finished run in which seed and options are those of the record, if there is one."""
@@ -93,6 +108,7 @@ def branch(
     folder: str | Path = "",
     workers: int = 0,
     limit: float = 0.0,
+    executor: ExecutorSource | None = None,
     quiet: bool = False,
 ) -> DataTable:
     """Continue a recorded run from one of its frames in many ways, in parallel.
@@ -113,6 +129,7 @@ def branch(
         folder: stores finished runs, so that the same call continues after a kill. "": none.
         workers: parallel runs; 0: one per core.
         limit: seconds that a run may take; 0: no limit.
+        executor: as for `sweep`; its workers receive the frame, and need no record.
         quiet: show no progress, only failures.
 
     Returns:
@@ -135,8 +152,14 @@ def branch(
         raise MisuseError(f"seeds={seeds!r:.40}: expected at least one seed")
     combinations = grid_of(grid or {}, numbers)
     entries, plans = collected_of(branches.world, collect)
-    make = partial(_make, branches, combinations, Overrides(frames=frames))
-    return table_of_study(make, entries, plans, table, folder, Workers(workers, limit), quiet)
+    given = Overrides(frames=frames)
+
+    def make(collecting: Collecting) -> Sweep:
+        return branches.sweep(combinations, given, collect=collecting, sent=executor is not None)
+
+    return table_of_study(
+        make, entries, plans, table, folder, Workers(workers, limit, executor), quiet
+    )
 
 
 def branch_run(
@@ -154,6 +177,43 @@ def branch_run(
         return branch(record, frame, grid, **{**known, **arguments})
 
 
+def branch_live(
+    status: WorldStatus,
+    frame: int | None,
+    frames: int,
+    grid: Mapping[str, Iterable[Any]] | None,
+    arguments: Mapping[str, Any],
+) -> DataTable:
+    """Branches of a running world; see `Live.branch`. Raises MinervaError."""
+    files = [file for file in status.files if file.name == RECORD and not file.problem]
+    if not files or not Path(files[0].path).exists():
+        raise MisuseError(
+            f"{status.world} has no record on this machine, which its branches need: start it with"
+            ' record="run.mcap", or by minerva run --record run.mcap'
+        )
+    path, begin = Path(files[0].path), status.frame if frame is None else frame
+    _wait_for(path, min(begin, status.frame))
+    given: dict[str, Any] = {**arguments, "frames": frames}
+    return branch(path, begin, grid, **given)
+
+
+def _wait_for(path: Path, frame: int) -> None:
+    """Wait until a frame of a record is on the disk. Raises MisuseError after RECORD_SECONDS."""
+    until = time.monotonic() + RECORD_SECONDS
+    while (last := _last(path)) < frame:
+        if time.monotonic() > until:
+            raise MisuseError(
+                f"{path} ends with frame {last}, not {frame}, after {RECORD_SECONDS:g} s; flush it"
+                " more often (--flush), or branch from an earlier frame"
+            )
+        time.sleep(POLL_SECONDS)
+
+
+def _last(path: Path) -> int:
+    with Record(path) as record:
+        return record.last()[0]
+
+
 def _repeat(run: Run, world: World, record: Path) -> None:
     """Run a world again and record it. Raises MisuseError if its last string is another one."""
     given = Overrides(record=str(record), frames=run.frames).over(run.settings)
@@ -165,7 +225,3 @@ def _repeat(run: Run, world: World, record: Path) -> None:
             f"the run of {world.name} cannot be repeated: it had free-running members, orders of"
             ' people, or has changed code; record it: run(world, record="run.mcap")'
         )
-
-
-def _make(branches: Branches, grid: Grid, given: Overrides, collect: Collecting) -> Sweep:
-    return branches.sweep(grid, given, collect=collect)

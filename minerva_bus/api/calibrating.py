@@ -11,8 +11,10 @@ from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
 import numpy as np
 
+from minerva_bus.api.branching import Branches
 from minerva_bus.api.requests import request_of
-from minerva_bus.api.studies import collected_of, sent_world, sweep_of, table_of_study, typed_column
+from minerva_bus.api.studies import sent_world, sweep_of, table_of_study
+from minerva_bus.api.study_tables import collected_of, typed_column
 from minerva_bus.api.world import World, world_of
 from minerva_bus.collect.table import SEED, DataTable, needed
 from minerva_bus.errors import MisuseError
@@ -20,7 +22,7 @@ from minerva_bus.launch.collecting import Collecting
 from minerva_bus.launch.resuming import option_text
 from minerva_bus.settings.overrides import Overrides
 from minerva_bus.study.executor_pool import ExecutorSource, Workers
-from minerva_bus.study.grid import Combination, ListedGrid
+from minerva_bus.study.grid import Combination, Grid, ListedGrid
 from minerva_bus.study.sweep import Sweep
 
 if TYPE_CHECKING:
@@ -60,6 +62,7 @@ def calibrate(
     seeds: int = 1,
     minimise: bool = True,
     seed: int = 0,
+    frame: int | None = None,
     frames: int | None = None,
     collect: Any = None,
     table: str = "",
@@ -71,19 +74,22 @@ def calibrate(
 ) -> Calibration:
     """Search for the options for which runs are best; needs the extra `optuna`.
 
-    Each trial is a row of a sweep: the values that Optuna's sampler TPE proposes, with each seed.
+    Each trial is a row of a sweep, or of branches: the values that Optuna's sampler TPE proposes,
+    with each seed.
 
     Args:
-        world: a `World`, a world file, or the name of an installed world.
+        world: a `World`, a world file, or the name of an installed world; with `frame`, a record,
+            .mcap, from which each trial branches.
         objective: a column of the table of `sweep`, of which the mean over the rows of a trial
             counts, or a function of these rows that returns a number.
         ranges: the bounds of a number, `{"speed": (0.1, 2.0)}`, whole numbers if both bounds are
             ints, or a list of values, `{"planner": ["astar", "random"]}`.
         trials: the number of trials.
-        seeds: runs of each trial, with the seeds 0, 1, ...
+        seeds: runs of each trial, with the seeds 0, 1, ...; in branches from that of the record.
         minimise: whether less is better.
         seed: of the sampler.
-        frames: per run; default: the world's own.
+        frame: the frame of the record with which branches begin; None: whole runs.
+        frames: per run; default: the world's own, or the end of the record.
         collect: as for `sweep`; without it, the rows are outcomes.
         table: as for `sweep`.
         folder: as for `sweep`: the same call continues after a kill.
@@ -105,25 +111,57 @@ def calibrate(
     """
     if trials < 1 or seeds < 1:
         raise MisuseError(f"trials={trials}, seeds={seeds}; expected at least 1 of each")
-    search = _Search(_study(minimise, seed), _distributions(ranges), seeds)
-    own = world_of(world, {})
-    request_of(own, {}, frames=frames)
-    entries, plans = collected_of(own, collect)
-
-    def make(grid: ListedGrid, collecting: Collecting) -> Sweep:
-        runs = sweep_of(own, grid, Overrides(frames=frames, rate=0.0), own.read, collecting)
-        if executor is not None:
-            runs.sent = sent_world(own)
-        return runs
-
+    sent = executor is not None
+    runs = _runs(world, frames, sent) if frame is None else _branches(world, frame, frames, sent)
+    search = _Search(_study(minimise, seed), _distributions(ranges), runs.seeds(seeds))
+    entries, plans = collected_of(runs.world, collect)
     for begin in range(0, trials, BATCH):
         grid = search.ask(min(BATCH, trials - begin))
         rows = table_of_study(
-            partial(make, grid), entries, plans, table, folder,
+            partial(runs.make, grid), entries, plans, table, folder,
             Workers(workers, limit, executor), quiet,
         )  # fmt: skip
         search.tell(rows, objective)
     return search.result()
+
+
+@dataclass(frozen=True)
+class _Runs:
+    """How the runs of a trial are made: of a world, with seeds that begin with `first`."""
+
+    world: World
+    first: int
+    make: Callable[[Grid, Collecting], Sweep]
+
+    def seeds(self, count: int) -> range:
+        """The seeds of as many runs."""
+        return range(self.first, self.first + count)
+
+
+def _runs(world: World | str | Path, frames: int | None, sent: bool) -> _Runs:
+    """Whole runs. Raises MinervaError."""
+    own = world_of(world, {})
+    # For its checks only: an error appears here, not once in each run.
+    request_of(own, {}, frames=frames)
+
+    def make(grid: Grid, collecting: Collecting) -> Sweep:
+        runs = sweep_of(own, grid, Overrides(frames=frames, rate=0.0), own.read, collecting)
+        runs.sent = sent_world(own) if sent else None
+        return runs
+
+    return _Runs(own, 0, make)
+
+
+def _branches(record: World | str | Path, frame: int, frames: int | None, sent: bool) -> _Runs:
+    """Branches of a record. Raises MinervaError."""
+    if isinstance(record, World):
+        raise MisuseError(f"frame={frame}: expected a record, .mcap, not the world {record.name}")
+    branches = Branches.read(record, frame)
+
+    def make(grid: Grid, collecting: Collecting) -> Sweep:
+        return branches.sweep(grid, Overrides(frames=frames), collect=collecting, sent=sent)
+
+    return _Runs(branches.world, branches.seeds(1)[0], make)
 
 
 class _Search:
@@ -133,10 +171,10 @@ class _Search:
         self,
         study: optuna.Study,
         distributions: dict[str, optuna.distributions.BaseDistribution],
-        seeds: int,
+        seeds: range,
     ) -> None:
         self._study, self._distributions = study, distributions
-        self._seeds = tuple(map(str, range(seeds)))
+        self._seeds = tuple(map(str, seeds))
         self._asked: list[optuna.Trial] = []
         self._done: list[tuple[Mapping[str, Any], float]] = []
 

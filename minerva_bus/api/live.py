@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from threading import RLock
 from types import TracebackType
 from typing import Any, Protocol, Self
 
+from minerva_bus.api.here import Here
 from minerva_bus.api.on_bus import connect_on_bus, start_on_bus
 from minerva_bus.api.pictures import Still
 from minerva_bus.api.requests import request_of
@@ -24,7 +25,6 @@ from minerva_bus.api.world_views import (
 )
 from minerva_bus.collect.table import DataTable
 from minerva_bus.errors import MinervaError, MisuseError
-from minerva_bus.frame.description import World as Description
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.vocabulary import Vocabulary
@@ -61,8 +61,11 @@ class Live:
     the last reference to a world in other processes. A world of `connect` continues to run.
     """
 
-    def __init__(self, backend: _Backend, agents: Iterable[type[Agent]]) -> None:
+    def __init__(
+        self, backend: _Backend, agents: Iterable[type[Agent]], world: World | None = None
+    ) -> None:
         self._backend = backend
+        self._world = world
         self.views = WorldViews(backend.name, backend.vocabulary, agents)
         self._display: LiveDisplay | None = None
         # A notebook may handle a click in another thread than that of its cells.
@@ -184,6 +187,34 @@ class Live:
         """The data collected so far, as for `Run.table`; of a world in this process only."""
         return pick_table(self._backend.tables, name)
 
+    def branch(
+        self,
+        frames: int,
+        grid: Mapping[str, Iterable[Any]] | None = None,
+        *,
+        frame: int | None = None,
+        **arguments: Any,
+    ) -> DataTable:
+        """Continue the world in many ways from one frame of its record, while it stays as it is.
+
+        Args:
+            frames: the last frame of the branches.
+            grid: values by option of the world, or by PROCESS.KEY.
+            frame: branches begin with the string of this frame; None: the current one.
+            arguments: all others of `branch`: `seeds`, `collect`, `executor`, ...; for a world of
+                `connect`, `world` is the one with the agents' code, if the record names no file.
+
+        Raises MisuseError if the world has no record here, and as `branch` does.
+
+        Example:
+            `World.load("meadow").start(record="run.mcap").branch(500, seeds=20)`
+
+        """
+        from minerva_bus.api.branching import branch_live  # which imports studies and records
+
+        known: dict[str, Any] = {} if self._world is None else {"world": self._world}
+        return branch_live(self.status, frame, frames, grid, {**known, **arguments})
+
     def close(self) -> None:
         """End the world, or disconnect from one that runs elsewhere."""
         self._backend.close()
@@ -219,48 +250,6 @@ class Live:
         return {**controls, "text/plain": repr(self), "text/html": figure(shown, facts)}
 
 
-class _Here:
-    """A world in this process."""
-
-    def __init__(self, run: InProcessRun, world: Description) -> None:
-        self.name, self.vocabulary = world.name, world.vocabulary
-        self.operator = AskingOperator(run.ask)
-        self._run = run
-
-    @property
-    def frame(self) -> int:
-        return self._run.algorithm.frame
-
-    @property
-    def scene(self) -> Scene:
-        return self._run.algorithm.scene
-
-    @property
-    def ended(self) -> bool:
-        return self._run.ended
-
-    @property
-    def tables(self) -> dict[str, DataTable]:
-        return {} if self._run.collected is None else self._run.collected.tables
-
-    def step(self, frames: int, stop: Callable[[], bool], by: str) -> None:
-        if self.ended:
-            return
-        try:
-            self._run.advance(frames, stop)
-        except BaseException as error:
-            # The interrupt may have come in the middle of a frame, so the world cannot continue.
-            if isinstance(error, KeyboardInterrupt):
-                self._run.end("interrupted")
-            self._run.close()
-            raise
-
-    def close(self) -> None:
-        if not self.ended:
-            self._run.end("closed")
-        self._run.close()
-
-
 def start(world: World, *, bus: bool = False, **settings: Any) -> Live:
     """Start a world, paused; see `World.start`."""
     own = ("seed", "frames", "until", "collect", "into", "processes", "record", "rate")
@@ -275,8 +264,8 @@ def start(world: World, *, bus: bool = False, **settings: Any) -> Live:
         except BaseException:
             here.close()
             raise
-        return Live(_Here(here, request.file.world), world.agents)
-    return Live(start_on_bus(request), world.agents)
+        return Live(Here(here, request.file.world), world.agents, world)
+    return Live(start_on_bus(request), world.agents, world)
 
 
 def connect(world: str = "", endpoint: str = "", *, agents: Iterable[type[Agent]] = ()) -> Live:

@@ -6,18 +6,21 @@ import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Any, Final, cast
+from typing import Any, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from minerva_bus.api.requests import request_of
 from minerva_bus.api.run_result import pick_table
+from minerva_bus.api.study_tables import (
+    collected_of,
+    collected_tables,
+    outcome_table,
+    with_keys,
+)
 from minerva_bus.api.world import World, world_of
-from minerva_bus.collect.plans import Entries, TablePlan, plans_of, read_entries
-from minerva_bus.collect.reading import plain_value
-from minerva_bus.collect.table import ARRAY_TYPES, SEED, DataTable, Gathered
-from minerva_bus.collect.writers import path_of, read_columns
+from minerva_bus.collect.plans import Entries, TablePlan
+from minerva_bus.collect.table import SEED, DataTable
 from minerva_bus.errors import MisuseError
 from minerva_bus.launch.collecting import Collecting
 from minerva_bus.launch.console import Console
@@ -27,13 +30,11 @@ from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.settings.overrides import AS_WRITTEN, Overrides
 from minerva_bus.study.code_digests import identity, named_objects
 from minerva_bus.study.executor_pool import ExecutorSource, Workers, open_pool
-from minerva_bus.study.grid import Combination, Grid
+from minerva_bus.study.grid import Grid
 from minerva_bus.study.journal import StudyJournal
 from minerva_bus.study.results import Row
 from minerva_bus.study.sent_world import SentWorld
 from minerva_bus.study.sweep import Sweep
-
-_BOOLS: Final = {"true": True, "false": False}
 
 
 class SweepProgress:
@@ -159,12 +160,6 @@ def sweep(
     )
 
 
-def collected_of(world: World, collect: Any) -> tuple[Entries, list[TablePlan]]:
-    """What runs of a world collect (None: as the world says), and the tables of it."""
-    entries = read_entries(collect) if collect is not None else world.read().collect.entries
-    return entries, plans_of(entries, world.vocabulary)
-
-
 def table_of_study(
     make: Callable[[Collecting], Sweep],
     entries: Entries,
@@ -187,10 +182,10 @@ def table_of_study(
             raise KeyboardInterrupt
         _check_any_succeeded(runs)
         if not entries:
-            return _outcomes(runs)
-        collected, keys = _collected(runs, runs.grid, plans)
+            return outcome_table(runs)
+        collected, keys = collected_tables(runs, runs.grid, plans)
     wanted = pick_table(collected, table)
-    return _with_keys(runs.grid.keys, keys[wanted.name], wanted)
+    return with_keys(runs.grid.keys, keys[wanted.name], wanted)
 
 
 def sweep_of(
@@ -225,23 +220,6 @@ def _check_any_succeeded(runs: Sweep) -> None:
         raise MisuseError(f"all runs failed; the first: {runs.named(first)}: {first.error}")
 
 
-def _collected(
-    runs: Sweep, combinations: Grid, plans: Sequence[TablePlan]
-) -> tuple[dict[str, DataTable], dict[str, list[Combination]]]:
-    """The collected rows of all runs by table, and the combination of each row."""
-    tables = {plan.name: Gathered(plan.name, plan.columns) for plan in plans}
-    keys: dict[str, list[Combination]] = {plan.name: [] for plan in plans}
-    several = len(plans) > 1
-    # In the order of the grid: runs finish in any order, and the table must not depend on it.
-    for combination in combinations:
-        for plan in plans if not runs.rows[combination].error else ():
-            part = path_of(runs.part(combination), plan.name, several)
-            rows = read_columns(part, plan.name, plan.columns)
-            tables[plan.name].rows(rows.to_dict())
-            keys[plan.name] += [combination] * len(rows)
-    return {name: gathered.table for name, gathered in tables.items()}, keys
-
-
 def sent_world(world: World, given: Overrides = AS_WRITTEN, *more: object) -> SentWorld:
     """A world for the workers of an executor. Raises MisuseError if its code is not in modules."""
     path = world.path or Path.cwd() / f"{world.name}.toml"
@@ -271,40 +249,3 @@ def grid_of(grid: Mapping[str, Iterable[Any]], seeds: int | Iterable[int]) -> Gr
 def _python(value: Any) -> Any:
     """A number of numpy as a Python object."""
     return cast("Any", value).item() if isinstance(value, np.generic) else value
-
-
-def _outcomes(runs: Sweep) -> DataTable:
-    """The outcome of each run, as the table of `minerva sweep`."""
-    table = runs.table
-    types: dict[str, str] = {}
-    columns: dict[str, NDArray[Any]] = {}
-    for name in table.columns:
-        types[name], columns[name] = typed_column(table.column(name))
-    return DataTable("runs", types, columns)
-
-
-def _with_keys(names: Sequence[str], keys: Sequence[Combination], table: DataTable) -> DataTable:
-    types: dict[str, str] = {}
-    columns: dict[str, NDArray[Any]] = {}
-    for at, name in enumerate(names):
-        # An option may have the name of a collected column.
-        own = f"{name}_" if name in table.columns else name
-        types[own], columns[own] = typed_column(
-            [plain_value(combination[at], _BOOLS) for combination in keys]
-        )
-    return DataTable(table.name, types | table.types, columns | table.to_dict())
-
-
-def typed_column(values: Sequence[Any]) -> tuple[str, NDArray[Any]]:
-    """Values of one column with its type: int64, float64, bool, or otherwise text."""
-    kinds: set[type[Any]] = {type(value) for value in values}
-    known: Mapping[type[Any], str] = {int: "int64", float: "float64", bool: "bool", str: "text"}
-    kind = known.get(kinds.pop(), "text") if len(kinds) == 1 else "text"
-    # A figure that some runs lack is nan for them.
-    if kinds <= {int, float, type(None)} and len(kinds) > 1:
-        values = [np.nan if value is None else float(value) for value in values]
-        kind = "float64"
-    texts: Callable[[Any], Any] = lambda value: "" if value is None else option_text(value)  # noqa: E731
-    made = np.empty(len(values), ARRAY_TYPES[kind])
-    made[:] = [texts(value) for value in values] if kind == "text" else list(values)
-    return kind, made

@@ -105,6 +105,15 @@ def worlds(ctx: typer.Context, incomplete: str) -> Choices:
 
 
 @completer
+def worlds_and_records(ctx: typer.Context, incomplete: str) -> Choices:
+    """Installed worlds, world files and records."""
+    from minerva_bus.launch.installed import installed_worlds
+
+    yield from installed_worlds().items()
+    yield from paths(incomplete, ".toml", ".mcap")
+
+
+@completer
 def permissions(ctx: typer.Context, incomplete: str) -> Choices:
     """Permissions of `minerva mcp`."""
     from minerva_bus.mcp.permissions import PERMISSIONS

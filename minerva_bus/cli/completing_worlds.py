@@ -115,12 +115,26 @@ def swept(ctx: typer.Context, incomplete: str) -> Choices:
 @completer
 def branched(ctx: typer.Context, incomplete: str) -> Choices:
     """As `swept`, for the world of a record."""
+    if not ctx.params.get("world"):
+        ctx.params["world"] = _recorded(ctx.params["file"])
+    yield from swept(ctx, incomplete)
+
+
+@completer
+def ranged(ctx: typer.Context, incomplete: str) -> Choices:
+    """As `swept` without the seed, for a world or the world of a record."""
+    spec = _world_of(ctx)
+    if spec.endswith(".mcap"):
+        ctx.params["world"] = _recorded(spec)
+    yield from (choice for choice in swept(ctx, incomplete) if choice[0] != "seed=")
+
+
+def _recorded(path: str) -> str:
+    """The world file that a record names."""
     from minerva_bus.log.reader import Record
 
-    if not ctx.params.get("world"):
-        with Record(Path(ctx.params["file"])) as record:
-            ctx.params["world"] = record.description.path
-    yield from swept(ctx, incomplete)
+    with Record(Path(path)) as record:
+        return record.description.path
 
 
 def _process_keys(spec: str) -> Iterator[tuple[str, str]]:

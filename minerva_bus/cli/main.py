@@ -18,6 +18,7 @@ from typing import Annotated, Any, Final, cast
 import typer
 
 from minerva_bus.cli.commands import (
+    calibrating,
     explaining,
     exporting,
     keys,
@@ -42,7 +43,7 @@ GROUPS: Final = {
         *("info", "replay", "seek", "diff", "export", "plot"),
         *("conversation", "recover", "map"),
     ),
-    "Studies": ("sweep", "branch", "evolve"),
+    "Studies": ("sweep", "branch", "calibrate", "evolve"),
     "Set up": ("new", "schema", "doctor", "keys", "conformance", "version"),
 }
 """The commands by topic, in the order of the help."""
@@ -95,7 +96,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     epilog="Exit codes: 0 done, 1 a check or a world failed, 2 wrong input, 130 interrupted.",
 )
-_MODULES: Final = (worlds, operating, records, exporting, studies, explaining)
+_MODULES: Final = (worlds, operating, records, exporting, studies, calibrating, explaining)
 
 
 def command_of(name: str) -> Callable[..., None]:

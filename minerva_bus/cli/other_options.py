@@ -29,6 +29,7 @@ _DESCRIBED: Final[dict[str, Callable[[str], list[tuple[str, str]]]]] = {
     "run": _world_options,
     "graph": _world_options,
     "sweep": _world_options,
+    "calibrate": _world_options,
     "evolve": _world_options,
     "attach": _service_options,
     "bridge": _service_options,

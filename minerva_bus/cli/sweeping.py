@@ -54,16 +54,22 @@ def run_to_table(
 
 def _sweep(sweep: Sweep, table: Path, workers: Workers, console: Console) -> int:
     """Run the remaining combinations and write the table; returns the exit code."""
-    beside = table.with_name(f"{table.name}.journal")
+    beside = check_journal(table, "journal")
+    interrupted = run_sweep(sweep, beside, workers, console)
+    write(sweep.table, table)
+    return INTERRUPTED if interrupted else FAILED if sweep.failures else 0
+
+
+def check_journal(table: Path, ending: str) -> Path:
+    """The journal of a table, beside it. Raises MisuseError if only the table exists."""
+    beside = table.with_name(f"{table.name}.{ending}")
     # The table is written from the journal, so its rows would be lost without one.
     if table.exists() and not beside.exists():
         raise MisuseError(
             f"{table} exists without its journal {beside.name}; remove it, or name another file"
             " with -o"
         )
-    interrupted = run_sweep(sweep, beside, workers, console)
-    write(sweep.table, table)
-    return INTERRUPTED if interrupted else FAILED if sweep.failures else 0
+    return beside
 
 
 def _draw(sweep: Sweep, plot: Path, console: Console) -> None:

@@ -65,6 +65,10 @@ class BranchPoint:
         check_unfinished(world, self.path)
         return replace(file, world=world)
 
+    def with_world(self, world: WorldSource) -> BranchPoint:
+        """The same frame, continued by the code of another source."""
+        return replace(self, world=world, _files={})
+
     def _read(self, overrides: Overrides) -> WorldFile:
         """The world file with these settings; reading it takes longer than many a branch."""
         values = {name: value for name, value in overrides.values.items() if name != "seed"}

@@ -18,6 +18,7 @@ from functools import cache
 from pathlib import Path
 from typing import Final
 
+from minerva_bus.study.sent_branch import SentBranch
 from minerva_bus.study.sent_world import SentWorld, dask_worker
 from minerva_bus.study.worker_pool import Result, Task, failure
 
@@ -82,7 +83,7 @@ def run_sent(ticket: Ticket, number: int, limit: float, task: Task) -> Result | 
     with _running(ticket) as wanted:
         if not wanted:
             return None
-        if isinstance(task.read, SentWorld):
+        if isinstance(task.read, SentWorld | SentBranch):
             task.read.check()
         clock = _Clock(ticket, limit)
         # Members of the world print; the error has what matters.

@@ -69,10 +69,8 @@ def parse_grid(settings: Sequence[str]) -> Grid:
     """A grid from `KEY=VALUE,VALUE,...` and `KEY=FROM:TO[:STEP]`. Raises MisuseError."""
     values: dict[str, tuple[str, ...]] = {}
     for setting in settings:
-        key, equals, text = setting.partition("=")
-        # As on the command line, where `--max-speed` sets `max_speed`.
-        key = key.strip().replace("-", "_") if "." not in key else key.strip()
-        if not equals or not key:
+        key, text = key_and_values(setting)
+        if not key:
             raise MisuseError(f"--set {setting}: expected KEY=VALUE,VALUE,... or KEY=FROM:TO")
         if key in values:
             raise MisuseError(f"--set {setting}: {key} is already set; give all values together")
@@ -87,9 +85,17 @@ def parse_grid(settings: Sequence[str]) -> Grid:
     return grid
 
 
+def key_and_values(setting: str) -> tuple[str, str]:
+    """The parts of `KEY=VALUES`; the key is empty if one of them is missing."""
+    key, equals, text = setting.partition("=")
+    # As on the command line, where `--max-speed` sets `max_speed`.
+    key = key.strip().replace("-", "_") if "." not in key else key.strip()
+    return (key, text) if equals else ("", "")
+
+
 def _values(setting: str, text: str) -> tuple[str, ...]:
     values: list[str] = []
-    for part in _parts(text):
+    for part in parts_of(text):
         bounds = _RANGE.fullmatch(part.strip())
         values += _ranged(setting, *bounds.groups()) if bounds else [_canonical(part.strip())]
     if len(set(values)) < len(values):
@@ -98,7 +104,7 @@ def _values(setting: str, text: str) -> tuple[str, ...]:
     return tuple(values)
 
 
-def _parts(text: str) -> list[str]:
+def parts_of(text: str) -> list[str]:
     """Values separated by commas: the items of a TOML list, or else plain text."""
     # TOML first, because texts and lists may contain commas.
     listed = toml_value(f"[{text}]")

@@ -71,7 +71,7 @@ class ResultTable:
 
 def _cells(row: Row, figures: Sequence[str]) -> tuple[Any, ...]:
     return (
-        *map(_option, row.combination),
+        *map(option_value, row.combination),
         *[row.outcome.get(name) for name in OWN],
         *[row.figures.get(name) for name in figures],
         row.error or None,
@@ -79,7 +79,7 @@ def _cells(row: Row, figures: Sequence[str]) -> tuple[Any, ...]:
     )
 
 
-def _option(text: str) -> Any:
+def option_value(text: str) -> Any:
     """An option's value as a number or a bool if it is one, otherwise as text."""
     value = toml_value(text)
     return value if isinstance(value, int | float) else text

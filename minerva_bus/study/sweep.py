@@ -23,6 +23,7 @@ from minerva_bus.settings.overrides import Overrides
 from minerva_bus.study.grid import Combination, Grid
 from minerva_bus.study.journal import StudyJournal, invalid_line
 from minerva_bus.study.results import OWN, ResultTable, Row
+from minerva_bus.study.sent_branch import SentBranch
 from minerva_bus.study.sent_world import SentWorld
 from minerva_bus.study.trial import prepared, run_trial
 from minerva_bus.study.worker_pool import Result, TaskPool
@@ -75,7 +76,7 @@ class Sweep:
     collect: Collecting = field(default_factory=Collecting)
     identity: Mapping[str, Any] = field(default_factory=dict[str, Any])
     code: Sequence[object] = ()
-    sent: SentWorld | None = None
+    sent: SentWorld | SentBranch | None = None
     rows: dict[Combination, Row] = field(default_factory=dict[Combination, Row])
 
     @property

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import os
 import shutil
@@ -117,6 +118,18 @@ def test_a_run_with_a_script_has_one_digest_everywhere(tmp_path):
     assert 'fate=["eat 2", "budget"]' in town["ben"]
     # 0.8 s for two attempts: asked in frame 0, received in frame 1.
     assert recomputes(tmp_path, "a.mcap")[0]
+
+
+def test_branches_have_the_answers_of_the_past_and_ask_on(tmp_path):
+    path = write_town(tmp_path, "town:RULES")
+    done = summary(here(tmp_path, "run", path, "--in-process", "--record", "b.mcap", "--json"))
+    backends = "llm.backend=town:RULES,town:decide"
+    words = "branch", "b.mcap", "--frame", "6", "--set", backends, "--in-process", "--workers", "1"
+    assert minerva(tmp_path, *words).returncode == 0
+    rows = list(csv.DictReader((tmp_path / "b-6.csv").open()))
+    # Requests that were open in frame 6 are answered as in the record, unless by another backend.
+    assert [row["digest"] == done["digest"] for row in rows] == [True, False]
+    assert [row["llm.backend"] for row in rows] == ["town:RULES", "town:decide"]
 
 
 def test_a_resumed_run_continues_requests_and_budgets(tmp_path):

@@ -37,6 +37,10 @@ def days(outcome):
     return outcome.events["eDay"] + 100 * outcome.frames
 
 
+def far_from_two(rows):
+    return abs(rows["size"][-1] - 2.0)
+
+
 def nothing(outcome):
     return float("nan")
 

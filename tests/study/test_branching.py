@@ -1,6 +1,7 @@
 """`minerva branch` and `branch`: many futures of one frame of a record."""
 
 import json
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 
 import pytest
@@ -60,6 +61,32 @@ def test_physics_continues_in_a_branch(tmp_path):
     done = run("robot", frames=12, record=tmp_path / "robot.mcap", laser_noise=0.01)
     table = done.branch(8, seeds=2, workers=1, quiet=True)
     assert table["digest"][0] == done.digest != table["digest"][1]
+
+
+def test_branches_run_in_an_executor(traffic):
+    with ProcessPoolExecutor(1) as executor:
+        given = {"executor": executor, "quiet": True, "collect": {"cars": "count(ACar)"}}
+        there = traffic.branch(24, {"norms": [True, False]}, **given)
+        outcomes = traffic.branch(24, executor=executor, quiet=True)
+    here = traffic.branch(24, {"norms": [True, False]}, workers=1, **{**given, "executor": None})
+    assert list(there.rows()) == list(here.rows())
+    assert outcomes["digest"].tolist() == [traffic.digest]
+
+
+def test_a_running_world_branches_and_goes_on(tmp_path):
+    world = _growing("AReed#a · AReed#b")
+    with world.start(seed=3, record=tmp_path / "run.mcap") as live:
+        live.step(6)
+        now = live.branch(9, seeds=2, workers=1, quiet=True)
+        before = live.branch(9, frame=2, workers=1, quiet=True)
+        assert live.frame == 6
+        live.step(3)
+        assert now["seed"].tolist() == [3, 4]
+        assert now["digest"][0] == before["digest"][0] == live.digest != now["digest"][1]
+        with pytest.raises(MinervaError, match="frames 0 to 9, not 12"):
+            live.branch(20, frame=12)
+    with world.start() as live, pytest.raises(MinervaError, match="has no record on this machine"):
+        live.branch(20)
 
 
 def test_the_record_is_read_once(tmp_path):

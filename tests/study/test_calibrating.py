@@ -1,12 +1,19 @@
 """`calibrate`: options for which runs are best, by Optuna over sweeps."""
 
+import csv
+import json
+
 import numpy as np
 import pytest
 
 pytest.importorskip("optuna", reason="pip install 'minerva-bus[optuna]'")
 
-from minerva_bus import Agent, MinervaError, World, calibrate, each, on
+from typer.testing import CliRunner
+
+from minerva_bus import Agent, MinervaError, World, calibrate, each, on, run
+from minerva_bus.cli.main import app
 from minerva_bus.grammar.symbols import EventType
+from tests.study.ponds import pond
 
 eHour = EventType("eHour")
 RANGES = {"rate": (0.0, 4.0), "soil": ["clay", "sand"], "weeks": (1, 3)}
@@ -82,6 +89,48 @@ def test_a_column_of_outcomes_is_an_objective():
     given = {"trials": 2, "frames": 2, "workers": 1, "quiet": True}
     result = calibrate(WORLD, "frames", {"weeks": [1, 2]}, **given)
     assert result.value == 2.0
+
+
+def test_trials_branch_from_a_frame_of_a_record(tmp_path):
+    record = tmp_path / "run.mcap"
+    run(WORLD, frames=4, record=record, seed=5)
+    collect = {"height": "mean(AShrub.height)"}
+    given = {"trials": 4, "frames": 6, "collect": collect, "workers": 1, "quiet": True}
+    with pytest.raises(MinervaError, match="expected a record"):
+        calibrate(WORLD, off_target, {"soil": ["clay"]}, frame=2, **given)
+    bushes = pond(tmp_path)
+    run(bushes, frames=5, record=tmp_path / "pond.mcap", seed=4)
+    sized = {"size": "mean(ABud.size)"}
+    again = {**given, "frames": 8, "collect": sized}
+    result = calibrate(tmp_path / "pond.mcap", lambda rows: rows["seed"][0],
+                       {"vigour": (0.1, 0.9)}, frame=3, seeds=2, **again)  # fmt: skip
+    # The seeds begin with that of the record.
+    assert set(result.trials["value"]) == {4.0}
+
+
+def test_the_command_searches_and_continues(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    bushes = pond(tmp_path)
+    words = ["calibrate", str(bushes), "--range", "vigour=0.0:1.0", "--range", "wood=oak,elm",
+             "--objective", "pond_of_buds:far_from_two", "--trials", "10",
+             "--collect", "size=mean(ABud.size)", "--workers", "1", "--json"]  # fmt: skip
+    done = CliRunner().invoke(app, words)
+    assert done.exit_code == 0, done.output
+    answer = json.loads(done.stdout)
+    assert (answer["trials"], answer["failed"], answer["interrupted"]) == (10, 0, False)
+    rows = list(csv.DictReader((tmp_path / answer["table"]).open()))
+    best = min(rows, key=lambda row: float(row["value"]))
+    assert {"vigour": float(best["vigour"]), "wood": best["wood"]} == answer["best"]
+    assert float(best["value"]) == answer["value"] < 0.5
+    # Nothing runs again; a trial with a failed run has no value, and the exit code is 1.
+    again = CliRunner().invoke(app, [*words[:-1]])
+    assert "10 trials are in pond-trials.csv" in again.stdout
+    words[3] = "vigour=3.5,0.2"
+    some = CliRunner().invoke(app, [*words, "-o", "some.csv"])
+    assert (some.exit_code, json.loads(some.stdout)["best"]["vigour"]) == (1, 0.2)
+    for wrong, says in (("vigour", "expected KEY=LOW:HIGH"), ("vigour=1:1", "expected bounds")):
+        failed = CliRunner().invoke(app, [*words[:2], "--range", wrong, *words[6:]])
+        assert says in str(failed.exception)
 
 
 @pytest.mark.parametrize(

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator
-from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
@@ -21,36 +19,7 @@ from minerva_bus.cli.options import (
     grouped,
     options_of,
 )
-
-if TYPE_CHECKING:
-    from minerva_bus.study.executor_pool import Workers
-
-Limit = Annotated[float, typer.Option(help="Time limit of a run, seconds.", min=0.1)]
-
-
-@dataclass(frozen=True, slots=True)
-class LocalStudyOptions:
-    """Options of all studies."""
-
-    workers: Annotated[int, typer.Option(help="Parallel runs; 0: one per core.", min=0)] = 0
-    in_process: Annotated[
-        bool,
-        typer.Option(help="Run each world in one process, without a bus: faster, same result."),
-    ] = False
-
-
-@dataclass(frozen=True, slots=True)
-class StudyOptions(LocalStudyOptions):
-    """Options of studies of whole runs."""
-
-    frames: Annotated[int | None, typer.Option(help="Frames per run.", min=1)] = None
-    dask: Annotated[
-        str,
-        typer.Option(
-            help="Run in the workers of a Dask cluster, each world in one process: HOST:PORT of"
-            " its scheduler."
-        ),
-    ] = ""
+from minerva_bus.cli.study_options import BranchOptions, Limit, StudyOptions, open_workers
 
 
 @examples(
@@ -121,7 +90,7 @@ def evolve(
         tuple(output or ()), plot, tree,
         WorldOptions(settings, frozenset(options), study.frames), overrides,
     )  # fmt: skip
-    with _workers(study, limit) as workers:
+    with open_workers(study.workers, study.dask, limit) as workers:
         wanted = replace(wanted, workers=workers)
         code = evolve_world(file, wanted, Console(quiet=quiet), json)
     raise typer.Exit(code)
@@ -184,7 +153,7 @@ def sweep(
         runs.sent = SentWorld.of(file.text, path, AS_WRITTEN)
     table = output or Path(f"{path.stem}.csv")
     console = Console(quiet=quiet)
-    with _workers(study, limit) as workers:
+    with open_workers(study.workers, study.dask, limit) as workers:
         code = sweep_world(runs, table, plot, workers, console, json)
     raise typer.Exit(code)
 
@@ -193,6 +162,7 @@ def sweep(
     "minerva branch run.mcap --frame 400 --seeds 20",
     "minerva branch run.mcap --frame 400 --set weather.amount=0.005,0.02 --seeds 5",
     "minerva branch run.mcap --frame 400 --runs 100 --tree tree.svg",
+    "minerva branch run.mcap --frame 400 --runs 1000 --dask cluster:8786",
 )
 @grouped
 def branch(
@@ -243,7 +213,7 @@ def branch(
     quiet: QuietStudy = False,
     force: Force = False,
     *,
-    study: LocalStudyOptions,
+    study: BranchOptions,
 ) -> None:
     """Continue a recorded run from one of its frames in many ways.
 
@@ -255,24 +225,12 @@ def branch(
     from minerva_bus.cli.branching import BranchFiles, branch_record, grid_of_branches
     from minerva_bus.launch.console import Console
     from minerva_bus.settings.overrides import Overrides
-    from minerva_bus.study.executor_pool import Workers
 
     branches = Branches.read(file, frame, world)
     grid = grid_of_branches(branches, tuple(set_ or ()), seeds, runs)
     given = Overrides(frames=frames)
-    sweep = branches.sweep(grid, given, in_process=study.in_process)
+    sweep = branches.sweep(grid, given, in_process=study.in_process, sent=bool(study.dask))
     files = BranchFiles(output or Path(f"{file.stem}-{frame}.csv"), plot, tree)
-    workers = Workers(study.workers, limit)
-    raise typer.Exit(branch_record(branches, sweep, files, workers, Console(quiet=quiet), json))
-
-
-@contextmanager
-def _workers(study: StudyOptions, limit: float) -> Generator[Workers]:
-    """The workers of the options: a Dask cluster, or processes of this machine."""
-    from minerva_bus.study.executor_pool import Workers, dask_executor
-
-    if not study.dask:
-        yield Workers(study.workers, limit)
-        return
-    with dask_executor(study.dask) as executor:
-        yield Workers(0, limit, executor)
+    with open_workers(study.workers, study.dask, limit) as workers:
+        code = branch_record(branches, sweep, files, workers, Console(quiet=quiet), json)
+    raise typer.Exit(code)

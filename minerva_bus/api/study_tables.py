@@ -1,0 +1,81 @@
+"""Tables of studies: what runs have collected, or their outcomes, with a column for each option."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from minerva_bus.api.world import World
+from minerva_bus.collect.plans import Entries, TablePlan, plans_of, read_entries
+from minerva_bus.collect.reading import plain_value
+from minerva_bus.collect.table import ARRAY_TYPES, DataTable, Gathered
+from minerva_bus.collect.writers import path_of, read_columns
+from minerva_bus.launch.resuming import option_text
+from minerva_bus.study.grid import Combination, Grid
+from minerva_bus.study.sweep import Sweep
+
+_BOOLS: Final = {"true": True, "false": False}
+
+
+def collected_of(world: World, collect: Any) -> tuple[Entries, list[TablePlan]]:
+    """What runs of a world collect (None: as the world says), and the tables of it."""
+    entries = read_entries(collect) if collect is not None else world.read().collect.entries
+    return entries, plans_of(entries, world.vocabulary)
+
+
+def collected_tables(
+    runs: Sweep, combinations: Grid, plans: Sequence[TablePlan]
+) -> tuple[dict[str, DataTable], dict[str, list[Combination]]]:
+    """The collected rows of all runs by table, and the combination of each row."""
+    tables = {plan.name: Gathered(plan.name, plan.columns) for plan in plans}
+    keys: dict[str, list[Combination]] = {plan.name: [] for plan in plans}
+    several = len(plans) > 1
+    # In the order of the grid: runs finish in any order, and the table must not depend on it.
+    for combination in combinations:
+        for plan in plans if not runs.rows[combination].error else ():
+            part = path_of(runs.part(combination), plan.name, several)
+            rows = read_columns(part, plan.name, plan.columns)
+            tables[plan.name].rows(rows.to_dict())
+            keys[plan.name] += [combination] * len(rows)
+    return {name: gathered.table for name, gathered in tables.items()}, keys
+
+
+def outcome_table(runs: Sweep) -> DataTable:
+    """The outcome of each run, as the table of `minerva sweep`."""
+    table = runs.table
+    types: dict[str, str] = {}
+    columns: dict[str, NDArray[Any]] = {}
+    for name in table.columns:
+        types[name], columns[name] = typed_column(table.column(name))
+    return DataTable("runs", types, columns)
+
+
+def with_keys(names: Sequence[str], keys: Sequence[Combination], table: DataTable) -> DataTable:
+    """A table with a column for each of these options; `keys` are those of each row."""
+    types: dict[str, str] = {}
+    columns: dict[str, NDArray[Any]] = {}
+    for at, name in enumerate(names):
+        # An option may have the name of a collected column.
+        own = f"{name}_" if name in table.columns else name
+        types[own], columns[own] = typed_column(
+            [plain_value(combination[at], _BOOLS) for combination in keys]
+        )
+    return DataTable(table.name, types | table.types, columns | table.to_dict())
+
+
+def typed_column(values: Sequence[Any]) -> tuple[str, NDArray[Any]]:
+    """Values of one column with its type: int64, float64, bool, or otherwise text."""
+    kinds: set[type[Any]] = {type(value) for value in values}
+    known: Mapping[type[Any], str] = {int: "int64", float: "float64", bool: "bool", str: "text"}
+    kind = known.get(kinds.pop(), "text") if len(kinds) == 1 else "text"
+    # A figure that some runs lack is nan for them.
+    if kinds <= {int, float, type(None)} and len(kinds) > 1:
+        values = [np.nan if value is None else float(value) for value in values]
+        kind = "float64"
+    texts: Callable[[Any], Any] = lambda value: "" if value is None else option_text(value)  # noqa: E731
+    made = np.empty(len(values), ARRAY_TYPES[kind])
+    made[:] = [texts(value) for value in values] if kind == "text" else list(values)
+    return kind, made
