@@ -93,10 +93,10 @@ def plot_table(table: DataTable, options: PlotOptions | None = None) -> Plot:
     return Plot(table.name, (8.5, 0.6 + 3.6 * panels), paint)
 
 
-def _keys(table: DataTable) -> list[str]:
-    """The columns that distinguish runs: those before `frame`, as a sweep writes them."""
+def _keys(table: DataTable, x: str) -> list[str]:
+    """The columns that distinguish runs: those before `frame`, as a sweep writes them, or x."""
     columns = [*table.columns]
-    return columns[: columns.index("frame")] if "frame" in columns else []
+    return columns[: columns.index("frame" if "frame" in columns else x)]
 
 
 def _x_of(table: DataTable, wanted: str) -> str:
@@ -114,7 +114,7 @@ def _series_of(table: DataTable, x: str, bins: Mapping[str, Sequence[str]]) -> t
     taken = {
         x,
         *_OWN,
-        *_keys(table),
+        *_keys(table, x),
         SEED,
         *(column for group in bins.values() for column in group),
     }
@@ -141,7 +141,7 @@ def _check(table: DataTable, name: str, allowed: Sequence[str]) -> None:
 
 def _lines(table: DataTable, x: str, name: str, unit: str) -> list[_Line]:
     _check(table, name, [column for column, kind in table.types.items() if kind != "text"])
-    keys = [key for key in _keys(table) if key != SEED and len({*table[key].tolist()}) > 1]
+    keys = [key for key in _keys(table, x) if key != SEED and len({*table[key].tolist()}) > 1]
     groups: dict[tuple[Any, ...], list[int]] = {}
     for row, key in enumerate(zip(*[table[key].tolist() for key in keys], strict=True)):
         groups.setdefault(key, []).append(row)

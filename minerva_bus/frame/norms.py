@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,9 @@ from minerva_bus.grammar.scene import Scene, agents
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.world.norms import EVENT, REFUSED, SOURCE, Norm, Then, ViolationCounts, sanction_of
 from minerva_bus.world.operator import NormStatus
+
+NORMS: Final = "norms"
+"""The name under which violations are logged."""
 
 Sources = Mapping[str, Sequence[AnyEvent]]
 RejectedOrder = tuple[str, Event, str]
@@ -80,7 +83,7 @@ class Norms:
     ) -> None:
         """Log violations, queue sanctions for the next frame, and save the counts."""
         for text in self._lines:
-            out.log("norms", text)
+            out.log(NORMS, text)
         inbox.sanctions += self._sanctions
         self._lines, self._sanctions = [], []
         saved[SOURCE] = self.saved()

@@ -13,6 +13,7 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.collection import ORDERS
 from minerva_bus.frame.member import Member, Unready
+from minerva_bus.frame.norms import NORMS
 from minerva_bus.frame.phases import Phase
 from minerva_bus.launch.collecting import CollectSink, collect_sink
 from minerva_bus.launch.compiling import compile_agents
@@ -267,8 +268,9 @@ class InProcessRun:
 
     def _show(self, member: str, text: str, details: str) -> None:
         self._console.frame = self.algorithm.frame
-        # A program that steps a world sends events in each frame, and knows that they count.
-        if member != ORDERS or not self._console.quiet:
+        # A program that steps a world sends events in each frame, and knows that they count; in a
+        # world of learners, each episode breaks norms.
+        if member not in (ORDERS, NORMS) or not self._console.quiet:
             self._console.log(member, text, "warning")
         self._record.said(member, f"{text}\n{details}".rstrip())
 
