@@ -1,7 +1,7 @@
 """Proximal policy optimization (Schulman et al., 2017, arXiv:1707.06347) in numpy.
 
-`learn` trains one policy for all rows of a `population_env`. Actions are normal around the output
-of a small network; another one estimates the value of an observation.
+`learn` trains one policy for all rows of a `population_env`, or several for parts of them. Actions
+are normal around the output of a small network; another one estimates the value of an observation.
 """
 
 from __future__ import annotations
@@ -46,54 +46,87 @@ class Network:
             weight -= RATE * corrected / (size + 1e-8)
 
 
-def episode(envs, features, policy, value, spread, random, seed):
-    """One episode of all rows: inputs, actions, advantages, returns, and rewards by row."""
+class Learner:
+    """A policy, an estimate of the value of observations, and the rows that they concern."""
+
+    def __init__(self, random, rows, inputs, outputs):
+        self.rows = rows
+        self.policy = Network(random, inputs, outputs)
+        self.value = Network(random, inputs, 1)
+
+    def learn(self, steps, spread, random):
+        """Follow the gradients; `steps` are inputs, actions, advantages and returns."""
+        x, actions, advantages, returns = steps
+        advantages = (advantages - advantages.mean()) / (advantages.std() + 1e-8)
+        old = self.policy(x)
+        for _ in range(EPOCHS):
+            for rows in np.array_split(random.permutation(len(x)), max(1, len(x) // BATCH)):
+                improve(self.policy, x[rows], actions[rows], old[rows], advantages[rows], spread)
+                slopes = self.value(x[rows]) - returns[rows, None]
+                self.value.descend(x[rows], slopes / len(rows))
+
+
+def outputs(learners, name, inputs):
+    """The outputs of the networks with this name, a row for each row of inputs."""
+    parts = [getattr(learner, name)(inputs[learner.rows]) for learner in learners]
+    made = np.empty((len(inputs), parts[0].shape[1]))
+    for learner, part in zip(learners, parts, strict=True):
+        made[learner.rows] = part
+    return made
+
+
+def episode(envs, features, learners, spread, random, seed):
+    """One episode of all rows.
+
+    Returns for each step which rows took part, inputs, actions, advantages and returns, and for
+    each row the sum of rewards and the last observation.
+    """
     observations, _ = envs.reset(seed=seed)
     limit = envs.single_action_space.high
     active, steps = np.ones(envs.num_envs, bool), []
     while active.any():
         inputs = features(observations)
-        actions = policy(inputs) + spread * random.normal(size=(len(inputs), len(limit)))
+        means = outputs(learners, "policy", inputs)
+        actions = means + spread * random.normal(size=(len(inputs), len(limit)))
         observations, rewards, terminated, truncated, _ = envs.step(np.clip(actions, -1, 1) * limit)
-        following = np.where(terminated, 0.0, value(features(observations))[:, 0])
-        steps.append((active, inputs, actions, rewards, following, terminated | truncated))
+        after = outputs(learners, "value", features(observations))[:, 0]
+        following = np.where(terminated, 0.0, after)
+        now = outputs(learners, "value", inputs)[:, 0]
+        steps.append((active, inputs, actions, rewards, now, following, terminated | truncated))
         active = ~(terminated | truncated)
     advantages, last = [], np.zeros(envs.num_envs)
-    for _, inputs, _, rewards, following, ended in reversed(steps):
+    for _, _, _, rewards, now, following, ended in reversed(steps):
         # The factor keeps values, which are sums of discounted rewards, near those of one reward.
-        error = (1 - GAMMA) * rewards + GAMMA * following - value(inputs)[:, 0]
+        error = (1 - GAMMA) * rewards + GAMMA * following - now
         last = error + GAMMA * LAMBDA * last * ~ended
         advantages.append(last)
-    masks, inputs, actions, rewards, _, _ = map(np.array, zip(*steps, strict=True))
+    masks, inputs, actions, rewards, values, _, _ = map(np.array, zip(*steps, strict=True))
     advantages = np.array(advantages[::-1])
-    returns = advantages + value(inputs)[..., 0]
-    return *(part[masks] for part in (inputs, actions, advantages, returns)), rewards.sum(0)
+    made = masks, inputs, actions, advantages, advantages + values
+    return made, rewards.sum(0), observations
 
 
-def learn(envs, features, seed, updates, spread=0.5):
-    """The trained policy, and the mean sum of rewards in each episode.
+def learn(envs, features, seed, updates, spread=0.5, teams=None):
+    """The trained policies, and a row for each episode: mean sum of rewards, mean last observation.
 
-    `features` makes the inputs of the networks from observations.
+    `features` makes the inputs of the networks from observations. `teams` are the rows of each
+    learner; without them, there is one for all rows.
     """
     random = np.random.default_rng(seed)
     inputs = features(envs.reset(seed=seed)[0]).shape[1]
-    policy = Network(random, inputs, len(envs.single_action_space.high))
-    value, curve = Network(random, inputs, 1), []
+    size = len(envs.single_action_space.high)
+    groups = [np.arange(envs.num_envs)] if teams is None else teams
+    learners = [Learner(random, rows, inputs, size) for rows in groups]
+    curve = []
     for _ in range(updates):
         start = int(random.integers(1 << 31))
-        x, actions, advantages, returns, gained = episode(
-            envs, features, policy, value, spread, random, start
-        )
-        curve.append(float(gained.mean()))
-        advantages = (advantages - advantages.mean()) / (advantages.std() + 1e-8)
-        old = policy(x)
-        for _ in range(EPOCHS):
-            for rows in np.array_split(random.permutation(len(x)), max(1, len(x) // BATCH)):
-                improve(policy, x[rows], actions[rows], old[rows], advantages[rows], spread)
-                slopes = value(x[rows]) - returns[rows, None]
-                value.descend(x[rows], slopes / len(rows))
+        steps, gained, seen = episode(envs, features, learners, spread, random, start)
+        curve.append([gained.mean(), *seen.mean(0)])
+        for learner in learners:
+            masks, *parts = (part[:, learner.rows] for part in steps)
+            learner.learn([part[masks] for part in parts], spread, random)
         spread = max(0.1, spread * 0.97)
-    return policy, curve
+    return [learner.policy for learner in learners], np.array(curve)
 
 
 def improve(policy, inputs, actions, old, advantages, spread):

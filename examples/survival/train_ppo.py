@@ -1,10 +1,11 @@
-"""Trains one policy for all agents of a world by PPO: python train_ppo.py survival --seeds 4"""
+"""Trains policies for the agents of a world by PPO: python train_ppo.py survival --seeds 4"""
 
 import argparse
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import corridor
+import crossing
 import numpy as np
 import survival
 from ppo import learn
@@ -28,9 +29,21 @@ def scan(observations):
     return np.concatenate([beams, np.sin(heading), np.cos(heading)], 1)
 
 
+def street(observations):
+    """Speed, way to the line, light, room and speed of the car ahead, shape (n, 5)."""
+    s, speed, gap, lead, green = observations.T[:5]
+    line = (crossing.LINE - s) % crossing.LENGTH
+    near = [np.minimum(1.0, way / 30) for way in (line, np.maximum(gap - crossing.SPACE, 0))]
+    return np.stack([speed / 10, near[0], green, near[1], lead / 10], 1)
+
+
 @dataclass
 class Task:
-    """A world, its learners, what they observe and gain, and the name of the sum of rewards."""
+    """A world, its learners, and what they do, observe and gain.
+
+    `gained` is the name of the sum of rewards. `counted` are attributes that are only reported.
+    Every `learners`-th agent has the same policy. A curve is drawn for each of `variants`, options.
+    """
 
     world: World
     kind: str
@@ -38,7 +51,11 @@ class Task:
     features: Any
     reward: str | None
     gained: str
-    agents: dict[str, int]
+    options: dict[str, Any]
+    act: str = "eSteer"
+    learners: int = 1
+    counted: list[str] = field(default_factory=list)
+    variants: list[dict[str, Any]] = field(default_factory=lambda: [{}])
 
 
 BEAMS = [f"beam{number}" for number in range(len(corridor.ANGLES))]
@@ -47,27 +64,43 @@ TASKS = {
                      "lifetime", {"rabbits": 48}),
     "corridor": Task(corridor.world, "ARobot", [*BEAMS, "heading"], scan, "x",
                      "metres", {"robots": 48}),
+    "crossing": Task(crossing.world, "ACar", ["s", "speed", "gap", "lead", "green"], street,
+                     "earned", "metres", {}, "ePedal", 2, ["fines", "crashes"],
+                     [{"norms": True}, {"norms": False}]),
 }  # fmt: skip
 
 
-def train(name, seed=0, updates=15, frames=300):
-    """The trained policy, and the mean sum of rewards in each episode."""
+def train(name, seed=0, updates=15, frames=300, **variant):
+    """The trained policies, and by name what the agents gained and counted in each episode."""
     task = TASKS[name]
+    observed = [*task.observed, *task.counted]
+    options = {**task.options, **variant}
     envs = population_env(
-        task.world, task.kind, "eSteer", task.observed, task.reward, frames=frames, **task.agents
+        task.world, task.kind, task.act, observed, task.reward, frames=frames, **options
     )
-    policy, curve = learn(envs, task.features, seed, updates)
+    teams = [np.arange(first, envs.num_envs, task.learners) for first in range(task.learners)]
+    policies, curve = learn(envs, task.features, seed, updates, teams=teams)
     envs.close()
-    return policy, curve
+    # The first column is the sum of rewards, then come the last observations.
+    columns = [0, *range(1 + len(task.observed), curve.shape[1])]
+    return policies, dict(zip([task.gained, *task.counted], curve.T[columns], strict=True))
 
 
 def curves(name, seeds, updates):
-    """The sums of rewards of several trainings, as a table."""
-    gained = np.array([train(name, seed, updates)[1] for seed in range(seeds)])
-    seed, episode = np.indices(gained.shape).reshape(2, -1)
-    value = TASKS[name].gained
-    types = {"seed": "int64", "episode": "int64", value: "float64"}
-    return DataTable(name, types, {"seed": seed, "episode": episode + 1, value: gained.ravel()})
+    """The curves of several trainings, as a table."""
+    task, columns, episodes = TASKS[name], {}, np.arange(updates) + 1
+    for variant in task.variants:
+        for seed in range(seeds):
+            options = {key: np.full(updates, value) for key, value in variant.items()}
+            curve = train(name, seed, updates, **variant)[1]
+            part = {**options, "seed": np.full(updates, seed), "episode": episodes, **curve}
+            columns = {
+                key: np.concatenate([columns.get(key, []), part[key]]).astype(part[key].dtype)
+                for key in part
+            }
+    kinds = {"b": "bool", "i": "int64", "f": "float64"}
+    types = {key: kinds[column.dtype.kind] for key, column in columns.items()}
+    return DataTable(name, types, columns)
 
 
 if __name__ == "__main__":
@@ -77,9 +110,10 @@ if __name__ == "__main__":
     parser.add_argument("--updates", type=int, default=15)
     parser.add_argument("--plot", default="", help="a picture of the curve, such as curve.png")
     given = parser.parse_args()
-    value = TASKS[given.world].gained
+    task = TASKS[given.world]
     table = curves(given.world, given.seeds, given.updates)
-    for number in range(1, given.updates + 1):
-        print(number, table[value][table["episode"] == number].round(1).tolist())
+    print(",".join(table.columns))
+    for row in table.rows():
+        print(*(round(float(value), 2) for value in row), sep=",")
     if given.plot:
-        table.plot(value, x="episode").save(given.plot)
+        table.plot(task.gained, x="episode").save(given.plot)
