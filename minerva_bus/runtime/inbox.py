@@ -21,7 +21,8 @@ from zenoh.handlers import Callback, FifoChannel
 
 from minerva_bus.runtime.system import REAL, System, Timer
 
-CAPACITY = 4096
+CAPACITY = 2048
+"""Messages that may wait for the main thread; a reply waits behind all of them."""
 MAX_WAKE_UPS = CAPACITY // 2
 WAKE_UP = b"\x00"
 WAKE_UP_SECONDS = 1.0
@@ -110,6 +111,8 @@ class Inbox:
         self._side: SimpleQueue[Any] = SimpleQueue()
         self._wake: Callable[[bytes], None] = _nobody
         self._waking = RLock()  # Reentrant: a signal handler may put, too.
+        self._unsent = 0
+        self._aside_next = False
 
     def open(self, session: zenoh.Session, key: str, wake_key: str = "") -> list[Any]:
         """Subscribe to a key; returns the declarations to undeclare at the end.
@@ -172,16 +175,25 @@ class Inbox:
 
         None for a wake-up without an item.
         """
-        data = self._channel.recv().payload.to_bytes()
-        return data if data != WAKE_UP else self._aside()
+        return self.ready() if self._unsent else self._read(self._channel.recv())
 
     def ready(self) -> Any:
         """The next item if there is one."""
+        self._aside_next = not self._aside_next
+        if self._unsent and self._aside_next:
+            return self._take_unsent()
         sample = self._channel.try_recv()
-        if sample is None:
-            return None
+        if sample is not None:
+            return self._read(sample)
+        return self._take_unsent() if self._unsent else None
+
+    def _read(self, sample: zenoh.Sample) -> Any:
         data = sample.payload.to_bytes()
         return data if data != WAKE_UP else self._aside()
+
+    def _take_unsent(self) -> Any:
+        self._unsent -= 1
+        return self._aside()
 
     def _aside(self) -> Any:
         try:
@@ -189,7 +201,9 @@ class Inbox:
         except Empty:
             return None
         if self._side.qsize() >= MAX_WAKE_UPS:
-            self._wake(WAKE_UP)  # For an item that has not sent its own.
+            # For an item without a wake-up. This thread must not send one: the channel may be full,
+            # and no other thread empties it.
+            self._unsent += 1
         return item
 
 
@@ -225,16 +239,8 @@ class HubInbox(Inbox):
         if self._clock is not None:
             self._clock.join()
 
-    def wait(self) -> Any:
-        """The next item: a member's name and its message, an item of the side queue, or a tick."""
-        return self._read(self._channel.recv())
-
-    def ready(self) -> Any:
-        """The next item if there is one."""
-        sample = self._channel.try_recv()
-        return None if sample is None else self._read(sample)
-
     def _read(self, sample: zenoh.Sample) -> Any:
+        """A member's name and its message, an item of the side queue, or a tick of the timer."""
         key, data = str(sample.key_expr), sample.payload.to_bytes()
         if key != self._wake_key:
             return key[self._sender :], data

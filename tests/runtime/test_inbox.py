@@ -4,6 +4,7 @@ import subprocess
 import sys
 import threading
 
+import pytest
 import zenoh
 
 from minerva_bus.runtime import inbox as inboxes
@@ -45,6 +46,30 @@ def test_very_many_from_the_side_neither_block_nor_get_lost(monkeypatch):
         thread.join(10)
         assert not thread.is_alive()
         assert [inbox.wait() for _ in range(1000)] == list(range(1000))
+        inbox.close()
+
+
+@pytest.mark.timeout(60)
+def test_items_from_the_side_and_a_full_channel_do_not_block_each_other(monkeypatch):
+    monkeypatch.setattr(inboxes, "CAPACITY", 16)
+    monkeypatch.setattr(inboxes, "MAX_WAKE_UPS", 8)
+    hub, endpoint = open_hub("hub")
+    with hub, open_client("a", endpoint) as session:
+        inbox = HubInbox(0.05)
+        inbox.open(hub, "from/*", "from/coordinator")
+        for number in range(1000):
+            inbox.put(number)
+        block = zenoh.CongestionControl.BLOCK
+        flood = session.declare_publisher("from/a", congestion_control=block)
+        thread = threading.Thread(target=lambda: [flood.put(b"x") for _ in range(1000)])
+        thread.start()
+        found = []
+        while len(found) < 2000:
+            item = inbox.wait()
+            found += [] if item is None or isinstance(item, TimerTick) else [item]
+        assert [one for one in found if isinstance(one, int)] == list(range(1000))
+        assert found.count(("a", b"x")) == 1000
+        thread.join()
         inbox.close()
 
 
