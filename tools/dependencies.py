@@ -29,9 +29,9 @@ EDITABLE = "editables"
 
 IMAGE_EXTRAS = ("metrics", "record", "tls")
 RESOLUTIONS = {"oldest": "lowest-direct", "newest": "highest"}
-FAST = ("unit", "laws", "frame", "protocol", "record", "paper", "views", "study", "svg", "sprites",
-        "physics", "services", "cli")  # fmt: skip
-"""Folders of tests that together import every dependency that does not need a device."""
+FAST = ("unit", "laws", "frame", "wire", "log", "paper", "fuzz", "api/test_collected.py", "views",
+        "study", "physics", "services", "bridges", "cosimulation", "rl", "cli")  # fmt: skip
+"""Tests that together import every dependency that does not need a device."""
 
 
 @dataclass(frozen=True)

@@ -71,6 +71,7 @@ class Bag:
     topics: Mapping[str, str] = field(default_factory=dict[str, str])
     part: float = 0.0
     _reader: AnyReader = field(init=False)
+    _is_open: bool = field(init=False, default=True)
     _played: Mapping[int, PlayedTopic] = field(init=False)
     _frames: Frames = field(init=False, default_factory=Frames)
 
@@ -107,7 +108,8 @@ class Bag:
             raise RecordingError(f"{self.path}: no playable message on {there}")
 
     def close(self) -> None:
-        if self._reader.stack is not None:
+        if self._is_open:
+            self._is_open = False
             self._reader.close()
 
     def _names(self) -> list[str]:
