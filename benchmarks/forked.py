@@ -19,6 +19,7 @@ from minerva_bus.frame.description import World
 from minerva_bus.frame.member import Member
 from minerva_bus.runtime.coordinator import Coordinator
 from minerva_bus.runtime.member import MemberProcess
+from minerva_bus.runtime.runner import Sink
 from minerva_bus.runtime.watchers import Watchers
 
 END_SECONDS = 10.0
@@ -95,6 +96,7 @@ def coordinator(
     status: Callable[[Any], None] = lambda _: None,
     said: Callable[[str, str, str], None] | None = None,
     rate: float = 0.0,
+    sinks: Sequence[Sink] = (),
 ) -> Coordinator:
     """A coordinator that prints its log lines; a member that stalls ends the world."""
 
@@ -111,7 +113,7 @@ def coordinator(
         stalled=stalled,
         frame_done=frame_done,
     )
-    made = Coordinator(world, watchers, rate=rate)
+    made = Coordinator(world, watchers, rate=rate, sinks=sinks)
     return made
 
 

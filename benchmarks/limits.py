@@ -8,8 +8,8 @@ message of a type within the limits, or a flood of messages, and leaves. The met
 the second before the message:
 
 frame    maximum delay of a frame after the message, in ms
-path     maximum CPU time of the coordinator's main thread per frame, in ms: an estimate of `frame`
-         on an idle machine, without the share of the hosts
+path     maximum CPU time of the coordinator's main thread between the beginning and the end of a
+         frame, in ms: an estimate of `frame` on an idle machine, without the share of the hosts
 silence  longest response time of a query, in ms
 
 `decode` is the CPU time to decode the message on its own. All
@@ -42,7 +42,10 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.compatibility import PROTOCOL_VERSION
 from minerva_bus.frame.description import World
 from minerva_bus.frame.member import Member
+from minerva_bus.runtime.inbox import CAPACITY
 from minerva_bus.runtime.member import MemberProcess
+from minerva_bus.runtime.receiver import Receiver
+from minerva_bus.runtime.runner import Sink
 from minerva_bus.runtime.session import open_client
 from minerva_bus.wire.codec import Decoder
 from minerva_bus.wire.epochs import stamped
@@ -212,6 +215,39 @@ CASES = {
 # --- the world ---
 
 
+class FrameCosts(Sink):
+    """The coordinator's CPU time since the current frame began, and the messages since then."""
+
+    def __init__(self) -> None:
+        self._began = 0.0
+        self._messages = 0
+
+    def received(self, stimulus: s.Stimulus) -> None:
+        if isinstance(stimulus, s.Begin):
+            self._began, self._messages = time.thread_time(), 0
+
+    def counting(
+        self, receive: Callable[[Receiver, tuple[str, bytes]], None]
+    ) -> Callable[[Receiver, tuple[str, bytes]], None]:
+        """The receiver's method, with each call counted."""
+
+        def counted(receiver: Receiver, message: tuple[str, bytes]) -> None:
+            self._messages += 1
+            receive(receiver, message)
+
+        return counted
+
+    @property
+    def path(self) -> float:
+        """Seconds of CPU time for what can delay the frame.
+
+        While the members compute, the coordinator handles whatever arrives. A reply waits only for
+        the messages that are in the queue when it arrives, and a frame has two of them.
+        """
+        spent = time.thread_time() - self._began
+        return spent * min(1.0, 2 * CAPACITY / max(1, self._messages))
+
+
 @contextmanager
 def running(host: bool) -> Iterator[tuple[str, SimpleQueue[tuple[int, float, float]], list[str]]]:
     """Run a world in separate processes; yields its endpoint, its frame ends and its log."""
@@ -224,8 +260,10 @@ def running(host: bool) -> Iterator[tuple[str, SimpleQueue[tuple[int, float, flo
         os.write(write_at, (json.dumps(endpoint) + "\n").encode())
 
     def coordinate() -> None:
+        costs = FrameCosts()
+
         def done(message: s.FrameDone) -> None:
-            ended = [message.frame, time.monotonic(), time.thread_time()]
+            ended = [message.frame, time.monotonic(), costs.path]
             os.write(write_frames, (json.dumps(ended) + "\n").encode())
 
         def log(who: str, text: str, _: str) -> None:
@@ -238,7 +276,8 @@ def running(host: bool) -> Iterator[tuple[str, SimpleQueue[tuple[int, float, flo
             dt=1 / RATE,
             expected=frozenset(member.name for member in parts),
         )
-        coordinator(world, listening, done, said=log, rate=RATE).run()
+        Receiver.receive = costs.counting(Receiver.receive)
+        coordinator(world, listening, done, said=log, rate=RATE, sinks=[costs]).run()
 
     children = [forked(coordinate)]
     endpoint = json.loads(os.fdopen(read_at, "r").readline())
@@ -379,7 +418,7 @@ def _figures(
     at: float, ends: list[tuple[int, float, float]], answers: list[tuple[float, float]]
 ) -> dict[str, float]:
     gaps = [(b - a, b) for (_, a, _), (_, b, _) in pairwise(ends)]
-    paths = [(b - a, end) for (_, _, a), (_, end, b) in pairwise(ends)]
+    paths = [(path, end) for _, end, path in ends]
     usual = statistics.median([took for took, end in paths if end <= at] or [0.0])
     path = max([took for took, end in paths if end > at], default=0.0) - usual
     before = [gap for gap, end in gaps if at - CALM < end <= at]

@@ -109,6 +109,7 @@ class Coordinator(Sink):
         self.runner = Runner(algorithm, self.transport, [*own, *sinks])
         self._monitor = Monitor(self, Waits(deadlines or Deadlines(), queued))
         receiver = Receiver(self, limits, self._monitor.arrived)
+        self._postponed = receiver.postponed
         operated = Operated(
             self.runner,
             self.schedule,
@@ -233,19 +234,22 @@ class Coordinator(Sink):
         """Block for the next item of the inbox and handle it."""
         if self.transport.has_output:
             self._use_idle_time()
-        # A blocking receive is the fastest, but with a question in
-        # the queue it could last too long.
-        item = self._next_before_answer() if self._answers.queue else self.inbox.wait()
+        # A blocking receive is the fastest, but with other work it could last too long.
+        waits = self._answers.queue or self._postponed
+        item = self._next_before_work() if waits else self.inbox.wait()
         # As in `handle`, without the call: this line runs for each message of a member.
         self._handlers.get(item.__class__, self.runner.handle)(item)
 
-    def _next_before_answer(self) -> Any:
-        """The next item, or None when it is time to answer a question."""
+    def _next_before_work(self) -> Any:
+        """The next item, or None after a postponed message or when a question is to be answered."""
         while True:
-            item, wait = self.inbox.ready(), self._answers.wait
-            if item is not None or wait <= 0:
+            item = self.inbox.ready()
+            if item is None and self._postponed:
+                self._postponed.process_next()
+                return None
+            if item is not None or self._answers.wait <= 0:
                 return item
-            self.system.sleep(min(wait, POLL_SECONDS_ASKED))
+            self.system.sleep(min(self._answers.wait, POLL_SECONDS_ASKED))
 
     def _drain(self, until: float) -> None:
         """Handle what is in the inbox, MAX_MESSAGES_AT_ONCE at most, and sleep once before `until`.
@@ -255,9 +259,14 @@ class Coordinator(Sink):
         # Bounded: a flood of messages must not delay the frame that is due.
         for _ in range(MAX_MESSAGES_AT_ONCE):
             item = self.inbox.ready()
-            if item is None:
+            if item is not None:
+                self.handle(item)
+            elif self._postponed:
+                self._postponed.process_next()
+                if self.system.monotonic() >= until:
+                    break
+            else:
                 break
-            self.handle(item)
         wait = until - self.system.monotonic()
         if wait > 0:
             if self.transport.has_output:

@@ -13,6 +13,7 @@ from minerva_bus.frame.schema import Wire
 from minerva_bus.runtime.admission_rules import STRANGERS
 from minerva_bus.runtime.large import LARGE, MAX_BEHIND, Decoded, LargeMessage, LargeMessages
 from minerva_bus.runtime.metrics import MICRO
+from minerva_bus.runtime.postponed import Postponed, PostponedMessage
 from minerva_bus.wire.codec import Decoder, declaration
 from minerva_bus.wire.epochs import stamped
 from minerva_bus.wire.limits import Limits
@@ -25,7 +26,8 @@ class Receiver:
     """Turns the bytes of members into stimuli of a coordinator's runner.
 
     `arrived` is called with the name of a member whose hello is admitted. Large messages return
-    through the inbox, as a `Decoded`, once a thread has decoded them.
+    through the inbox, as a `Decoded`, once a thread has decoded them. The coordinator processes
+    `postponed` messages when nothing else has arrived.
     """
 
     def __init__(
@@ -45,6 +47,7 @@ class Receiver:
         self._decoder = Decoder(vocabulary, limits)
         # A decoder caches what it has read, so the thread for large messages has its own.
         self._large = LargeMessages(Decoder(vocabulary, limits), system, coordinator.inbox.put)
+        self.postponed = Postponed(self._take_postponed, system.monotonic)
 
     def receive(self, message: tuple[str, bytes]) -> None:
         """Process the bytes that arrived on a member's key."""
@@ -59,10 +62,14 @@ class Receiver:
         if not self._members.knows(member):
             self._receive_of_stranger(member, data)
             return
-        if self._admission.keeps_out(member):
-            return
         # Every message is charged, even one that then passes regardless of the limits.
         room = self._admission.rules.has_room(member, len(data))
+        # The rest of a flood must cost next to nothing: replies wait behind it in the queue.
+        if not room and not self._algorithm.awaits(member):
+            self._drop(member)
+            return
+        if self._admission.keeps_out(member):
+            return
         wire = declaration(data, len(self._transport.stamp))
         # A reply that the frame waits for passes regardless of the limits: it can arrive only once
         # per frame, and the frame could not continue without it.
@@ -74,9 +81,9 @@ class Receiver:
         elif wire.awaited and len(data) > LARGE:
             self._count_late(member)
         else:
-            began = self._clock()
-            self._decode(member, data)
-            self._admission.rules.spent(member, self._clock() - began)
+            joins = self._members.get(member).joins
+            if not self.postponed.add(PostponedMessage(member, joins, data)):
+                self._drop(member)
 
     def take_decoded(self, decoded: Decoded) -> None:
         """Process a large message, unless its member has joined again since it was sent."""
@@ -115,6 +122,14 @@ class Receiver:
             self._drop(STRANGERS)
         elif not self._admission.keeps_out(member):
             self._handle(m.Leaving(member))  # Counts an unknown member, regardless of the message.
+
+    def _take_postponed(self, message: PostponedMessage) -> None:
+        member = message.member
+        # A message of the former process must not count for the new one.
+        if self._members.knows(member) and self._members.get(member).joins == message.joins:
+            began = self._clock()
+            self._decode(member, message.data)
+            self._admission.rules.spent(member, self._clock() - began)
 
     def _within_limits(self, member: str, data: bytes, wire: Wire) -> bool:
         """Whether a message that no frame waits for is within its member's limits per second."""
