@@ -70,6 +70,14 @@ def in_patches(change: Callable[[list], list]) -> Alteration:
     return in_evolved(altered)
 
 
+def without_view_patches(message: Message) -> Message:
+    views = {
+        event_type: {name: v for name, v in views.items() if v[:1] != ["patch"]}
+        for event_type, views in message[5].items()
+    }
+    return [*message[:5], views]
+
+
 def without_skeleton(view: Message) -> None:
     view[5] = None
 
@@ -99,6 +107,7 @@ MUTANTS = (
     Mutant("requests views in every frame", "P7.1", sent=in_hello(every=1)),
     Mutant("sends columns to every host", "P9.21", sent=in_hello(plain=False)),
     Mutant("drops patches", "P9.10", sent=in_patches(lambda patch: [*patch[:3], []])),
+    Mutant("drops patches of views", "P10.3", sent=in_evolved(without_view_patches)),
     Mutant("takes any patch", "P9.11", sent=in_patches(lambda patch: [patch[0], 140, *patch[2:]])),
     Mutant(
         "takes the last of two results",

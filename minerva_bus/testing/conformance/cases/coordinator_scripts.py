@@ -3,19 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Final, TypeAlias
 
 from minerva_bus.testing.conformance.case import Case, CoordinatorRole, Tier
 from minerva_bus.testing.conformance.coordinating import PlayedMember, Script, Stage
 from minerva_bus.testing.conformance.link import CaseFailure
 from minerva_bus.testing.conformance.world import MemberRole
 
+Play: TypeAlias = Callable[[Stage], None]
+SHOWN: Final = "eShow"
+"""The visual event type of the world."""
+NOTHING: Final[dict[str, Any]] = {}
+
 
 def script(
     name: str,
     title: str,
     requirements: str,
-    play: Callable[[Stage], None],
+    play: Play,
     tier: Tier = Tier.PARTICIPATES,
     *,
     ends: bool = False,
@@ -47,3 +52,14 @@ def evolve_request(host: PlayedMember, frame: int) -> list[Any]:
         if request[0] == frame:
             return request
         host.send("evolved", request[0], request[4], {}, {}, {})
+
+
+def answer(host: PlayedMember, request: list[Any], **changed: Any) -> None:
+    """Answer a request of evolution by changed fragments, emitted events and views."""
+    items = {"part": request[4], "changed": NOTHING, "emitted": NOTHING, "views": NOTHING}
+    host.send("evolved", request[0], *{**items, **changed}.values())
+
+
+def text(stage: Stage) -> str:
+    """The string of the world."""
+    return str(stage.ask({"ask": "scene"})["scene"])

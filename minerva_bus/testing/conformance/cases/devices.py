@@ -5,6 +5,8 @@ from __future__ import annotations
 from typing import Final
 
 from minerva_bus.frame import messages as m
+from minerva_bus.grammar.columns import packed
+from minerva_bus.grammar.delta import difference
 from minerva_bus.grammar.scene import AgentNode, Scene
 from minerva_bus.testing.conformance.case import Deliver, Tier
 from minerva_bus.testing.conformance.cases.scripts import (
@@ -25,10 +27,11 @@ from minerva_bus.testing.conformance.world import PBar
 _case: Final = CaseGroup(roles=ANY_DEVICE, ending=END).case
 
 
-def _bars(count: int) -> Scene:
+def _bars(count: int, *longer: int) -> Scene:
+    """Bars of growing lengths, those of some rows longer by 8."""
     scene = Scene()
     for number in range(count):
-        scene = scene + PBar(0.25 * number)
+        scene = scene + PBar(0.25 * number + (8.0 if number in longer else 0.0))
     return scene
 
 
@@ -44,6 +47,21 @@ _PART_VIEW: Final = Deliver(
         skeleton=Scene((AgentNode("ACounter", PART), AgentNode("ACounter", "a"))),
     )
 )  # fmt: skip
+
+_COLUMNS: Final = tuple(
+    [packed(_bars(40, *longer)) for longer in ((), (3, 7), (7, *range(20, 40)))]
+)
+_COLUMNS_VIEW: Final = Deliver(
+    m.ViewShown("eShow", 0, 1, {PART: _COLUMNS[0]}, skeleton=Scene((AgentNode("ACounter", PART),)))
+)
+
+
+def _patch_view(frame: int) -> Deliver:
+    """A delta with a patch of the part."""
+    patch = difference(_COLUMNS[frame - 1].pieces[0], _COLUMNS[frame].pieces[0])
+    assert patch is not None
+    return Deliver(m.ViewShown("eShow", frame, frame + 1, {}, patches={PART: patch}))
+
 
 _DRAWN: Final = (
     _case("draw.key", "draws a key view", "P10.1 P10.2", key_view(3, 1, a=1.0, b=2.5)),
@@ -84,6 +102,10 @@ _DRAWN: Final = (
     _case(
         "draw.part", "draws a part of a population", "P10.1 P9.22",
         _PART_VIEW, delta_view(1, 2, a=50.0),
+    ),
+    _case(
+        "draw.patch", "applies patches of a part's view", "P10.3 P3.20",
+        _COLUMNS_VIEW, _patch_view(1), _patch_view(2), requires="columns", tier=Tier.EXACT,
     ),
     _case(
         "draw.first", "accepts a first key view of any frame and sequence", "P10.4",
