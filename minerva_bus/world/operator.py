@@ -285,7 +285,11 @@ class Operator(Protocol):
 
 
 class NoOperator:
-    """The operator of a world that cannot be operated: every use raises MisuseError."""
+    """The operator of a world that cannot be operated: all questions and orders raise MisuseError."""
+
+    def named(self, by: str) -> NoOperator:
+        """The same operator, since there are no orders to name."""
+        return self
 
     def __getattr__(self, name: str) -> object:
         raise MisuseError("this world cannot be operated from here")

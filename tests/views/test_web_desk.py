@@ -9,7 +9,8 @@ from web_world import FLOOR, Nobody, PCart, PFloor, PWanted, listened, picture, 
 
 pytest.importorskip("viser")
 
-from minerva_bus.world.operator import LogEntry
+from minerva_bus.world.operator import LogEntry, OrderStatus
+from minerva_services.views.palette import person_colour
 from minerva_services.views.web import html
 from minerva_services.views.web.controller import PageController
 from minerva_services.views.web.panel import ALL, NOTABLE, EventFeed, Panel
@@ -68,6 +69,19 @@ def room():
         made.desk.close()
 
 
+def test_orders_of_people_are_listed_with_their_fates(room):
+    fate = OrderStatus(3, 1, "anna", 'eGo<place="<inn>">', "eGo", "waiting", 4)
+    room.operator.fates.append(fate)
+    room.open()
+    eventually(lambda: "waits for a frame" in room.panel._fates.content)
+    assert "&lt;inn&gt;" in room.panel._fates.content
+    assert f"color:{person_colour('anna')}" in room.panel._fates.content
+    replaced = replace(fate, change=2, state="replaced", by="eGo", frame=6)
+    room.operator.fates.append(replaced)
+    eventually(lambda: "replaced by eGo in frame 6" in room.panel._fates.content)
+    assert room.panel._fates_folder.visible
+
+
 def test_each_order_type_has_a_form_of_its_data(room):
     room.open()
     assert set(room.panel._forms) == {"eGo", "ePace", "eBring"}
@@ -79,7 +93,7 @@ def test_each_order_type_has_a_form_of_its_data(room):
     assert set(room.inputs("Checkbox")) == {"gently"}
     assert set(room.inputs("Number")) == {"times"}
     assert "speed (m/s)" in room.inputs("Slider")
-    room.operator.orders = ("eGo",)
+    room.operator.types = ("eGo",)
     eventually(lambda: set(room.panel._forms) == {"eGo"})
     eventually(lambda: "times" not in room.inputs("Number"))
 

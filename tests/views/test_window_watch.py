@@ -2,11 +2,14 @@
 
 import threading
 import time
+from dataclasses import replace
 
 from window_world import WORDS, Ledger, status
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.events import Event
+from minerva_bus.world.operator import OrderStatus
+from minerva_services.views.palette import person_colour
 from minerva_services.views.window.actions import OrderAction, PauseAction
 from minerva_services.views.window.composer import caption
 from minerva_services.views.window.monitor import WorldMonitor
@@ -29,6 +32,24 @@ def test_it_asks_again_and_again():
     asked = ledger.asked
     assert not watch._thread.is_alive()
     assert ledger.asked == asked
+
+
+def test_it_has_the_last_orders_of_all_people():
+    ledger = Ledger()
+    ledger.fates = [
+        OrderStatus(n, n, "anna" if n % 2 else "", f"eGo<place={n}>", "eGo", "waiting", 3)
+        for n in range(1, 7)
+    ]
+    watch = WorldMonitor(ledger, WORDS, every=0.01)
+    assert [order.event for order in eventually(lambda: watch.orders)] == [
+        f"eGo<place={n}>" for n in (4, 5, 6)
+    ]
+    assert (watch.orders[0].person, watch.orders[1].person) == ("somebody", "anna")
+    assert watch.orders[1].colour == person_colour("anna")
+    ledger.fates.append(replace(ledger.fates[3], change=7, state="done", by="b1", frame=9))
+    done = eventually(lambda: watch.orders[-1].state == "done" and watch.orders[-1])
+    assert (done.event, done.fate) == ("eGo<place=4>", "done, reported by #b1, in frame 9")
+    watch.close()
 
 
 def test_handlers_run_in_order_and_are_reported():

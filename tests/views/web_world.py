@@ -100,17 +100,25 @@ class Nobody:
 
     def __init__(self):
         self.told, self.silent, self.unheard = [], False, 0
-        self.orders = ("eBring", "eGo", "ePace")
+        self.types, self.fates = ("eBring", "eGo", "ePace"), []
         self.happenings, self.events = (), {}
 
     def status(self, since=0):
         self.unheard += self.silent
         self._answer()
-        member = MemberStatus("gate", "present", orders=self.orders)
+        member = MemberStatus("gate", "present", orders=self.types)
         return WorldStatus(
             "yard", 7, 0.1, "events", rate=10.0, hz=9.5, members=(member,), events=self.events,
             happenings=tuple(one for one in self.happenings if one.number > since),
         )  # fmt: skip
+
+    def named(self, by):
+        self.person = by
+        return self
+
+    def orders(self, since=0):
+        self._answer()
+        return [order for order in self.fates if order.change > since]
 
     def fragment(self, agent):
         self._answer()

@@ -71,12 +71,19 @@ class Ledger:
         self.speed = speed
         self.error = error
         self.asked = 0
+        self.fates = []
 
     def status(self, since=0):
         self.asked += 1
         if self.error:
             raise BusError(self.error)
         return status("eGo", "eHaste")
+
+    def named(self, by):
+        return self
+
+    def orders(self, since=0):
+        return [order for order in self.fates if order.change > since]
 
     def fragment(self, agent):
         return f"ABug#{agent}<speed={self.speed}>"

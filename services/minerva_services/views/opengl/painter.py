@@ -198,6 +198,10 @@ class GLPainter:
             plate = signs.table([(sight.caption, rest)])
             signs.put(plate, PADDING, top)
             top += plate.height + PADDING / 2
+        if sight.orders:
+            plate = signs.orders(sight.orders)
+            # Below the caption, which may be long.
+            signs.put(plate, width - PADDING - plate.width, top)
         if sight.help:
             signs.put(signs.table([*sight.help, _MOVE_HELP]), PADDING, top)
         if sight.notice:

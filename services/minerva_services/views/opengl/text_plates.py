@@ -10,6 +10,7 @@ import moderngl
 
 from minerva_bus.semantics.colors import rgb
 from minerva_bus.semantics.legend import Legend
+from minerva_services.views.fates import OrderEntry
 from minerva_services.views.opengl import shaders
 from minerva_services.views.opengl.gpu import LETTERS, program
 
@@ -58,6 +59,12 @@ class TextPlates:
         return self._cached(
             (legend, width), lambda: self._uploaded(legend_strip(legend, width, self.scale))
         )
+
+    def orders(self, orders: tuple[OrderEntry, ...]) -> Plate:
+        """The last orders of people."""
+        from minerva_services.views.window.order_strip import order_strip
+
+        return self._cached(orders, lambda: self._uploaded(order_strip(orders, self.scale)))
 
     def _cached(self, key: Hashable, make: Callable[[], Plate]) -> Plate:
         # Added at the end again: the first entry is the one that has not been used for longest.

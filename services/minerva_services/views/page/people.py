@@ -12,9 +12,9 @@ from minerva_bus.errors import MinervaError, MisuseError
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.symbols import EventType
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.world.operator import OrderStatus, WorldStatus
+from minerva_bus.world.operator import WorldStatus
 from minerva_bus.world.services import WorldInfo
-from minerva_services.views.page.fates import shown_order, shown_person
+from minerva_services.views.fates import LatestOrders, shown_person
 from minerva_services.views.page.inspector import AgentQuestion, Inspector
 from minerva_services.views.page.names import PageNames
 from minerva_services.views.page.site import PageSite
@@ -83,8 +83,7 @@ class People:
         self._names = names
         self._site = site
         self._inspector = Inspector(world)
-        self._orders: dict[int, dict[str, Any]] = {}
-        self._last_change = 0
+        self._orders = LatestOrders(_MAX_ORDERS)
         self._reports = LatestReport(world.vocabulary)
         self._numbers = SentNumbers()
         self._pages: set[ServerConnection] = set()
@@ -102,7 +101,7 @@ class People:
             self._pages.add(page)
             try:
                 welcome = {"welcome": self._welcome(number), "status": self._status}
-                await self._send(page, {**welcome, "orders": [*self._orders.values()]})
+                await self._send(page, {**welcome, "orders": self._orders.plain()})
                 async with asyncio.TaskGroup() as questions:
                     explained: asyncio.Task[None] | None = None
                     async for text in page:
@@ -167,7 +166,8 @@ class People:
             try:
                 operator = self._world.operator
                 self._update(await asyncio.to_thread(operator.status, self._reports.last))
-                self._follow(await asyncio.to_thread(operator.orders, self._last_change))
+                if await asyncio.to_thread(self._orders.update, operator):
+                    self.broadcast({"orders": self._orders.plain()})
                 problem = ""
             except MinervaError as error:
                 if problem != str(error):
@@ -187,17 +187,6 @@ class People:
         if now != self._status:
             self._status = now
             self.broadcast({"status": now})
-
-    def _follow(self, changed: Sequence[OrderStatus]) -> None:
-        """Send the fates of orders to all pages."""
-        for order in changed:
-            self._last_change = order.change
-            self._orders.pop(order.number, None)
-            self._orders[order.number] = shown_order(order)
-        while len(self._orders) > _MAX_ORDERS:
-            del self._orders[next(iter(self._orders))]
-        if changed:
-            self.broadcast({"orders": [*self._orders.values()]})
 
     # --- actions ---
 

@@ -1,4 +1,4 @@
-"""The overlay: status line, notices and help."""
+"""The overlay: status line, notices, orders and help."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from minerva_services.views.palette import BORDER, FAINT, INK, PANEL, PAPER
 from minerva_services.views.sprites.camera import MapCamera
 from minerva_services.views.sprites.text import one_line, written
 from minerva_services.views.window.legend_strip import legend_strip
+from minerva_services.views.window.order_strip import order_strip
 from minerva_services.views.window.painter import Sight
 
 _LINE_HEIGHT = 34
@@ -60,6 +61,9 @@ def draw_overlay(canvas: pygame.Surface, sight: Sight, camera: MapCamera, ui: fl
     if sight.legend:
         canvas.blit(legend_strip(sight.legend, width, ui), (0, height - below))
     _draw_bar(canvas, sight, camera, ui)
+    if sight.orders:
+        strip, pad = order_strip(sight.orders, ui), round(12 * ui)
+        canvas.blit(strip, (width - strip.get_width() - pad, pad))
     if sight.notice:
         _draw_notice(canvas, sight.notice, below, ui)
     if sight.help:

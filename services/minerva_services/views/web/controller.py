@@ -12,6 +12,7 @@ from typing import Any, Protocol
 from minerva_bus.errors import MinervaError
 from minerva_bus.grammar.scene import AgentNode
 from minerva_bus.world.services import WorldInfo
+from minerva_services.views.fates import LatestOrders
 from minerva_services.views.web.html import parted
 from minerva_services.views.web.orders import OrderSender, first_with
 from minerva_services.views.web.panel import EventFeed, Panel
@@ -21,6 +22,9 @@ POLL_SECONDS = 0.1
 # Polls between two queries of the status, and between two of the selected agent's state.
 _STATUS_POLLS = 3
 _STATE_POLLS = 10
+_MAX_ORDERS = 8
+"""Orders that the panel lists."""
+
 _SLIDER_SECONDS = 1.5
 """Seconds for which a slider stays where a user has put it, whatever the agent's state says."""
 
@@ -71,9 +75,10 @@ class _LatestActions:
 class PageController:
     """Polls the world in its own thread, and performs the users' actions."""
 
-    def __init__(self, world: WorldInfo, scene: Scenery, click: str) -> None:
-        self._operator = world.operator
-        self._orders = OrderSender(world)
+    def __init__(self, world: WorldInfo, scene: Scenery, click: str, person: str = "") -> None:
+        self._operator = world.operator.named(person)
+        self._orders = OrderSender(world.vocabulary, self._operator)
+        self._fates = LatestOrders(_MAX_ORDERS)
         self._scene = scene
         self._click = click
         self._panel: Panel | None = None
@@ -177,6 +182,8 @@ class PageController:
         if self._panel is not None:
             self._panel.show_status(status, self._feed.report, rate=not self._queue.recent)
             self._panel.show_events(self._feed)
+            if self._fates.update(self._operator):
+                self._panel.show_fates(self._fates.entries)
             if status.series:
                 self._panel.show_series(self._operator.series())
         self._select_the_only_one()

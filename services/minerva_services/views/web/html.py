@@ -16,13 +16,15 @@ from minerva_bus.semantics.colors import rgb
 from minerva_bus.semantics.legend import Legend, LegendEntry
 from minerva_bus.wording import duration
 from minerva_bus.world.operator import LogEntry, WorldStatus
+from minerva_services.views.fates import OrderEntry
 from minerva_services.views.palette import DARK
 
 _MAX_CHARACTERS = 44
 _MARGIN = "padding:0 0.75em;font-size:0.85em;line-height:1.5;overflow-wrap:anywhere"
 _CODE = "font-family:ui-monospace,monospace;font-size:0.88em"
 _DECIMALS = re.compile(r"\d+\.\d{4,}(e-?\d+)?")
-_DIM, _BAD = "#868e96", "#c92a2a"
+_DIM, _BAD, _GOOD = "#868e96", "#c92a2a", "#2b8a3e"
+_FATES = {"done": _GOOD, "rejected": _BAD, "failed": _BAD, "replaced": _BAD}
 _NAME = f"color:{_DIM};padding-right:0.8em;vertical-align:top;white-space:nowrap"
 
 
@@ -118,6 +120,21 @@ def events(happenings: Iterable[LogEntry]) -> str:
     ]
     shown = "".join(f"<div>{line}</div>" for line in lines) or _dim("nothing yet")
     return _block(f'<div style="{_CODE};min-height:6em">{shown}</div>')
+
+
+def fates(orders: Iterable[OrderEntry]) -> str:
+    """Orders of people with their fates, newest first."""
+    lines = [
+        f'<div title="{escape(order.event)}" style="margin-bottom:0.3em">'
+        f'<b style="color:{order.colour}">{escape(order.person)}</b>'
+        f" {escape(order.short[0])}<br>{_fate(order)}</div>"
+        for order in reversed(list(orders))
+    ]
+    return _block("".join(lines))
+
+
+def _fate(order: OrderEntry) -> str:
+    return f'<span style="color:{_FATES.get(order.state, _DIM)}">{escape(order.fate)}</span>'
 
 
 def state(agent: AgentNode | None) -> str:

@@ -10,7 +10,7 @@ from minerva_bus.grammar.fields import Field
 from minerva_bus.grammar.printer import value_text
 from minerva_bus.grammar.symbols import EventType
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.world.services import WorldInfo
+from minerva_bus.world.operator import Operator
 
 _INPUT_KINDS = ("text", "real", "int", "bool")
 
@@ -37,11 +37,11 @@ def title(field: Field) -> str:
 
 
 class OrderSender:
-    """Sends orders to one agent or to all subscribers."""
+    """Sends orders of a person to one agent or to all subscribers."""
 
-    def __init__(self, world: WorldInfo) -> None:
-        self.vocabulary = world.vocabulary
-        self._operator = world.operator
+    def __init__(self, vocabulary: Vocabulary, operator: Operator) -> None:
+        self.vocabulary = vocabulary
+        self._operator = operator
 
     def send(self, event_type: str, data: Mapping[str, Any], agent: str, kind: str) -> str:
         """Send an order to an agent of a kind, or with "" to all; returns a confirmation line.

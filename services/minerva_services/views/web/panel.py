@@ -13,6 +13,7 @@ from minerva_bus.grammar.scene import AgentNode
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.semantics.legend import Legend
 from minerva_bus.world.operator import CollectedSeries, LogEntry, WorldStatus
+from minerva_services.views.fates import OrderEntry
 from minerva_services.views.reports import LatestReport
 from minerva_services.views.web import html
 from minerva_services.views.web.forms import Form, by_person
@@ -109,6 +110,8 @@ class Panel:
             self._legend = gui.add_html(html.legend(()))
         self._add_agent()
         self._orders = gui.add_folder("Orders", visible=False)
+        with gui.add_folder("Orders of people", visible=False) as self._fates_folder:
+            self._fates = gui.add_html("")
         # Above the events, of which there may be many.
         self._series = ChartFolder(gui)
         with gui.add_folder("Events"):
@@ -146,6 +149,11 @@ class Panel:
         if feed.choices != self._filter.options:
             self._filter.options = feed.choices
         self._events.content = html.events(feed.chosen(self.filter, _MAX_SHOWN))
+
+    def show_fates(self, orders: Sequence[OrderEntry]) -> None:
+        """Show the last orders of people with their fates."""
+        self._fates_folder.visible = bool(orders)
+        self._fates.content = html.fates(orders)
 
     def show_series(self, series: Sequence[CollectedSeries]) -> None:
         """Show the collected series."""

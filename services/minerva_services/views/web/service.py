@@ -46,6 +46,7 @@ class Web(Device, draws=("ePicture",)):
         click: the event type sent by a click on a text; "": the first that users may send and
             whose only datum is a text.
         names: additional host names of the page, comma-separated: a proxy's, for example.
+        person: the name under which the page gives orders; "": none.
         shadows: whether objects cast shadows; without a graphics card, they take most of the time.
 
     Raises MisuseError if viser is not installed and for invalid options.
@@ -63,6 +64,7 @@ class Web(Device, draws=("ePicture",)):
         click: str = "",
         shadows: bool = False,
         names: str = "",
+        person: str = "",
     ) -> None:
         require("web", "viser", "viser", "web")
         check_port("web", port)
@@ -71,6 +73,7 @@ class Web(Device, draws=("ePicture",)):
         self.draws = event_types("web", draws)
         self._address = _Address(host, port, names_in(names))
         self._click = click
+        self._person = person
         self._shadows = shadows
         self._server: PageServer | None = None
         self._skeletons: dict[str, Scene] = {}
@@ -91,7 +94,9 @@ class Web(Device, draws=("ePicture",)):
         address = self._address
         self._server = server = serve(address.host, address.port, address.names, world.world)
         self._scene: PageScene = PageScene(server, shadows=self._shadows)
-        self._controller: PageController = PageController(world, self._scene, self._click)
+        self._controller: PageController = PageController(
+            world, self._scene, self._click, self._person
+        )
         self._panel: Panel = Panel(server, world.world, world.vocabulary, self._controller)
         self._controller.open(self._panel)
 

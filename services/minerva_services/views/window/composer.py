@@ -12,6 +12,7 @@ from minerva_bus.world.beams import origins
 from minerva_bus.world.operator import WorldStatus
 from minerva_bus.world.readings import Reading, Scan
 from minerva_bus.world.services import View, WorldInfo
+from minerva_services.views.fates import OrderEntry
 from minerva_services.views.names import agent_names
 from minerva_services.views.overlay import Overlay
 from minerva_services.views.window.controls import WindowControls
@@ -104,7 +105,12 @@ class Composer:
         self._scans.add(reading)
 
     def compose(
-        self, controls: WindowControls, text: tuple[str, str, str], *, keys: bool = False
+        self,
+        controls: WindowControls,
+        text: tuple[str, str, str],
+        orders: tuple[OrderEntry, ...] = (),
+        *,
+        keys: bool = False,
     ) -> Sight:
         """Everything to display; `text`: title, subtitle, notice; `keys`: whether keys act."""
         self.picture = self._overlay.picture()
@@ -119,6 +125,7 @@ class Composer:
             HINT if keys and not controls.helps else "",
             self.picture.legend if controls.legend else (),
             agent_names(self.picture),
+            orders if controls.orders else (),
         )
 
     def text(

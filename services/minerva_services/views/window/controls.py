@@ -35,6 +35,7 @@ class Action(Enum):
     FIT = "show the whole world"
     BEAMS = "laser beams"
     LEGEND = "legend"
+    ORDERS = "orders of people"
     HELP = "this help"
 
 
@@ -48,6 +49,7 @@ KEYS: dict[Action, tuple[str, ...]] = {
     Action.FIT: ("0", "home", "[0]"),
     Action.BEAMS: ("b",),
     Action.LEGEND: ("l",),
+    Action.ORDERS: ("o",),
     Action.HELP: ("?", "h", "f1"),
 }
 _ACTIONS = {key: action for action, keys in KEYS.items() for key in keys}
@@ -74,6 +76,7 @@ class WindowControls:
         self.helps = False
         self.beams = True
         self.legend = True
+        self.orders = True
         self.paused = False
         self._vocabulary = vocabulary
         self._names = click, slide
@@ -138,6 +141,8 @@ class WindowControls:
             self.beams = not self.beams
         elif action is Action.LEGEND:
             self.legend = not self.legend
+        elif action is Action.ORDERS:
+            self.orders = not self.orders
         return None
 
     def stop_following(self) -> None:

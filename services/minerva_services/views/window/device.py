@@ -10,6 +10,7 @@ from minerva_bus.errors import MisuseError
 from minerva_bus.world.readings import Reading
 from minerva_bus.world.services import Device, View, WorldInfo
 from minerva_services.options import event_types, takes_options
+from minerva_services.views.fates import OrderEntry
 from minerva_services.views.window.composer import Composer
 from minerva_services.views.window.controls import WindowControls
 from minerva_services.views.window.monitor import WorldMonitor
@@ -45,7 +46,7 @@ class WindowDevice(Device):
         self._monitor: WorldMonitor | None = None
         self._output: Output | None = None
         self._changed = True
-        self._displayed: tuple[str, ...] = ()
+        self._displayed: tuple[tuple[str, ...], tuple[OrderEntry, ...]] = (), ()
 
     @abstractmethod
     def painter(self) -> Painter:
@@ -68,7 +69,8 @@ class WindowDevice(Device):
             from minerva_services.views.window.events import WindowInput
 
             painter.open(world.world, options.size)
-            self._monitor = WorldMonitor(world.operator, world.vocabulary)
+            operator = world.operator.named(options.person)
+            self._monitor = WorldMonitor(operator, world.vocabulary)
             self._input = WindowInput(self.controls, painter, self._monitor.do)
             return
         painter.offscreen(options.size)
@@ -96,9 +98,9 @@ class WindowDevice(Device):
         if self._monitor.status is not None and not self._monitor.busy:
             self.controls.update(self._monitor.status)
         touched = self._input.process(self._composer.picture)
-        text = self._text()
-        if touched or self._changed or text != self._displayed:
-            self._displayed = text
+        displayed = self._text(), self._monitor.orders
+        if touched or self._changed or displayed != self._displayed:
+            self._displayed = displayed
             self._draw()
 
     def leaves(self) -> bool:
@@ -128,8 +130,12 @@ class WindowDevice(Device):
     def _draw(self) -> None:
         self._changed = False
         if self._painter is not None:
-            keys = self._monitor is not None
-            self._painter.draw(self._composer.compose(self.controls, self._text(), keys=keys))
+            monitor = self._monitor
+            orders = monitor.orders if monitor is not None else ()
+            sight = self._composer.compose(
+                self.controls, self._text(), orders, keys=monitor is not None
+            )
+            self._painter.draw(sight)
 
     def _text(self) -> tuple[str, str, str]:
         status = self._monitor.status if self._monitor is not None else None

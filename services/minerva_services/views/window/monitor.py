@@ -9,11 +9,15 @@ from queue import Empty, SimpleQueue
 from minerva_bus.errors import MinervaError, MisuseError
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.world.operator import Operator, WorldStatus
+from minerva_services.views.fates import LatestOrders, OrderEntry
 from minerva_services.views.reports import LatestReport
 from minerva_services.views.window.actions import WorldAction
 
 POLL_SECONDS = 0.25
 NOTICE_SECONDS = 5.0
+MAX_ORDERS = 3
+"""Orders that a window lists."""
+
 _CLOSE_SECONDS = 2.0
 
 
@@ -29,6 +33,7 @@ class WorldMonitor:
     ) -> None:
         self.status: WorldStatus | None = None
         self._reports = LatestReport(vocabulary)
+        self._orders = LatestOrders(MAX_ORDERS)
         self._operator = operator
         self._every = every
         self._queue: SimpleQueue[WorldAction | None] = SimpleQueue()
@@ -48,6 +53,11 @@ class WorldMonitor:
     def report(self) -> str:
         """The latest report of an agent, such as that it has reached its objective."""
         return self._reports.text
+
+    @property
+    def orders(self) -> tuple[OrderEntry, ...]:
+        """The last orders of all people, with their fates."""
+        return self._orders.entries
 
     @property
     def busy(self) -> bool:
@@ -87,6 +97,7 @@ class WorldMonitor:
                 self.notify(action.do(self._operator))
             self.status = status = self._operator.status(self._reports.last)
             self._reports.update(status)
+            self._orders.update(self._operator)
         except MisuseError as error:  # the world has no operator: report it once
             self.notify(str(error))
             if action is None:

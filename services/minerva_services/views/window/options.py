@@ -48,6 +48,7 @@ class WindowOptions:
         click: the event type sent by a click on a label, if the world accepts several.
         slide: the event type sent by the arrow keys, if the world accepts several.
         follow: an agent to keep in the middle.
+        person: the name under which the window gives orders; empty: none.
 
     """
 
@@ -64,6 +65,7 @@ class WindowOptions:
     click: str = ""
     slide: str = ""
     follow: str = ""
+    person: str = ""
     environment: Mapping[str, str] = field(default_factory=lambda: os.environ, repr=False)
 
     def __post_init__(self) -> None:

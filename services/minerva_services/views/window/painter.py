@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from minerva_bus.semantics.legend import Legend
 from minerva_bus.semantics.picture import Picture
+from minerva_services.views.fates import OrderEntry
 from minerva_services.views.names import AgentName
 
 Floats: TypeAlias = NDArray[np.float64]
@@ -51,8 +52,8 @@ class Sight:
 
     `caption` is the line about the world, `subtitle` further status; `notice` reports the last
     action or its failure; `help` lists keys and meanings, empty unless requested; `hint` names the
-    key that requests it. `names` are labels of agents. `follows`: keep the selected agent in the
-    middle.
+    key that requests it. `names` are labels of agents, `orders` the last orders of people.
+    `follows`: keep the selected agent in the middle.
     """
 
     picture: Picture
@@ -66,6 +67,7 @@ class Sight:
     hint: str = ""
     legend: Legend = ()
     names: Sequence[AgentName] = ()
+    orders: tuple[OrderEntry, ...] = ()
 
 
 class Painter(Protocol):
