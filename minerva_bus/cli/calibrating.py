@@ -70,33 +70,33 @@ def calibrate_world(
     check_table(table)
     folder = check_journal(table, "runs")
     try:
-        found = _found(search, folder, workers, console)
+        result = _calibrated(search, folder, workers, console)
     except KeyboardInterrupt:
         console.note(f"interrupted; the same command continues with the runs in {folder}")
         if as_json:
             print_json({"world": search.world, "table": str(table), "interrupted": True})
         return INTERRUPTED
-    columns = found.trials.columns
-    write(ResultTable(columns[:-1], columns, tuple(found.trials.rows())), table)
-    failed = sum(math.isnan(value) for value in found.trials["value"])
+    columns = result.trials.columns
+    write(ResultTable(columns[:-1], columns, tuple(result.trials.rows())), table)
+    failed = sum(math.isnan(value) for value in result.trials["value"])
     if as_json:
         print_json(
             {
                 "world": search.world,
                 "table": str(table),
-                "trials": len(found.trials),
+                "trials": len(result.trials),
                 "failed": failed,
-                "best": dict(found.best),
-                "value": found.value,
+                "best": dict(result.best),
+                "value": result.value,
                 "interrupted": False,
             }
         )
     else:
-        print_result("\n".join(_lines(found, table, failed)))
+        print_result("\n".join(_lines(result, table, failed)))
     return FAILED if failed else 0
 
 
-def _found(search: Search, folder: Path, workers: Workers, console: Console) -> Calibration:
+def _calibrated(search: Search, folder: Path, workers: Workers, console: Console) -> Calibration:
     if search.frame is not None and search.given:
         raise MisuseError(
             f"--{min(search.given)}: branches have the options of the record; search for another"
@@ -136,9 +136,9 @@ def _objective(spec: str, folder: Path) -> Objective:
     return cast("Objective", objective)
 
 
-def _lines(found: Calibration, table: Path, failed: int) -> list[str]:
-    best = ", ".join(f"{key}={option_text(value)}" for key, value in found.best.items())
-    lines = [f"best: {best}", f"value: {found.value:.6g}"]
+def _lines(result: Calibration, table: Path, failed: int) -> list[str]:
+    best = ", ".join(f"{key}={option_text(value)}" for key, value in result.best.items())
+    lines = [f"best: {best}", f"value: {result.value:.6g}"]
     if failed:
-        lines.append(f"{failed} of {len(found.trials)} trials have no value: a run of each failed")
-    return [*lines, f"{len(found.trials)} trials are in {table}"]
+        lines.append(f"{failed} of {len(result.trials)} trials have no value: a run of each failed")
+    return [*lines, f"{len(result.trials)} trials are in {table}"]

@@ -285,7 +285,7 @@ class Operator(Protocol):
 
 
 class NoOperator:
-    """The operator of a world that cannot be operated: all questions and orders raise MisuseError."""
+    """The operator of a world that cannot be operated: questions and orders raise MisuseError."""
 
     def named(self, by: str) -> NoOperator:
         """The same operator, since there are no orders to name."""
