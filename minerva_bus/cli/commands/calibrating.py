@@ -72,10 +72,10 @@ def calibrate(
     quiet: QuietStudy = False,
     force: Force = False,
 ) -> None:
-    """Search for the options for which runs of a world are best, by a sampler of Optuna.
+    """Search for the best options of a world, by trials.
 
-    The world's own options apply to all runs. Finished runs are in the folder TABLE.runs: the same
-    command continues with them.
+    A sampler of Optuna chooses the options of each trial. The world's own options apply to all
+    runs. Finished runs are in the folder TABLE.runs: the same command continues with them.
     """
     from minerva_bus.cli.calibrating import Search, calibrate_world, read_ranges
     from minerva_bus.launch.console import Console
