@@ -31,6 +31,9 @@ _LIBRARIES: Final = tuple(
     | {str(Path(os.__file__).parent) + os.sep}
 )
 
+# The file of methods that libraries generate, such as those of dataclasses, and of `python -c`.
+_GENERATED: Final = "<string>"
+
 
 @dataclass(frozen=True, slots=True)
 class SourceLine:
@@ -78,15 +81,19 @@ def _user_frame(
     """
     # The first choice is a file of the user's own. Otherwise it is an installed package that the
     # framework has called, such as one with agents.
-    entry = next((frame for frame, _ in frames if not is_foreign(frame.f_code.co_filename)), None)
+    written = [frame for frame, _ in frames if frame.f_code.co_filename != _GENERATED] or [
+        frame for frame, _ in frames
+    ]
+    entry = next((frame for frame in written if not is_foreign(frame.f_code.co_filename)), None)
     if entry is None:
-        outside = (f for f, _ in frames if not f.f_code.co_filename.startswith(_FRAMEWORK))
+        outside = (f for f in written if not f.f_code.co_filename.startswith(_FRAMEWORK))
         entry = next((f for f in outside if not _is_standard(f.f_code.co_filename)), None)
     if entry is None:
         return None
     package = _package(entry)
     for index, (frame, number) in reversed(list(enumerate(frames))):
-        if not is_foreign(frame.f_code.co_filename) or _package(frame) == package:
+        own = not is_foreign(frame.f_code.co_filename) or _package(frame) == package
+        if own and frame in written:
             return frame, number, index
     return None
 
@@ -96,8 +103,9 @@ def innermost(frames: Sequence[SourceLine]) -> SourceLine | None:
 
     A package that the framework calls is user code if there is no other.
     """
-    own = [frame for frame in frames if not is_foreign(frame.file)]
-    outside = (frame for frame in frames if not frame.file.startswith(_FRAMEWORK))
+    written = [frame for frame in frames if frame.file != _GENERATED] or frames
+    own = [frame for frame in written if not is_foreign(frame.file)]
+    outside = (frame for frame in written if not frame.file.startswith(_FRAMEWORK))
     installed = (frame for frame in outside if not _is_standard(frame.file))
     place = next(iter(own), None) or next(installed, None)
     if place is None:
