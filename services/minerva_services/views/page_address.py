@@ -4,32 +4,43 @@ from __future__ import annotations
 
 import errno
 import socket
+from collections.abc import Callable
 from contextlib import closing
+from typing import TypeVar
 
 from minerva_bus.errors import MisuseError
 from minerva_services.views.page_access import PageAccess
+
+_Server = TypeVar("_Server")
 
 FIRST_PORT = 8080
 _PORTS = 1000
 
 
-def free_port(service: str, host: str, port: int, first: int = FIRST_PORT) -> int:
-    """The port, or for 0 the first free one of the host from `first`.
+def listen(
+    service: str,
+    host: str,
+    port: int,
+    start: Callable[[int], _Server | None],
+    first: int = FIRST_PORT,
+) -> _Server:
+    """A server at a port, or for 0 at the first free one of the host from `first`.
+
+    `start` returns a server at a port that was free; None if another process was faster.
 
     Raises MisuseError if the port is in use or the host is not an address of this machine.
     """
+    for candidate in (port,) if port else range(first, first + _PORTS):
+        if _is_free(service, host, candidate):
+            server = start(candidate)
+            if server is not None:
+                return server
     if port:
-        if not _is_free(service, host, port):
-            raise MisuseError(
-                f"{service}: port {port} of {host} is in use; use another one, or 0 for the next"
-                " free one"
-            )
-        return port
-    ports = range(first, first + _PORTS)
-    chosen = next((candidate for candidate in ports if _is_free(service, host, candidate)), 0)
-    if not chosen:
-        raise MisuseError(f"{service}: no port of {host} from {first} is free; set port")
-    return chosen
+        raise MisuseError(
+            f"{service}: port {port} of {host} is in use; use another one, or 0 for the next"
+            " free one"
+        )
+    raise MisuseError(f"{service}: no port of {host} from {first} is free; set port")
 
 
 def _is_free(service: str, host: str, port: int) -> bool:

@@ -11,7 +11,7 @@ from minerva_bus.errors import MisuseError
 from minerva_bus.world.services import Device, View, WorldInfo
 from minerva_services.options import check_port, check_rate, event_types, require
 from minerva_services.views.overlay import Overlay
-from minerva_services.views.page_address import free_port
+from minerva_services.views.page_address import listen
 
 if TYPE_CHECKING:
     from foxglove.websocket import WebSocketServer
@@ -71,20 +71,25 @@ class Foxglove(Device, draws=("ePicture",)):
         self._overlay = Overlay(world.vocabulary, self.draws)
         context = foxglove.Context()
         self._scene: SceneChannels = SceneChannels(context)
-        host, port = self._address
-        port = free_port("foxglove", host, port, FIRST_PORT)
-        try:
-            self._server = foxglove.start_server(
-                name=world.world,
-                host=host,
-                port=port,
-                capabilities=[foxglove.Capability.Time],
-                server_listener=SubscriptionListener(self._subscribed),
-                context=context,
-            )
-        except Exception as error:  # the library raises RuntimeError or its own class
-            raise MisuseError(f"foxglove: cannot listen at {host}:{port}: {error}") from None
-        sys.stdout.write(f"ws://{host}:{port}\n")
+        host, wanted = self._address
+
+        def start(port: int) -> WebSocketServer | None:
+            try:
+                return foxglove.start_server(
+                    name=world.world,
+                    host=host,
+                    port=port,
+                    capabilities=[foxglove.Capability.Time],
+                    server_listener=SubscriptionListener(self._subscribed),
+                    context=context,
+                )
+            except Exception as error:  # the library raises RuntimeError or its own class
+                if "in use" in str(error):
+                    return None
+                raise MisuseError(f"foxglove: cannot listen at {host}:{port}: {error}") from None
+
+        self._server = listen("foxglove", host, wanted, start, FIRST_PORT)
+        sys.stdout.write(f"ws://{host}:{self._server.port}\n")
         sys.stdout.flush()
 
     def show(self, view: View) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import errno
 import logging
 import ssl
 import threading
@@ -68,12 +69,15 @@ class MemberPageServer:
         self._links = 0
         self._thread = threading.Thread(target=self._run, name="page", daemon=True)
 
-    def start(self) -> None:
-        """Listen. Raises MisuseError if that is impossible."""
+    def start(self) -> bool:
+        """Listen; False if the port is in use. Raises MisuseError if that is impossible."""
         self._thread.start()
         self._ready.wait(_START_SECONDS)
+        if isinstance(self._failure, OSError) and self._failure.errno == errno.EADDRINUSE:
+            return False
         if self._failure is not None:
             raise MisuseError(f"page: cannot listen: {self._failure}")
+        return True
 
     def stop(self, why: str) -> None:
         """Tell the pages why, and stop."""
@@ -87,7 +91,8 @@ class MemberPageServer:
             self._loop.run_until_complete(self._serve())
         except Exception as error:
             self._failure = error
-            self._log(f"the server has failed: {error}")
+            if self._ready.is_set():
+                self._log(f"the server has failed: {error}")
         finally:
             self._ready.set()
             self._loop.close()

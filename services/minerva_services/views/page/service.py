@@ -17,7 +17,7 @@ from minerva_services.views.page.people import PageOptions, People
 from minerva_services.views.page.relay import check_relayed
 from minerva_services.views.page.site import PageSite
 from minerva_services.views.page_access import PageAccess, token_for
-from minerva_services.views.page_address import address_in_network, free_port, page_url
+from minerva_services.views.page_address import address_in_network, listen, page_url
 from minerva_services.views.window.order_types import check_named
 
 if TYPE_CHECKING:
@@ -81,14 +81,19 @@ class MemberPage(Device):
 
         self._check(world)
         self._ended = world.ended
-        access = self._access()
         site = PageSite(self._module)
         people = People(world, self._options, self._pages, site)
-        services = PageServices(
-            access, site, people, self._pages, world.world, world.endpoint, self._tls
-        )
-        self._server = MemberPageServer(services, _say)
-        self._server.start()
+        host, wanted = self._address
+
+        def start(port: int) -> tuple[MemberPageServer, PageAccess] | None:
+            access = self._access(host, port)
+            services = PageServices(
+                access, site, people, self._pages, world.world, world.endpoint, self._tls
+            )
+            server = MemberPageServer(services, _say)
+            return (server, access) if server.start() else None
+
+        self._server, access = listen("page", host, wanted, start)
         _say(page_url(access))
         _say(self._advice(access))
 
@@ -104,9 +109,7 @@ class MemberPage(Device):
             self._server.stop("the world has ended" if self._ended() else left)
             self._server = None
 
-    def _access(self) -> PageAccess:
-        host, wanted = self._address
-        port = free_port("page", host, wanted)
+    def _access(self, host: str, port: int) -> PageAccess:
         # The launcher runs as long as the world; a restarted server thus has the same token.
         token = token_for(port, str(os.getppid()))
         return PageAccess(host, port, token, frozenset(self._names), self._tls is not None)

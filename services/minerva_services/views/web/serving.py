@@ -14,7 +14,7 @@ from typing import Any, Final
 from viser import ViserServer
 
 from minerva_services.views.page_access import PageAccess, guarding, token_for
-from minerva_services.views.page_address import free_port, page_url
+from minerva_services.views.page_address import listen, page_url
 
 _TITLE: Final = re.compile(b"<title>.*?</title>")
 
@@ -36,13 +36,20 @@ def serve(host: str, port: int, names: Collection[str] = (), title: str = "") ->
 
     Raises MisuseError if that is impossible.
     """
-    chosen = free_port("web", host, port)
-    access = PageAccess(host, chosen, token_for(chosen), frozenset(names))
-    # viser prints its address, which lacks the token.
-    with redirect_stdout(io.StringIO()), guarding(access, partial(_entitle, title)):
-        server = PageServer(host=host, port=chosen, verbose=False)
-    server.access = access
-    return server
+
+    def start(chosen: int) -> PageServer | None:
+        access = PageAccess(host, chosen, token_for(chosen), frozenset(names))
+        # viser prints its address, which lacks the token.
+        with redirect_stdout(io.StringIO()), guarding(access, partial(_entitle, title)):
+            server = PageServer(host=host, port=chosen, verbose=False)
+        server.access = access
+        # viser takes the next port if another process was faster, but the access is for this one.
+        if server.get_port() == chosen:
+            return server
+        stop(server)
+        return None
+
+    return listen("web", host, port, start)
 
 
 def _entitle(title: str, response: Any) -> None:
