@@ -1,4 +1,4 @@
-"""Spaces: lattices and fields whose inhabitants follow compiled rules; see `Space` and `rule`."""
+"""Spaces: lattices, fields and graphs with compiled rules; see `Space` and `rule`."""
 
 from minerva_bus.space.draws import (
     Draws,
@@ -10,6 +10,7 @@ from minerva_bus.space.draws import (
     shuffle,
     uniform,
 )
+from minerva_bus.space.edges import Edges, degree, edge, neighbour, random_neighbour
 from minerva_bus.space.field import FieldGrid, go_to, near
 from minerva_bus.space.kernels import interpreted, kernel
 from minerva_bus.space.lattice import CellGrid, beside, next_cell
@@ -26,6 +27,7 @@ __all__ = [
     "CellGrid",
     "Column",
     "Draws",
+    "Edges",
     "FieldGrid",
     "InField",
     "OnLattice",
@@ -33,6 +35,8 @@ __all__ = [
     "beside",
     "chance",
     "copy",
+    "degree",
+    "edge",
     "exponential",
     "go_to",
     "integers",
@@ -40,11 +44,13 @@ __all__ = [
     "kernel",
     "move_to",
     "near",
+    "neighbour",
     "next_cell",
     "normal",
     "random",
     "random_at",
     "random_free",
+    "random_neighbour",
     "remove",
     "rule",
     "shuffle",

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from minerva_bus.errors import MinervaError, MisuseError
 from minerva_bus.space.draws import Draws
+from minerva_bus.space.edges import Edges, opened_edges
 from minerva_bus.space.kernels import interpreted, interpreting
 from minerva_bus.space.lattice import CellGrid
 from minerva_bus.space.occupancy import ROWS
@@ -58,6 +59,7 @@ class OpenedSpace:
         self._births = np.array([space.births])
         self._draws: Draws = np.array([moment.chance.word], np.uint64)
         self._tables: dict[str, Opened] = {}
+        self._edges: dict[str, Edges] = {}
         self._originals: dict[str, NDArray[Any]] = {}
         self._progress = np.zeros(1, np.int64)
 
@@ -141,6 +143,8 @@ class OpenedSpace:
             return [self._draws]
         if parameter.type is CellGrid:
             return [*self._lattice]
+        if parameter.type is Edges:
+            return [*self._opened_edges(parameter)]
         if parameter.matrix:
             return [self._matrix(parameter)]
         if parameter.name in self._data:
@@ -153,6 +157,13 @@ class OpenedSpace:
         if name not in self._originals:
             self._originals[name] = matrix.copy() if matrix.flags.writeable else matrix
         return self._space.writable(name).reshape(-1)
+
+    def _opened_edges(self, parameter: RuleParameter) -> Edges:
+        name = parameter.name
+        if name not in self._edges:
+            nodes = self._lattice.width * self._lattice.height
+            self._edges[name] = opened_edges(name, self._attribute(parameter), nodes)
+        return self._edges[name]
 
     def _table(self, parameter: RuleParameter) -> Opened:
         opened = self._tables.get(parameter.name)
@@ -175,6 +186,7 @@ class OpenedSpace:
                 " declare it in the class, or pass a number to `run`"
             )
         value: Any = getattr(self._space, parameter.name)
-        if (parameter.table or parameter.matrix) and not isinstance(value, np.ndarray):
+        is_matrix = parameter.table or parameter.matrix or parameter.type is Edges
+        if is_matrix and not isinstance(value, np.ndarray):
             raise MisuseError(f"{self._space.kind.name}.{parameter.name} must be a matrix")
         return cast("Any", value)

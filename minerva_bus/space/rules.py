@@ -14,6 +14,7 @@ from minerva_bus.grammar.types import Cells, Reals
 from minerva_bus.space.checking import check_rule
 from minerva_bus.space.compiling import RuleLoop
 from minerva_bus.space.draws import Draws, shuffle
+from minerva_bus.space.edges import Edges
 from minerva_bus.space.field import FieldGrid
 from minerva_bus.space.guarded import ALL, Guard
 from minerva_bus.space.kernels import Kernel
@@ -52,6 +53,7 @@ _IN_FIELD: Final = (
 _SHAPES: Final = {
     CellGrid: ("int64", "int64", "boolean"),
     FieldGrid: ("float64", "float64", "boolean", "int64", "int64"),
+    Edges: ("int64[::1]", "int64[::1]"),
 }
 
 
@@ -87,8 +89,8 @@ class RuleParameter:
             return [*_INDEX_TYPES, *columns, *extra, *shape]
         if self.type == Draws:
             return ["uint64[::1]"]
-        if self.type is CellGrid:
-            return [*_SHAPES[CellGrid]]
+        if self.type is CellGrid or self.type is Edges:
+            return [*_SHAPES[self.type]]
         return [
             next((t for matrix, t in _MATRICES if self.type == matrix), "") or _NUMBERS[self.type]
         ]
@@ -170,8 +172,9 @@ def rule(order: Activation, *, births: int = 1) -> Callable[[Callable[..., None]
 
     `i` is a row of `subject`, a table, or a cell of it, a matrix. Other parameters are, by name and
     annotation: tables and matrices (`Cells`, `Reals`: arrays of shape (cells,)) of the space,
-    `CellGrid`, `Draws`, and numbers, from attributes of the space or from `Space.run`. With
-    SIMULTANEOUS, the parameter `before` is the subject as it was before the rule.
+    `Edges` (a `Reals` of the space, made by `Edges.of`), `CellGrid`, `Draws`, and numbers, from
+    attributes of the space or from `Space.run`. With SIMULTANEOUS, the parameter `before` is the
+    subject as it was before the rule.
 
     Args:
         order: the order of activation.
@@ -215,6 +218,11 @@ def _built(parameter: RuleParameter, names: list[str], number: int, scope: dict[
     if parameter.type is CellGrid:
         scope["CellGrid"] = CellGrid
         return f"CellGrid({', '.join(names)})"
+    if parameter.type is Edges:
+        scope["Edges"] = Edges
+        for name, field in zip(names, Edges._fields, strict=True):
+            scope[f"g_{name}"] = Guard(f"{parameter.name}.{field}")
+        return f"Edges({', '.join([f'g_{name}({name}, rows)' for name in names])})"
     return names[0]
 
 
@@ -251,12 +259,12 @@ def _parameters(function: Callable[..., None], name: str) -> tuple[RuleParameter
         raise MisuseError(
             f"{name}: expected (i: int, subject, ...), where the subject is a table, Cells or Reals"
         )
-    known = (Draws, CellGrid, Cells, Reals, *_NUMBERS)
+    known = (Draws, CellGrid, Edges, Cells, Reals, *_NUMBERS)
     for parameter in parameters:
         if parameter.table is None and not any(parameter.type == each for each in known):
             raise MisuseError(
-                f"{name}: {parameter.name} must be a table, Cells, Reals, Draws, CellGrid, int,"
-                f" float or bool, not {parameter.type}"
+                f"{name}: {parameter.name} must be a table, Cells, Reals, Draws, CellGrid,"
+                f" Edges, int, float or bool, not {parameter.type}"
             )
         if parameter.name == BEFORE and parameter.type != parameters[0].type:
             raise MisuseError(f"{name}: `before` must have the type of {parameters[0].name}")
