@@ -6,7 +6,7 @@ import math
 from typing import Any, Final, NamedTuple
 
 from minerva_bus.space.kernels import kernel
-from minerva_bus.space.occupancy import FIRST, FOUND, NEXT, move_to
+from minerva_bus.space.occupancy import FIRST, FOUND, LATER, NEXT, move_to
 
 MARGIN: Final = 1e-9
 
@@ -55,7 +55,8 @@ def go_to(table: Any, i: int, x: float, y: float) -> None:
     if field.periodic:
         x, y = wrapped(x, field.width), wrapped(y, field.height)
     table.x[i], table.y[i] = x, y
-    move_to(table, i, cell_of(field, x, y))
+    if not table.counts[LATER]:
+        move_to(table, i, cell_of(field, x, y))
 
 
 @kernel

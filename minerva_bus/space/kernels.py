@@ -24,8 +24,8 @@ from minerva_bus.compiled.sources import PortableForms, is_portable
 _P = ParamSpec("_P")
 _R = TypeVar("_R")
 
-_CHECKED: Final = {"boundscheck": True}
-"""Indices are checked, because a rule computes its own."""
+_CHECKED: Final = {"boundscheck": True, "nogil": True}
+"""Indices are checked, because a rule computes its own; threads may share a rule."""
 OPTIONS: Final[Mapping[str, Any]] = {**NUMBA_OPTIONS, **_CHECKED}
 ALLOCATING_OPTIONS: Final[Mapping[str, Any]] = {**ALLOCATING, **_CHECKED}
 """For rules that create arrays."""

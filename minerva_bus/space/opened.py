@@ -10,20 +10,24 @@ from numpy.typing import NDArray
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.types import Reals
-from minerva_bus.space.compiling import RuleLoop, around
-from minerva_bus.space.field import FieldGrid, cell_of
-from minerva_bus.space.kernels import kernel
+from minerva_bus.space.cell_lists import (
+    ENTER,
+    ENTERING,
+    LOCATE,
+    OUTSIDE,
+    SETTLE,
+    SORT,
+    UNBORN,
+    CellLists,
+)
+from minerva_bus.space.compiling import RuleLoop
+from minerva_bus.space.field import FieldGrid
 from minerva_bus.space.lattice import CellGrid
 from minerva_bus.space.occupancy import (
     ALIVE,
-    FIRST,
-    FREE,
-    NEXT,
-    PREVIOUS,
+    LATER,
     ROWS,
-    SLOT,
     UNCOUNTED,
-    VACANT,
 )
 from minerva_bus.space.tables import INDEX, Column, InField, Inhabitants, Rows, columns_of
 
@@ -35,7 +39,8 @@ _UNSORTED: Final = dict(
 )
 """Of a table whose rows move."""
 
-ENTERED, UNBORN, OUTSIDE = 0, 1, 2
+_SEARCHED: Final = ("nearby", "apart")
+"""What searches write."""
 
 
 @dataclass(slots=True)
@@ -89,7 +94,7 @@ class Opened:
         values[:, :count] = matrix
         self.arrays |= {
             "places": np.empty((3, cells), np.int64),
-            "counts": np.array([count, cells if free else UNCOUNTED, 0]),
+            "counts": np.array([count, cells if free else UNCOUNTED, 0, 0]),
             "values": values,
             "links": np.empty((3, capacity), np.int64),
             "cell": np.empty(capacity, np.int64),
@@ -103,7 +108,7 @@ class Opened:
             LOCATE(cells, *self._places(), field.width, field.height, field.across, field.down)
         else:
             cells[:] = self.old[1]
-        entered = ENTER(*[arrays[name] for name in _ENTERED])
+        entered = ENTER(*[arrays[name] for name in ENTERING])
         if entered == UNBORN:
             largest, births = self.old[0].max(), arrays["births"][0]
             raise MisuseError(
@@ -153,8 +158,22 @@ class Opened:
         x, y = self.arrays["values"][row : row + 2, :count]
         return x, y
 
-    def arguments(self) -> list[Any]:
-        """The arrays and numbers of the kind's tuple, in the order of `parameters`."""
+    def settle(self) -> None:
+        """Enter the rows that threads have moved in a field into the lists of their cells."""
+        lists = [self.arrays[name] for name in CellLists._fields]
+        SETTLE(*lists, *self._places(), *self.shape)
+
+    def arguments(self, *, shared: bool = False) -> list[Any]:
+        """The arrays and numbers of the kind's tuple, in the order of its fields.
+
+        With `shared`, for one of several threads, what searches write is its own, and rows that
+        move are entered by `settle`.
+        """
+        if shared:
+            arrays = {name: each for name, each in self.arrays.items() if name not in _SEARCHED}
+            arrays["counts"] = arrays["counts"].copy()
+            arrays["counts"][LATER] = 1
+            return replace(self, arrays=arrays).arguments()
         arrays, names = self.arrays, self.kind.names
         values = arrays["values"]
         rows = [values[names.index(name)] for name in columns_of(self.kind)]
@@ -204,74 +223,6 @@ def _field(extent: tuple[float, float], periodic: bool, count: int) -> FieldGrid
     return FieldGrid(width, height, periodic, across, down)
 
 
-@kernel
-def enter(values: Column, cell: Rows, links: Rows, places: Rows, counts: Rows, births: Rows) -> int:
-    """Build the lists of all cells; the rows of a cell are in the order of the table.
-
-    Returns ENTERED, UNBORN if an id is not below `births`, or OUTSIDE if a cell does not exist.
-    """
-    cells = places.shape[1]
-    for i in range(counts[ROWS]):
-        if values[0, i] >= births[0]:
-            return UNBORN
-        if cell[i] < 0 or cell[i] >= cells:
-            return OUTSIDE
-    for place in range(cells):
-        places[FIRST, place] = -1
-    for i in range(counts[ROWS] - 1, -1, -1):
-        other = places[FIRST, cell[i]]
-        links[NEXT, i], links[PREVIOUS, i], links[ALIVE, i] = other, -1, 1
-        places[FIRST, cell[i]] = i
-        if other >= 0:
-            links[PREVIOUS, other] = i
-    if counts[VACANT] == UNCOUNTED:
-        return ENTERED
-    vacant = 0
-    for place in range(places.shape[1]):
-        if places[FIRST, place] < 0:
-            places[FREE, vacant], places[SLOT, place] = place, vacant
-            vacant += 1
-    counts[VACANT] = vacant
-    return ENTERED
-
-
-@kernel
-def locate(
-    cell: Rows, x: Column, y: Column, width: float, height: float, across: int, down: int
-) -> None:
-    """The cell of each position in a field."""
-    field = FieldGrid(width, height, False, across, down)
-    for i in range(len(x)):
-        cell[i] = cell_of(field, x[i], y[i])
-
-
-@kernel
-def sort_by_cell(
-    places: Rows, links: Rows, x: Column, y: Column,
-    starts: Rows, rows: Rows, sorted_x: Column, sorted_y: Column,
-) -> None:  # fmt: skip
-    """Write the rows of all lists, with their positions, one cell after another."""
-    count = 0
-    for cell in range(places.shape[1]):
-        starts[cell] = count
-        i = places[FIRST, cell]
-        while i >= 0:
-            rows[count], sorted_x[count], sorted_y[count] = i, x[i], y[i]
-            count, i = count + 1, links[NEXT, i]
-    starts[places.shape[1]] = count
-
-
-_INTS: Final = "int64[::1]"
-_TABLE: Final = "int64[:, ::1]"
-_REALS: Final = "float64[::1]"
-_ENTERED: Final = ("values", "cell", "links", "places", "counts", "births")
-ENTER: Final = around(
-    enter, ("float64[:, ::1]", _INTS, _TABLE, _TABLE, _INTS, _INTS), result="int64"
-)
-SORT: Final = around(sort_by_cell, (_TABLE, _TABLE, _REALS, _REALS, _INTS, _INTS, _REALS, _REALS))
-LOCATE: Final = around(locate, (_INTS, _REALS, _REALS, "float64", "float64", "int64", "int64"))
-
-
 def loops_of_table(kind: type[Inhabitants]) -> tuple[RuleLoop, ...]:
     """The loops that open a table."""
-    return (LOCATE, ENTER, SORT) if issubclass(kind, InField) else (ENTER,)
+    return (LOCATE, ENTER, SORT, SETTLE) if issubclass(kind, InField) else (ENTER,)

@@ -16,6 +16,7 @@ from minerva_bus.space.kernels import interpreted, interpreting
 from minerva_bus.space.lattice import CellGrid
 from minerva_bus.space.occupancy import ROWS
 from minerva_bus.space.opened import Opened
+from minerva_bus.space.parts import parts_of, run_parts
 from minerva_bus.space.rules import BEFORE, SHUFFLED, RuleParameter, SpaceRule
 from minerva_bus.world.context import Context
 
@@ -42,7 +43,7 @@ class _Started:
     rule: SpaceRule
     count: int
     rows: NDArray[np.int64]
-    before: list[Any]
+    before: Opened | list[Any]
 
 
 class OpenedSpace:
@@ -97,7 +98,30 @@ class OpenedSpace:
     def _apply(self, rule: SpaceRule) -> None:
         """Run a rule for all rows that exist at its start."""
         started = self._start(rule)
-        self._activate(started, 0, started.count)
+        parts = parts_of(started.count)
+        if parts == 1 or interpreting() or not rule.independence.independent:
+            self._activate(started, 0, started.count)
+        else:
+            self._share(started, parts)
+
+    def _share(self, started: _Started, parts: int) -> None:
+        """Run an independent rule in several threads; raises the error of the first row."""
+        subject = started.rule.subject
+        for parameter in started.rule.parameters:
+            if parameter.table is not None and parameter.name != BEFORE:
+                self._table(parameter).reserve(started.rule.births)
+        arguments = [self._all_arguments(started, shared=True) for _ in range(parts)]
+
+        def run(part: int, begin: int, end: int, progress: NDArray[np.int64]) -> None:
+            rule, rows = started.rule, started.rows
+            rule.drive(begin, end, rows, progress, self._draws, *arguments[part])
+
+        failed = run_parts(run, started.count, parts)
+        if failed is not None:
+            self._progress[0], error = failed
+            raise error
+        if started.rule.independence.moves:
+            self._table(subject).settle()
 
     def _start(self, rule: SpaceRule) -> _Started:
         subject = rule.subject
@@ -113,10 +137,7 @@ class OpenedSpace:
             for parameter in rule.parameters if rule.births else ():
                 if parameter.table is not None and parameter.name != BEFORE:
                     self._table(parameter).reserve(rule.births)
-            arguments: list[Any] = []
-            for parameter in rule.parameters:
-                known = parameter.name == BEFORE
-                arguments += started.before if known else self._arguments(parameter)
+            arguments = self._all_arguments(started)
             begin = rule.drive(begin, end, started.rows, self._progress, self._draws, *arguments)
 
     def close(self) -> None:
@@ -131,14 +152,27 @@ class OpenedSpace:
             return int(self._table(subject).arrays["counts"][ROWS])
         return self._attribute(subject).size
 
-    def _snapshot(self, subject: RuleParameter) -> list[Any]:
+    def _snapshot(self, subject: RuleParameter) -> Opened | list[Any]:
         if subject.table is not None:
-            return self._table(subject).snapshot().arguments()
+            return self._table(subject).snapshot()
         return [argument.copy() for argument in self._arguments(subject)]
 
+    def _all_arguments(self, started: _Started, *, shared: bool = False) -> list[Any]:
+        """The arguments of a rule after its draws; `shared` by a thread with others."""
+        arguments: list[Any] = []
+        for parameter in started.rule.parameters:
+            if parameter.name == BEFORE and isinstance(started.before, list):
+                arguments += started.before
+            elif parameter.table is not None:
+                known = parameter.name == BEFORE
+                table = started.before if known else self._table(parameter)
+                arguments += cast("Opened", table).arguments(shared=shared)
+            else:
+                arguments += self._arguments(parameter)
+        return arguments
+
     def _arguments(self, parameter: RuleParameter) -> list[Any]:
-        if parameter.table is not None:
-            return self._table(parameter).arguments()
+        """The arguments for a parameter that is no table."""
         if parameter.type == Draws:
             return [self._draws]
         if parameter.type is CellGrid:

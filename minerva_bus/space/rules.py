@@ -17,6 +17,7 @@ from minerva_bus.space.draws import Draws, shuffle
 from minerva_bus.space.edges import Edges
 from minerva_bus.space.field import FieldGrid
 from minerva_bus.space.guarded import ALL, Guard
+from minerva_bus.space.independent import Independence, independence
 from minerva_bus.space.kernels import Kernel
 from minerva_bus.space.lattice import CellGrid
 from minerva_bus.space.occupancy import ALIVE, FOUND, ROWS, TOO_MANY, random_free
@@ -119,6 +120,13 @@ class SpaceRule:
     def takes_free_cells(self) -> bool:
         """Whether it, or a kernel that it calls, calls `random_free`."""
         return self.kernel.calls(random_free)
+
+    @cached_property
+    def independence(self) -> Independence:
+        """Whether its activations may run in several threads, with the same result."""
+        if self.order is SHUFFLED or any(p.type == Draws for p in self.parameters):
+            return Independence(independent=False)
+        return independence(self.kernel.function)
 
     def _driver(self) -> RuleLoop:
         """A loop over the rows at `begin` to `end`; `progress` has the place of the current one.

@@ -1,0 +1,51 @@
+"""Threads that share the rows of an independent rule."""
+
+from __future__ import annotations
+
+import os
+from concurrent.futures import ThreadPoolExecutor
+from typing import Final, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+THREADS: Final = "MINERVA_THREADS"
+"""The environment variable with the most threads of a rule; by default one for each core."""
+
+_ROWS: Final = 8192
+"""Fewer rows take less time than a thread takes to start."""
+
+
+class Part(Protocol):
+    """Runs the rows from `begin` to `end`; `progress`, shape (1,), has the current one."""
+
+    def __call__(self, part: int, begin: int, end: int, progress: NDArray[np.int64]) -> None: ...
+
+
+def parts_of(rows: int) -> int:
+    """The number of threads for this many rows."""
+    return max(1, min(_most(), rows // _ROWS))
+
+
+def run_parts(run: Part, rows: int, parts: int) -> tuple[int, Exception] | None:
+    """Run all rows in parts, each in a thread; the first row that failed, and its error."""
+    borders = [rows * part // parts for part in range(parts + 1)]
+
+    def run_part(part: int) -> tuple[int, Exception] | None:
+        progress = np.zeros(1, np.int64)
+        try:
+            run(part, borders[part], borders[part + 1], progress)
+        except Exception as error:
+            return int(progress[0]), error
+        return None
+
+    with ThreadPoolExecutor(parts) as threads:
+        failures = list(threads.map(run_part, range(parts)))
+    return next((failed for failed in failures if failed is not None), None)
+
+
+def _most() -> int:
+    limit = os.environ.get(THREADS, "")
+    if limit.isdecimal() and int(limit):
+        return int(limit)
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
