@@ -33,6 +33,11 @@ from minerva_bus.space.tables import INDEX, Column, InField, Inhabitants, Rows, 
 
 _PER_CELL: Final = 2
 """Inhabitants per cell of a field's search, on average."""
+_CROWDED: Final = 8.0
+"""Inhabitants that share a cell, above which cells are smaller."""
+_MOST_CELLS: Final = 16
+"""Cells per inhabitant, if they are smaller."""
+_SAMPLE: Final = 4096
 
 _UNSORTED: Final = dict(
     zip(InField.sorted_rows, (*np.empty((2, 0), np.int64), *np.empty((2, 0))), strict=True)
@@ -81,7 +86,8 @@ class Opened:
         kind.check(matrix)
         shape = lattice
         if issubclass(kind, InField):
-            shape = _field(extent, lattice.periodic, matrix.shape[1])
+            x, y = matrix[kind.names.index("x")], matrix[kind.names.index("y")]
+            shape = _field(extent, lattice.periodic, x, y)
         opened = Opened(kind, matrix, {"births": births}, shape)
         opened._allocate(matrix, free, room)
         opened._enter()
@@ -216,11 +222,26 @@ def _cells(shape: CellGrid | FieldGrid) -> int:
     return shape.width * shape.height
 
 
-def _field(extent: tuple[float, float], periodic: bool, count: int) -> FieldGrid:
+def _field(extent: tuple[float, float], periodic: bool, x: Column, y: Column) -> FieldGrid:
+    """The cells for a search among these positions; smaller ones where many share a cell."""
     width, height = extent
-    spacing = (width * height * _PER_CELL / max(count, 1)) ** 0.5
+    spacing = (width * height * _PER_CELL / max(len(x), 1)) ** 0.5
     across, down = max(1, int(width / spacing)), max(1, int(height / spacing))
+    shared = _sharing(x / width * across, y / height * down, down)
+    if shared > _CROWDED:
+        finer = min(shared / _PER_CELL, _MOST_CELLS * _PER_CELL) ** 0.5
+        across, down = max(1, int(across * finer)), max(1, int(down * finer))
     return FieldGrid(width, height, periodic, across, down)
+
+
+def _sharing(columns: Column, rows: Column, down: int) -> float:
+    """About how many others an inhabitant shares its cell with, from a sample."""
+    step = max(1, len(columns) // _SAMPLE)
+    cells = np.floor(columns[::step]) * down + np.floor(rows[::step])
+    _, together = np.unique(cells, return_counts=True)
+    pairs = len(cells) * (len(cells) - 1)
+    shared = int(np.sum(together * (together - 1)))
+    return len(columns) * shared / pairs if pairs else 0.0
 
 
 def loops_of_table(kind: type[Inhabitants]) -> tuple[RuleLoop, ...]:

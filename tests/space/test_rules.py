@@ -29,6 +29,7 @@ from minerva_bus.space import (
     ORDERED,
     SHUFFLED,
     SIMULTANEOUS,
+    CellGrid,
     Column,
     Draws,
     OnLattice,
@@ -48,6 +49,7 @@ from minerva_bus.space import (
     uniform,
 )
 from minerva_bus.space.kernels import key
+from minerva_bus.space.opened import Opened
 from minerva_bus.world.context import Frame
 
 
@@ -278,12 +280,22 @@ def test_rows_sorted_by_cell_are_found_in_the_order_of_their_lists(as_python, pe
     assert Bird.read(lists.birds).seen.max() > 3
 
 
+@pytest.mark.parametrize(("part", "cells"), [(1.0, 20), (0.05, 300), (1e-6, 390)])
+def test_a_crowded_field_has_smaller_cells(part, cells):
+    birds = flock(40, 300.0, 200.0, part=part).birds
+    field = Opened.of(
+        Bird, birds, CellGrid(300, 200, True), (300.0, 200.0), np.array([40]), free=False, room=0
+    ).shape
+    assert cells * 0.7 <= field.across * field.down <= cells
+
+
 @pytest.mark.parametrize("periodic", [True, False])
 @pytest.mark.parametrize(
-    ("width", "height", "sight"), [(30, 20, 4), (9, 7, 3), (6, 40, 5), (4, 4, 9)]
+    ("width", "height", "sight", "part"),
+    [(30, 20, 4, 1.0), (9, 7, 3, 1.0), (6, 40, 5, 1.0), (4, 4, 9, 1.0), (300, 200, 4, 0.05)],
 )
-def test_near_finds_the_rows_that_all_pairs_give(as_python, periodic, width, height, sight):
-    space = flock(40, float(width), float(height), periodic, float(sight))
+def test_near_finds_the_rows_that_all_pairs_give(as_python, periodic, width, height, sight, part):
+    space = flock(40, float(width), float(height), periodic, float(sight), part)
     birds = Bird.read(state(space, 1)["birds"])
     dx, dy = birds.x - birds.x[:, None], birds.y - birds.y[:, None]
     if periodic:

@@ -114,8 +114,8 @@ class Flock(Space, symbol="AFlock"):
         self.run(moment, drift, look)
 
 
-def flock(count=60, width=30.0, height=20.0, periodic=True, sight=4.0):
-    x, y = np.random.default_rng(2).random((2, count)) * [[width], [height]]
+def flock(count=60, width=30.0, height=20.0, periodic=True, sight=4.0, part=1.0):
+    x, y = np.random.default_rng(2).random((2, count)) * part * [[width], [height]]
     birds = Bird.many(count, x=x, y=y, seen=0, sum_x=0, sum_y=0)
     return Flock("f", width=width, height=height, periodic=periodic, births=count, birds=birds,
                  sight=sight)  # fmt: skip
