@@ -1,6 +1,6 @@
 """Costs of the largest allowed message of each type for the other members, over real Zenoh.
 
-    python -m benchmarks.limits [--only NAME ...] [--repeat 3] [--json]
+    python -m benchmarks.limits [--only NAME ...] [--repeat 3] [--json | --markdown]
 
 A world runs 20 frames per second with a lockstep generator, a host of 200 agents, and an observer
 that sends a query every 20 ms. A member that implements only the protocol joins, sends the largest
@@ -12,8 +12,11 @@ path     maximum CPU time of the coordinator's main thread between the beginning
          frame, in ms: an estimate of `frame` on an idle machine, without the share of the hosts
 silence  longest response time of a query, in ms
 
-`decode` is the CPU time to decode the message on its own. All
-values are medians of the repetitions.
+`decode` is the CPU time to decode the message on its own. All values are medians of the
+repetitions, except for `frame` and `silence`, which are the lowest: other programs of the machine
+only increase them. `--only` takes a part of a name; `--markdown` prints the table of
+docs/performance.md. Messages are encoded before they are sent, so that their construction does not
+count.
 """
 
 from __future__ import annotations
@@ -53,6 +56,10 @@ from minerva_bus.wire.keys import Keys
 from minerva_bus.wire.limits import DEFAULT
 from minerva_bus.wire.plain import pack
 
+LOWEST = ("frame", "silence")
+SHOWN = {
+    "decode": "decode, ms", "path": "path, ms", "frame": "late, ms", "silence": "silence, ms",
+}  # fmt: skip
 NAME, RATE, AGENTS = "limits", 20.0, 200
 CALM, SETTLED = 1.0, 30.0
 eStep = EventType("eStep", by=float)
@@ -86,28 +93,61 @@ Flood = Callable[[zenoh.Session, Keys, bytes, float], None]
 
 
 @dataclass(frozen=True, slots=True)
+class Message:
+    """An encoded message: `head` before the number of its frame, if it has one, and `tail`."""
+
+    head: bytes
+    tail: bytes = b""
+    framed: bool = False
+
+    def of(self, frame: int) -> bytes:
+        """The message of a frame."""
+        return self.head + (pack(frame) if self.framed else b"") + self.tail
+
+
+def framed(name: str, *items: Any) -> Message:
+    """A message whose first item is the number of a frame."""
+    head = bytes([0x90 | (2 + len(items))]) + pack(name)
+    return Message(head, b"".join(map(pack, items)), framed=True)
+
+
+def unframed(name: str, *items: Any) -> Message:
+    """A message with these items."""
+    return Message(pack([name, *items]))
+
+
+@dataclass(frozen=True, slots=True)
 class Case:
     """Input from a member: `data` once, or `flood` for some seconds."""
 
     hello: dict[str, Any] = field(default_factory=dict[str, Any])
-    data: Callable[[int], bytes] | None = None
+    data: Callable[[], Message] | None = None
     answers: str = ""
     flood: Flood | None = None
 
 
-def single(name: str, frame: int = 0, **more: Any) -> bytes:
+def sent_as(name: str, events: list[Any]) -> Message:
+    return unframed(name, events) if name == "emitted" else framed(name, events, None)
+
+
+def single(name: str, **more: Any) -> Message:
     count = more.get("count", DEFAULT.single_events)
     receivers = more.get("receivers", lambda n: [f"f{n % AGENTS}"])
     events = [["eNear", [float(n), "x"], more.get("condition", ""), "", receivers(n)]
             for n in range(count)]  # fmt: skip
-    return pack([name, events] if name == "emitted" else [name, frame, events, None])
+    return sent_as(name, events)
 
 
-def columns(name: str, frame: int = 0) -> bytes:
+def columns(name: str) -> Message:
     rows = DEFAULT.events
     xs = msgpack.ExtType(3, b"i" + bytes(4 * rows))
     steps = [["eStep", rows, [xs], "", None, ["f", 0, rows]]]
-    return pack([name, steps] if name == "emitted" else [name, frame, steps, None])
+    return sent_as(name, steps)
+
+
+def values(name: str, value: Any, count: int) -> Message:
+    """A message with one event that has a list of values."""
+    return sent_as(name, [["eNear", [0.0, [value] * count]]])
 
 
 def hello(**more: Any) -> dict[str, Any]:
@@ -127,22 +167,21 @@ def large_hello() -> dict[str, Any]:
     return hello(kinds=kinds, generates=["eNear"] * DEFAULT.names)
 
 
-def figures(name: str) -> bytes:
+def figures(name: str) -> Message:
     size = DEFAULT.small_bytes // DEFAULT.figures - 20
-    return pack([name, {f"figure{n}": "x" * size for n in range(DEFAULT.figures)}])
+    return unframed(name, {f"figure{n}": "x" * size for n in range(DEFAULT.figures)})
 
 
-def texts(name: str, frame: int) -> bytes:
-    """A message whose `saved` has the maximum number of values."""
-    return pack([name, frame, [], {"x": [[]] * (DEFAULT.tick_values - 10)}])
+def saved(state: Any) -> Message:
+    """A reply to a tick without events."""
+    return framed("ticked", [], {"x": state})
 
 
-def evolved(frame: int) -> bytes:
-    changed = {f"f{n}": [1, ["AFox", f"f{n}", [float(frame), "x"], 0]] for n in range(AGENTS)}
-    emitted: dict[str, Any] = {
-        "f0": [["eNear", [float(n), "x"], "", "f0", ["f1"]] for n in range(DEFAULT.host_events)]
-    }
-    return pack(["evolved", frame, 0, changed, emitted, {}])
+def evolved() -> Message:
+    """All agents have changed, and one of them sends the largest number of events."""
+    changed = {f"f{n}": [1, ["AFox", f"f{n}", [1.0, "x"], 0]] for n in range(AGENTS)}
+    events = [["eNear", [float(n), "x"], "", "f0", ["f1"]] for n in range(DEFAULT.host_events)]
+    return framed("evolved", 0, changed, {"f0": events}, {})
 
 
 def flood_of(sender: str, message: list[Any]) -> Flood:
@@ -167,39 +206,45 @@ def questions(session: zenoh.Session, keys: Keys, epoch: bytes, until: float) ->
 
 
 LOCKSTEP = {"lockstep": True}
+HOST = {
+    "kinds": [["AFox", [["x", "real", "0"], ["name", "text", '""']], ["eStep"], [], []]],
+    "generates": [],
+    "plain": True,
+}
 CASES = {
     "hello": Case(hello=large_hello()),
-    "ticked, single events": Case(LOCKSTEP, lambda t: single("ticked", t), "tick"),
-    "ticked, columns": Case(LOCKSTEP, lambda t: columns("ticked", t), "tick"),
-    "ticked, saved": Case(LOCKSTEP, lambda t: texts("ticked", t), "tick"),
-    "emitted, single events": Case({}, lambda t: single("emitted")),
+    "ticked, single events": Case(LOCKSTEP, lambda: single("ticked"), "tick"),
+    "ticked, columns": Case(LOCKSTEP, lambda: columns("ticked"), "tick"),
+    "ticked, nested values": Case(
+        LOCKSTEP, lambda: values("ticked", [], DEFAULT.tick_values - 20), "tick"
+    ),
+    "ticked, saved values": Case(
+        LOCKSTEP, lambda: saved([[]] * (DEFAULT.tick_values - 10)), "tick"
+    ),
+    "ticked, saved bytes": Case(LOCKSTEP, lambda: saved(bytes(DEFAULT.tick_bytes - 99)), "tick"),
+    "emitted, single events": Case({}, lambda: single("emitted")),
     "emitted, receivers": Case(
-        {}, lambda t: single("emitted", count=1,
-                             receivers=lambda n: [f"r{i}" for i in range(DEFAULT.receivers)])
+        {}, lambda: single("emitted", count=1,
+                           receivers=lambda n: [f"r{i}" for i in range(DEFAULT.receivers)])
     ),
-    "emitted, columns": Case({}, lambda t: columns("emitted")),
+    "emitted, columns": Case({}, lambda: columns("emitted")),
     "emitted, text": Case(
-        {}, lambda t: pack(["emitted", [["eNear", [0.0, "x" * (DEFAULT.emitted_bytes - 100)]]]])
+        {}, lambda: sent_as("emitted", [["eNear", [0.0, "x" * (DEFAULT.emitted_bytes - 100)]]])
     ),
-    "emitted, values": Case(
-        {}, lambda t: pack(["emitted", [["eNear", [0.0, [0] * (DEFAULT.values - 20)]]]])
-    ),
-    "evolved, events": Case(
-        {"kinds": [["AFox", [["x", "real", "0"], ["name", "text", '""']], ["eStep"], [], []]],
-         "generates": []},
-        lambda t: evolved(t), "evolve",
-    ),
-    "failed": Case({}, lambda t: pack(["failed", t, "x\n" * (DEFAULT.small_bytes // 2 - 40), ""])),
-    "resync": Case({}, lambda t: pack(["resync", "e" * (DEFAULT.small_bytes - 40)])),
-    "leaving": Case({}, lambda t: pack(["leaving"])),
-    "doing": Case({}, lambda t: figures("doing")),
-    "report": Case({}, lambda t: figures("report")),
-    "over: 8 MB of events": Case({}, lambda t: single("emitted", count=300_000)),
+    "emitted, values": Case({}, lambda: values("emitted", 0, DEFAULT.values - 20)),
+    "emitted, nested values": Case({}, lambda: values("emitted", [], DEFAULT.values - 20)),
+    "evolved, events": Case(HOST, evolved, "evolve"),
+    "failed": Case({}, lambda: framed("failed", "x\n" * (DEFAULT.small_bytes // 2 - 40), "")),
+    "resync": Case({}, lambda: unframed("resync", "e" * (DEFAULT.small_bytes - 40))),
+    "leaving": Case({}, lambda: unframed("leaving")),
+    "doing": Case({}, lambda: figures("doing")),
+    "report": Case({}, lambda: figures("report")),
+    "over: 8 MB of events": Case({}, lambda: single("emitted", count=300_000)),
     "over: 300,000 receivers": Case(
-        {}, lambda t: single("emitted", count=300_000, receivers=lambda n: [f"r{n}"])
+        {}, lambda: single("emitted", count=300_000, receivers=lambda n: [f"r{n}"])
     ),
     "over: 200,000 figures": Case(
-        {}, lambda t: pack(["doing", {str(n): n for n in range(200_000)}])
+        {}, lambda: unframed("doing", {str(n): n for n in range(200_000)})
     ),
     "over: 200,000 kinds": Case(
         hello=hello(generates=[], draws=["eShow"],
@@ -310,6 +355,7 @@ class Raw:
 
     def __init__(self, session: zenoh.Session, case: Case) -> None:
         self.keys, self.case = Keys(NAME), case
+        self._message = None if case.data is None else case.data()
         self.epoch = b""
         self.welcome, self.refused = threading.Event(), threading.Event()
         self.sent_at = 0.0
@@ -325,6 +371,10 @@ class Raw:
 
     def send(self, data: bytes) -> None:
         self.out.put(self.epoch + data)
+
+    def send_message(self, frame: int) -> None:
+        """Send the message of the case."""
+        self.send(b"" if self._message is None else self._message.of(frame))
 
     def _hear(self, sample: zenoh.Sample) -> None:
         data = sample.payload.to_bytes()
@@ -347,8 +397,7 @@ class Raw:
 
     def _answer(self, what: str, frame: int, usual: Callable[[], bytes]) -> None:
         if self.case.answers == what and self.armed.is_set() and not self.sent_at:
-            data = self.case.data(frame) if self.case.data is not None else b""
-            self.send(data)
+            self.send_message(frame)
             self.sent_at = time.monotonic()
         else:
             self.send(usual())
@@ -402,9 +451,8 @@ def _send(session: zenoh.Session, raw: Raw, case: Case) -> float:
         while not raw.sent_at and time.monotonic() < until:
             time.sleep(0.01)
         return raw.sent_at
-    data = case.data(0) if case.data is not None else b""
     at = time.monotonic()
-    raw.send(data)
+    raw.send_message(0)
     return at
 
 
@@ -434,9 +482,14 @@ def _figures(
     }
 
 
+def encoded(case: Case) -> bytes:
+    """The case's message, or its hello."""
+    return pack(["hello", hello() | case.hello]) if case.data is None else case.data().of(0)
+
+
 def alone(case: Case) -> float:
     """Milliseconds to decode the message on its own."""
-    data = case.data(0) if case.data is not None else pack(["hello", hello() | case.hello])
+    data = encoded(case)
     began = time.thread_time()
     with suppress(MinervaError):
         Decoder(VOCABULARY).from_member("large", data)
@@ -448,28 +501,44 @@ def row(name: str, repeat: int) -> dict[str, Any]:
     case, rows = CASES[name], list[dict[str, float]]()
     for _ in range(repeat):  # Zenoh's threads do not survive a fork: use new processes.
         rows.append(task("benchmarks.limits", name))
-    size = len(case.data(0)) if case.data is not None else len(pack(case.hello))
-    medians = {key: round(statistics.median(row[key] for row in rows), 1) for key in rows[0]}
-    decode = 0.0 if case.flood is not None else round(alone(case), 1)
-    return {"case": name, "bytes": 0 if case.flood else size, "decode": decode, **medians}
+    lowest = {key: min(row[key] for row in rows) for key in LOWEST}
+    figures = {key: statistics.median(row[key] for row in rows) for key in rows[0]} | lowest
+    flood = case.flood is not None
+    decode = 0.0 if flood else min(alone(case) for _ in range(repeat))
+    own = {"case": name, "bytes": 0 if flood else len(encoded(case)), "decode": round(decode, 1)}
+    return own | {key: round(figure, 1) for key, figure in figures.items()}
+
+
+def markdown(figures: dict[str, Any]) -> str:
+    """A row of the table in docs/performance.md."""
+    size = f"{figures['bytes']:,}" if figures["bytes"] else ""
+    cells = [f"`{figures['case']}`", size, *(f"{max(0.0, figures[key]):.0f}" for key in SHOWN)]
+    return f"| {' | '.join(cells)} |"
 
 
 def main() -> None:
     """Measure and print a table."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
-    parser.add_argument("--only", action="append", choices=sorted(CASES))
+    parser.add_argument("--only", nargs="+", default=[""], metavar="NAME")
     parser.add_argument("--repeat", type=int, default=3)
     parser.add_argument("--json", action="store_true")
+    parser.add_argument("--markdown", action="store_true")
     parser.add_argument("--task", choices=sorted(CASES), help="one case, in this process")
     options = parser.parse_args()
     if options.task:
         print(json.dumps(measured(CASES[options.task])))
         return
+    names = [name for name in CASES if any(part in name for part in options.only)]
+    if options.markdown:
+        print(f"| message | bytes | {' | '.join(SHOWN.values())} |\n|---|---|---|---|---|---|")
+        for name in names:
+            print(markdown(row(name, options.repeat)), flush=True)
+        return
     keys = ("bytes", "decode", "frame", "path", "calm", "silence", "calm silence")
     table = Table({"ms": "<26"} | dict.fromkeys(keys, ">13,"), as_json=options.json)
-    for name in options.only or CASES:
-        medians = row(name, options.repeat)
-        table.row(medians, name, *(medians[key] for key in keys))
+    for name in names:
+        figures = row(name, options.repeat)
+        table.row(figures, name, *(figures[key] for key in keys))
 
 
 if __name__ == "__main__":

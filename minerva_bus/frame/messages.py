@@ -124,7 +124,7 @@ class TickReply:
         ("from",),
         "its events of the frame",
         "tick",
-        max_bytes="message_bytes",
+        max_bytes="tick_bytes",
         max_values="tick_values",
         awaited=True,
     )

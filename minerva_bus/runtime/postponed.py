@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
-AT_ONCE: Final = 0.02
+AT_ONCE: Final = 0.01
 """Seconds that the coordinator spends on such messages before replies come first."""
 
 SHARE: Final = 0.25

@@ -269,6 +269,7 @@ def _events_by_sender(of: DeclaredField) -> FieldCodec:
             # A total, because a host may have any number of agents that send a few events each.
             count = sum(len(_single(events, of.what)) for events in senders.values())
             advice = f"{_ADVICE}, or raise host_events in [limits]"
+            check(of.message, len(senders), reader.limits.host_events, "senders of events", advice)
             check(of.message, count, reader.limits.host_events, "single events", advice)
         return {name: reader.events(events) for name, events in senders.items()}
 

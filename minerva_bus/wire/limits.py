@@ -32,7 +32,9 @@ class Limits:
     """
 
     message_bytes: Annotated[int, Note("bytes of a message"), Configurable(1024)] = 64 << 20
-    emitted_bytes: Annotated[int, Note("bytes of an `emitted`"), Configurable(1024)] = 8 << 20
+    # A frame waits for it, so this is lower than the limit for strings of hosts.
+    tick_bytes: Annotated[int, Note("bytes of a `ticked`"), Configurable(1024)] = 8 << 20
+    emitted_bytes: Annotated[int, Note("bytes of an `emitted`"), Configurable(1024)] = 4 << 20
     small_bytes: Annotated[
         int,
         Note("bytes of any other message of a member except `ticked` and `evolved`; of a question"),
@@ -47,7 +49,7 @@ class Limits:
     ] = 50_000
     # A frame waits for these two. A generator's saved state may be bytes, which are one value; the
     # changes of a host are as many as its agents require.
-    tick_values: Annotated[int, Note("values of a `ticked`"), Configurable(1000)] = 250_000
+    tick_values: Annotated[int, Note("values of a `ticked`"), Configurable(1000)] = 60_000
     answer_values: Annotated[int, Note("values of an `evolved`"), Configurable(1000)] = 5_000_000
     items: Annotated[int, Note("values of any message, including the coordinator's")] = 64 << 20
     nodes: Annotated[int, Note("symbols of a string; rows of columns")] = 5_000_000
@@ -68,8 +70,10 @@ class Limits:
         Configurable(1),
     ] = MAX_SINGLE_EVENTS
     host_events: Annotated[
-        int, Note("events of an `evolved` that are not in columns"), Configurable(1)
-    ] = 10_000
+        int,
+        Note("events of an `evolved` that are not in columns; agents that it names as senders"),
+        Configurable(1),
+    ] = 8_000
     receivers: Annotated[int, Note("receivers of the single events of a `ticked` or `emitted`")] = (
         20_000
     )
@@ -130,6 +134,7 @@ DEFAULT: Final = Limits()
 
 ON_DISK: Final = Limits(
     message_bytes=1 << 31,
+    tick_bytes=1 << 31,
     emitted_bytes=1 << 31,
     small_bytes=1 << 31,
     values=1 << 31,

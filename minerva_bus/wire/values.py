@@ -19,8 +19,7 @@ endian); a string as a value is extension 2 (a packed scene).
 from __future__ import annotations
 
 import struct
-from collections.abc import Generator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from typing import Any, cast
 
 import msgpack
@@ -139,38 +138,33 @@ class Reader:
 
     def value(self, plain: Any) -> Any:
         """A value, before it is fitted to a type."""
-        if isinstance(plain, msgpack.ExtType):
-            return self._extension(plain)
-        if isinstance(plain, bool | int | float | str):
+        kind: type[Any] = plain.__class__
+        if kind in _PLAIN_TYPES:
             return plain
-        if isinstance(plain, list):
-            items = cast("list[Any]", plain)
-            with self._deeper():
-                # Most lists are long and flat, such as routes.
-                if _PLAIN_TYPES.issuperset(map(type, items)):
-                    return tuple(items)
-                return tuple([self.value(item) for item in items])
-        raise ProtocolError(f"a value cannot be {name_of(plain)}")
-
-    @contextmanager
-    def _deeper(self) -> Generator[None]:
-        """Enter a list or a string as a value, up to the depth that the language allows."""
-        # Values are read recursively, so their nesting must be bounded, unlike that of scopes.
+        if kind is msgpack.ExtType and plain.code == _MATRIX:
+            return _matrix(plain.data)
+        if kind is not list and kind is not msgpack.ExtType:
+            raise ProtocolError(f"a value cannot be {name_of(plain)}")
+        # Values are read recursively, so their nesting must be bounded, unlike that of scopes. A
+        # context manager would cost more than the rest: most lists are short or flat.
         if self._depth >= DEPTH:
             raise ProtocolError(f"values are nested more than {DEPTH} deep")
         self._depth += 1
         try:
-            yield
+            return self._items(plain) if kind is list else self._extension(plain)
         finally:
             self._depth -= 1
 
-    def _extension(self, extension: msgpack.ExtType) -> Value:
-        if extension.code == _MATRIX:
-            return _matrix(extension.data)
+    def _items(self, items: list[Any]) -> tuple[Any, ...]:
+        # Most lists are long and flat, such as routes.
+        if _PLAIN_TYPES.issuperset(map(type, items)):
+            return tuple(items)
+        return tuple([self.value(item) for item in items])
+
+    def _extension(self, extension: msgpack.ExtType) -> Scene:
         if extension.code != _SCENE:
             raise ProtocolError(f"extension {extension.code} is unknown")
-        with self._deeper():
-            return self.scene(unpack(extension.data, self.limits))
+        return self.scene(unpack(extension.data, self.limits))
 
     def view(self, plain: Any) -> Scene:
         """A string of L(E), which has no agents."""

@@ -94,4 +94,5 @@ def check_weight(data: bytes, wire: Wire, limits: Limits) -> None:
 def lightest(limits: Limits) -> int:
     """Bytes up to which a message is within all limits, since a value has at least one byte."""
     values = min(limits.values, limits.tick_values, limits.answer_values)
-    return min(limits.message_bytes, limits.emitted_bytes, limits.small_bytes, values)
+    in_bytes = min(limits.message_bytes, limits.tick_bytes, limits.emitted_bytes)
+    return min(in_bytes, limits.small_bytes, values)

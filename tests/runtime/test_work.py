@@ -131,7 +131,7 @@ def test_a_large_message_that_is_wrong_is_handed_over_with_what_is_wrong():
 # --- postponed messages ---
 
 
-def slow_work(system, done, seconds=0.008):
+def slow_work(system, done, seconds=0.004):
     def process(message):
         system.now += seconds
         done.append(message.data)
@@ -227,7 +227,7 @@ def test_excess_questions_are_rejected_at_once_and_answers_leave_time_for_frames
 FIGURES = pack(["doing", {str(n): n for n in range(200_000)}])
 TOO_MUCH = {
     "many events": (
-        lambda: pack(["emitted", [["eSeen", [n], "", "", [f"a{n}"]] for n in range(300_000)]]),
+        lambda: pack(["emitted", [["eSeen", [n], "", "", [f"a{n}"]] for n in range(150_000)]]),
         "emitted has at least 50001 values, over 50000; send many events or agents in columns,"
         " which are few values, or raise values in [limits]",
     ),

@@ -8,9 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from minerva_bus import Agent, EventType, Vocabulary
-from minerva_bus.errors import ProtocolError
+from minerva_bus.errors import ProtocolError, VocabularyError
 from minerva_bus.frame import messages as m
 from minerva_bus.grammar.batch import Events, in_columns, single
+from minerva_bus.grammar.literals import DEPTH
 from minerva_bus.wire.codec import Decoder, encode
 from minerva_bus.wire.limits import Limits
 from minerva_bus.wire.plain import pack, unpack
@@ -27,7 +28,7 @@ class Stone(Agent, symbol="AStone"):
 
 VOCABULARY = Vocabulary.of(eNear, eText, eBare, Stone)
 SMALL = Limits(
-    single_events=3, host_events=5, emitted_bytes=900, receivers=4, conditions=40, kinds=2, fields=3, names=2, figures=2,
+    single_events=3, host_events=5, tick_bytes=800, emitted_bytes=900, receivers=4, conditions=40, kinds=2, fields=3, names=2, figures=2,
     events=50, rows=60, values=100, tick_values=200, answer_values=200, small_bytes=600,
 )  # fmt: skip
 
@@ -71,6 +72,13 @@ TOO_MUCH = {
         pack(["evolved", 0, 0, {}, {n: [["eBare", []]] * 3 for n in "ab"}, {}]),
         "evolved has 6 single events, over 5",
     ),
+    "silent senders": (
+        pack(["evolved", 0, 0, {}, {n: [] for n in "abcdef"}, {}]),
+        "evolved has 6 senders of events, over 5",
+    ),
+    "bytes of a tick": (
+        pack(["ticked", 0, [], {"x": bytes(900)}]), "ticked has .* bytes, over 800; tick_bytes in"
+    ),
     "many bytes": (pack(["emitted", [["eText", ["x" * 900]]]]), "emitted has .* bytes, over 900"),
     "rows of fragments": (
         pack(["evolved", 0, 0, {n: [1, [30, [n, 0, 30], [["AStone", []]]]] for n in "abc"}, {}, {}]),
@@ -106,6 +114,17 @@ def test_messages_over_a_limit_are_rejected(what):
         Decoder(VOCABULARY, SMALL).from_member("x", data)
     if what not in ("no name", "an unknown name", "values", "columns", "conditions"):
         Decoder(VOCABULARY).from_member("x", data)
+
+
+def test_values_nested_too_deep_do_not_affect_later_messages():
+    decoder, value = Decoder(VOCABULARY), list[object]()
+    for _ in range(DEPTH):
+        value = [value]
+    for _ in range(3):
+        with pytest.raises(ProtocolError, match=f"nested more than {DEPTH} deep"):
+            decoder.from_member("x", pack(["emitted", [["eText", [value]]]]))
+        with pytest.raises(VocabularyError, match="text must be a text, not a list"):
+            decoder.from_member("x", pack(["emitted", [["eText", value]]]))
 
 
 def test_messages_at_a_limit_are_accepted():
