@@ -64,6 +64,7 @@ class _Ending:
     reason: str | None = None
     report: EndReport | None = None
     deadline: float | None = None
+    stopping_at: float | None = None
     interrupts: int = 0
     followed: bool = False
 
@@ -324,6 +325,7 @@ class Supervisor:
 
     def _on_stopping(self, reason: str) -> None:
         self._ending.reason = reason
+        self._ending.stopping_at = self._machine.monotonic()
 
     def _on_followed(self) -> None:
         self._ending.followed = True
@@ -334,9 +336,12 @@ class Supervisor:
         regular = not (ending.failure or ending.interrupts or ending.report.failed)
         # A view may still draw the last frame or write its file; only an interrupt or a failure is
         # urgent.
-        running = [process.name for process in self._processes if process.child is not None]
-        seconds = self._file.deadlines.for_output(running) if regular else self._report_seconds
-        ending.deadline = self._machine.monotonic() + seconds
+        now = self._machine.monotonic()
+        ending.deadline = now + self._report_seconds
+        if regular:
+            running = [process.name for process in self._processes if process.child is not None]
+            stopping = now if ending.stopping_at is None else ending.stopping_at
+            ending.deadline = self._file.deadlines.end_of_output(running, stopping, now)
 
     def _on_last_line(self, line: str) -> None:
         # Until it listens, the last line is the error that ends the run, which the summary names.

@@ -77,6 +77,14 @@ class Deadlines:
         """
         return max([OUTPUT_SECONDS, *(self.of(member).hard for member in members)])
 
+    def end_of_output(self, members: Iterable[str], stopping: float, ended: float) -> float:
+        """When members that still run are killed; times are seconds of one monotonic clock.
+
+        `stopping` is the end of the last frame, `ended` the end of the world. A member that has
+        reported has what is left of its time for its last output, at least OUTPUT_SECONDS.
+        """
+        return max(ended + OUTPUT_SECONDS, stopping + self.for_output(members))
+
     def with_start(self, slowest: float) -> Patience:
         """The time-outs of a member that starts; the slowest start so far took `slowest` s."""
         soft = max(self.all.soft, TIMES_SLOWEST_SAID * slowest)

@@ -75,3 +75,16 @@ def test_a_view_that_never_finishes_is_killed(tmp_path):
 )
 def test_the_last_output_may_take_as_long_as_a_frame(hard, own, names, seconds):
     assert Deadlines(Patience(1.0, hard), own).for_output(names) == seconds
+
+
+@pytest.mark.parametrize(
+    ("hard", "ended", "killed"),
+    [
+        (30.0, 5.0, 30.0),  # It reported after 5 s, and closes for the rest of its time.
+        (30.0, 29.0, 29.0 + OUTPUT_SECONDS),
+        (2.0, 1.0, 1.0 + OUTPUT_SECONDS),
+        (300.0, 299.0, 299.0 + OUTPUT_SECONDS),
+    ],
+)
+def test_a_member_has_its_time_only_once(hard, ended, killed):
+    assert Deadlines(Patience(1.0, hard)).end_of_output(["a"], 0.0, ended) == killed
