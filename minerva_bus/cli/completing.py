@@ -6,8 +6,10 @@ its symbols are needed, and answer with nothing if anything goes wrong.
 
 from __future__ import annotations
 
+import os
 import signal
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator
+from contextlib import contextmanager
 from functools import wraps
 from pathlib import Path
 from typing import Any, Final, TypeAlias
@@ -21,6 +23,22 @@ _FILE_OPTIONS: Final = ("file", "path", "source")
 """Ends of the names of services' options that are files."""
 ANSWER_SECONDS: Final = 10
 """Time-out for everything: a world that does not answer must not block the shell."""
+
+
+CODE_SECONDS: Final = 2
+"""Time-out for the modules of a world, which may do anything when they are imported."""
+CODE_VARIABLE: Final = "MINERVA_COMPLETION_SECONDS"
+"""Environment variable with another time-out in whole seconds, for a slow machine."""
+
+
+@contextmanager
+def running_code() -> Generator[None]:
+    """End the process without an answer if this block, which runs code of a world, takes long."""
+    left = signal.alarm(int(os.environ.get(CODE_VARIABLE) or CODE_SECONDS))
+    try:
+        yield
+    finally:
+        signal.alarm(left)
 
 
 def completer(find: Callable[[typer.Context, str], Choices]) -> Completer:

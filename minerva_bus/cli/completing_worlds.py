@@ -13,6 +13,7 @@ from minerva_bus.cli.completing import (
     Choices,
     completer,
     paths,
+    running_code,
     service_option_values,
     service_options,
 )
@@ -189,4 +190,5 @@ def _vocabulary(ctx: typer.Context) -> Vocabulary:
             return record.description.world.vocabulary
     from minerva_bus.api.world import World
 
-    return World.load(spec).vocabulary
+    with running_code():
+        return World.load(spec).vocabulary

@@ -19,8 +19,11 @@ HERE = Path(sys.executable).parent
 MINERVA = [sys.executable, HERE / "minerva"]
 
 
-def asked(folder, shell, words, *python):
-    """The process that answers a shell; `words` is the line up to the cursor."""
+def asked(folder, shell, words, *python, seconds=60):
+    """The process that answers a shell; `words` is the line up to the cursor.
+
+    `seconds` is the time for the modules of a world.
+    """
     line = {"_TYPER_COMPLETE_ARGS": words, "_TYPER_COMPLETE_FISH_ACTION": "get-args"}
     if shell == "bash":
         # bash divides words at : and =, and Typer's script joins them with newlines.
@@ -31,7 +34,8 @@ def asked(folder, shell, words, *python):
         line = {"COMP_WORDS": "\n".join(parts), "COMP_CWORD": str(len(parts) - 1)}
     return subprocess.run(
         [sys.executable, *python, HERE / "minerva"], cwd=folder, capture_output=True, text=True,
-        timeout=60, env={**environment(folder), "_MINERVA_COMPLETE": f"complete_{shell}", **line},
+        timeout=60, env={**environment(folder), "_MINERVA_COMPLETE": f"complete_{shell}", **line,
+             "MINERVA_COMPLETION_SECONDS": str(seconds)},
     )  # fmt: skip
 
 
@@ -169,6 +173,14 @@ def test_what_cannot_be_completed_is_answered_with_nothing_else(files, words):
         done = asked(files, shell, f"minerva {words}")
         assert done.stderr == ""
         assert "Traceback" not in done.stdout
+
+
+def test_a_module_that_hangs_ends_without_an_answer(tmp_path):
+    (tmp_path / "hanging.py").write_text("import threading\nthreading.Event().wait()\n")
+    (tmp_path / "w.toml").write_text('[world]\nstring = ""\n[process.p]\nagents = "hanging:AFox"\n')
+    done = asked(tmp_path, "bash", "minerva run w.toml --collect n=", seconds=1)
+    assert done.returncode == -signal.SIGALRM
+    assert done.stdout + done.stderr == ""
 
 
 @pytest.mark.parametrize(
