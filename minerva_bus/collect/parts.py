@@ -21,10 +21,11 @@ import secrets
 import shutil
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import accumulate
 from pathlib import Path
 from typing import Any, Final, cast
 
-from minerva_bus.collect.joining import join_parts, part_ending
+from minerva_bus.collect.joining import JoinedPart, join_parts, part_ending
 from minerva_bus.collect.plans import TablePlan
 from minerva_bus.collect.rows import Data
 from minerva_bus.collect.writers import FileWriter, create_writer, path_of
@@ -117,14 +118,16 @@ class TableParts:
         if writer is not None and writer.whole is not None:
             self._draft(name).replace(final)
             return
-        parts = [part.path for part in _parts(self.folder, name, part_ending(self.path.suffix))]
+        parts = _parts(self.folder, name, part_ending(self.path.suffix))
         # Renamed, not copied: no copy is faster, and a kill leaves either the part or the file.
-        if len(parts) == 1 and parts[0].suffix == final.suffix:
-            parts[0].replace(final)
+        if len(parts) == 1 and parts[0].path.suffix == final.suffix:
+            parts[0].path.replace(final)
             return
         # A frozen process may still have this file open, and must not write into the new one.
         self._draft(name).unlink(missing_ok=True)
-        join_parts(parts, self._draft(name), self._tables[name])
+        ends = accumulate((part.last for part in parts), max, initial=-1)
+        joined = [JoinedPart(part.path, end + 1) for part, end in zip(parts, ends, strict=False)]
+        join_parts(joined, self._draft(name), self._tables[name])
         self._draft(name).replace(final)
 
 

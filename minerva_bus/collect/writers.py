@@ -212,12 +212,13 @@ def read_columns(path: Path, name: str, types: Mapping[str, str]) -> DataTable:
     """The table in a .columns file."""
     gathered = Gathered(name, types)
     with path.open("rb") as file:
-        for chunk in _chunks(file, types):
+        for chunk in chunks_in(file, types):
             gathered.rows(chunk)
     return gathered.table
 
 
-def _chunks(file: IO[bytes], types: Mapping[str, str]) -> Iterator[dict[str, NDArray[Any]]]:
+def chunks_in(file: IO[bytes], types: Mapping[str, str]) -> Iterator[dict[str, NDArray[Any]]]:
+    """The rows of a .columns file, in chunks as they were written."""
     while file.peek(1):  # pyright: ignore[reportAttributeAccessIssue, reportUnknownMemberType]
         chunk: dict[str, NDArray[Any]] = {}
         for name, kind in types.items():

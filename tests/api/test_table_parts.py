@@ -7,7 +7,7 @@ import pytest
 from frogs import Frog, pond
 
 from minerva_bus import count, data, run
-from minerva_bus.collect.joining import join_parts, part_ending
+from minerva_bus.collect.joining import JoinedPart, join_parts, part_ending
 from minerva_bus.collect.parts import TableParts, read_parts
 from minerva_bus.collect.plans import TablePlan
 from minerva_bus.collect.writers import create_writer, read_columns
@@ -48,7 +48,7 @@ def test_joined_parts_equal_a_file_that_is_written_at_once(tmp_path, ending, siz
     frame, parts, chunks = 0, [], []
     for number, size in enumerate(sizes):
         own = [rows(frame + n) for n in range(size)]
-        parts.append(written(tmp_path / f"{number}{part_ending(ending)}", own))
+        parts.append(JoinedPart(written(tmp_path / f"{number}{part_ending(ending)}", own)))
         chunks += own
         frame += size
     whole = written(tmp_path / f"whole{ending}", chunks)
@@ -62,7 +62,9 @@ def test_other_libraries_read_a_joined_parquet_file(tmp_path, library):
     reader = pytest.importorskip(library)
     pytest.importorskip("pyarrow")
     joined = tmp_path / "joined.parquet"
-    join_parts([written(tmp_path / f"{n}.arrow", [rows(n)]) for n in range(20)], joined, TYPES)
+    join_parts(
+        [JoinedPart(written(tmp_path / f"{n}.arrow", [rows(n)])) for n in range(20)], joined, TYPES
+    )
     found = reader.read_parquet(joined)
     assert list(found["frame"]) == [n for n in range(20) for _ in range(5)]
     assert list(found["x19"]) == list(rows(0)["x19"]) * 20
@@ -72,7 +74,7 @@ def test_parts_are_joined_in_the_memory_of_a_few_of_them(tmp_path):
     parquet = pytest.importorskip("pyarrow.parquet")
     arrow = pytest.importorskip("pyarrow")
     size = 10_000
-    parts = [written(tmp_path / f"{n}.arrow", [rows(n, size)]) for n in range(30)]
+    parts = [JoinedPart(written(tmp_path / f"{n}.arrow", [rows(n, size)])) for n in range(30)]
     joined = tmp_path / "joined.parquet"
     # A pool that no other test uses, because a pool has the maximum of the process.
     pool = arrow.system_memory_pool()
@@ -100,8 +102,9 @@ def overwritten(data):
 @pytest.mark.parametrize("number", [0, 1])
 def test_a_damaged_part_is_named(tmp_path, damaged, number):
     pytest.importorskip("pyarrow")
-    parts = [written(tmp_path / f"{n}.arrow", [rows(n, 500)]) for n in range(2)]
-    parts[number].write_bytes(damaged(parts[number].read_bytes()))
+    parts = [JoinedPart(written(tmp_path / f"{n}.arrow", [rows(n, 500)])) for n in range(2)]
+    path = parts[number].path
+    path.write_bytes(damaged(path.read_bytes()))
     with pytest.raises(MisuseError, match=rf"{number}\.arrow is not a complete Arrow file"):
         join_parts(parts, tmp_path / "joined.parquet", TYPES)
 
@@ -154,6 +157,29 @@ def test_a_part_is_not_lost_or_doubled_when_its_replacement_is_interrupted(tmp_p
     before.write_bytes(data)  # As if the process was killed before it removed the former part.
     files = read_parts(parts.folder).join()
     assert content(files["AFrog"]) == content(written(tmp_path / "w.csv", [rows(0), rows(1)]))
+
+
+@pytest.mark.parametrize("ending", [".csv", ".parquet", ".columns"])
+@pytest.mark.parametrize("late", [1, 3, 5, 7])
+def test_a_part_that_a_replaced_process_completes_late_is_not_doubled(
+    tmp_path, monkeypatch, ending, late
+):
+    """It was frozen before it gave a part with frames up to `late` its name."""
+    path = tmp_path / f"out{ending}"
+    parts = TableParts(path, {"AFrog": TYPES}, again=True)
+    parts.folder.mkdir()
+    older, newer = parts.open(PLAN), parts.open(PLAN)
+    for frame in range(late + 1):
+        older.rows(rows(frame))
+    # The new process completes a part every two frames.
+    monkeypatch.setattr("minerva_bus.collect.writers.BUFFERED_ROWS", 2 * len(rows(0)["frame"]))
+    for frame in range(8):
+        newer.rows(rows(frame))
+        if frame == 4:
+            older.save()
+    newer.close()
+    assert parts.join() == {"AFrog": path}
+    assert content(path) == content(written(tmp_path / f"w{ending}", [rows(n) for n in range(8)]))
 
 
 def test_parts_of_a_killed_run_are_not_overwritten(tmp_path):
