@@ -24,7 +24,7 @@ BYTES: Final = 64 << 20
 WAITING: Final = 16
 """Frames and log lines that may be queued."""
 
-PATIENCE: Final = 1.0
+PATIENCE: Final = 5.0
 """Seconds that a world waits for room in the queue before frames are dropped."""
 
 
@@ -62,7 +62,7 @@ class FrameQueue:
         While the queue is stuck, that is after a drop, `put` does not wait.
         """
         # After a drop the disk is known to be slow, so the world must
-        # not wait a second for each frame.
+        # not wait so long for each frame.
         until = 0.0 if self.is_stuck else time.monotonic() + PATIENCE
         while len(self._items) >= WAITING:
             self._wake.set()
