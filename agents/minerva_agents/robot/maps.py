@@ -5,13 +5,12 @@
 
 The keys are those of the map_server (https://wiki.ros.org/map_server), with two additions:
 `markers: {name: [x, y]}` and `start: [x, y, yaw_degrees]`, in metres of the world. A map_server
-ignores them, and unknown keys are ignored here. PGM is decoded in this module; other images need
-Pillow, and YAML that is not JSON needs PyYAML.
+ignores them, and unknown keys are ignored here. Images other than PGM need Pillow, and YAML that
+is not JSON needs PyYAML.
 """
 
 import json
 import math
-import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -20,21 +19,17 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 
+from minerva_agents.robot.floor_images import INSTALL, read_bytes, read_image
 from minerva_agents.robot.grids import MapError
 from minerva_agents.robot.occupancy import FREE, OCCUPIED, UNKNOWN, MapPose, Marker, OccupancyMap
-from minerva_bus.outputs import note_read
-from minerva_bus.wording import install
 
-# Limits of the memory that a damaged or hostile file can take.
-_MAX_CELLS = 100_000_000
-_MAX_IMAGE_BYTES = 800_000_000
+# A larger file is damaged or hostile.
 _MAX_YAML_BYTES = 1_000_000
 _YAML_SUFFIXES = (".yaml", ".yml", ".json")
 _REQUIRED = (
     "map files need image, resolution, origin, negate, occupied_thresh (usually 0.65)"
     " and free_thresh (0.196)"
 )
-_INSTALL = f"install it with: {install('maps')}"
 
 
 def load_map(path: str | Path) -> OccupancyMap:
@@ -122,7 +117,7 @@ def _number(value: object) -> float | None:
 def _read_yaml(path: Path) -> Mapping[object, object]:
     try:
         # Some editors begin a file with a byte order mark.
-        text = _read(path, _MAX_YAML_BYTES).decode("utf-8-sig")
+        text = read_bytes(path, _MAX_YAML_BYTES).decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise MapError(f"{path}: byte {error.start} is not UTF-8; save the file as UTF-8") from None
     try:
@@ -141,7 +136,7 @@ def _parse_yaml(path: Path, text: str) -> object:
     try:
         import yaml  # imported late: maps in JSON need no library
     except ImportError:
-        raise MapError(f"{path}: YAML needs PyYAML; {_INSTALL}") from None
+        raise MapError(f"{path}: YAML needs PyYAML; {INSTALL}") from None
     try:
         parsed = yaml.parse(text, Loader=yaml.SafeLoader)  # pyright: ignore
         events = cast("Iterable[object]", parsed)
@@ -211,15 +206,6 @@ class _Reading:
         return codes.astype(np.int16)
 
 
-@dataclass(frozen=True, slots=True)
-class _Image:
-    """Brightness levels from 0 to `most`, (height, width), top row first, and hidden pixels."""
-
-    levels: NDArray[np.uint16]
-    most: int
-    hidden: NDArray[np.bool_] | None = None
-
-
 def _reading(keys: _Keys) -> _Reading:
     occupied, free = keys.number("occupied_thresh"), keys.number("free_thresh")
     if not 0 <= free <= occupied <= 1:
@@ -237,126 +223,10 @@ def _reading(keys: _Keys) -> _Reading:
 
 def _read_cells(path: Path, reading: _Reading) -> NDArray[np.int16]:
     """Cells as [row, column] = [x, y]: image columns from the left, rows from below."""
-    image = _read_image(path)
+    image = read_image(path)
     seen = reading.cells(image.most)[image.levels]
     if image.hidden is not None:
         seen[image.hidden] = UNKNOWN
     cells = np.ascontiguousarray(seen[::-1].T)
     cells.setflags(write=False)
     return cells
-
-
-def _read_image(path: Path) -> _Image:
-    data = _read(path, _MAX_IMAGE_BYTES)
-    is_pgm = path.suffix.lower() == ".pgm" or data[:2] in (b"P2", b"P5")
-    return _read_pgm(path, data) if is_pgm else _read_with_pillow(path)
-
-
-def _read(path: Path, most: int) -> bytes:
-    try:
-        if not path.is_file():
-            raise MapError(f"{path}: not a file; expected a map or its image. Check the name")
-        size = path.stat().st_size
-        if size > most:
-            raise MapError(f"{path}: has {size} bytes; expected at most {most}")
-        note_read(path)
-        return path.read_bytes()
-    except OSError as error:
-        raise MapError(f"{path}: cannot read: {error.strerror}; check its permissions") from None
-
-
-def _check_size(path: Path, width: int, height: int) -> None:
-    if not 0 < width * height <= _MAX_CELLS:
-        raise MapError(
-            f"{path}: the image is {width} x {height}; expected 1 to {_MAX_CELLS} pixels. "
-            "Scale it down or use a coarser resolution"
-        )
-
-
-# --- images -------------------------------------------------------------------------------------
-
-
-_SPACE = b" \t\n\v\f\r"
-_GAP = re.compile(rb"(?:[ \t\n\v\f\r]|#[^\n\r]*[\n\r])+")
-_NUMBER = re.compile(rb"[0-9]{1,9}(?![0-9])")
-_COMMENT = re.compile(rb"#[^\n\r]*")
-
-
-def _read_pgm(path: Path, data: bytes) -> _Image:
-    """Decode a PGM image, plain (P2) or raw (P5), 8 or 16 bits, as specified in netpbm's pgm(5)."""
-    if data[:2] not in (b"P2", b"P5"):
-        raise MapError(f"{path}: starts with {data[:2]!r}; expected P2 or P5, a PGM image")
-    width, at = _header_number(path, data, 2, "width")
-    height, at = _header_number(path, data, at, "height")
-    most, at = _header_number(path, data, at, "maxval")
-    _check_size(path, width, height)
-    if not 1 <= most <= 65535:
-        raise MapError(f"{path}: maxval is {most}; expected 1 to 65535")
-    if at >= len(data) or data[at] not in _SPACE:
-        raise MapError(f"{path}: maxval is followed by {data[at : at + 1]!r}; expected white space")
-    read_levels = _plain_levels if data[:2] == b"P2" else _raw_levels
-    levels = read_levels(path, data[at + 1 :], width * height, most)
-    if levels.max() > most:
-        raise MapError(f"{path}: a pixel is {levels.max()}; expected at most maxval, {most}")
-    return _Image(levels.astype(np.uint16).reshape(height, width), most)
-
-
-def _header_number(path: Path, data: bytes, at: int, name: str) -> tuple[int, int]:
-    """The number after a gap, and the offset where it ends."""
-    gap = _GAP.match(data, at)
-    number = gap and _NUMBER.match(data, gap.end())
-    if not number:
-        raise MapError(
-            f"{path}: {name} is invalid: {data[at : at + 12]!r} at byte {at}; "
-            "expected white space and a number of at most 9 digits"
-        )
-    return int(number.group()), number.end()
-
-
-def _raw_levels(path: Path, body: bytes, count: int, most: int) -> NDArray[np.integer]:
-    kind = np.dtype(np.uint8 if most < 256 else ">u2")
-    size = count * kind.itemsize
-    if len(body) < size or body[size:].strip(_SPACE):
-        raise MapError(
-            f"{path}: {len(body)} bytes follow the header; expected {size}, "
-            f"{kind.itemsize} for each of {count} pixels. The file is damaged"
-        )
-    return np.frombuffer(body, kind, count)
-
-
-def _plain_levels(path: Path, body: bytes, count: int, _most: int) -> NDArray[np.integer]:
-    words = _COMMENT.sub(b"", body).split()
-    if len(words) != count:
-        raise MapError(
-            f"{path}: {len(words)} numbers follow the header; expected {count}, "
-            "one per pixel. The file is damaged"
-        )
-    strange = next((word for word in words if not _NUMBER.fullmatch(word)), None)
-    if strange is not None:
-        raise MapError(f"{path}: invalid pixel {strange[:20]!r}; expected a number")
-    return np.array([int(word) for word in words], np.int64)
-
-
-def _read_with_pillow(path: Path) -> _Image:
-    try:
-        from PIL import Image  # late: maps in PGM need no library
-    except ImportError:
-        raise MapError(f"{path}: images other than PGM need Pillow; {_INSTALL}") from None
-    try:
-        note_read(path)
-        with Image.open(path) as image:
-            # Pillow has read the header only, so an image that is too large is rejected before it
-            # is decoded.
-            _check_size(path, *image.size)
-            # Modes of 16 and 32 bits, which RGBA would cut off.
-            deep = image.mode.startswith("I")
-            pixels = np.asarray(image if deep else image.convert("RGBA"))
-    except MapError:
-        raise
-    except Exception as error:  # decoders raise many types for damaged files
-        raise MapError(f"{path}: not a readable image: {error}; expected PGM or PNG") from None
-    if deep:
-        return _Image(np.clip(pixels, 0, 65535).astype(np.uint16), 65535)
-    # The sum instead of the mean of the channels, which would have to be rounded.
-    shades = pixels[..., :3].sum(axis=2, dtype=np.uint16)
-    return _Image(shades, 3 * 255, pixels[..., 3] < 255)
