@@ -25,10 +25,11 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from minerva_agents.robot.blocks import known_window, news_bounds
 from minerva_agents.robot.knowledge import UNKNOWN, Cell, Mask
 from minerva_agents.robot.looking import expanses
 from minerva_agents.robot.motion import GridPose, wrapped
-from minerva_agents.robot.prospects import DARK, NEWS, RAYS, WALL, Kinds, Prospects, kinds_of
+from minerva_agents.robot.prospects import RAYS, Prospects, kinds_of
 from minerva_agents.robot.wave import STEP, Wave
 from minerva_bus import Cells, portable
 
@@ -149,13 +150,13 @@ class _Choice:
         self._state = state
         self._side = max(1, round(BLOCK / state.cell))
         here = math.floor(state.pose.row), math.floor(state.pose.column)
-        self._top, self._left, bottom, right = _known_window(state.grid, here, self._side)
+        self._top, self._left, bottom, right = known_window(state.grid, here, self._side)
         window = np.s_[self._top : bottom, self._left : right]
         grid = state.grid[window]
         self._here = here[0] - self._top, here[1] - self._left
         kinds = kinds_of(grid, state.is_thorough)
         self._prospects = Prospects(kinds, state.sight / state.cell, state.cell)
-        self._bounds = _bounds(kinds, self._side, state)
+        self._bounds = news_bounds(kinds, self._side, state.sight, state.cell)
         # Specks of unknown cells, which lie between beams, are passable.
         passable = ~state.closed[window] & ~expanses(grid == UNKNOWN)
         self._passable = passable
@@ -278,49 +279,3 @@ def _around(views: Numbers, width: int) -> Numbers:
     # A sliding sum over the circle, as a difference of cumulative sums.
     sums = np.cumsum(np.pad(around, ((0, 0), (1, 0))), axis=1)
     return sums[:, width : width + RAYS] - sums[:, :RAYS]
-
-
-def _known_window(grid: Cells, here: Cell, side: int) -> tuple[int, int, int, int]:
-    """The known part of the grid plus a margin: top, left, bottom, right.
-
-    Aligned to whole blocks, so that blocks do not shift as the map grows.
-    """
-    spans: list[tuple[int, int]] = []
-    for axis in (0, 1):
-        lines = np.flatnonzero((grid != UNKNOWN).any(axis=1 - axis))
-        first = min(int(lines[0]), here[axis]) if lines.size else here[axis]
-        last = max(int(lines[-1]), here[axis]) if lines.size else here[axis]
-        margin = 3 * side
-        begin = max(0, (first - margin) // side * side)
-        spans.append((begin, min(grid.shape[axis], last + margin + 1)))
-    (top, bottom), (left, right) = spans
-    return top, left, bottom, right
-
-
-def _bounds(kinds: Kinds, side: int, state: SearchState) -> Numbers:
-    """Upper bound on the news visible from each block, in m²: all news within range."""
-    free = _blocks((kinds != DARK) & (kinds != WALL), side) > 0
-    # A ray passes at most 4 m of unknown space; nine blocks of half a metre are more.
-    dark = _blocks(kinds == DARK, side) * (_boxes(free.astype(np.int64), 9) > 0)
-    news = _blocks(kinds == NEWS, side) + dark
-    reach = math.ceil(state.sight / state.cell / side)
-    return _boxes(news, reach) * (state.cell * state.cell)
-
-
-def _blocks(mask: Mask, side: int) -> NDArray[np.int64]:
-    """Number of True cells per block."""
-    rows, columns = mask.shape
-    padded = np.pad(mask, ((0, -rows % side), (0, -columns % side)))
-    shape = padded.shape[0] // side, side, padded.shape[1] // side, side
-    return padded.reshape(shape).sum(axis=(1, 3))
-
-
-def _boxes(numbers: NDArray[np.int64], reach: int) -> NDArray[np.int64]:
-    """Per item, the sum of all items at most `reach` rows and columns away."""
-    sums = np.pad(numbers, reach)
-    for axis in (0, 1):
-        before = np.insert(sums, 0, 0, axis=axis).cumsum(axis=axis)
-        count = numbers.shape[axis]
-        ends = np.arange(count) + 2 * reach + 1
-        sums = before.take(ends, axis=axis) - before.take(np.arange(count), axis=axis)
-    return sums
