@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
@@ -11,10 +10,10 @@ from minerva_bus.launch.children import MemberStart
 from minerva_bus.launch.forking import ChildProcess
 from minerva_bus.launch.machine import REAL, LaunchContext, Machine
 from minerva_bus.launch.pipes import LineReader
+from minerva_bus.launch.process_log import ProcessLog
 from minerva_bus.launch.starting import STARTS_PER_CORE, StartQueue
 from minerva_bus.launch.traces import STACK_SIGNAL, is_stack
 from minerva_bus.launch.worldfile import Process
-from minerva_bus.runtime.member import RAISED
 
 HEALTHY_SECONDS: Final = 30.0
 HEALTHY_FRAMES: Final = 10
@@ -32,12 +31,6 @@ MAX_RESTART_SECONDS: Final = 5.0
 
 CANNOT_TAKE_PART: Final = "cannot take part"
 """Beginning, after its name, of the last line of a process that this world does not suit."""
-
-FAILURE_REPORT: Final = re.compile(r"failed(?: in frame \d+)?: ")
-"""Beginning of a member's report about an error in its user code."""
-
-GONE: Final = re.compile(r"is gone\b")
-"""Beginning of the coordinator's line about a member whose process has ended."""
 
 
 @dataclass(slots=True)
@@ -123,18 +116,17 @@ class SupervisedProcess:
 
 
 class ProcessTable:
-    """All local processes of a world, by name; `on_line` receives process and printed line."""
+    """All local processes of a world, by name; `log` receives what they print."""
 
-    def __init__(self, context: LaunchContext, on_line: Callable[[str, str], None]) -> None:
+    def __init__(self, context: LaunchContext, log: ProcessLog) -> None:
         self._context = context
-        self._on_line = on_line
+        self._log = log
         self._machine = context.machine
         self._processes = {
             spec.name: SupervisedProcess(spec, context.machine)
             for spec in context.file.processes
             if not spec.elsewhere
         }
-        self.failures = FailureLog()
         self.queue = StartQueue(STARTS_PER_CORE * context.machine.cores())
 
     def __iter__(self) -> Iterator[SupervisedProcess]:
@@ -187,10 +179,10 @@ class ProcessTable:
         refusal = line.removeprefix(f"{process.name} ")
         if refusal.startswith(CANNOT_TAKE_PART):
             process.cause = refusal
-            if self.failures.is_new(line):
-                self._on_line(process.name, refusal)
+            if self._log.failures.is_new(line):
+                self._log.add(process.name, refusal, "info")
         else:
-            self._on_line(process.name, line)
+            self._log.add(process.name, line, "info")
 
     def ended(self, pid: int) -> SupervisedProcess | None:
         """The process that has ended, after its last lines; kills what it has started."""
@@ -231,43 +223,3 @@ class ProcessTable:
                 break
             output.read()
         return process.stacks
-
-
-class FailureLog:
-    """The failures of user code in a run: the reports shown, and the causes.
-
-    A process that is restarted several times would otherwise print the same report each time.
-    `explained`: processes that have not joined again since the log named the reason for their end.
-    """
-
-    def __init__(self) -> None:
-        self.explained: set[str] = set()
-        self._shown: set[str] = set()
-        self._before: set[tuple[str, str]] = set()
-
-    def abbreviate(self, text: str) -> str:
-        """A report without the lines that were shown before; empty if no line is new."""
-        # The first line has the frame, so that the same error in another frame differs in it only.
-        first, _, rest = text.partition("\n")
-        seen, self._shown = self._shown, self._shown | {first, rest}
-        if first in seen and rest in seen:
-            return ""
-        return f"{first} (as above)" if rest and rest in seen else text
-
-    def is_new(self, place: str) -> bool:
-        """Whether a line of code was not logged before; from now on it counts as logged."""
-        known = place in self._shown
-        self._shown.add(place)
-        return not known
-
-    def repeated(self, process: Process, code: int, cause: str) -> bool:
-        """Whether this process, or another host, has failed for the same cause before.
-
-        The cause names the frame and the event: the same input fails again.
-        """
-        if code != RAISED or not cause:
-            return False
-        key = ("" if process.agents else process.name, cause)
-        repeated = key in self._before
-        self._before.add(key)
-        return repeated

@@ -4,23 +4,21 @@ from __future__ import annotations
 
 import signal
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any, Final
 
-from minerva_bus.launch import forking
 from minerva_bus.launch.capacity import check_capacity
 from minerva_bus.launch.collecting import check_tables, complete_tables
 from minerva_bus.launch.compiling import compile_agents
 from minerva_bus.launch.console import Console, live_line, starting_line
+from minerva_bus.launch.ending import Ending
 from minerva_bus.launch.forking import FAILED, UNREADY, how_ended
 from minerva_bus.launch.interrupts import caught
 from minerva_bus.launch.journaling import journal_path
 from minerva_bus.launch.machine import REAL, LaunchContext, Machine
 from minerva_bus.launch.memory import prepare, remove_orphans
+from minerva_bus.launch.process_log import FAILURE_REPORT, ProcessLog
 from minerva_bus.launch.process_table import (
     CANNOT_TAKE_PART,
-    FAILURE_REPORT,
-    GONE,
     REPORT_SECONDS,
     ProcessTable,
     SupervisedProcess,
@@ -30,7 +28,7 @@ from minerva_bus.launch.recording import check_record
 from minerva_bus.launch.registry import WorldLock
 from minerva_bus.launch.succession import MAX_SUCCESSIONS, Succession
 from minerva_bus.launch.summary import EndReport, RunSummary, Startup
-from minerva_bus.launch.traces import END_OF_STACKS, NOT_STARTED, STOPPED, blocked_at
+from minerva_bus.launch.traces import END_OF_STACKS, NOT_STARTED, STOPPED
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.runtime.coordinator import Coordinator
 from minerva_bus.runtime.member import RAISED, RAISED_BY_CHANCE
@@ -48,30 +46,6 @@ send its report with the digest.
 
 PROFILE_SECONDS: Final = 5.0
 """Time for a member to write its profile after the end of a world."""
-
-MAX_LINE_LENGTH: Final = 2000
-
-
-@dataclass(slots=True)
-class _Ending:
-    """The end of the world; at the `deadline` its remaining processes are killed.
-
-    `failure`: the reason for a premature end. `reason`: that of the coordinator, None before it
-    stops. `report`: its last report. `followed`: another launcher's coordinator runs the world.
-    """
-
-    failure: str = ""
-    reason: str | None = None
-    report: EndReport | None = None
-    deadline: float | None = None
-    stopping_at: float | None = None
-    interrupts: int = 0
-    followed: bool = False
-
-    @property
-    def begun(self) -> bool:
-        """Whether the world stops or has ended."""
-        return self.reason is not None or self.deadline is not None
 
 
 class Supervisor:
@@ -98,10 +72,11 @@ class Supervisor:
         self._report_seconds = PROFILE_SECONDS if profiling.member else REPORT_SECONDS
         context = self._context = LaunchContext(file, profiling, machine)
         self._coordinator = Succession(context, coordinator, self._on_report, self._on_last_line)
-        self._processes = ProcessTable(context, lambda name, line: self._log(name, line, "info"))
+        self._log = ProcessLog(file.world.name, console, self._coordinator.command)
+        self._processes = ProcessTable(context, self._log)
         self._publish: Callable[[str], None] = lambda endpoint: None
         self._last_line = ""
-        self._ending = _Ending()
+        self._ending = Ending()
 
     def run(self) -> RunSummary:
         """Run the world to its end. Raises BusError and MisuseError if it cannot begin."""
@@ -132,7 +107,7 @@ class Supervisor:
             self._context.close()
             # Of a coordinator that was killed and has no successor.
             if not self._ending.followed:
-                complete_tables(self._file.collect.into, self._note)
+                complete_tables(self._file.collect.into, self._log.note)
             # Processes that are killed leave their files of shared memory behind.
             if self._context.shared:
                 remove_orphans()
@@ -141,7 +116,7 @@ class Supervisor:
 
     def _shares_memory(self) -> bool:
         needed = POOL_BYTES * (1 + len(self._processes))
-        return prepare(self._file.bus.shared_memory, self._file.world.scene, needed, self._note)
+        return prepare(self._file.bus.shared_memory, self._file.world.scene, needed, self._log.note)
 
     @property
     def endpoint(self) -> str:
@@ -212,12 +187,12 @@ class Supervisor:
             self._inform_successor()
             return
         self._startup.end("bus")
-        self._note(f"{counted(len(self._processes), 'process')}, bus at {endpoint}")
+        self._log.note(f"{counted(len(self._processes), 'process')}, bus at {endpoint}")
         remote = [process.name for process in self._file.processes if process.elsewhere]
         if remote:
-            self._note(f"to be attached from other machines: {', '.join(remote)}")
+            self._log.note(f"to be attached from other machines: {', '.join(remote)}")
         for note in self._file.notes:
-            self._note(note)
+            self._log.note(note)
         if self._ending.deadline is None:
             # Otherwise an interrupt has arrived before the first member was started.
             for process in self._processes:
@@ -225,7 +200,7 @@ class Supervisor:
 
     def _inform_successor(self) -> None:
         """Send a new coordinator the states of processes that its predecessor had."""
-        self._note(f"a new coordinator listens at {self._context.endpoint}")
+        self._log.note(f"a new coordinator listens at {self._context.endpoint}")
         if self._ending.reason is not None:  # Only the launcher has it, not the journal.
             self._coordinator.command(f"end {self._ending.reason}")
         # The journal contains neither processes that are not restarted nor those that are starting.
@@ -237,21 +212,15 @@ class Supervisor:
 
     def _on_log(self, member: str, text: str, details: str = "") -> None:
         process = self._processes.get(member)
-        if member in self._processes.failures.explained and GONE.match(text):
-            return  # The reason and the line about its restart say more.
-        if FAILURE_REPORT.match(text):
-            if process is not None:
-                self._processes.failures.explained.add(member)
-                # The cause explains the exit that follows, and `repeated` compares it with earlier
-                # ones.
-                process.cause = text
-            text = self._processes.failures.abbreviate(text)
-        if text:
-            self._console.log(member, text, "warning")
-        self._console.details(member, details)
+        if process is not None and FAILURE_REPORT.match(text):
+            # The cause explains the exit that follows, and `repeated` compares it with earlier
+            # ones.
+            self._log.failures.explained.add(member)
+            process.cause = text
+        self._log.reported(member, text, details)
 
     def _on_note(self, text: str) -> None:
-        self._note(text)
+        self._log.note(text)
 
     def _on_status(self, **status: Any) -> None:
         world, console = self._file.world, self._console
@@ -275,7 +244,7 @@ class Supervisor:
         process = self._processes.get(member)
         if process is not None:
             process.joined(self._coordinator.frame)
-            self._processes.failures.explained.discard(member)
+            self._log.failures.explained.discard(member)
             self._processes.queue.free(member)
 
     def _on_timed_out(self, member: str, waited: float) -> None:
@@ -283,35 +252,18 @@ class Supervisor:
         if process is None:
             known = any(spec.name == member for spec in self._file.processes)
             if known and self._ending.reason is None:
-                self._log(member, f"{silence}: restart it on its machine")
+                self._log.add(member, f"{silence}: restart it on its machine")
         elif process.child is not None:
             process.waited = waited
-            self._processes.failures.explained.add(member)
+            self._log.failures.explained.add(member)
             # Before it is killed: this is the only trace of its activity.
-            self._log_stacks(process, waited)
+            process.blocked = self._log.blocked(member, self._processes.stacks(process), waited)
             self._machine.kill(process.child.pid)
-
-    def _log_stacks(self, process: SupervisedProcess, waited: float) -> None:
-        """Log that a process does not respond, with the line of user code that it executes.
-
-        If this line was logged before, the line about the restart is enough.
-        """
-        name, stacks = process.name, self._processes.stacks(process)
-        place = blocked_at(stacks, forking.__file__)
-        if place is not None and not self._processes.failures.is_new("\n".join(place.lines())):
-            process.blocked = f"did not answer for {duration(waited)} (blocked as above)"
-        else:
-            text = f"no answer for {duration(waited)}: killing it"
-            shown = [text] if place is None else [f"{text}; it is blocked in", *place.lines()]
-            self._log(name, "\n".join(shown))
-        if stacks:
-            self._console.details(name, "\n".join(stacks))
-            self._keep(name, "\n".join(stacks), "warning")
 
     def _on_restart(self, member: str) -> None:
         process = self._processes.get(member)
         if process is not None and self._ending.reason is None:
-            self._log(member, "restarting on request")
+            self._log.add(member, "restarting on request")
             process.restart()
 
     def _on_stack(self, member: str) -> None:
@@ -321,7 +273,7 @@ class Supervisor:
         stacks = [] if process is None else self._processes.stacks(process)
         is_stopped = child is not None and self._machine.is_stopped(child.pid)
         end = NOT_STARTED if child is None else STOPPED if is_stopped else END_OF_STACKS
-        self._keep(member, "\n".join([*filter(None, stacks), end]), "info")
+        self._log.keep(member, "\n".join([*filter(None, stacks), end]), "info")
 
     def _on_stopping(self, reason: str) -> None:
         self._ending.reason = reason
@@ -333,12 +285,11 @@ class Supervisor:
     def _on_ended(self, **report: Any) -> None:
         ending = self._ending
         ending.report = EndReport(**report)
-        regular = not (ending.failure or ending.interrupts or ending.report.failed)
         # A view may still draw the last frame or write its file; only an interrupt or a failure is
         # urgent.
         now = self._machine.monotonic()
         ending.deadline = now + self._report_seconds
-        if regular:
+        if ending.regular:
             running = [process.name for process in self._processes if process.child is not None]
             stopping = now if ending.stopping_at is None else ending.stopping_at
             ending.deadline = self._file.deadlines.end_of_output(running, stopping, now)
@@ -365,9 +316,7 @@ class Supervisor:
             return
         if self._ending.begun:
             if code == UNREADY:  # Its output says why.
-                self._ending.failure = (
-                    self._ending.failure or f"{process.name} {process.cause or CANNOT_TAKE_PART}"
-                )
+                self._ending.fail(f"{process.name} {process.cause or CANNOT_TAKE_PART}")
             # A successor must not wait for it; the first coordinator was notified that it left.
             if self._coordinator.count:
                 self._abandon(process)
@@ -391,11 +340,9 @@ class Supervisor:
             coordinator.start_successor(self._processes.queue.queued)
             return
         # It printed its error last, if it had one.
-        ending.failure = ending.failure or self._last_line or f"the coordinator {how_ended(code)}"
-        now = self._machine.monotonic()
+        ending.fail(self._last_line or f"the coordinator {how_ended(code)}")
         # The report that would set the deadline no longer arrives.
-        until = now + self._report_seconds
-        ending.deadline = until if ending.deadline is None else min(ending.deadline, until)
+        ending.end_by(self._machine.monotonic() + self._report_seconds)
 
     def _on_failure(self, process: SupervisedProcess, code: int) -> None:
         spec, name = process.spec, process.name
@@ -407,17 +354,17 @@ class Supervisor:
         how = "failed" if process.cause else process.blocked or how_ended(code)
         how = CANNOT_TAKE_PART if unready else how
         delay = process.fail(self._coordinator.frame)
-        if delay is not None and self._processes.failures.repeated(spec, code, process.cause):
+        if delay is not None and self._log.failures.repeated(spec, code, process.cause):
             # `fail` has set the time of a restart.
             process.restart_at = None
             again = "failed again with the same error in the same frame"
             self._stop_for(process, f"{again}: a restart would not help")
         elif delay is not None:
             number = f"restart {process.failures} of {spec.restarts} in {delay:.2f} s"
-            self._log(name, f"{how}; {number}")
+            self._log.add(name, f"{how}; {number}")
         # A view that never starts is a wrong request, unlike one that fails later.
         elif spec.on_failure == "ignore" and not unready:
-            self._log(name, f"{how}; continuing without it")
+            self._log.add(name, f"{how}; continuing without it")
             process.abandoned = True
             self._abandon(process)
         else:
@@ -447,8 +394,7 @@ class Supervisor:
     # --- stopping ---
 
     def _stop(self, failure: str) -> None:
-        # The first failure is the cause; those of processes that end because of it are not.
-        self._ending.failure = self._ending.failure or failure
+        self._ending.fail(failure)
         self._coordinator.command("stop")
         self._ending.deadline = self._machine.monotonic() + STOP_SECONDS
 
@@ -480,33 +426,8 @@ class Supervisor:
         while self.busy and (ended := self._machine.next_ended(wait=True)) is not None:
             self._on_exit(*ended)
 
-    # --- messages ---
-
-    def _note(self, text: str) -> None:
-        self._console.note(f"{self._file.world.name}: {text}")
-
-    def _log(self, name: str, line: str, level: str = "warning") -> None:
-        """Log a line about a process on the console and in the coordinator's log."""
-        self._console.log(name, line, level)
-        self._keep(name, line, level)
-
-    def _keep(self, name: str, text: str, level: str) -> None:
-        # A command to the coordinator is one line.
-        for line in text.split("\n"):
-            self._coordinator.command(f"log {level} {name} {line[:MAX_LINE_LENGTH]}")
-
     def summary(self) -> RunSummary:
-        """The summary of the run; digest and figures are lost if the coordinator died."""
-        ending = self._ending
-        report = ending.report
-        if report is None:
-            ending.failure = ending.failure or "the coordinator ended without a report"
-            report = EndReport(
-                ending.failure,
-                self._coordinator.frame,
-                self._machine.monotonic(),
-                sum(process.joined_at is not None for process in self._processes),
-            )
-        elif report.failed:
-            ending.failure = ending.failure or report.reason
-        return RunSummary.of(self._file.world, report, self._startup, ending.failure)
+        """The summary of the run."""
+        joined = [process.joined_at is not None for process in self._processes]
+        now, frame = self._machine.monotonic(), self._coordinator.frame
+        return self._ending.summary(self._file.world, self._startup, frame, now, joined)
