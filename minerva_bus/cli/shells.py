@@ -12,6 +12,8 @@ from typing import Any, Final
 
 from typer.core import TyperCommand, TyperGroup
 
+from minerva_bus.cli.conversions import use_plain_conversions
+
 ASKED: Final = "_MINERVA_COMPLETE"
 _WITH_VALUE: Final = re.compile(r"(--[\w-]+)=([^'\"]*)")
 """An option and its value in one word, which is completed as two words."""
@@ -101,17 +103,19 @@ def _remaining(word: str, lines: list[str]) -> list[str]:
 
 
 class QuickParsing:
-    """Takes values as they are while a shell asks for completions.
+    """Parses words with plain conversions, and takes them as they are for completions.
 
-    Typer converts them with pydantic, whose import takes longer than all the rest.
+    Typer converts values with pydantic, whose import takes longer than all the rest.
     """
 
     get_params: Callable[[Any], list[Any]]
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        if ctx.resilient_parsing:
-            for parameter in self.get_params(ctx):
+        for parameter in self.get_params(ctx):
+            if ctx.resilient_parsing:
                 parameter.process_value = _as_given
+            else:
+                use_plain_conversions(parameter)
         return super().parse_args(ctx, args)  # pyright: ignore
 
 

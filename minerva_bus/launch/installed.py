@@ -27,7 +27,13 @@ SERVICES, AGENTS, WORLDS = "minerva.services", "minerva.agents", "minerva.worlds
 @cache
 def entries(group: str) -> Mapping[str, EntryPoint]:
     """The installed entry points of a group, by name."""
-    return {entry.name: entry for entry in entry_points(group=group)}
+    return {entry.name: entry for entry in _all_entries().select(group=group)}
+
+
+@cache
+def _all_entries() -> Any:
+    # The metadata of all installed packages are read for any group.
+    return entry_points()
 
 
 def installed_views() -> list[str]:
