@@ -19,7 +19,7 @@ from minerva_bus.errors import MisuseError
 from minerva_bus.launch.branching import BranchPoint, read_branch_point, recorded_digest
 from minerva_bus.launch.collecting import Collecting
 from minerva_bus.launch.temporary_folder import temporary_folder
-from minerva_bus.log.reader import Record
+from minerva_bus.launch.written_frames import wait_for_frame
 from minerva_bus.settings.overrides import AS_WRITTEN, Overrides
 from minerva_bus.study.executor_pool import ExecutorSource, Workers
 from minerva_bus.study.grid import Grid
@@ -29,10 +29,6 @@ from minerva_bus.study.sweep import Sweep
 from minerva_bus.world.operator import WorldStatus
 
 RECORD: Final = "record"
-RECORD_SECONDS: Final = 10.0
-"""Longest time, in seconds, that a running world takes to write its frames to the disk."""
-
-POLL_SECONDS: Final = 0.05
 
 
 @dataclass(frozen=True, slots=True)
@@ -192,26 +188,9 @@ def branch_live(
             ' record="run.mcap", or by minerva run --record run.mcap'
         )
     path, begin = Path(files[0].path), status.frame if frame is None else frame
-    _wait_for(path, min(begin, status.frame))
+    wait_for_frame(path, min(begin, status.frame))
     given: dict[str, Any] = {**arguments, "frames": frames}
     return branch(path, begin, grid, **given)
-
-
-def _wait_for(path: Path, frame: int) -> None:
-    """Wait until a frame of a record is on the disk. Raises MisuseError after RECORD_SECONDS."""
-    until = time.monotonic() + RECORD_SECONDS
-    while (last := _last(path)) < frame:
-        if time.monotonic() > until:
-            raise MisuseError(
-                f"{path} ends with frame {last}, not {frame}, after {RECORD_SECONDS:g} s; flush it"
-                " more often (--flush), or branch from an earlier frame"
-            )
-        time.sleep(POLL_SECONDS)
-
-
-def _last(path: Path) -> int:
-    with Record(path) as record:
-        return record.last()[0]
 
 
 def _repeat(run: Run, world: World, record: Path) -> None:

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterable, Mapping
 from threading import RLock
 from types import TracebackType
 from typing import Any, Protocol, Self
 
-from minerva_bus.api.here import Here
-from minerva_bus.api.on_bus import connect_on_bus, start_on_bus
+from minerva_bus.api.on_bus import connect_on_bus
 from minerva_bus.api.pictures import Still
-from minerva_bus.api.requests import request_of
 from minerva_bus.api.run_result import SHOWN_DIGITS, pick_table
 from minerva_bus.api.widget import LiveDisplay, in_notebook
 from minerva_bus.api.world import World
@@ -28,8 +25,9 @@ from minerva_bus.errors import MinervaError, MisuseError
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.launch.console import Console
-from minerva_bus.launch.in_process import InProcessRun, never
+from minerva_bus.launch.explaining import explain_running_value
+from minerva_bus.launch.in_process import never
+from minerva_bus.log.explanation import Explanation
 from minerva_bus.runtime.asking import AskingOperator
 from minerva_bus.world.agent import Agent
 from minerva_bus.world.operator import WorldStatus
@@ -215,6 +213,33 @@ class Live:
         known: dict[str, Any] = {} if self._world is None else {"world": self._world}
         return branch_live(self.status, frame, frames, grid, {**known, **arguments})
 
+    def explain(self, agent: str, attribute: str, frame: int | None = None) -> Explanation:
+        """How an agent's attribute got its value, as the function `explain` does for a record.
+
+        The latest frames are those of the journal of a world on a bus, earlier ones those of its
+        record, as far as it is written. The world does not notice it.
+
+        Args:
+            agent: id of the agent, with or without #.
+            attribute: name of the attribute.
+            frame: the value at the beginning of this frame is explained; None: the latest one.
+
+        Raises:
+            MisuseError: the world has neither a journal nor a record on this machine.
+            RecordError: there is no such frame, agent or attribute.
+            BusError: the world does not answer.
+
+        Example:
+            `World.load("traffic").start(bus=True).explain("c21", "stop").origin`
+
+        """
+        code = "" if self._world is None else self._world.read
+        name = agent.removeprefix("#")
+        answer = explain_running_value(self.operator, code, name, attribute, frame)
+        if not isinstance(answer, Explanation):
+            raise MisuseError(f"explain #{name}: the attribute is empty; name one of the agent's")
+        return answer
+
     def close(self) -> None:
         """End the world, or disconnect from one that runs elsewhere."""
         self._backend.close()
@@ -248,24 +273,6 @@ class Live:
                 facts.append(f"buttons: {error}")
         # The picture is for exported notebooks, which have no kernel.
         return {**controls, "text/plain": repr(self), "text/html": figure(shown, facts)}
-
-
-def start(world: World, *, bus: bool = False, **settings: Any) -> Live:
-    """Start a world, paused; see `World.start`."""
-    own = ("seed", "frames", "until", "collect", "into", "processes", "record", "rate")
-    # By default the caller ends the world, not the settings of the world.
-    given: dict[str, Any] = {"frames": 0, "until": ""}
-    given |= {name: settings.pop(name) for name in own if name in settings}
-    request = request_of(world, settings, **given)
-    if not request.needs_bus(bus, given.get("processes")):
-        here = InProcessRun(request.file, Console(quiet=True), time.monotonic())
-        try:
-            here.open()
-        except BaseException:
-            here.close()
-            raise
-        return Live(Here(here, request.file.world), world.agents, world)
-    return Live(start_on_bus(request), world.agents, world)
 
 
 def connect(world: str = "", endpoint: str = "", *, agents: Iterable[type[Agent]] = ()) -> Live:

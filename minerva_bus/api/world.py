@@ -181,7 +181,7 @@ class World:
             ...     print(live.frame, live.scene)
 
         """
-        from minerva_bus.api.live import start
+        from minerva_bus.api.starting import start
 
         return start(self, bus=bus, **settings)
 

@@ -72,6 +72,7 @@ def explain_running_value(
         RecordError: there is no such frame, agent or attribute.
 
     """
+    from minerva_bus.launch.written_frames import wait_for_frame
     from minerva_bus.log.errors import RecordError, check_installed
     from minerva_bus.log.reader import Record
     from minerva_bus.log.recent import recent_record
@@ -89,6 +90,9 @@ def explain_running_value(
             if not recorded:
                 raise
     if path is not None and recorded and (explanation is None or explanation.is_older):
+        # Without a journal, the record alone has the latest frames.
+        if explanation is None:
+            wait_for_frame(path, status.frame if frame is None else min(frame, status.frame))
         with Record(path) as record:
             explanation = explained_in(record, code, agent, attribute, frame)
     if explanation is None:

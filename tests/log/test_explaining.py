@@ -211,6 +211,21 @@ def test_without_an_attribute_the_agent_is_shown_with_what_it_received_and_what_
     assert "frame 23: eMessage<" in text.stdout
 
 
+def test_a_live_world_explains_a_value_of_its_last_frame(tmp_path):
+    with harbour().start(record=tmp_path / "live.mcap") as live:
+        live.step(3)
+        live.publish(eSail(30.0, receivers=("s1",)), by="anna")
+        live.step(2)
+        answer = live.explain("#s1", "x")
+        assert (answer.frame, chain(answer)) == (5, ["3 #s1 Ship.sail eSail"])
+        assert "the person anna" in answer.origin
+        assert live.explain("s1", "x", 2).frame == 2
+        with pytest.raises(MinervaError, match="the attribute is empty"):
+            live.explain("s1", "")
+    with harbour().start() as unrecorded, pytest.raises(MinervaError, match="neither its journal"):
+        unrecorded.explain("s1", "x")
+
+
 def test_a_record_of_another_world_is_refused(records):
     with pytest.raises(MinervaError, match="another world"):
         explain(records / "meadow.mcap", "f1", "energy", world="traffic")

@@ -1,0 +1,32 @@
+"""Frames of a running world that its record on the disk has."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Final
+
+from minerva_bus.errors import MisuseError
+from minerva_bus.log.reader import Record
+
+RECORD_SECONDS: Final = 10.0
+"""Longest time, in seconds, that a running world takes to write its frames to the disk."""
+
+POLL_SECONDS: Final = 0.05
+
+
+def wait_for_frame(path: Path, frame: int) -> None:
+    """Wait until a frame of a record is on the disk. Raises MisuseError after RECORD_SECONDS."""
+    until = time.monotonic() + RECORD_SECONDS
+    while (last := _last(path)) < frame:
+        if time.monotonic() > until:
+            raise MisuseError(
+                f"{path} ends with frame {last}, not {frame}, after {RECORD_SECONDS:g} s; flush it"
+                " more often (--flush), or choose an earlier frame"
+            )
+        time.sleep(POLL_SECONDS)
+
+
+def _last(path: Path) -> int:
+    with Record(path) as record:
+        return record.last()[0]
