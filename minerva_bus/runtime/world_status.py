@@ -55,6 +55,7 @@ def status_of(running: Operated, since: int = 0) -> WorldStatus:
         series=0 if running.collected is None else len(running.collected),
         norms=algorithm.norms.status(),
         files=running.files(),
+        people=algorithm.world.people,
     )
 
 

@@ -178,7 +178,8 @@ class WorldStatus:
     members, people, strangers. `late_frames` have taken longer than real time, by `behind` seconds
     in all. `series` is the number of collected series that can be shown. `norms` are those
     that were broken, and `files` what the world writes. `end` is the frame at which the replay of a
-    record ends, 0 if this is no replay; its record is then among the files.
+    record ends, 0 if this is no replay; its record is then among the files. `people` are the event
+    types that the world file lists for people.
     """
 
     world: str
@@ -205,11 +206,13 @@ class WorldStatus:
     norms: tuple[NormStatus, ...] = ()
     files: tuple[FileStatus, ...] = ()
     end: int = 0
+    people: tuple[str, ...] = ()
 
     @property
     def orders(self) -> tuple[str, ...]:
-        """The event types for which a member takes orders of people, sorted."""
-        return tuple(sorted({order for member in self.members for order in member.orders}))
+        """The event types that people may send: listed ones, and those a member takes; sorted."""
+        taken = {order for member in self.members for order in member.orders}
+        return tuple(sorted(taken.union(self.people)))
 
     @property
     def time(self) -> float:

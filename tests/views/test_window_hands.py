@@ -22,7 +22,9 @@ def hands(*orders, **options):
 def test_roles_go_by_the_data_alone():
     roles = order_types(WORDS, ALL)
     assert (roles.click.name, roles.pair.name, roles.slide.name) == ("eGo", "eBring", "eHaste")
-    assert order_types(WORDS, ["eRain"]) == order_types(WORDS, [])
+    rain = order_types(WORDS, ["eRain"])
+    assert (rain.click, rain.pair, rain.slide) == (None, None, None)
+    assert [event.name for event in rain.plain] == ["eRain"]
     assert order_types(WORDS, ALL, slide="eTurn").slide.name == "eTurn"
 
 
@@ -107,6 +109,16 @@ def test_a_speed_is_never_below_zero():
 def test_a_number_that_no_agent_has_begins_at_its_default():
     deed = hands(slide="eTurn").press(Action.MORE, Picture())
     assert shown_by(deed).told == ["order eTurn<angle=2.1>"]
+
+
+def test_a_number_sends_an_order_without_data_that_people_may_send():
+    made = WindowControls(WORDS)
+    made.update(status("eGo", people=("eRain",)))
+    assert dict(made.help)["1"] == "eRain"
+    assert shown_by(made.send_plain("1")).told == ["order eRain"]
+    assert made.send_plain("2") is None
+    made.click(Hit(agent="b1"))
+    assert shown_by(made.send_plain("1")).told == ["order eRain to #b1"]
 
 
 def test_following():

@@ -58,7 +58,7 @@ def sent_types(
         "click": {"type": click.name, "name": click.fields.names[0]} if click else None,
         "slide": types.slide.name if types.slide else None,
         "place": place,
-        "plain": [declared.name for declared in taken if not declared.fields.names],
+        "plain": [declared.name for declared in types.plain],
     }
 
 

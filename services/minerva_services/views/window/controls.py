@@ -55,6 +55,10 @@ KEYS: dict[Action, tuple[str, ...]] = {
 _ACTIONS = {key: action for action, keys in KEYS.items() for key in keys}
 
 
+NUMBERS = tuple("123456789")
+"""Keys that send the world's orders without data."""
+
+
 def action_of(key: str) -> Action | None:
     """The action of a key, by pygame's name."""
     return _ACTIONS.get(key.lower())
@@ -118,6 +122,13 @@ class WindowControls:
         source, self.source = self.source, ""
         return OrderAction(event(source, hit.label, receivers=self._receivers))
 
+    def send_plain(self, key: str) -> WorldAction | None:
+        """The order of one of the keys `NUMBERS`, if the world has as many without data."""
+        number, plain = NUMBERS.index(key), self.order_types.plain
+        if number >= len(plain):
+            return None
+        return OrderAction(plain[number](receivers=self._receivers))
+
     def press(self, action: Action, picture: Picture) -> WorldAction | None:
         """Handle a key."""
         if action is Action.PAUSE:
@@ -161,6 +172,8 @@ class WindowControls:
         else:
             del meanings[Action.MORE], meanings[Action.LESS]
         lines = [(" ".join(KEYS[action][:2]), meaning) for action, meaning in meanings.items()]
+        plain = zip(NUMBERS, self.order_types.plain, strict=False)
+        lines += [(key, event.name) for key, event in plain]
         lines += [("wheel, drag", "zoom, move"), ("click an agent", "select; twice: follow")]
         lines += [("click a label", f"{click.name}")] if click is not None else []
         lines += [("right-click two labels", pair.name)] if pair is not None else []

@@ -10,7 +10,7 @@ import pygame
 
 from minerva_bus.semantics.picture import Picture
 from minerva_services.views.window.actions import WorldAction
-from minerva_services.views.window.controls import Action, WindowControls, action_of
+from minerva_services.views.window.controls import NUMBERS, Action, WindowControls, action_of
 from minerva_services.views.window.painter import Painter
 from minerva_services.views.window.picking import Hit, pick
 
@@ -65,6 +65,10 @@ class WindowInput:
         return event.type in (pygame.WINDOWEXPOSED, pygame.WINDOWSHOWN)
 
     def _key(self, name: str) -> bool:
+        # pygame names the keys of a keypad [1] to [9].
+        if (number := name.strip("[]")) in NUMBERS:
+            self._do(self._controls.send_plain(number))
+            return True
         action = action_of(name)
         if action is None:
             return False

@@ -30,7 +30,7 @@ def order_strip(orders: tuple[OrderEntry, ...], ui: float) -> pygame.Surface:
     ]
     pad, gap, row = round(_PAD * ui), round(_GAP * ui), round(_ROW * ui)
     dot = round(5 * ui)
-    left = pad + 2 * dot + gap // 2
+    left = pad + 2 * dot + round(0.8 * gap)
     columns = [max(texts[at].get_width() for texts in rows) for at in range(3)]
     width = left + sum(columns) + 2 * gap + pad
     strip = pygame.Surface((width, len(rows) * row + pad), pygame.SRCALPHA, 32)

@@ -15,12 +15,13 @@ class OrderTypes:
     """The event types of user orders, by how they are triggered.
 
     `click` has one text, that of the clicked label. `pair` has two, those of two labels. `slide`
-    has one real, changed by the arrow keys.
+    has one real, changed by the arrow keys. Those in `plain` have no data.
     """
 
     click: EventType | None = None
     pair: EventType | None = None
     slide: EventType | None = None
+    plain: tuple[EventType, ...] = ()
 
 
 def order_types(
@@ -32,6 +33,7 @@ def order_types(
         click=_named(vocabulary, click) or _first(taken, is_click),
         pair=_first(taken, is_pair),
         slide=_named(vocabulary, slide) or _first(taken, is_slide),
+        plain=tuple([event for event in taken if not event.fields.names]),
     )
 
 

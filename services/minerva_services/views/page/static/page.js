@@ -139,7 +139,7 @@ function showMembers() {
     if (state === "here") return name;
     return `${name}: ${world.taken.includes(name) ? "on another page" : state}`;
   });
-  element("members").textContent = [world.page, ...texts].join(" · ");
+  element("members").textContent = texts.join(" · ");
 }
 
 function draw({ type, frame, nodes, vocabulary }) {
