@@ -11,7 +11,9 @@ from pathlib import Path
 
 import pytest
 from chat_server import Answered, ChatServer, prompt_of
+from tool_server import tool_server
 
+from minerva_bus.log.reader import Record
 from tests.runtime.running import World, eventually, here, minerva, summary
 
 KEY = "sk-a-very-secret-key"
@@ -118,6 +120,32 @@ def test_a_run_with_a_script_has_one_digest_everywhere(tmp_path):
     assert 'fate=["eat 2", "budget"]' in town["ben"]
     # 0.8 s for two attempts: asked in frame 0, received in frame 1.
     assert recomputes(tmp_path, "a.mcap")[0]
+
+
+def test_results_of_tools_are_recorded_and_not_needed_again(tmp_path, monkeypatch):
+    monkeypatch.setenv("NO_PROXY", "*")
+    rules = [
+        {
+            "when": "I am",
+            "answer": [
+                {"tool": "yard.add", "arguments": {"a": 17, "b": 25}},
+                {"action": "eat", "amount": 4},
+            ],
+        }
+    ]
+    (tmp_path / "rules.py").write_text(f"RULES = {rules}")
+    with tool_server() as url:
+        server = f'tools.yard = {{ url = "{url}", allow = ["add"], timeout = 60 }}'
+        path = write_town(tmp_path, "rules:RULES", server, "wait = true")
+        summary(here(tmp_path, "run", path, "--in-process", "--record", "t.mcap", "--json"))
+    (tmp_path / "rules.py").unlink()
+    with Record(tmp_path / "t.mcap") as record:
+        events = [event for frame in record.frames() for event in frame.events]
+    used = [event.data["tools"] for event in events if event.type == "eReply"]
+    assert used
+    assert all('"result": "42"' in tools for tools in used)
+    same, output = recomputes(tmp_path, "t.mcap")
+    assert same, output
 
 
 def test_branches_have_the_answers_of_the_past_and_ask_on(tmp_path):
