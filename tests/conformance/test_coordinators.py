@@ -24,6 +24,8 @@ def runtime_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("MINERVA_RUNTIME_DIR", str(tmp_path))
 
 
+# All cases, with a new process for each that ends one: more than a minute on a busy machine.
+@pytest.mark.timeout(600)
 def test_the_coordinator_of_minerva_bus_passes() -> None:
     card = run_coordinator_suite(OWN)
     assert "\n".join(report.problems(card)) == ""
