@@ -200,7 +200,7 @@ def _seek(running: Operated, _: Mapping[str, Any]) -> dict[str, Any]:
 
 def _stop(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
     _note(running, asked)
-    running.runner.handle(s.End("stopped by a person"))
+    running.schedule.stop(s.End("stopped by a person"))
     return {}
 
 

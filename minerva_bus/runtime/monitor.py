@@ -43,6 +43,7 @@ class Monitor:
     def __init__(self, coordinator: Coordinator, waits: Waits) -> None:
         self._algorithm = coordinator.algorithm
         self._runner = coordinator.runner
+        self._schedule = coordinator.schedule
         self._meter = coordinator.status
         self._admission = coordinator.admission
         self._log = coordinator.log
@@ -79,6 +80,7 @@ class Monitor:
 
     def tick(self, now: float) -> None:
         """Report the status and apply time-outs; `now` is the monotonic time in seconds."""
+        self._schedule.check_end(now)
         if now < self._meter.at + STATUS_EVERY / 2:
             return  # After a long frame several ticks of the clock have queued up.
         # Revoked members are informed before the next check cuts their links.

@@ -17,6 +17,9 @@ from minerva_bus.runtime.runner import Sink
 
 _BEGIN: Final = s.Begin()
 
+LAST_VIEW_SECONDS: Final = 5.0
+"""Time for the frame that shows the last string before a person's stop."""
+
 
 class FrameSchedule(Sink):
     """Times the frames of one algorithm; `clock` gives monotonic seconds.
@@ -43,6 +46,8 @@ class FrameSchedule(Sink):
         self._views = ViewClock()
         self._omits_views = False
         self._ready = False
+        self._end: s.End | None = None
+        self._end_by = 0.0
 
     @property
     def rests(self) -> bool:
@@ -66,8 +71,10 @@ class FrameSchedule(Sink):
         """Whether an observer asks for views per second, not per frame."""
         return bool(self._algorithm.members.index.rates)
 
-    def begin(self) -> s.Begin:
-        """The stimulus that begins the frame that is due."""
+    def begin(self) -> s.Begin | s.End:
+        """The stimulus that begins the frame that is due, or the end that follows the last one."""
+        if self._end is not None and self.pace.paused:
+            return self._end
         now = self._clock()
         # No frame is due until the algorithm reports that this one is over.
         self.due, self._ready = None, False
@@ -88,6 +95,23 @@ class FrameSchedule(Sink):
         """Pause, after one more frame if the latest one left out views that were not due yet."""
         self.pace.pause(after=int(self._omits_views))
         self.repace()
+
+    def stop(self, end: s.End) -> None:
+        """End the world, after one more frame if the latest one left out views, as with a pause.
+
+        A second request, and a frame that takes longer than LAST_VIEW_SECONDS, end it at once.
+        """
+        if self._end is not None or not self._omits_views:
+            self.runner.handle(end)
+            return
+        self._end, self._end_by = end, self._clock() + LAST_VIEW_SECONDS
+        self.pause()
+
+    def check_end(self, now: float) -> None:
+        """End the world if the frame before its end takes too long; `now` in monotonic seconds."""
+        if self._end is not None and now >= self._end_by:
+            self.runner.handle(self._end)
+            self._end_by = float("inf")
 
     @property
     def pauses_before(self) -> int:
@@ -110,7 +134,8 @@ class FrameSchedule(Sink):
     def ready(self, notice: s.Ready) -> None:
         """Time the beginning of the next frame."""
         self._ready = True
-        self.due = self.pace.due(self._clock())
+        is_last = self._end is not None and self.pace.paused
+        self.due = self._clock() if is_last else self.pace.due(self._clock())
 
     def frame_done(self, notice: s.FrameDone) -> None:
         """Time the end of a frame."""

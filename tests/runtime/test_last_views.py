@@ -55,3 +55,14 @@ def test_a_pause_is_immediate_if_no_view_is_left_out(tmp_path):
         before = asked.ask("pause")["frame"]
         eventually(lambda: asked.operator.status().paused, "it pauses")
         assert asked.operator.status().frame <= before
+
+
+def test_a_stopped_world_has_shown_its_last_frame(tmp_path):
+    (tmp_path / "slow_screen.py").write_text(SCREEN)
+    path = write_world(tmp_path, MEMBERS + MEMBER, frames=0, rate=100)
+    with World(path, "--json") as world, world.client() as asked:
+        world.runs("steps", "walkers", "slow")
+        eventually(lambda: asked.operator.status().frame > 20, "frames run")
+        asked.ask("stop")
+        frames = world.summary()["frames"]
+    assert last_view(tmp_path) == frames - 1
