@@ -4,6 +4,7 @@ There are no births and deaths here, so rows stay rows: each frame's columns are
 The runs with births in test_norms.py judge them as separate strings.
 """
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -16,8 +17,9 @@ from street import Light, Steps, eBoo, eFine, eShout, eStep
 from minerva_bus import Agent, Vocabulary, on
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.description import World
+from minerva_bus.frame.outcomes import outcome_of
 from minerva_bus.frame.stimuli import Begin, FrameDone
-from minerva_bus.grammar.batch import single
+from minerva_bus.grammar.batch import Events, single
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.scene import Scene, agents
 from minerva_bus.runtime.direct import InProcessRunner
@@ -283,3 +285,28 @@ def test_rows_are_judged_as_agents_one_by_one_are(norms):
     assert [one.digest for one in scenes] == [one.digest for one in other_scenes]
     assert events == other_events
     assert figures == other_figures
+
+
+def test_a_rejected_row_loses_its_events_of_every_type_and_no_others():
+    """The batches of an outcome, and those of its replacement, are each reduced and kept."""
+    w = WALKERS.pieces[0]
+    outcome, again = outcome_of(w, WALKERS), outcome_of(w, WALKERS)
+    ids = [f"w{row}" for row in range(COUNT)]
+    shouts, boos = (
+        (Events.of([replace(event, sender=who) for who in ids]),) for event in (eShout(1.0), eBoo())
+    )
+    outcome.undo("w3")
+    outcome.replace("w3", again)
+    outcome.undo("w5")
+    left = list(single(outcome.left((*shouts, *boos), [(again, boos)])))
+    both = [who for who in ids if who not in ("w3", "w5")]
+    assert sorted(e.sender for e in left if e.type == "eShout") == sorted(both)
+    assert sorted(e.sender for e in left if e.type == "eBoo") == sorted([*both, "w3"])
+
+
+def test_a_replaced_row_stays_in_a_population_with_deaths():
+    w, survivors = WALKERS.pieces[0], Scene(WALKERS.nodes[:-1])
+    outcome = outcome_of(w, survivors)
+    outcome.undo("w3")
+    outcome.replace("w3", outcome_of(w, survivors))
+    assert walkers(outcome.scene) == walkers(survivors)

@@ -52,3 +52,13 @@ def test_only_events_of_rejected_agents_are_lost():
     assert shouting == {f"r{n}" for n in range(40)} - calm
     assert len(states(algorithm.scene)) > 40
     assert sum(happened(frames, FINE.sanction.type)) == 0
+
+
+def test_the_status_has_the_last_violation_of_each_broken_norm():
+    """In the order of the world file, without those that hold."""
+    norms = Norm("calm", when="x > 999"), Norm("moves", when="x > -999", then=Then.COUNT), FAST
+    _, algorithm, _ = live("ARunner#a<x=-300, speed=30> · ARunner#b<x=-300>", norms, frames=3)
+    moves, fast = algorithm.norms.status()
+    assert (moves.name, moves.then, moves.frame, moves.by) == ("moves", "count", 2, "#b")
+    assert (fast.name, fast.then, fast.frame, fast.by) == ("fast", "sanction", 2, "#a")
+    assert algorithm.norms.broken == {"moves": moves.broken, "fast": fast.broken}
