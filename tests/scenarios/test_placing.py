@@ -8,7 +8,9 @@ from pond import VOCABULARY, Add, Counter, Minnow, Steps, host, service, world
 from minerva_bus.frame import load
 from minerva_bus.frame.composition import Composition
 from minerva_bus.frame.constraints import PlacementRules, Rule
+from minerva_bus.frame.messages import MemberMetrics
 from minerva_bus.frame.placement import Placement
+from minerva_bus.frame.stimuli import Drain
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.testing.memory_bus import MemoryBus
@@ -227,3 +229,17 @@ def test_a_slow_host_gets_a_smaller_share(monkeypatch):
     assert distribution.imbalanced
     distribution.arrange(offers)
     assert sizes(composition) == [35, 105]
+
+
+def test_a_drained_host_gives_its_agents_to_the_others_and_keeps_its_figures():
+    bus = pond({"east": "1", "west": "1"}, PlacementRules())
+    bus.run(1)
+    assert set(homes(bus).values()) == {"east", "west"}
+    bus.handle(MemberMetrics("east", {"cached": 3}))
+    bus.handle(Drain("east"))
+    bus.handle(Drain("nobody"))
+    bus.run(2)
+    assert set(homes(bus).values()) == {"west"}
+    assert sum("draining" in line for line in bus.said) == 1
+    assert set(counts(bus).values()) == {3}
+    assert bus.algorithm.members.get("east").figures == {"cached": 3}
