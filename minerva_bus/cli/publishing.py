@@ -90,15 +90,15 @@ def _fate(world: Client, number: int, waiting: Waiting) -> OrderStatus:
             order = changed
             if not order.open:
                 return order
-            print_message(f"{order.fate}; {_expected(order, world.operator.status().paused)}")
+            print_message(_expected(order, world.operator.status().paused))
         if time.monotonic() > until:
-            known = f"the order {order.fate}" if order is not None else "the order is not known"
-            raise BusError(f"no fate within {waiting.seconds:g} s: {known}")
+            known = "unknown" if order is None else order.fate
+            raise BusError(f"the order has not ended within {waiting.seconds:g} s: {known}")
         time.sleep(POLL_SECONDS)
 
 
 def _expected(order: OrderStatus, is_paused: bool) -> str:
-    """What `pub` waits for, in words."""
+    """The state of an open order, and what `pub` waits for."""
     if order.state == "waiting":
         return "the world is paused: minerva resume" if is_paused else "waiting for the next frame"
-    return "waiting until an agent reports that it is done"
+    return f"{order.fate}; waiting until an agent reports that it is done"
