@@ -200,7 +200,7 @@ def world_file_of(
     wanted = f"minerva replay {path} WORLD"
     file = read_source(world, description, wanted, completed(given, description))
     # Only the vocabulary must agree: seed, rules and norms are those of the record.
-    what = differing_vocabulary(file.world, description.world)
+    what = differing_vocabulary(file.world.vocabulary, description.world.vocabulary)
     if what:
         raise MinervaError(f"{path}: it is the record of another world: {what}")
     return file

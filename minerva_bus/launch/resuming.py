@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
 from minerva_bus.errors import MinervaError, WorldFileError
 from minerva_bus.frame.algorithm import FrameAlgorithm
@@ -19,6 +19,7 @@ from minerva_bus.frame.checkpoint import HALTED, Checkpoint
 from minerva_bus.frame.description import World
 from minerva_bus.frame.goal import GIVEN_UP
 from minerva_bus.frame.messages import ViewShown
+from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.launch.installed import find_world
 from minerva_bus.launch.reading import read_world_file
 from minerva_bus.launch.table import Table
@@ -26,6 +27,7 @@ from minerva_bus.launch.toml import TomlError, read_toml, toml_value_text
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.settings.overrides import Overrides
 from minerva_bus.wire.vocabulary import plain_vocabulary
+from minerva_bus.wording import named_some
 from minerva_bus.world.agent import Agent
 from minerva_bus.world.kinds import Kinds, kinds_of
 from minerva_bus.world.norms import SOURCE
@@ -38,6 +40,9 @@ if TYPE_CHECKING:
 
 WorldSource: TypeAlias = str | Callable[[Overrides], WorldFile]
 """A world with the code of a record: its file or installed name ("": as recorded), or a reader."""
+
+MAX_NAMED: Final = 5
+"""Names of each difference in a message."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -179,7 +184,7 @@ def differing(world: World, recorded: World) -> Iterator[str]:
         if wanted != before:
             wanted, before = getattr(wanted, "value", wanted), getattr(before, "value", before)
             yield f"{what} {before} is recorded, {wanted} is wanted"
-    what = differing_vocabulary(world, recorded)
+    what = differing_vocabulary(world.vocabulary, recorded.vocabulary)
     if what:
         yield what
     if world.norms != recorded.norms:
@@ -188,10 +193,32 @@ def differing(world: World, recorded: World) -> Iterator[str]:
         yield "its order of events is not the one of the world file"
 
 
-def differing_vocabulary(world: World, recorded: World) -> str:
-    """A message if the vocabularies of two worlds differ, or an empty string."""
-    same = plain_vocabulary(world.vocabulary) == plain_vocabulary(recorded.vocabulary)
-    return "" if same else "its vocabulary is not the one of the world file"
+def differing_vocabulary(wanted: Vocabulary, recorded: Vocabulary) -> str:
+    """A message if two vocabularies differ in what frames use, or an empty string.
+
+    Pictures, and the fates of orders, are not part of frames: they may have changed.
+    """
+    now, before = _used(wanted), _used(recorded)
+    named = {
+        "it lacks": now.keys() - before.keys(),
+        "the world file lacks": before.keys() - now.keys(),
+        "these are declared otherwise:": {
+            name for name in now.keys() & before.keys() if now[name] != before[name]
+        },
+    }
+    shown = [
+        f"{what} {named_some(sorted(names), MAX_NAMED)}" for what, names in named.items() if names
+    ]
+    if not shown:
+        return ""
+    return f"its vocabulary is not the one of the world file: {'; '.join(shown)}"
+
+
+def _used(vocabulary: Vocabulary) -> dict[str, Any]:
+    """The declarations of a vocabulary that frames use, by name."""
+    plain = plain_vocabulary(vocabulary)
+    sections = ("primitives", "transformations", "kinds", "events")
+    return {declared[0]: declared[1:] for section in sections for declared in plain[section]}
 
 
 def check_unfinished(world: World, path: Path) -> None:

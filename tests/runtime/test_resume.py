@@ -5,6 +5,9 @@ import json
 import pytest
 from running import ALL_KINDS, World, eventually, here, minerva, summary, write_world
 
+from minerva_bus import EventType, Vocabulary
+from minerva_bus.launch.resuming import differing_vocabulary
+
 pytest.importorskip("mcap", reason="pip install 'minerva-bus[record]'")
 
 LOCKSTEP = ALL_KINDS.split("[process.noise]")[0]
@@ -103,8 +106,17 @@ def test_another_vocabulary_is_refused(tmp_path):
     )
     done = here(tmp_path, "run", other, "--resume", "cut.mcap", "--in-process", "--frames", 30)
     assert done.returncode == 2
-    assert "its vocabulary is not the one of the world file" in done.stderr
+    assert "its vocabulary is not the one of the world file: the world file lacks " in done.stderr
     assert len(done.stderr.splitlines()) == 1
+
+
+def test_declarations_that_no_frame_uses_may_have_changed():
+    """A record stays usable if only the fates of orders are declared otherwise."""
+    before = Vocabulary.of(EventType("eSit"))
+    assert not differing_vocabulary(Vocabulary.of(EventType("eSit", replaces="eSit")), before)
+    other = Vocabulary.of(EventType("eSit", x=float), EventType("eRun"))
+    what = differing_vocabulary(other, before)
+    assert what.endswith("it lacks eRun; these are declared otherwise: eSit")
 
 
 def test_a_world_file_that_has_moved_is_asked_for(tmp_path):
