@@ -28,9 +28,12 @@ from hypothesis import strategies as st
 
 from minerva_bus import EMPTY, EventType, Frame, MinervaError, Scene, Tick, View
 from minerva_bus.semantics.volumes import Volumes, volumes
+from minerva_bus.wire.plain import pack
+from minerva_bus.wire.weighing import values_in
 from minerva_services.physics.collisions import Collisions
 from minerva_services.physics.collisions.contacts import Owners, contacts
 from minerva_services.physics.collisions.grid import Boxes, pairs_among, pairs_between
+from minerva_services.physics.collisions.service import LISTED, ContactMemory, ContactPair
 from minerva_services.physics.collisions.touching import TOLERANCE, touches
 
 BOX = np.ones((1, 1), np.int16)
@@ -165,6 +168,21 @@ def test_a_successor_knows_what_has_begun() -> None:
     assert heir.report() == {"collisions": 2}
     with pytest.raises(MinervaError, match="collisions: not a saved state"):
         heir.restore({"touching": [["a"]], "count": 0})
+
+
+def test_many_contacts_are_saved_as_few_values() -> None:
+    """A saved state has a limit of values (`tick_values`)."""
+    pairs = [
+        ContactPair(f"a{n}", f"b{n}" if n % 3 else "", math.cos(n), math.sin(n))
+        for n in range(LISTED + 1)
+    ]
+    for many in (pairs, pairs[:LISTED]):
+        saved = ContactMemory(many).save()
+        again = ContactMemory.restored(saved)
+        assert again.save() == saved
+        assert all(map(again.knows, many))
+        assert not again.knows(ContactPair("a1", "b2", 1.0, 0.0))
+    assert values_in(pack(ContactMemory(pairs).save()), 100) < 10
 
 
 @pytest.mark.parametrize(

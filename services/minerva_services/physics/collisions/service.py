@@ -25,6 +25,9 @@ from minerva_services.physics.collisions.touching import Touches
 _SAME_COSINE: Final = 0.7
 """Cosine of the angle (about 45 degrees) within which two touches of scenery count as the same."""
 
+LISTED: Final = 5000
+"""Contacts that are saved as lists, which people can read in a record."""
+
 
 @dataclass(frozen=True, slots=True)
 class ContactPair:
@@ -53,14 +56,23 @@ class ContactMemory:
             return bool(known)
         return any(contact.nx * other.nx + contact.ny * other.ny >= _SAME_COSINE for other in known)
 
-    def save(self) -> list[list[Any]]:
-        """All contacts as plain values."""
+    def save(self) -> list[list[Any]] | dict[str, Any]:
+        """All contacts as plain values; many of them as few values, which have a limit."""
         contacts = [contact for known in self._known.values() for contact in known]
-        return [[item.agent, item.other, item.nx, item.ny] for item in contacts]
+        if len(contacts) <= LISTED:
+            return [[item.agent, item.other, item.nx, item.ny] for item in contacts]
+        normals = np.array([(item.nx, item.ny) for item in contacts], "<f8")
+        names = "\n".join([f"{item.agent}\n{item.other}" for item in contacts])
+        return {"names": names, "normals": normals.tobytes()}
 
     @staticmethod
-    def restored(saved: list[list[Any]]) -> ContactMemory:
-        """Inverse of `save`. Raises TypeError and ValueError for other values."""
+    def restored(saved: list[list[Any]] | dict[str, Any]) -> ContactMemory:
+        """Inverse of `save`. Raises KeyError, TypeError and ValueError for other values."""
+        if isinstance(saved, dict):
+            names = str(saved["names"]).split("\n")
+            normals = np.frombuffer(saved["normals"], "<f8").reshape(-1, 2).tolist()
+            pairs = zip(names[::2], names[1::2], normals, strict=True)
+            return ContactMemory([ContactPair(a, b, nx, ny) for a, b, (nx, ny) in pairs])
         return ContactMemory(
             [ContactPair(str(a), str(b), float(nx), float(ny)) for a, b, nx, ny in saved]
         )
