@@ -51,7 +51,10 @@ EXTRAS: Final = {
     "serial": (("serial", "pynmea2"), "lidars and GPS on a serial line"),
     "vision": (("cv2",), "markers that cameras see"),
     "gamepad": (("pygame",), "gamepads"),
-    "mosaik": (("mosaik_api_v3",), "worlds in mosaik's scenarios"),
+    "mosaik": (
+        ("mosaik", "mosaik_api_v3"),
+        "worlds in mosaik's scenarios, its simulators in worlds",
+    ),
     "fmi": (("fmpy", "pythonfmu3"), "models as FMUs in worlds, worlds as FMUs"),
     "helics": (("helics",), "worlds as federates of HELICS"),
     "optuna": (("optuna",), "searches by a sampler of Optuna"),
