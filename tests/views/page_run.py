@@ -118,7 +118,9 @@ class PageRun:
 def running(folder, *arguments, **options):
     run = PageRun(folder, *arguments, **options)
     try:
-        yield run
+        # The threads of an open client keep the process of the tests alive.
+        with run.client:
+            yield run
     finally:
         run.end()
 
