@@ -111,6 +111,15 @@ def test_no_archaic_words_but_for_the_baseline():
     assert remaining == allowed, "shorten naming.toml: python tests/unit/test_naming.py"
 
 
+def test_modules_of_tests_have_different_names():
+    """pytest imports them by these names alone; a second module of a name ends its collection."""
+    paths = defaultdict(list)
+    for path in sorted((ROOT / "tests").rglob("*.py")):
+        paths[path.name].append(str(path.relative_to(ROOT)))
+    del paths["conftest.py"]
+    assert [several for several in paths.values() if len(several) > 1] == []
+
+
 @pytest.mark.parametrize(("path", "text", "expressions"), [
     ("a.py", "Started Anew, of late", ["anew", "of late"]), ("a.md", "It is heard.", ["is heard"]),
     ("docs/sound.md", "It is heard anew.", ["anew"]), ("a.py", "ever_more, renewal, truth", []),
