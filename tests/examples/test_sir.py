@@ -3,15 +3,16 @@
 import re
 import subprocess
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-pytest.importorskip("mesa", reason="the extra docs installs Mesa")
-
 from benchmarks.sir import FRAMES, curves_of, plotted
 
+# Not importorskip: other processes import Mesa, and the import takes 1 s in each test worker.
+pytestmark = pytest.mark.skipif(find_spec("mesa") is None, reason="the extra docs installs Mesa")
 ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / "examples" / "sir"
 PAGE = (ROOT / "docs" / "migration" / "1-mesa.md").read_text(encoding="utf-8")

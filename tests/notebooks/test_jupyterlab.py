@@ -2,11 +2,11 @@
 
 import re
 import shutil
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
 
-pytest.importorskip("jupyterlab", reason="needs pip install jupyterlab")
 pytest.importorskip("playwright", reason="needs pip install playwright")
 
 from lab import PATIENCE, JupyterLab, OpenNotebook
@@ -18,6 +18,8 @@ LIVE = "4-live.ipynb"
 OTHERS = sorted(path.name for path in FOLDER.glob("*.ipynb") if path.name != LIVE)
 
 pytestmark = [
+    # Not importorskip: another process imports it, and the import takes 2 s.
+    pytest.mark.skipif(find_spec("jupyterlab") is None, reason="needs pip install jupyterlab"),
     pytest.mark.skipif(CHROMIUM is None, reason="needs chromium (apt install chromium)"),
     pytest.mark.timeout(2 * PATIENCE),
 ]
