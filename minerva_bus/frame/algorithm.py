@@ -25,7 +25,7 @@ from minerva_bus.frame.instructions import Instructions
 from minerva_bus.frame.joining import MemberLifecycle
 from minerva_bus.frame.live import FrameSource, LiveSource
 from minerva_bus.frame.members import MemberChange, Members
-from minerva_bus.frame.norms import Norms
+from minerva_bus.frame.norms import BROKEN, Norms
 from minerva_bus.frame.phases import TRANSITIONS, Awaited, Phase
 from minerva_bus.frame.placement import Placement
 from minerva_bus.frame.shutdown import Shutdown
@@ -191,7 +191,7 @@ class FrameAlgorithm:
         self._enter(awaited)
         if self.norms.broken:
             counts = sorted(self.norms.broken.items())
-            self.shutdown.add_figures(SOURCE, {f"norm_{name}": count for name, count in counts})
+            self.shutdown.add_figures(SOURCE, {BROKEN + name: count for name, count in counts})
         self.out.add(s.Ended(self.shutdown.reason, self.shutdown.total()))
 
     def _enter(self, awaited: Awaited) -> None:

@@ -23,6 +23,8 @@ from minerva_bus.world.operator import NormStatus
 
 NORMS: Final = "norms"
 """The name under which violations are logged."""
+BROKEN: Final = "norm_"
+"""Prefix of a norm's name in the figures of a run: how often it was broken."""
 
 Sources = Mapping[str, Sequence[AnyEvent]]
 RejectedOrder = tuple[str, Event, str]

@@ -12,9 +12,16 @@ from minerva_bus.frame.member import Member
 from minerva_bus.log.checkpoints import Kept
 from minerva_bus.log.entries import EntryDecoder, encode_keyframe
 from minerva_bus.regions.merging import Units
-from minerva_bus.regions.messages import packed_places, unpacked_places
+from minerva_bus.regions.messages import (
+    ParcelMessage,
+    packed_places,
+    parcel_of,
+    to_message,
+    unpacked_places,
+)
 from minerva_bus.regions.partition import Partition
 from minerva_bus.regions.region import Region
+from minerva_bus.wire.codec import Decoder, encode
 from minerva_bus.wire.limits import ON_DISK
 from minerva_bus.wire.plain import as_list, pack, unpack
 
@@ -23,12 +30,13 @@ from minerva_bus.wire.plain import as_list, pack, unpack
 class RegionCheckpoint:
     """State between `enter` and a frame, as a journal has it.
 
-    `keyframe`: string and checkpoint, as in a record. `places`: of its nodes. `messages`: further
-    plain data of the region's process.
+    `keyframe`: string and checkpoint, as in a record. `places`: of its nodes. `norms`: a parcel
+    with what norms know of other regions. `messages`: further plain data of the region's process.
     """
 
     keyframe: bytes
     places: bytes
+    norms: bytes
     messages: Sequence[Any]
 
     @staticmethod
@@ -36,17 +44,18 @@ class RegionCheckpoint:
         """The state of a region. Raises TypeError if a generator saves data that are not plain."""
         units, checkpoint = region.units, region.algorithm.checkpoint
         keyframe = encode_keyframe(region.frame, units.scene, Kept.of(checkpoint))
-        return RegionCheckpoint(keyframe, packed_places(units.places), messages)
+        norms = encode(to_message(region.norms))
+        return RegionCheckpoint(keyframe, packed_places(units.places), norms, messages)
 
     def encoded(self) -> bytes:
         """The checkpoint as bytes."""
-        return pack([self.keyframe, self.places, list(self.messages)])
+        return pack([self.keyframe, self.places, self.norms, list(self.messages)])
 
     @staticmethod
     def decoded(data: bytes) -> RegionCheckpoint:
         """A checkpoint that this program has encoded. Raises ProtocolError."""
-        keyframe, places, messages = as_list(unpack(data, ON_DISK), "a checkpoint")
-        return RegionCheckpoint(keyframe, places, messages)
+        keyframe, places, norms, messages = as_list(unpack(data, ON_DISK), "a checkpoint")
+        return RegionCheckpoint(keyframe, places, norms, messages)
 
     def region(
         self, world: World, number: int, partition: Partition, members: Iterable[Member]
@@ -58,4 +67,7 @@ class RegionCheckpoint:
         pieces = keyframe.scene.pieces
         places = unpacked_places(self.places, sum(piece.count for piece in pieces), "places")
         past = replace(world, past=keyframe.checkpoint)
-        return Region(past, number, partition, members, Units(places, pieces))
+        norms = Decoder(world.vocabulary, ON_DISK).parcel(self.norms)
+        assert isinstance(norms, ParcelMessage)
+        received = parcel_of(norms, number, number).norms
+        return Region(past, number, partition, members, Units(places, pieces), received)

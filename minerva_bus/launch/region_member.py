@@ -23,6 +23,7 @@ from minerva_bus.launch.region_sending import ParcelSender
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.log.entries import encode_inputs
 from minerva_bus.regions.messages import from_message, to_message
+from minerva_bus.regions.norms import violations
 from minerva_bus.regions.parcel import Parcel
 from minerva_bus.regions.part import PartSender
 from minerva_bus.regions.region import Region
@@ -230,9 +231,11 @@ class RegionMember(Member):
             figures["parcel_bytes"] = round(
                 self._parcels.sent_bytes / (frames * count * (count - 1))
             )
-        # The members of one region report the figures of all, because generators are equal.
-        if self.region.number != FIRST or ended is None:
+        if ended is None:
             return figures
+        # The members of one region report the figures of all, because generators are equal.
+        if self.region.number != FIRST:
+            return {**figures, **violations(ended.figures)}
         return {"regions": count, **figures, **ended.figures}
 
     # --- frames ---

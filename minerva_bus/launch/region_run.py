@@ -21,6 +21,7 @@ from minerva_bus.launch.summary import RunSummary
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.regions.attached import Replies
 from minerva_bus.regions.merging import Units, merged
+from minerva_bus.regions.norms import total_figures
 from minerva_bus.regions.region import Region
 from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.runtime.runner import Notice
@@ -163,9 +164,8 @@ class RegionRun:
 
     def _summary(self) -> RunSummary:
         first, file = self._first_at, self._file
-        # The members of one region report the figures of all, because generators are equal.
-        ended = self._parts[0].runner.ended if self._parts else None
-        figures = {} if ended is None else dict(ended.figures)
+        ends = [part.runner.ended for part in self._parts]
+        figures = total_figures([ended.figures for ended in ends if ended is not None])
         return RunSummary(
             world=file.world.name,
             frames=self._frame,

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, Final, cast
 
 from minerva_bus.errors import WorldFileError
+from minerva_bus.frame.description import World
 from minerva_bus.frame.member import Member
 from minerva_bus.launch.specs import load
 from minerva_bus.launch.table import Table
@@ -75,7 +76,7 @@ def check_regions(file: WorldFile, members: Sequence[Member]) -> None:
     """Raise WorldFileError if the world contains what regions do not support."""
     world = file.world
     unsupported = {
-        "norms": bool(world.norms),
+        **{f"norms on events that name other agents ({name})": True for name in _naming(world)},
         'policy = "literal"': world.policy is Policy.LITERAL,
         f"give_up ({world.give_up})": bool(world.give_up),
         "[placement]": bool(world.placement.rules or world.placement.agents_per_host),
@@ -85,6 +86,13 @@ def check_regions(file: WorldFile, members: Sequence[Member]) -> None:
     reasons += _unsupported_processes(file.processes)
     reasons += [reason for reason in services if not reason.startswith(" ")]
     _refuse(file, reasons)
+
+
+def _naming(world: World) -> Iterator[str]:
+    for norm in world.norms:
+        names = [name for condition in norm.conditions for name in condition.names]
+        if norm.on and any(name.startswith("#") for name in names):
+            yield norm.name
 
 
 def check_region_run(file: WorldFile, *, in_process: bool) -> None:

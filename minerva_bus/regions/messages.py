@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import chain, pairwise
-from typing import Annotated, ClassVar, Final, TypeAlias
+from typing import Annotated, Any, ClassVar, Final, TypeAlias, TypeGuard, cast
 
 import numpy as np
 
@@ -17,9 +17,11 @@ from minerva_bus.grammar.delta import Delta
 from minerva_bus.grammar.scene import AgentNode, Scene
 from minerva_bus.regions.attached import Replies
 from minerva_bus.regions.merging import PlacedEvent, Units
+from minerva_bus.regions.norms import NormPart
 from minerva_bus.regions.parcel import Parcel, Progress
 from minerva_bus.regions.places import Place
 from minerva_bus.regions.views import PlacedSkeleton, ViewPart
+from minerva_bus.world.norms import Lately
 
 _COUNT: Final = np.dtype("<u4")
 _NUMBER: Final = np.dtype("<i8")
@@ -64,6 +66,14 @@ class ParcelMessage:
     ] = b""
     shown: Annotated[bytes, Note("the places of these nodes")] = b""
     halted: Annotated[tuple[str, ...], Note("agents whose actions no device executes")] = ()
+    states: Annotated[m.Figures, Note("values of agents that norms name: `#id.attribute`")] = field(
+        default_factory=dict[str, bool | int | float | str]
+    )
+    counts: Annotated[
+        m.Saved, Note("by norm and agent of `string`, the frames of acts that norms count")
+    ] = None
+    sanctions: Annotated[tuple[AnyEvent, ...], Note("of norms, for the next frame")] = ()
+    later: Annotated[tuple[AnyEvent, ...], Note("sanctions for the frame after it")] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,6 +120,10 @@ def to_message(parcel: Parcel | Replies) -> RegionMessage:
         b"" if layout is None else np.array(layout.sizes, _COUNT).tobytes(),
         b"" if layout is None else packed_places(layout.places),
         views.halted,
+        dict(parcel.norms.states),
+        dict(parcel.norms.counts) or None,
+        parcel.norms.sanctions,
+        parcel.norms.later,
     )
 
 
@@ -139,7 +153,25 @@ def parcel_of(message: ParcelMessage, source: int, target: int) -> Parcel:
     )
     events = tuple(placed_events(message.events, message.senders))
     units = Units(places, scene.pieces)
-    return Parcel(message.frame, source, target, units, events, progress, _views(message))
+    views, norms = _views(message), _norms(message)
+    return Parcel(message.frame, source, target, units, events, progress, views, norms)
+
+
+def _norms(message: ParcelMessage) -> NormPart:
+    counts: Lately = {}
+    for norm, of in (message.counts or {}).items():
+        acts = cast("dict[Any, Any]", of).items() if isinstance(of, dict) else [(None, None)]
+        for who, frames in acts:
+            if not (isinstance(who, str) and _are_frames(frames)):
+                raise ProtocolError(f"parcel: counts: {norm[:40]} has no list of frames by agent")
+            counts.setdefault(norm, {})[who] = [*frames]
+    return NormPart(message.states, counts, message.sanctions, message.later)
+
+
+def _are_frames(value: object) -> TypeGuard[list[int]]:
+    return isinstance(value, list) and all(
+        type(frame) is int for frame in cast("list[object]", value)
+    )
 
 
 def _views(message: ParcelMessage) -> ViewPart:

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from minerva_bus.regions.merging import PlacedEvent, Units
+from minerva_bus.regions.norms import NO_NORMS, NormPart
 from minerva_bus.regions.views import NO_VIEWS, ViewPart
 
 
@@ -40,6 +41,7 @@ class Parcel:
     events: tuple[PlacedEvent, ...]
     progress: Progress
     views: ViewPart = NO_VIEWS
+    norms: NormPart = NO_NORMS
 
     @property
     def needed_in(self) -> int:

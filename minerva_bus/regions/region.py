@@ -8,7 +8,7 @@ arrive in any order and more than once.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
 
@@ -19,46 +19,19 @@ from minerva_bus.errors import ProtocolError
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.description import World
 from minerva_bus.frame.goal import all_sent
-from minerva_bus.frame.live import LiveSource, why_over
+from minerva_bus.frame.live import why_over
 from minerva_bus.frame.member import Member
-from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.scene import Piece, Scene, agents
 from minerva_bus.regions.attached import HOME, AttachedServices, Replies
+from minerva_bus.regions.dividing import NOTHING, cut, divided
 from minerva_bus.regions.merging import PlacedEvent, Units, in_order, merged
+from minerva_bus.regions.norms import NO_NORMS, NormPart, RegionNorms
 from minerva_bus.regions.parcel import Parcel, Progress
 from minerva_bus.regions.partition import Partition, regions_of
-from minerva_bus.regions.places import Place, SenderPlaces, after_frame
 from minerva_bus.regions.routing import Routing
-from minerva_bus.regions.views import NO_VIEWS, PartialViews
-
-
-class RegionSource(LiveSource):
-    """The frames of a region; keeps the places of its nodes, and of the senders of its events."""
-
-    def __init__(self, algorithm: FrameAlgorithm) -> None:
-        super().__init__(algorithm)
-        self.places: Sequence[Place] = ()
-        self.sent: list[PlacedEvent] = []
-        self.shown = NO_VIEWS
-        self._views = PartialViews()
-        self.commit = self._commit
-
-    def why_over(self) -> str:
-        """No reason: the region ends when all others do, which its algorithm does not know."""
-        return ""
-
-    def _commit(self) -> None:
-        algorithm = self._algorithm
-        composition, changed = algorithm.composition, algorithm.in_flight.result.changed
-        # Before the replacement: views are of the string that the frame began with, and agents
-        # that died in this frame have no place after it.
-        self.shown = self._views.part(algorithm.in_flight, composition, self.places)
-        sent = self.evolution.sent_in_order()
-        senders = SenderPlaces(self.places, composition) if sent else None
-        self.sent = [PlacedEvent(senders.of(event), event) for event in sent] if senders else []
-        if changed:
-            self.places = after_frame(self.places, composition, changed, algorithm.frame)
-        self.evolution.commit()
+from minerva_bus.regions.source import RegionSource
+from minerva_bus.regions.views import NO_VIEWS
+from minerva_bus.world.norms import SOURCE
 
 
 class Region:
@@ -75,12 +48,13 @@ class Region:
         partition: Partition,
         members: Iterable[Member] = (),
         own: Units | None = None,
+        received: NormPart | None = None,
     ) -> None:
         """`world` is the whole world, whose string is cut here, equally in each region.
 
         `members` are those of the world; the region delivers messages to them by
         `services.deliver`. A region that continues a run has its `own` part instead of a cut, and
-        has entered its first frame.
+        what norms have `received`; it has entered its first frame.
         """
         own = cut(world.scene, partition)[number] if own is None else own
         self.number = number
@@ -100,6 +74,13 @@ class Region:
         self._known = self.algorithm.goal.reached, self.algorithm.goal.striving
         self._settled: dict[int, Piece] = {}
         self._settled_by = partition
+        self._norms: RegionNorms | None = None
+        if world.norms:
+            algorithm = self.algorithm
+            self._norms = algorithm.norms = RegionNorms(world, algorithm.composition, number)
+            self._source.judge = self._norms.judge
+            if received is not None:
+                self._norms.receive([received])
 
     @property
     def frame(self) -> int:
@@ -166,6 +147,21 @@ class Region:
         events = in_order(event for parcel in parcels for event in parcel.events)
         self.algorithm.inbox.emitted = events
         self._note_progress([parcel.progress for parcel in parcels])
+        if self._norms is not None:
+            norms = [parcel.norms for parcel in parcels]
+            self._norms.receive(norms)
+            self.algorithm.inbox.sanctions = [event for part in norms for event in part.sanctions]
+            if self.over:
+                self._norms.forget_judged()
+            # Counts have changed since the last frame, by judging and by agents that have moved.
+            self.algorithm.members.saved[SOURCE] = self._norms.saved()
+
+    @property
+    def norms(self) -> Parcel:
+        """What norms have received for the frame that begins, in a parcel to this region."""
+        received = NO_NORMS if self._norms is None else self._norms.received()
+        own = self.number
+        return Parcel(self.frame, own, own, NOTHING, (), self.progress(), norms=received)
 
     @property
     def _has_entered(self) -> bool:
@@ -228,6 +224,7 @@ class Region:
         routed = routing.route(self._source.sent)
         progress = self.progress()
         views = {HOME: self._source.shown} if self.services.shows else {}
+        norms = self._norm_parts(routing, moving)
         return [
             Parcel(
                 frame,
@@ -237,13 +234,28 @@ class Region:
                 tuple(events),
                 progress,
                 views.get(to, NO_VIEWS),
+                norms.get(to, NO_NORMS),
             )
             for to, events in enumerate(routed)
         ]
 
-    def part(self) -> Parcel:
-        """The whole part of w between `enter` and the next frame, as a parcel to itself."""
-        return Parcel(self.frame, self.number, self.number, self.units, (), self.progress())
+    def _norm_parts(self, routing: Routing, moving: Mapping[str, int]) -> dict[int, NormPart]:
+        if self._norms is None:
+            return {}
+        inbox, regions = self.algorithm.inbox, range(self.partition.count)
+        states = self._norms.states()
+        sanctions = routing.route(PlacedEvent((), event) for event in inbox.sanctions)
+        later = routing.route(PlacedEvent((), event) for event in self._norms.take_later())
+        inbox.sanctions = []  # They may follow their agents to other regions.
+        return {
+            to: NormPart(
+                states,
+                self._norms.counts_of([who for who, region in moving.items() if region == to]),
+                tuple([each.event for each in sanctions[to]]),
+                tuple([each.event for each in later[to]]),
+            )
+            for to in regions
+        }
 
     def progress(self) -> Progress:
         """What other regions have to know of the last frame."""
@@ -278,34 +290,5 @@ class Region:
         return own if regions is None else regions
 
 
-NOTHING = Units((), ())
-
-
 def _wrong(parcel: Parcel, problem: str) -> ProtocolError:
     return ProtocolError(f"region {parcel.source} {problem}, in its parcel of frame {parcel.frame}")
-
-
-def cut(scene: Scene, partition: Partition) -> list[Units]:
-    """The units of each region in a world's initial string."""
-    places = [(number,) for number in range(sum(piece.count for piece in scene.pieces))]
-    regions: list[NDArray[np.intp]] = []
-    for piece in scene.pieces:
-        of_agents = regions_of(partition, piece)
-        home = np.full(piece.count, HOME, np.intp)
-        regions.append(home if of_agents is None else of_agents)
-    parts = divided(Units(places, scene.pieces), regions)
-    return [parts.get(number, NOTHING) for number in range(partition.count)]
-
-
-def divided(units: Units, regions: Sequence[NDArray[np.intp]]) -> dict[int, Units]:
-    """Units by region; `regions` has the region of each node of each piece."""
-    places: dict[int, list[Place]] = {}
-    pieces: dict[int, list[Piece]] = {}
-    for (own, piece), each in zip(units.each(), regions, strict=True):
-        for region in np.unique(each).tolist():
-            rows = np.flatnonzero(each == region)
-            whole = len(rows) == piece.count
-            places.setdefault(region, []).extend(own[row] for row in rows.tolist())
-            part = piece if whole or not isinstance(piece, Columns) else piece.take(rows)
-            pieces.setdefault(region, []).append(part)
-    return {region: Units(places[region], tuple(pieces[region])) for region in sorted(places)}

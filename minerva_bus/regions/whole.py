@@ -22,10 +22,10 @@ from minerva_bus.frame.replaying import RecordedSource
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.scene import Scene
+from minerva_bus.regions.dividing import cut
 from minerva_bus.regions.merging import in_order, merged
 from minerva_bus.regions.part import PartMessage, PartReceiver
 from minerva_bus.regions.partition import Partition
-from minerva_bus.regions.region import cut
 from minerva_bus.world.kinds import Kinds
 from minerva_bus.world.order import collect
 

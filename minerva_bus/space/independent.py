@@ -46,14 +46,13 @@ def independence(function: FunctionType) -> Independence:
     row, subject, *_ = inspect.signature(function).parameters
     try:
         moves = list(_Body(function, subject, row).moves())
-    except _DependentError:
+    except NotCompilable:  # also if there is no source
         return Independence(independent=False)
     # A second move would change the order of a cell's rows, unless it happens at once.
     return Independence(moves in ([], [False]), bool(moves))
 
 
-class _DependentError(Exception):
-    """An activation may depend on another."""
+_DEPENDS: Final = "an activation depends on another"
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,11 +68,8 @@ class _Body:
     own: set[ast.AST] = field(default_factory=set[ast.AST])
 
     def moves(self) -> Iterator[bool]:
-        """For each `go_to` of the row, whether it is in a loop. Raises _DependentError."""
-        try:
-            tree = Origin.of(self.function).tree
-        except NotCompilable:
-            raise _DependentError from None
+        """For each `go_to` of the row, whether it is in a loop. Raises NotCompilable for others."""
+        tree = Origin.of(self.function).tree
         nodes = list(ast.walk(tree))
         loops = [node for node in nodes if isinstance(node, ast.For | ast.While)]
         looped = {node for loop in loops for node in ast.walk(loop)}
@@ -98,19 +94,19 @@ class _Body:
             self.own.add(node.value)
 
     def _check(self, node: ast.AST) -> None:
-        """Raise _DependentError if a node reads another row of the subject, or writes elsewhere."""
+        """Raise NotCompilable if a node reads another row of the subject, or writes elsewhere."""
         if _is(node, self.subject) and node not in self.own:
-            raise _DependentError
+            raise NotCompilable(_DEPENDS)
         if not isinstance(getattr(node, "ctx", None), ast.Store | ast.Del):
             return
         if isinstance(node, ast.Attribute) or _is(node, self.row):
-            raise _DependentError
+            raise NotCompilable(_DEPENDS)
         if isinstance(node, ast.Subscript):
             base = node.value
             if isinstance(base, ast.Attribute):
                 base = base.value
             if base not in self.own:
-                raise _DependentError
+                raise NotCompilable(_DEPENDS)
 
     def _moves_of(self, call: ast.Call) -> Iterator[bool]:
         """The moves of a kernel that is called, with this function's subject and row."""
@@ -125,17 +121,17 @@ class _Body:
                 *call.args, **{str(each.arg): each.value for each in call.keywords}
             )
         except TypeError:
-            raise _DependentError from None
+            raise NotCompilable(_DEPENDS) from None
         subjects = [name for name, node in bound.arguments.items() if _is(node, self.subject)]
         rows = [name for name, node in bound.arguments.items() if _is(node, self.row)]
         if subjects and (len(subjects), len(rows)) != (1, 1):
-            raise _DependentError
+            raise NotCompilable(_DEPENDS)
         if kernel is go_to:
             if not subjects:
-                raise _DependentError
+                raise NotCompilable(_DEPENDS)
             yield False
         elif kernel.function.__module__.startswith("minerva_bus.space."):
-            raise _DependentError
+            raise NotCompilable(_DEPENDS)
         else:
             yield from _Body(kernel.function, "".join(subjects), rows[0] if rows else "").moves()
         self.own.update(bound.arguments[name] for name in subjects)

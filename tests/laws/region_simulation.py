@@ -9,12 +9,14 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.description import World
 from minerva_bus.grammar.batch import single
+from minerva_bus.launch.region_checkpoint import RegionCheckpoint
+from minerva_bus.regions.dividing import cut
 from minerva_bus.regions.merging import in_order, merged
 from minerva_bus.regions.messages import from_message, to_message
 from minerva_bus.regions.outbox import Outbox
 from minerva_bus.regions.parcel import Parcel
 from minerva_bus.regions.part import PartReceiver, PartSender
-from minerva_bus.regions.region import Region, cut
+from minerva_bus.regions.region import Region
 from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.wire.codec import Decoder, encode
 
@@ -52,20 +54,33 @@ class Process:
         self.regions = regions
         self.journal = list(journal)
         members = regions.members()
-        self.region = region = Region(regions.world, number, regions.partitions[0], members)
+        region = Region(regions.world, number, regions.partitions[0], members)
         self.outbox = Outbox()
         self.sent = []
         self.parts = PartSender()
-        region.services.send = self.send
-        deliver = region.services.deliver
-        self.runner = InProcessRunner(region.algorithm, members, deliver=deliver)
-        self.runner.start()
+        self.begin(region, members)
         for message in journal:
             self.advance_all()
             region.receive(message)
             self.acknowledge(message)
         if journal:
             self.advance_all()
+
+    def begin(self, region, members):
+        self.region = region
+        region.services.send = self.send
+        deliver = region.services.deliver
+        self.runner = InProcessRunner(region.algorithm, members, deliver=deliver)
+        self.runner.start()
+
+    def continue_from_checkpoint(self):
+        """Continue as another process does from what this one has saved before a frame."""
+        region, members = self.region, self.regions.members()
+        checkpoint = RegionCheckpoint.decoded(RegionCheckpoint.of(region, []).encoded())
+        copy = checkpoint.region(self.regions.world, region.number, region.partition, members)
+        self.begin(copy, members)
+        for message in region.arrived:
+            copy.receive(message)
 
     def send(self, messages):
         self.outbox.keep(messages)
@@ -95,6 +110,9 @@ class Process:
             regions.ends[region.number] = (region.over, region.reached, frame)
         if region.over or region.missing:
             return False
+        if regions.checkpoints:
+            self.continue_from_checkpoint()
+            region = self.region
         begin(self.runner, regions.frames[frame])
         message = self.parts.message(frame, region.units, region.sent, region.progress(), b"")
         regions.report(frame, region.number, message)
@@ -109,7 +127,10 @@ class Process:
 
 @dataclass
 class Regions:
-    """`members` makes the members of one region; `kills` is the probability of a kill per turn."""
+    """`members` makes the members of one region; `kills` is the probability of a kill per turn.
+
+    With `checkpoints`, each frame runs in a region that continues from a checkpoint before it.
+    """
 
     world: World
     frames: list
@@ -117,6 +138,7 @@ class Regions:
     chance: Random
     members: object
     kills: float = 0.0
+    checkpoints: bool = False
     ahead: int = 0
     killed: int = 0
     messages: list = field(default_factory=list)

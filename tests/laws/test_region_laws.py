@@ -1,5 +1,6 @@
 """Laws of regions: together they have the string of a single coordinator in every frame."""
 
+from collections import Counter
 from functools import cache
 from random import Random
 from zlib import crc32
@@ -11,6 +12,7 @@ from hypothesis import HealthCheck, given, settings
 from region_simulation import Regions, begin, digests_of_one
 
 from minerva_bus.errors import WorldStopped
+from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.description import World
 from minerva_bus.frame.member import Member
 from minerva_bus.grammar.columns import packed
@@ -28,6 +30,7 @@ from minerva_bus.testing.family import (
     eHit,
 )
 from minerva_bus.testing.strategies import family_events, family_strings, with_unique_ids
+from minerva_bus.world.norms import Norm, Then
 
 NEIGHBOURS = 40  # enough neighbours of one kind to be held in columns
 
@@ -87,6 +90,42 @@ def test_regions_keep_births_deaths_calls_and_migration_in_order(count, seed):
     regions = Regions(world, FRAMES, PARTITIONS[count], Random(seed), nomad_hosts, 0.005)
     assert regions.digests() == nomads_of_one(seed)
     assert regions.ahead == (count > 1)
+
+
+NORMS = (
+    Norm("far", when="x > 1 and was.x > 0", most=1, per=4, sanction=nomads.eCall(value=5)),
+    Norm("beside", when="#n0.x > -2.5 and y < 0", then=Then.SANCTION, sanction=nomads.eCall(value=7)),
+    Norm("loud", on=("eCall",), when="event.value > 40", most=1, per=3,
+         sanction=nomads.eCall(value=9)),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(("count", "seed", "checkpoints"), [(4, 0, True), (16, 1, False)])
+def test_norms_reject_the_same_acts_in_regions(count, seed, checkpoints):
+    world = World("w", nomads.string(), nomads.VOCABULARY, seed=seed, norms=NORMS)
+    kills = 0.0 if checkpoints else 0.005
+    regions = Regions(
+        world, FRAMES, PARTITIONS[count], Random(seed), nomad_hosts, kills, checkpoints
+    )
+    # Regions judge events when they are sent, one coordinator when the next frame begins.
+    strings = [digest for digest, _ in regions.digests()]
+    assert strings == [digest for digest, _ in digests_of_one(world, FRAMES, nomad_hosts)]
+    assert strings != [digest for digest, _ in nomads_of_one(seed)]
+    broken = Counter()
+    for process in regions.processes:
+        norms = process.region.algorithm.norms
+        norms.forget_judged()
+        broken.update(norms.broken)
+    assert broken == broken_in_one(world)
+    assert set(broken) == {"far", "beside", "loud"}
+
+
+def broken_in_one(world):
+    runner = InProcessRunner(FrameAlgorithm(world), nomad_hosts())
+    runner.start()
+    for events in FRAMES:
+        begin(runner, events)
+    return runner.algorithm.norms.broken
 
 
 @pytest.mark.parametrize("count", [2, 16])

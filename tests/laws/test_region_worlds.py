@@ -1,4 +1,4 @@
-"""Laws of regions for whole worlds, whose devices, physics and searches need the whole string."""
+"""Laws of regions for whole worlds: devices, physics and searches for all regions, and norms."""
 
 from functools import cache
 from random import Random
@@ -18,6 +18,7 @@ OPTIONS = {
     "crowd": {"people": "40"},
     "warehouse": {},
     "robots": {},
+    "traffic": {"cars": "40"},
 }
 FRAMES = [[]] * 6
 GRIDS = {

@@ -1,6 +1,7 @@
 """The table [regions]: how agents are divided, and what is refused."""
 
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -12,8 +13,9 @@ from minerva_bus.launch.in_process import InProcessRun
 from minerva_bus.launch.installed import find_world
 from minerva_bus.launch.reading import read_world_file, read_world_text
 from minerva_bus.launch.region_run import RegionRun
-from minerva_bus.launch.region_settings import check_region_run
+from minerva_bus.launch.region_settings import check_region_run, check_regions
 from minerva_bus.settings.overrides import Overrides
+from minerva_bus.world.norms import Norm
 
 MEADOW = find_world("meadow")
 TEXT = MEADOW.read_text(encoding="utf-8")
@@ -65,13 +67,12 @@ def test_mistakes_are_named(table, problem):
         read(table)
 
 
-@pytest.mark.parametrize(
-    ("world", "reason"),
-    [("traffic", "norms")],
-)
-def test_an_unsupported_world_is_refused_with_the_reason(world, reason):
-    with pytest.raises(WorldFileError, match=rf"{reason}.*--regions 0"):
-        read_world_file(find_world(world), Overrides(regions=4))
+def test_a_norm_on_events_that_names_another_agent_is_refused():
+    norm = Norm("near", on=("eBorn",), when="#rabbit0.x > 3")
+    file = read("count = 4")
+    file = replace(file, world=replace(file.world, norms=(norm,)))
+    with pytest.raises(WorldFileError, match=r"norms on events.*\(near\).*--regions 0"):
+        check_regions(file, ())
 
 
 def test_a_record_in_one_process_is_refused(tmp_path: Path):

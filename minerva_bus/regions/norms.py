@@ -1,0 +1,156 @@
+"""Norms of a world in one region: they reject the same acts as those of one coordinator.
+
+Violations are counted by agent, so all counts of an agent are in its region, and move with it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from copy import copy
+from dataclasses import dataclass, field
+from typing import Any
+
+from minerva_bus.frame.composition import Composition
+from minerva_bus.frame.description import World
+from minerva_bus.frame.inbox import AGENTS
+from minerva_bus.frame.messages import Figures
+from minerva_bus.frame.norms import BROKEN, Norms, Sources
+from minerva_bus.grammar.batch import AnyEvent, Events
+from minerva_bus.grammar.scene import EMPTY, agents
+from minerva_bus.regions.attached import HOME
+from minerva_bus.regions.merging import PlacedEvent
+from minerva_bus.world.norms import SOURCE, Lately
+
+
+@dataclass(frozen=True, slots=True)
+class NormPart:
+    """What the norms of another region need after a frame.
+
+    `states`: the values that norms name as `#id.attribute`, of the sender's agents. `counts`: the
+    recent acts of agents that move there, by norm. `sanctions` belong to the next frame, `later` to
+    the one after it.
+    """
+
+    states: Figures = field(default_factory=dict[str, bool | int | float | str])
+    counts: Lately = field(default_factory=dict[str, dict[str, list[int]]])
+    sanctions: tuple[AnyEvent, ...] = ()
+    later: tuple[AnyEvent, ...] = ()
+
+
+NO_NORMS = NormPart()
+
+
+class RegionNorms(Norms):
+    """The norms of a world in one region.
+
+    The events of agents are judged in the region of their sender, which knows its state, before
+    they are sent to others.
+    """
+
+    def __init__(self, world: World, composition: Composition, number: int) -> None:
+        saved = world.past.saved.get(SOURCE, {})
+        super().__init__(world.norms, composition, world.vocabulary, saved)
+        self._number = number
+        self._judged_types = frozenset(name for norm in world.norms for name in norm.on)
+        self._named = sorted(
+            {
+                name
+                for norm in world.norms
+                for condition in norm.conditions
+                for name in condition.names
+                if name.startswith("#")
+            }
+        )
+        string = world.scene if self._named else EMPTY
+        first = {agent.id: agent.state for agent in agents(string)}
+        self._states: Figures = _values(self._named, lambda name: first.get(name, {}))
+        self._before_judging: Mapping[str, int] = {}
+
+    def events(self, frame: int, sources: Sources, people: Collection[str] = ()) -> Sources:
+        """The permitted events of a frame, by source; those of agents have been judged already."""
+        others = {name: events for name, events in sources.items() if name != AGENTS}
+        broken, lines = dict(self._counts.broken), len(self._lines)
+        permitted = super().events(frame, others, people)
+        if self._number != HOME:  # Generators are the same everywhere, and counted once.
+            self._counts.broken = broken
+            del self._lines[lines:]
+        return {**sources, **permitted}
+
+    def judge(self, frame: int, sent: Sequence[PlacedEvent]) -> Sequence[PlacedEvent]:
+        """The permitted events that agents of this region have sent for the next frame."""
+        self._before_judging = dict(self._counts.broken)
+        if not any(each.event.type in self._judged_types for each in sent):
+            return sent
+        placed = [single for each in sent for single in self._single(each)]
+        judged = [each.event for each in placed if each.event.type in self._judged_types]
+        permitted = super().events(frame, {AGENTS: judged})[AGENTS]
+        rejected = {id(event) for event in judged} - {id(event) for event in permitted}
+        return [each for each in placed if id(each.event) not in rejected]
+
+    def _single(self, placed: PlacedEvent) -> Iterator[PlacedEvent]:
+        event = placed.event
+        if event.type not in self._judged_types:
+            yield placed
+        elif isinstance(event, Events):
+            for row, place in enumerate(placed.places):
+                yield PlacedEvent([place], event.event(row))
+        else:  # A copy, because an agent may send the same object twice.
+            yield PlacedEvent(placed.places, copy(event))
+
+    def forget_judged(self) -> None:
+        """Do not count the events of a frame that does not begin."""
+        self._counts.broken = dict(self._before_judging)
+
+    def states(self) -> Figures:
+        """The values that norms name, of agents of this region."""
+        return _values(self._named, self._state)
+
+    def counts_of(self, moving: Iterable[str]) -> Lately:
+        """Remove and return the recent acts of agents that leave the region."""
+        return self._counts.remove(moving)
+
+    def take_later(self) -> list[AnyEvent]:
+        """Remove and return the sanctions of events that have been judged for the next frame."""
+        later, self._sanctions = self._sanctions, []
+        return [*later]
+
+    def received(self) -> NormPart:
+        """What is known of other regions before a frame, apart from counts, which are saved."""
+        return NormPart(self._states, later=tuple(self._sanctions))
+
+    def receive(self, parts: Sequence[NormPart]) -> None:
+        """Continue with what all regions have sent."""
+        self._states = {name: value for part in parts for name, value in part.states.items()}
+        for part in parts:
+            self._counts.add(part.counts)
+            self._sanctions += [event for event in part.later if not isinstance(event, Events)]
+
+    def _elsewhere(self, name: str) -> Any:
+        return self._states.get(name)
+
+
+def _agent_of(name: str) -> str:
+    """The agent that a norm names as `#id.attribute`."""
+    return name[1:].partition(".")[0]
+
+
+def _values(names: Sequence[str], state_of: Callable[[str], Mapping[str, Any]]) -> Figures:
+    values = {name: state_of(_agent_of(name)).get(name.partition(".")[2]) for name in names}
+    return {name: value for name, value in values.items() if value is not None}
+
+
+def violations(figures: Mapping[str, Any]) -> dict[str, Any]:
+    """The figures that count violations of norms."""
+    return {name: value for name, value in figures.items() if name.startswith(BROKEN)}
+
+
+def total_figures(figures: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """The figures of all regions: violations are added, others are those of the first region.
+
+    The members of one region report the figures of all, because generators are equal.
+    """
+    total = dict(figures[0]) if figures else {}
+    for other in figures[1:]:
+        for name, count in violations(other).items():
+            total[name] = total.get(name, 0) + count
+    return total

@@ -1,0 +1,47 @@
+"""The frames of a region, with the places of its nodes and of the senders of its events."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TypeAlias
+
+from minerva_bus.frame.algorithm import FrameAlgorithm
+from minerva_bus.frame.live import LiveSource
+from minerva_bus.regions.merging import PlacedEvent
+from minerva_bus.regions.places import Place, SenderPlaces, after_frame
+from minerva_bus.regions.views import NO_VIEWS, PartialViews
+
+Judge: TypeAlias = Callable[[int, Sequence[PlacedEvent]], Sequence[PlacedEvent]]
+
+
+class RegionSource(LiveSource):
+    """The frames of a region; keeps the places of its nodes, and of the senders of its events."""
+
+    def __init__(self, algorithm: FrameAlgorithm) -> None:
+        super().__init__(algorithm)
+        self.places: Sequence[Place] = ()
+        self.sent: Sequence[PlacedEvent] = []
+        self.judge: Judge | None = None
+        self.shown = NO_VIEWS
+        self._views = PartialViews()
+        self.commit = self._commit
+
+    def why_over(self) -> str:
+        """No reason: the region ends when all others do, which its algorithm does not know."""
+        return ""
+
+    def _commit(self) -> None:
+        algorithm = self._algorithm
+        composition, changed = algorithm.composition, algorithm.in_flight.result.changed
+        # Before the replacement: views are of the string that the frame began with, and agents
+        # that died in this frame have no place after it.
+        self.shown = self._views.part(algorithm.in_flight, composition, self.places)
+        sent = self.evolution.sent_in_order()
+        senders = SenderPlaces(self.places, composition) if sent else None
+        self.sent = [PlacedEvent(senders.of(event), event) for event in sent] if senders else []
+        if changed:
+            self.places = after_frame(self.places, composition, changed, algorithm.frame)
+        self.evolution.commit()
+        if self.judge is not None:
+            # In the string of the next frame, as with one coordinator, which has its number.
+            self.sent = self.judge(algorithm.frame, self.sent)
