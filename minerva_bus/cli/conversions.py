@@ -18,10 +18,6 @@ _WHOLE: Final = re.compile(r"-?[0-9]{1,18}")
 _DECIMAL: Final = re.compile(r"-?[0-9]{1,15}(\.[0-9]{1,15})?")
 
 
-class Unclear(Exception):
-    """A value that is not plain."""
-
-
 def use_plain_conversions(parameter: Any) -> None:
     """Let a parameter of typer convert plain values itself, if this typer has models."""
     make = getattr(parameter, "get_runtime_param", None)
@@ -45,33 +41,33 @@ class _Quick:
             return () if param.multiple or param.nargs == -1 else None
         try:
             return plain(value, self._descriptor.annotation, self._descriptor.parameter_info)
-        except Unclear:
+        except ValueError:
             return self._make().coerce(value, param=param, ctx=ctx)
 
 
 def plain(value: Any, kind: Any, info: Any) -> Any:
-    """A value of this annotation; `info` is typer's declaration. Raises Unclear."""
+    """A value of this annotation; `info` is typer's declaration. Raises ValueError for others."""
     if info.parser is not None:
-        raise Unclear
+        raise ValueError
     if get_origin(kind) is list:
         if not isinstance(value, list | tuple):
-            raise Unclear
+            raise ValueError
         return [plain(each, get_args(kind)[0], info) for each in value]  # pyright: ignore
     if kind not in _PLAIN:
-        raise Unclear
+        raise ValueError
     return _PLAIN[kind](value, info)
 
 
 def _text(value: Any, _: Any) -> str:
     if type(value) is str:
         return value
-    raise Unclear
+    raise ValueError
 
 
 def _switch(value: Any, _: Any) -> bool:
     if type(value) is bool:
         return value
-    raise Unclear
+    raise ValueError
 
 
 def _whole(value: Any, info: Any) -> int:
@@ -90,17 +86,17 @@ def _in_range(value: Any, kind: type, info: Any) -> Any:
     low = info.min is None or value >= info.min if type(value) is kind else False
     if low and (info.max is None or value <= info.max):
         return value
-    raise Unclear
+    raise ValueError
 
 
 def _path(value: Any, info: Any) -> Path:
     special = info.exists or info.resolve_path or info.allow_dash or info.path_type is not None
     restricted = info.writable or not (info.file_okay and info.dir_okay)
     if special or restricted or not isinstance(value, str | Path):
-        raise Unclear
+        raise ValueError
     # Typer rejects a path that it cannot read, but not one where nothing exists.
     if os.path.lexists(value) and not os.access(value, os.R_OK):
-        raise Unclear
+        raise ValueError
     return Path(value)
 
 
