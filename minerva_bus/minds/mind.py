@@ -75,7 +75,7 @@ NOTHING = np.zeros((0, 4))
 
 
 class Mind(Agent, symbol="AMind"):
-    """Represents a backend; `requests` is ε or a figure of the open ones, `asked` counts all."""
+    """Represents a backend; `requests`: ε or a figure of those open, `asked`: the number of all."""
 
     requests: Scene = EMPTY
     agents: tuple[str, ...] = ()

@@ -50,7 +50,7 @@ class Replies:
 
 
 class AttachedServices:
-    """The attached services of a world, as one region knows them.
+    """One region's view of the services attached to a world.
 
     `deliver` is between the region's algorithm and all of its members. At `HOME`, `send` is called
     with the replies for the other regions as soon as the services have answered.

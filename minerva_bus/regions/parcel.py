@@ -28,7 +28,7 @@ class Progress:
 
 @dataclass(frozen=True, slots=True)
 class Parcel:
-    """What one region sends to another after a frame.
+    """The message of one region to another after a frame.
 
     `units` become part of the receiver's string, and `events` belong to the next frame, unless
     `frame` is the last one. `views` are only for the region of attached services.

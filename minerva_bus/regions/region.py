@@ -2,8 +2,8 @@
 
 A region runs through `enter`, one frame of its algorithm, and `leave`, which returns the parcels
 for the others. It needs their parcels of frame t before frame t+1 begins, and may therefore be at
-most one frame ahead of another region. It knows neither clocks nor how parcels travel; they may
-arrive in any order and more than once.
+most one frame ahead of another region. It depends neither on clocks nor on the transport of
+parcels, which may arrive in any order and more than once.
 """
 
 from __future__ import annotations
@@ -258,7 +258,7 @@ class Region:
         }
 
     def progress(self) -> Progress:
-        """What other regions have to know of the last frame."""
+        """The data of the last frame that other regions need."""
         algorithm, goal = self.algorithm, self.algorithm.goal
         reached, striving = self._known
         return Progress(

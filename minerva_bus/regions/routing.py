@@ -21,7 +21,7 @@ class Routing:
 
     An event without receivers goes to all regions. One for an agent of this region stays here, or
     follows the agent. One for an agent that is elsewhere goes to all regions: only the region that
-    has an agent knows it, and the agent may be on its way to this region.
+    has an agent can find it, and the agent may be on its way to this region.
     """
 
     def __init__(

@@ -5,7 +5,7 @@
     actions = {agent: env.action_space(agent).sample() for agent in env.agents}
     observations, rewards, terminations, truncations, infos = env.step(actions)
 
-`follow_policy` lets agents of a world do what a trained policy says. All of this needs
+`follow_policy` lets agents of a world act by a trained policy. All of this needs
 `pip install 'minerva-bus[rl]'`; importing this package raises MisuseError without it.
 """
 

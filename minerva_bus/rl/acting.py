@@ -39,7 +39,7 @@ MAX_CHOICES: Final = 10_000
 
 
 class Acting(Protocol):
-    """Makes events of actions; `space` has the actions."""
+    """Converts actions to events; `space` is the action space."""
 
     @property
     def space(self) -> AnySpace: ...
@@ -100,7 +100,7 @@ class BatchedActions:
 
 
 def _batched(events: list[Event]) -> Sequence[AnyEvent]:
-    """Events of one type as a batch; as they are if it is one, or if columns cannot hold them."""
+    """Events of one type as a batch; unchanged if they are one, or do not fit into columns."""
     batch = Events.of(events) if len(events) > 1 else None
     return events if batch is None else [batch]
 

@@ -1,4 +1,4 @@
-"""Trained policies as agents: a method that observes the agent, and does what the policy says.
+"""Trained policies as agents: a method that observes the agent and applies the policy.
 
 The observation and the action are those of training, so a policy that was trained in
 `parallel_env(world, agents, act, observe)` needs the same `act` and `observe` here.
@@ -39,7 +39,7 @@ def follow_policy(
     act: EventType | Sequence[Event | None],
     observe: Observe = None,
 ) -> Callable[[Any, Event, Context], Scene | None]:
-    """A method for an agent class that does what a policy says, at each event of a type.
+    """A method for an agent class that applies a policy at each event of a type.
 
     The agent is observed, and receives the event of the action at once; then the method of its base
     class for the type `when` runs, if there is one. This equals an action in an environment if the

@@ -29,7 +29,7 @@ SEEDS: Final = 1 << 31
 
 @dataclass(frozen=True, slots=True)
 class LearningTask:
-    """What agents observe, do and gain.
+    """Observations, actions and rewards of the agents of a task.
 
     `only` is the id of the only agent, "": all of the kind. An episode has at most `frames` frames
     (0: no limit), and a step `every` frames. With `births`, newborn agents take part.
@@ -150,7 +150,7 @@ class WorldEnv(ParallelEnv[str, Any, Any]):
     ) -> tuple[Observations, dict[str, dict[str, Any]]]:
         """Begin an episode; returns observations and infos by agent.
 
-        Without a seed, the first episode has that of the world, and each further one another.
+        Without a seed, the first episode uses that of the world, each further one a new seed.
         Raises MinervaError if the world cannot start.
         """
         live = self._live = self._episodes.begin(seed)

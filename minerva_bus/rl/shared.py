@@ -55,7 +55,7 @@ class SharedArrays:
         self.digest: NDArray[np.uint8] = arrays["digest"]
 
     def put_actions(self, actions: Any) -> None:
-        """Take over the actions of all worlds. Raises MisuseError if they do not fit."""
+        """Store the actions of all worlds. Raises MisuseError if they do not fit."""
         _put_all(self.action, actions)
 
     def infos(self) -> dict[str, Any]:

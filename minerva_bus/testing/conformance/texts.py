@@ -1,7 +1,7 @@
 """Messages as texts that are equal exactly if the messages mean the same.
 
 A host may send a changed population as columns, as a patch or as single nodes, so replies are
-compared after they are applied to what the coordinator knows.
+compared after they are applied to the state of the coordinator.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from minerva_bus.wire.readings import plain_reading
 
 
 class KnownState:
-    """What the coordinator knows of a member: its fragments, and its last views."""
+    """The coordinator's state of a member: its fragments, and its last views."""
 
     def __init__(self) -> None:
         self.fragments: dict[str, Scene] = {}
