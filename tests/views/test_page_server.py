@@ -15,6 +15,7 @@ from page_run import copied, eventually, running
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
+from minerva_bus.wire.plain import pack
 from minerva_services.views.palette import person_colour
 
 
@@ -197,8 +198,48 @@ def keys(tmp_path):
     return tmp_path / "keys"
 
 
+HELLO = {
+    "version": 6, "service": "a page", "kinds": [], "generates": ["eLettuce"], "lockstep": False,
+    "orders": [], "draws": [], "coupled": False, "every": 0, "topics": [], "publishes": [],
+    "pid": 0, "host": "",
+}  # fmt: skip
+
+
+def answer_to_hello(socket, world, name):
+    """What the coordinator answers to a page's hello; bytes as in PROTOCOL.md, section 19."""
+
+    def text(key):
+        return bytes([0, len(key)]) + key.encode()
+
+    def received(part):
+        while part not in (batch := socket.recv(timeout=20)):
+            pass
+        return batch
+
+    socket.send(bytes.fromhex("41093201020304 0affff"))
+    accepted = socket.recv(timeout=20)
+    assert accepted[0] & 0x1F == 1
+    cookie = accepted[3 + (accepted[2] >> 4) + 1 + (3 if accepted[0] & 0x40 else 0) :]
+    socket.send(b"\x42\x03\0" + cookie[: 1 + cookie[0]])
+    base = f"minerva/{world}"
+    socket.send(b"\x25\0\x1e\x22\x01" + text(f"{base}/to/{name}"))
+    socket.send(b"\x25\1\x1e\x26\x02" + text(f"{base}/alive/{name}"))
+    greet = received(b"\x91\xa5greet")
+    end = greet.index(b"\x91\xa5greet")
+    payload = greet[end - 5 : end] + pack(["hello", HELLO])
+    length = bytes([len(payload) & 0x7F | 0x80, len(payload) >> 7])
+    put = b"\x25\2\xbd" + text(f"{base}/from/{name}") + b"\x21\x0d\x01"
+    socket.send(put + length + payload)
+    return received(b"\xa7refused").partition(b"refused")[2].decode(errors="replace")
+
+
 def test_a_world_with_keys_has_pages_over_tls(tmp_path, keys):
-    """The page uses the coordinator's certificate; links go on by the world's local socket."""
+    """The page uses the coordinator's certificate; links go on by the world's local socket.
+
+    A certificate of page-* restricts what pages may do, although their links are local.
+    """
+    family = ["issue", "page", "--family", "--role", "view", "--dir", str(keys)]
+    subprocess.run([*MINERVA, "keys", *family], check=True, capture_output=True, timeout=60)
     folder = copied(tmp_path)
     text = (folder / "phone.toml").read_text()
     certificate = f'certificate = "{keys / "coordinator.pem"}"\nmodule ='
@@ -210,14 +251,13 @@ def test_a_world_with_keys_has_pages_over_tls(tmp_path, keys):
         assert status == 200
         assert headers["Set-Cookie"].endswith("; Secure")
         with connect(
-            run.base.replace("http", "ws", 1) + "/bus?name=snails",
+            run.base.replace("http", "ws", 1) + "/bus?name=page-7",
             ssl=context,
             origin=run.base,
             additional_headers={"Cookie": cookie_of(run, context)},
         ) as socket:
-            socket.send(bytes.fromhex("41093201020304 0affff"))  # INIT, as in PROTOCOL.md
-            answer = socket.recv(timeout=20)
-            assert answer[0] & 0x1F == 1
+            answer = answer_to_hello(socket, run.client.world, "page-7")
+            assert "its certificate is for view, not for generator" in answer
         with pytest.raises((urllib.error.URLError, OSError)):
             opened(run.url.replace("https", "http", 1))
 
