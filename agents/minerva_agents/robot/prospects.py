@@ -5,6 +5,10 @@ because shadows end at the next wall. It counts free ground that the camera has 
 unknown ground. Specks of both, which lie between beams, do not count unless the search is thorough,
 and gaps of up to two cells between obstacles are closed: beams that far apart hit one wall.
 
+News left over between ground already seen counts `LEFT_OVER` times: to return for it later would
+cost a journey, while open ground ahead remains as large. Without this, a search leaves strips and
+corners everywhere and crosses the floor again for each of them.
+
 All counts are integers, so they are identical on every machine.
 """
 
@@ -17,8 +21,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from minerva_agents.robot.blocks import block_sums, box_sums
 from minerva_agents.robot.knowledge import FREE, UNKNOWN, Mask, obstacles
-from minerva_agents.robot.looking import expanses, grown
+from minerva_agents.robot.looking import expanses, grown, grown_to_sides
 from minerva_bus import Cells, portable
 
 RAYS: Final = 48
@@ -31,15 +36,34 @@ NOTHING: Final = 0
 NEWS: Final = 1
 DARK: Final = 2
 WALL: Final = 3
+REST: Final = 4
+
+LEFT_OVER: Final = 3
+"""How many times news counts that is left over."""
+
+BLOCK: Final = 0.5
+"""Side of a block in metres: for sums over many cells, and for candidates of a search."""
+
+_AROUND: Final = 7
+"""Blocks in each direction in which more seen than unseen ground makes news left over."""
+
+WORTH: Final = np.array([0, 1, 1, 0, LEFT_OVER], np.int32)
+"""How many times a cell of each kind counts as news."""
 
 Kinds = NDArray[np.uint8]
 Counts = NDArray[np.int64]
 
 
-def kinds_of(grid: Cells, is_thorough: bool = False) -> Kinds:
-    """Class of each cell for ray casting: nothing, news, dark (unknown) or wall.
+def side_of(cell: float) -> int:
+    """Side of a block in cells, for cells of so many metres."""
+    return max(1, round(BLOCK / cell))
 
-    Free and unknown specks are nothing, or, if `is_thorough`, news.
+
+def kinds_of(grid: Cells, cell: float, is_thorough: bool = False) -> Kinds:
+    """Class of each cell for ray casting: nothing, news, left over (rest), dark (unknown) or wall.
+
+    Free and unknown specks are nothing, or, if `is_thorough`, news. `cell` is the cell side in
+    metres.
     """
     walls = obstacles(grid)
     kinds = np.zeros(grid.shape, np.uint8)
@@ -49,7 +73,19 @@ def kinds_of(grid: Cells, is_thorough: bool = False) -> Kinds:
     if is_thorough:
         kinds[(grid == UNKNOWN) & ~dark] = NEWS
     kinds[_closed(walls)] = WALL
+    kinds[(kinds == NEWS) & _left_over(kinds, side_of(cell))] = REST
     return kinds
+
+
+def _left_over(kinds: Kinds, side: int) -> Mask:
+    """Cells of blocks that have more seen than unseen ground and no unknown ground around them."""
+    unseen = box_sums(block_sums(kinds == NEWS, side), _AROUND)
+    seen = box_sums(block_sums(kinds == NOTHING, side), _AROUND)
+    dark = kinds == DARK
+    border = box_sums(block_sums(dark & grown_to_sides(~dark & (kinds != WALL)), side), _AROUND)
+    blocks = (unseen < seen) & (border == 0)
+    rows, columns = kinds.shape
+    return blocks.repeat(side, axis=0).repeat(side, axis=1)[:rows, :columns]
 
 
 class Prospects:
@@ -78,8 +114,7 @@ class Prospects:
         # Deep inside unknown space there is probably a wall, so do not count all of it as news.
         ends |= np.cumsum(dark, axis=2, dtype=np.uint16) > self._dark
         is_open = ~np.logical_or.accumulate(ends, axis=2)
-        news = (dark | (seen == NEWS)) & is_open
-        return (news * self._weights).sum(axis=2) * self._unit
+        return (WORTH[seen] * is_open * self._weights).sum(axis=2) * self._unit
 
 
 @lru_cache(maxsize=8)

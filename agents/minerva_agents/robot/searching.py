@@ -10,7 +10,7 @@ one that maximises
 where turns, on the way and at the viewpoint, cost as much as driving for the same time. A turn on
 the spot is one of the candidates, so a robot in a door looks around before it goes on. Each block
 of half a metre has one candidate, and the search radius grows only while more distant candidates
-can still win.
+can still win. News that is left over between seen ground counts more (see `prospects`).
 
 `next_goal` is a pure function of the robot's knowledge.
 """
@@ -25,11 +25,11 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from minerva_agents.robot.blocks import known_window, news_bounds
+from minerva_agents.robot.candidates import known_window, news_bounds
 from minerva_agents.robot.knowledge import UNKNOWN, Cell, Mask
 from minerva_agents.robot.looking import expanses
 from minerva_agents.robot.motion import GridPose, wrapped
-from minerva_agents.robot.prospects import RAYS, Prospects, kinds_of
+from minerva_agents.robot.prospects import RAYS, Prospects, kinds_of, side_of
 from minerva_agents.robot.wave import STEP, Wave
 from minerva_bus import Cells, portable
 
@@ -50,9 +50,6 @@ LARGE_NEWS: Final = 1.0
 
 MAX_NEWS: Final = 30.0
 """Square metres of news above which a view gains no further value."""
-
-BLOCK: Final = 0.5
-"""Side of a block in metres; each block has one candidate viewpoint."""
 
 _RING: Final = 8.0
 """Initial search radius along paths in metres; doubled as needed."""
@@ -123,7 +120,7 @@ def _views_at(state: SearchState, cell: Cell) -> Numbers:
     reach = math.ceil(state.sight / state.cell) + 3
     top, left = max(0, cell[0] - reach), max(0, cell[1] - reach)
     window = state.grid[top : cell[0] + reach + 1, left : cell[1] + reach + 1]
-    kinds = kinds_of(window, state.is_thorough)
+    kinds = kinds_of(window, state.cell, state.is_thorough)
     prospects = Prospects(kinds, state.sight / state.cell, state.cell)
     return prospects.views(np.array([cell[0] - top]), np.array([cell[1] - left]))[0]
 
@@ -148,13 +145,13 @@ class _Choice:
 
     def __init__(self, state: SearchState) -> None:
         self._state = state
-        self._side = max(1, round(BLOCK / state.cell))
+        self._side = side_of(state.cell)
         here = math.floor(state.pose.row), math.floor(state.pose.column)
         self._top, self._left, bottom, right = known_window(state.grid, here, self._side)
         window = np.s_[self._top : bottom, self._left : right]
         grid = state.grid[window]
         self._here = here[0] - self._top, here[1] - self._left
-        kinds = kinds_of(grid, state.is_thorough)
+        kinds = kinds_of(grid, state.cell, state.is_thorough)
         self._prospects = Prospects(kinds, state.sight / state.cell, state.cell)
         self._bounds = news_bounds(kinds, self._side, state.sight, state.cell)
         # Specks of unknown cells, which lie between beams, are passable.
