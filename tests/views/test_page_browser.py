@@ -105,7 +105,8 @@ def test_one_page_hosts_and_the_next_takes_over(garden, browsers):
     second.goto(garden.url)
     second.get_by_text("snails: on another page").wait_for()
     first.close()
-    second.get_by_text("page-2 · snails", exact=False).wait_for()
+    second.locator("#members").get_by_text("snails", exact=True).wait_for()
+    assert second.locator("#you").inner_text() == "page-2"
     garden.present("snails")
     before = garden.client.operator.status().frame
     shown(second, before + 5)
