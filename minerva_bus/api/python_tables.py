@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from itertools import count
 from types import ModuleType
-from typing import TYPE_CHECKING, Any, Final, cast
+from typing import Any, Final, cast
 
 from minerva_bus.api.service_specs import ServiceSpec, plain_setting
 from minerva_bus.api.symbols import SymbolFinder, spec_of
@@ -22,12 +22,7 @@ from minerva_bus.settings.tables import WorldSettings
 from minerva_bus.world.agent import Agent
 from minerva_bus.world.services import Service
 
-if TYPE_CHECKING:
-    pass
-
-
 MAKE: Final = "make"
-
 
 _numbers = count(1)
 
@@ -44,7 +39,6 @@ class PythonTables:
         string: str | Scene | Callable[[Mapping[str, Any]], str | Scene],
         name: str,
         options: dict[str, Any],
-        names: Mapping[str, Any],
         settings: Mapping[str, Any],
     ) -> None:
         known = {key: value for key, value in settings_of(WorldSettings).items() if value.key}
@@ -53,7 +47,7 @@ class PythonTables:
         self.module = ModuleType(f"minerva_world_{next(_numbers)}")
         sys.modules[self.module.__name__] = self.module
         self._string = string
-        self._finder = SymbolFinder(names)
+        self._kinds: dict[str, type[Agent]] = {}
         world = {key: plain_setting(value) for key, value in settings.items()}
         self.tables: dict[str, Any] = {"world": {"name": name, **world}, "options": options}
 
@@ -62,12 +56,17 @@ class PythonTables:
         agents: Iterable[type[Agent]] | Mapping[str, Any] | None,
         services: Iterable[Any] | Mapping[str, Any],
         symbols: Iterable[Any],
+        names: Mapping[str, Any],
     ) -> None:
-        """Find agents, services and vocabulary, and describe the processes."""
-        finder, processes = self._finder, dict[str, Any]()
+        """Find agents, services and vocabulary, and describe the processes.
+
+        `names` are the variables of the calling code. They are not kept: they may refer to a
+        running world, which has to end when its last variable is deleted.
+        """
+        finder, processes = SymbolFinder(names), dict[str, Any]()
         for symbol in symbols:
             finder.add(symbol)
-        self._add_string()
+        self._add_string(finder)
         given: Mapping[str, Any] = (
             cast("Mapping[str, Any]", agents)
             if isinstance(agents, Mapping)
@@ -85,9 +84,10 @@ class PythonTables:
             own = spec.service if isinstance(spec.service, str) else self._keep(cls)
             processes[process] = {"service": own, **spec.options}
         vocabulary = finder.vocabulary()
+        self._kinds = finder.agents()
         # Found in the string and in code, after services have added the event types that they use.
         if agents is None:
-            given = {"agents": list(finder.agents().values())}
+            given = {"agents": list(self._kinds.values())}
         hosts = {
             process: {"agents": [self._keep(cls) for cls in _listed(classes)]}
             for process, classes in given.items()
@@ -99,23 +99,23 @@ class PythonTables:
         self.tables["process"] = {**hosts, **processes}
         self.tables["world"]["vocabulary"] = self._keep(vocabulary, "vocabulary")
 
-    def _add_string(self) -> None:
+    def _add_string(self, finder: SymbolFinder) -> None:
         world, string = self.tables["world"], self._string
         if isinstance(string, str):
             world["string"] = string
             # A text with options can be parsed only after they are filled in.
             if "${" not in string:
-                self._finder.add_scene(parse(string, f"{self.name}: the string"))
+                finder.add_scene(parse(string, f"{self.name}: the string"))
         elif isinstance(string, Scene):
             # World files name a function that takes the options.
             world["scene"] = self._keep(partial(_same, string), MAKE)
-            self._finder.add_scene(string)
+            finder.add_scene(string)
         elif callable(string):  # pyright: ignore[reportUnnecessaryComparison]
             world["scene"] = self._keep(string, MAKE)
-            self._finder.add_function(string)
+            finder.add_function(string)
             # Made once with the defaults, to find its symbols.
             made = string(dict(self.tables["options"]))
-            self._finder.add_scene(parse(made) if isinstance(made, str) else made)
+            finder.add_scene(parse(made) if isinstance(made, str) else made)
         else:
             raise MisuseError(f"{self.name}: a string is a text or a Scene, not {string!r:.60}")
 
@@ -157,12 +157,11 @@ class PythonTables:
         """The text of a world file that other processes can read. Raises MisuseError."""
         world = dict(self.tables["world"])
         vocabulary: Vocabulary = vars(self.module)["vocabulary"]
-        kinds = self._finder.agents()
         entries: list[Any] = [
             *vocabulary.primitives.values(),
             *vocabulary.transformations.values(),
             *vocabulary.events.values(),
-            *[kinds[name] for name in vocabulary.kinds],
+            *[self._kinds[name] for name in vocabulary.kinds],
         ]
         world["vocabulary"] = [spec_of(entry, _shown(entry)) for entry in entries]
         if isinstance(self._string, Scene):

@@ -71,10 +71,8 @@ class World:
         # The caller's variables: symbols that the code names in strings only are looked up among
         # them.
         frame = sys._getframe(1)  # pyright: ignore[reportPrivateUsage]
-        made = PythonTables(
-            string, name, dict(options or {}), {**frame.f_globals, **frame.f_locals}, settings
-        )
-        made.find(agents, services, symbols)
+        made = PythonTables(string, name, dict(options or {}), settings)
+        made.find(agents, services, symbols, {**frame.f_globals, **frame.f_locals})
         made.tables["norm"] = dict(norms or {})
         made.tables["placement"] = dict(placement or {})
         entries = read_entries(collect) if collect is not None else {}

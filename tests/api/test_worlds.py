@@ -4,6 +4,7 @@ import asyncio
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
+from weakref import ref
 
 import frogs as module
 import pytest
@@ -325,6 +326,15 @@ def test_forgotten_worlds_leave_no_module():
     gc.collect()
     assert name == "pond"
     assert sum(each.startswith("minerva_world_") for each in sys.modules) < count
+
+
+def test_a_running_world_ends_with_its_last_variable_though_worlds_were_made_beside_it():
+    program = {"pond": pond, "World": World, "Frog": Frog, "each": each, "eTick": eTick, "ref": ref}
+    exec("live = pond().start(); forgotten = ref(live)", program)
+    exec("world = World('AFrog#a', agents=[Frog], services=[each(eTick)])", program)
+    exec("del live; kept = forgotten()", program)
+    assert program["kept"] is None
+    assert program["world"].toml()
 
 
 def test_a_live_world_answers_and_steps_in_any_thread():
