@@ -43,17 +43,21 @@ class WorldGoal:
     @property
     def met(self) -> bool:
         """Whether every agent of the kinds that send `until` has sent it."""
-        return bool(self.finished) and not self._given_up()
+        return bool(self.finished) and not self.given_up
 
     @property
     def finished(self) -> str:
         """Reason for the end if every agent has sent `until` or given up, otherwise empty."""
-        given_up = self._given_up()
-        done = self.reached.union(given_up)
+        done = self.reached.union(self.given_up)
         # Kinds count once one of their agents has sent an event. Before that no agent strives for
         # the goal, and the empty set would seem complete.
         if not (self._until and done and done.issuperset(self._striving_agents())):
             return ""
+        return self.reason()
+
+    def reason(self) -> str:
+        """Reason for an end that has been reached."""
+        given_up = self.given_up
         reasons = [f"#{agent} has given up: {given_up[agent]}" for agent in sorted(given_up)]
         over = len(reasons) - _MAX_REASONS
         more = [f"and {over} more"] if over > 0 else []
@@ -64,15 +68,31 @@ class WorldGoal:
         return (agent for agent in self._composition.agents() if kind(agent) in self.striving)
 
     def left(self) -> Mapping[str, int]:
-        """The number of agents of each kind that have not sent `until`."""
+        """The number of agents of each kind that have not sent `until` or given up."""
         kind, left = self._composition.kind, Counter[str]()
         if self._until:
-            left.update(map(kind, (a for a in self._composition.agents() if a not in self.reached)))
+            done = self.reached.union(self.given_up)
+            left.update(map(kind, (a for a in self._composition.agents() if a not in done)))
         return left
 
-    def _given_up(self) -> Mapping[str, Any]:
+    @property
+    def given_up(self) -> Mapping[str, Any]:
         """Agents that have sent `give_up` and not `until` since, with the event as text."""
         return self._saved.get(GIVEN_UP, {})
+
+    def learn(
+        self, reached: Iterable[str], striving: Iterable[str], given_up: Mapping[str, Any]
+    ) -> None:
+        """Note what agents of a region have sent in a frame.
+
+        `given_up` is what has changed in the attribute of this name: "" for agents that have sent
+        `until` since.
+        """
+        self.reached = self.reached.union(reached)
+        self.striving = self.striving.union(striving)
+        if given_up:
+            known = {**self.given_up, **given_up}
+            self._saved[GIVEN_UP] = {who: why for who, why in known.items() if why}
 
     def note(self, sent: Mapping[str, tuple[AnyEvent, ...]], out: Instructions) -> None:
         """Note the agents that have sent `until` or `give_up`; `sent` is by agent or fragment.
@@ -92,7 +112,7 @@ class WorldGoal:
     def _note_event(self, event: AnyEvent, out: Instructions) -> None:
         batch = isinstance(event, Events)
         senders = tuple(event.senders or ()) if batch else (event.sender,)
-        given_up = self._given_up()
+        given_up = self.given_up
         if event.type == self._until:
             self.reached = self.reached.union(senders)
             # Reaching the goal later supersedes giving up.

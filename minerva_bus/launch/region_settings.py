@@ -78,7 +78,6 @@ def check_regions(file: WorldFile, members: Sequence[Member]) -> None:
     unsupported = {
         **{f"norms on events that name other agents ({name})": True for name in _naming(world)},
         'policy = "literal"': world.policy is Policy.LITERAL,
-        f"give_up ({world.give_up})": bool(world.give_up),
         "[placement]": bool(world.placement.rules or world.placement.agents_per_host),
     }
     services = [f"{_unsupported_service(each.service)} ({each.name})" for each in members]

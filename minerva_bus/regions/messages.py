@@ -48,8 +48,12 @@ class ParcelMessage:
     empty: Annotated[bool, Note("the sender's string is ε")]
     resting: Annotated[bool, Note("its next frame would change nothing")]
     reached: Annotated[tuple[str, ...], Note("agents that have sent `until` in this frame")]
-    striving: Annotated[tuple[str, ...], Note("their kinds")]
-    left: Annotated[m.Figures, Note("by kind, the number of its agents that have not sent it")]
+    given_up: Annotated[
+        m.Figures,
+        Note('agents that have given up in this frame, with `give_up` as text; "" after `until`'),
+    ]
+    striving: Annotated[tuple[str, ...], Note("the kinds of agents that have sent either")]
+    left: Annotated[m.Figures, Note("by kind, the number of its agents that have sent neither")]
     views: Annotated[
         Mapping[str, m.Parts],
         Mark.VIEW,
@@ -112,6 +116,7 @@ def to_message(parcel: Parcel | Replies) -> RegionMessage:
         progress.empty,
         progress.resting,
         tuple(sorted(progress.reached)),
+        dict(progress.given_up),
         tuple(sorted(progress.striving)),
         dict(progress.left),
         views.views,
@@ -149,12 +154,21 @@ def parcel_of(message: ParcelMessage, source: int, target: int) -> Parcel:
         message.resting,
         frozenset(message.reached),
         frozenset(message.striving),
+        given_up_in(message.given_up),
         left,
     )
     events = tuple(placed_events(message.events, message.senders))
     units = Units(places, scene.pieces)
     views, norms = _views(message), _norms(message)
     return Parcel(message.frame, source, target, units, events, progress, views, norms)
+
+
+def given_up_in(given_up: m.Figures) -> dict[str, str]:
+    """Agents that have given up, with their reasons. Raises ProtocolError for other values."""
+    for who, why in given_up.items():
+        if not isinstance(why, str):
+            raise ProtocolError(f"given_up: expected text for {who[:40]}, not {why!r:.40}")
+    return {who: why for who, why in given_up.items() if isinstance(why, str)}
 
 
 def _norms(message: ParcelMessage) -> NormPart:

@@ -15,14 +15,16 @@ class Progress:
     """What every region has to know of another one's frame to end the world in the same frame.
 
     `empty`: its string is ε. `resting`: its next frame would change nothing. `reached`: its agents
-    that have sent `until` in this frame, and `striving` their kinds. `left`: the number of its
-    agents of each kind that have not sent it.
+    that have sent `until` in this frame. `given_up`: those that have sent `give_up`, with the event
+    as text, or "" after `until`. `striving`: the kinds of both. `left`: the number of its agents of
+    each kind that have sent neither.
     """
 
     empty: bool
     resting: bool
     reached: frozenset[str]
     striving: frozenset[str]
+    given_up: Mapping[str, str]
     left: Mapping[str, int]
 
 

@@ -9,6 +9,7 @@ from typing import Annotated, ClassVar, Final
 import numpy as np
 
 from minerva_bus.errors import ProtocolError
+from minerva_bus.frame import messages as m
 from minerva_bus.frame.messages import Parts, Patches
 from minerva_bus.frame.schema import Note, Wire, Within
 from minerva_bus.grammar.batch import AnyEvent
@@ -53,7 +54,11 @@ class PartMessage:
     senders: Annotated[bytes, Note("the places of the senders of `events`")]
     resting: Annotated[bool, Note("its next frame would change nothing")]
     reached: Annotated[tuple[str, ...], Note("agents that have sent `until` in this frame")]
-    striving: Annotated[tuple[str, ...], Note("their kinds")]
+    given_up: Annotated[
+        m.Figures,
+        Note('agents that have given up in this frame, with `give_up` as text; "" after `until`'),
+    ]
+    striving: Annotated[tuple[str, ...], Note("the kinds of agents that have sent either")]
     inputs: Annotated[
         bytes, Note("of region 0: the events of generators, as an entry of a record (section 12)")
     ]
@@ -89,6 +94,7 @@ class PartSender:
             packed_places([place for each in sent for place in each.places]),
             progress.resting,
             tuple(sorted(progress.reached)),
+            dict(progress.given_up),
             tuple(sorted(progress.striving)),
             inputs,
         )

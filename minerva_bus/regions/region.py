@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from minerva_bus.errors import ProtocolError
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.description import World
-from minerva_bus.frame.goal import all_sent
 from minerva_bus.frame.live import why_over
 from minerva_bus.frame.member import Member
 from minerva_bus.grammar.scene import Piece, Scene, agents
@@ -71,7 +70,7 @@ class Region:
         self._entered = world.past.frame + 1
         self._parcels: dict[int, dict[int, Parcel]] = {}
         self._remaining: Units | None = None
-        self._known = self.algorithm.goal.reached, self.algorithm.goal.striving
+        self._note_known()
         self._settled: dict[int, Piece] = {}
         self._settled_by = partition
         self._norms: RegionNorms | None = None
@@ -201,15 +200,21 @@ class Region:
 
     def _note_progress(self, progress: Sequence[Progress]) -> None:
         goal, until = self.algorithm.goal, self._world.until
-        goal.reached = goal.reached.union(*(each.reached for each in progress))
-        goal.striving = goal.striving.union(*(each.striving for each in progress))
+        for each in progress:
+            goal.learn(each.reached, each.striving, each.given_up)
         left = sum(each.left.get(kind, 0) for each in progress for kind in goal.striving)
-        self.reached = bool(until and goal.reached) and not left
-        self._known = goal.reached, goal.striving
+        ends = bool(until and (goal.reached or goal.given_up)) and not left
+        self.reached = ends and not goal.given_up
+        self._note_known()
         self.resting = all(each.resting for each in progress)
         empty = all(each.empty for each in progress)
-        finished = all_sent(until) if self.reached else ""
+        finished = goal.reason() if ends else ""
         self.over = why_over(self._world, self.frame, empty, finished)
+
+    def _note_known(self) -> None:
+        """Note what all regions know of the goal, before a frame."""
+        goal = self.algorithm.goal
+        self._known = goal.reached, goal.striving, goal.given_up
 
     # --- after a frame ---
 
@@ -260,12 +265,14 @@ class Region:
     def progress(self) -> Progress:
         """The data of the last frame that other regions need."""
         algorithm, goal = self.algorithm, self.algorithm.goal
-        reached, striving = self._known
+        reached, striving, given_up = self._known
+        since = {who: why for who, why in goal.given_up.items() if given_up.get(who) != why}
         return Progress(
             algorithm.composition.empty,
             algorithm.at_rest,
             goal.reached - reached,
             goal.striving - striving,
+            {**dict.fromkeys(given_up.keys() - goal.given_up.keys(), ""), **since},
             goal.left(),
         )
 

@@ -24,6 +24,7 @@ from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.regions.dividing import cut
 from minerva_bus.regions.merging import in_order, merged
+from minerva_bus.regions.messages import given_up_in
 from minerva_bus.regions.part import PartMessage, PartReceiver
 from minerva_bus.regions.partition import Partition
 from minerva_bus.world.kinds import Kinds
@@ -111,6 +112,7 @@ class WholeSource(RecordedSource):
             if not isinstance(data, bytes):
                 raise ProtocolError(f"ticked: a region must report its {PART}")
             message = self._part(data)
+            given_up_in(message.given_up)
             if reply.member == self._names[FIRST]:
                 self._generated = self._inputs(message.inputs)
             self._whole.parts[self._names.index(reply.member)].apply(message)
@@ -148,8 +150,7 @@ class WholeSource(RecordedSource):
         """Step 8: continue with the string of all parts."""
         algorithm, goal = self._algorithm, self._algorithm.goal
         for report in self._reports.values():
-            goal.reached = goal.reached.union(report.reached)
-            goal.striving = goal.striving.union(report.striving)
+            goal.learn(report.reached, report.striving, report.given_up)
         algorithm.inbox.emitted = in_order(
             event for part in self._whole.parts for event in part.sent
         )

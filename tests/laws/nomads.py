@@ -14,6 +14,7 @@ TWrap = Transformation("TWrap")
 eStep = EventType("eStep")
 eCall = EventType("eCall", value=int)
 eArrive = EventType("eArrive")
+eTire = EventType("eTire")
 
 
 class Settler(Agent, symbol="ASettler"):
@@ -73,9 +74,10 @@ class Nomad(Settler, symbol="ANomad"):
 
 
 class Pilgrim(Settler, symbol="APilgrim"):
-    """Moves, and arrives after some frames."""
+    """Moves, and arrives after some frames; may give up before."""
 
     left: int = 1
+    strength: int = 9
 
     @on("eStep")
     def act(self, step, moment):
@@ -83,10 +85,13 @@ class Pilgrim(Settler, symbol="APilgrim"):
         self.left -= 1
         if self.left == 0:
             moment.emit(eArrive())
+        self.strength -= 1
+        if self.strength == 0:
+            moment.emit(eTire())
 
 
 KINDS = (Settler, Nomad, Pilgrim)
-VOCABULARY = Vocabulary.of(PStone, TWrap, eStep, eCall, eArrive, *KINDS)
+VOCABULARY = Vocabulary.of(PStone, TWrap, eStep, eCall, eArrive, eTire, *KINDS)
 
 
 def string():

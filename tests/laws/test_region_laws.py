@@ -137,6 +137,28 @@ def test_all_regions_end_in_the_frame_of_the_last_arrival(count):
     assert [*regions.ends.values()] == [("every agent has sent eArrive", True, 4)] * count
 
 
+@pytest.mark.parametrize("count", [2, 16])
+@pytest.mark.parametrize("last", [1, 4])
+def test_all_regions_end_when_the_last_agents_have_given_up(count, last):
+    """p0 gives up after its arrival, p1 and p2 before it, p3 for good."""
+    ages = [(1, 2), (2, 1), (3, 1), (9, last)]
+    string = Scene(
+        tuple(
+            nomads.Pilgrim(f"p{n}", left=left, strength=strength).string.nodes[0]
+            for n, (left, strength) in enumerate(ages)
+        )
+    )
+    world = World("w", string, nomads.VOCABULARY, until="eArrive", give_up="eTire")
+    algorithm = FrameAlgorithm(world)
+    runner = InProcessRunner(algorithm, nomad_hosts())
+    runner.start()
+    while runner.ended is None:
+        begin(runner, FRAMES[0])
+    regions = Regions(world, FRAMES, PARTITIONS[count], Random(count), nomad_hosts)
+    regions.digests()
+    assert [*regions.ends.values()] == [(runner.ended.reason, False, algorithm.frame)] * count
+
+
 def test_a_region_without_agents_goes_on_until_all_are_empty():
     world = World("w", Scene(), nomads.VOCABULARY)
     regions = Regions(world, FRAMES, [ById(2)], Random(0), nomad_hosts)

@@ -18,7 +18,14 @@ from minerva_bus.testing.family import FAMILY_VOCABULARY, Walker, eHit
 from minerva_bus.wire.codec import Decoder, encode
 
 DECODER = Decoder(FAMILY_VOCABULARY)
-PROGRESS = Progress(False, False, frozenset({"b"}), frozenset({"AWalker"}), {"AWalker": 2})
+PROGRESS = Progress(
+    False,
+    False,
+    frozenset({"b"}),
+    frozenset({"AWalker"}),
+    {"c": "eTire<>", "d": ""},
+    {"AWalker": 2},
+)
 
 
 def nodes(*names):
@@ -50,6 +57,7 @@ def test_a_parcel_arrives_as_it_was_sent():
         ({"places": packed_places([(1, 2)])}, "an odd number of numbers"),
         ({"events": (eHit(amount=1.0),), "senders": packed_places([(1,)])}, "eHit has no sender"),
         ({"senders": packed_places([(1,)])}, "senders has 12 bytes, which are not 0 places"),
+        ({"given_up": {"c": 2}}, "given_up: expected text for c, not 2"),
         ({"left": {"AWalker": -1}}, "left: AWalker must be a count, not -1"),
         ({"string": Scene(nodes("c", "c")), "places": packed_places([(1,), (2,)])}, "c"),
     ],
