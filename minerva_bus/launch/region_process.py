@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Mapping
+from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -18,6 +18,7 @@ from minerva_bus.launch.region_member import RegionMember
 from minerva_bus.launch.temporary_folder import temporary_folder
 from minerva_bus.launch.worldfile import Process, WorldFile
 from minerva_bus.log.entries import EntryDecoder
+from minerva_bus.regions.attached import beside
 from minerva_bus.regions.whole import WholeSource
 from minerva_bus.runtime.arrival import STARTED_HERE
 from minerva_bus.runtime.member import MemberProcess
@@ -103,18 +104,21 @@ class RegionProcess(MemberProcess):
 
 @contextmanager
 def in_regions(file: WorldFile) -> Generator[WorldFile]:
-    """A world file whose processes are the regions of this one, for as long as the block runs.
+    """A world file whose processes are the regions of this one, and views of the whole.
 
-    It is the same file for a world with one coordinator.
+    They run for as long as the block does. It is the same file for a world with one coordinator.
     """
     if file.partition is None:
         yield file
         return
-    classes = {agent: None for process in file.processes for agent in process.agents}
+    observers = beside({each.name: each.participant().service for each in file.processes})
+    views = [each for each in file.processes if each.name in observers]
+    inside = tuple(each for each in file.processes if each.name not in observers)
+    classes = {agent: None for process in inside for agent in process.agents}
     with temporary_folder("regions") as folder:
         numbers = range(file.partition.count)
         endpoints = {n: f"unixsock-stream/{folder}/{n}.sock" for n in numbers}
-        processes = tuple(
+        regions = [
             RegionSpec(
                 name_of_region(number),
                 agents=tuple(classes),
@@ -122,15 +126,20 @@ def in_regions(file: WorldFile) -> Generator[WorldFile]:
                 restarts=MAX_RESTARTS,
                 # It may wait for another region, so a time-out would not find the late one.
                 patience=Patience(then="wait"),
-                world_file=file,
+                world_file=_with(file, inside),
                 number=number,
                 endpoints=endpoints,
                 journal=folder / f"{number}.journal",
             )
             for number in numbers
-        )
-        names = frozenset(process.name for process in processes)
-        yield replace(file, processes=processes, world=replace(file.world, expected=names))
+        ]
+        yield _with(file, (*regions, *views))
+
+
+def _with(file: WorldFile, processes: Sequence[Process]) -> WorldFile:
+    """The world file with these processes, for which the world waits."""
+    names = frozenset(process.name for process in processes)
+    return replace(file, processes=tuple(processes), world=replace(file.world, expected=names))
 
 
 def name_of_region(number: int) -> str:

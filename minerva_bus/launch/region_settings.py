@@ -14,7 +14,7 @@ from minerva_bus.frame.member import Member
 from minerva_bus.launch.specs import load
 from minerva_bus.launch.table import Table
 from minerva_bus.launch.worldfile import Process, WorldFile
-from minerva_bus.regions.attached import is_attached
+from minerva_bus.regions.attached import beside, is_attached
 from minerva_bus.regions.partition import ByFunction, ById, ByPosition, Partition
 from minerva_bus.settings.tables import MAX_REGIONS, RegionSettings
 from minerva_bus.world.evolution import Policy
@@ -80,7 +80,12 @@ def check_regions(file: WorldFile, members: Sequence[Member]) -> None:
         'policy = "literal"': world.policy is Policy.LITERAL,
         "[placement]": bool(world.placement.rules or world.placement.agents_per_host),
     }
-    services = [f"{_unsupported_service(each.service)} ({each.name})" for each in members]
+    observers = beside({each.name: each.service for each in members})
+    services = [
+        f"{_unsupported_service(each.service)} ({each.name})"
+        for each in members
+        if each.name not in observers
+    ]
     reasons = [what for what, is_used in unsupported.items() if is_used]
     reasons += _unsupported_processes(file.processes)
     reasons += [reason for reason in services if not reason.startswith(" ")]
@@ -101,7 +106,10 @@ def check_region_run(file: WorldFile, *, in_process: bool) -> None:
         "journals (--journal)": bool(file.bus.journal),
     }
     if in_process:
+        services = {each.name: each.participant().service for each in file.processes}
+        live = [name for name, service in services.items() if _is_in_real_time(service)]
         unsupported |= {
+            f"views in real time ({', '.join(live)}) in one process": bool(live),
             "records (--record) in one process": bool(file.record.path),
             "tables of collected data ([collect], --collect) in one process": bool(
                 file.collect.entries
@@ -126,12 +134,18 @@ def _unsupported_processes(processes: Iterable[Process]) -> Iterator[str]:
             yield f"generators that send in the name of agents ({process.name})"
 
 
+def _is_in_real_time(service: Service | None) -> bool:
+    return isinstance(service, Device) and bool(
+        service.rate or service.interactive or service.pulse_every
+    )
+
+
 def _unsupported_service(service: Service | None) -> str:
     """Why a service can run neither in each region with the same results nor in one; or ""."""
     if isinstance(service, Generator) and not service.lockstep:
         return "generators that run freely"
-    if isinstance(service, Device) and (service.rate or service.interactive or service.pulse_every):
-        return "devices in real time, such as windows and pages"
+    if _is_in_real_time(service):
+        return "devices in real time that generate events or use sensor topics"
     if isinstance(service, Generator) and service.ahead and is_attached(service):
         return "generators that run ahead and have sensor topics or views"
     return ""

@@ -19,7 +19,7 @@ from minerva_bus.frame import messages as m
 from minerva_bus.frame.member import Member
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.regions.views import ViewAssembly, ViewPart
-from minerva_bus.world.services import Device, Service
+from minerva_bus.world.services import Device, Generator, Service
 
 HOME: Final = 0
 """The region of attached services, and of units without agents."""
@@ -32,6 +32,22 @@ def is_attached(service: Service | None) -> bool:
     if service is None:
         return False
     return isinstance(service, Device) or bool(service.topics or service.publishes)
+
+
+def beside(services: Mapping[str, Service | None]) -> frozenset[str]:
+    """The services of a world, by name, that only show views: observers of the whole.
+
+    Those that take sensor topics of other services are not among them, because topics do not leave
+    a region.
+    """
+    published = {topic for each in services.values() if each for topic in each.publishes}
+    return frozenset(
+        name
+        for name, service in services.items()
+        if isinstance(service, Device)
+        and not (isinstance(service, Generator) or service.coupled or service.publishes)
+        and published.isdisjoint(service.topics)
+    )
 
 
 @dataclass(frozen=True, slots=True)

@@ -147,6 +147,28 @@ def test_links_that_are_cut_delay_a_world_and_nothing_else(path, monkeypatch):
             assert world.summary()["digest"] == alone(path, 100)["digest"]
 
 
+def test_views_are_beside_the_regions(path):
+    """An observer in real time has the views of the whole, as with one coordinator."""
+    screen = """
+[process.screen]
+service = "loud:LiveScreen"
+said = true
+"""
+    (path.parent / "loud.py").write_text(
+        LOUD + "\n\nclass LiveScreen(Screen, draws=('eShow',)):\n    rate = 50.0\n"
+    )
+    path.write_text(path.read_text().replace("[bus]", f"{screen}\n[bus]"))
+    words = "--rate", 20, "--frames", 30, "--regions", 2, "--json"
+    with World(path, *words) as world:
+        world.says("screen", "4 figures")
+        ended = world.summary()
+    assert ended["members"] == 3
+    assert ended["pictures"] > 0
+    assert ended["digest"] == alone(path, 30)["digest"]
+    done = here(path.parent, "run", path, "--regions", 2, "--in-process")
+    assert "views in real time (screen) in one process" in done.stderr
+
+
 def test_an_error_in_code_stops_all_regions(path):
     (path.parent / "loud.py").write_text(
         LOUD.replace('print("tick")', 'raise ValueError("broken")')
