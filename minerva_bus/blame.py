@@ -19,6 +19,8 @@ from minerva_bus.errors import (
     StateError,
     UserCodeError,
     nearest,
+    sendable,
+    text_of,
 )
 from minerva_bus.source import LINE_LENGTH, SourceLine, assignments, defined, handler_name, place_of
 
@@ -48,7 +50,7 @@ def report(error: BaseException) -> str:
 
 def described(error: BaseException) -> str:
     """An exception's type and text, with a suggestion for a misspelt name."""
-    text = str(error.msg if isinstance(error, SyntaxError) else error).strip("\n")
+    text = text_of(error).strip("\n")
     if not isinstance(error, MinervaError):
         text = f"{type(error).__name__}: {text}" if text else type(error).__name__
     if isinstance(error, SystemExit):
@@ -62,7 +64,7 @@ def described(error: BaseException) -> str:
 
 def whole(error: BaseException) -> str:
     """The traceback of an error with its causes; a very long one is cut in the middle."""
-    text = "".join(traceback.format_exception(error))
+    text = sendable("".join(traceback.format_exception(error)))
     if len(text) <= TRACEBACK_LENGTH:
         return text
     half = TRACEBACK_LENGTH // 2
@@ -72,7 +74,7 @@ def whole(error: BaseException) -> str:
 class blamed:  # noqa: N801 - used like a function
     """Context in which a service's method is called.
 
-    Raises UserCodeError for any exception, including SystemExit. A class, because `contextmanager`
+    Raises UserCodeError for any exception but KeyboardInterrupt. A class, because `contextmanager`
     takes five times as many calls, and a frame has several contexts in each member.
     """
 
@@ -89,7 +91,7 @@ class blamed:  # noqa: N801 - used like a function
             # An inner context has already named the method that failed.
             return
         # Ctrl-C is not an error of user code, but `sys.exit()` in a method is.
-        if isinstance(error, Exception | SystemExit):
+        if not isinstance(error, KeyboardInterrupt):
             raise UserCodeError(handler_name(self._handler), self._handler) from error
 
 
@@ -143,7 +145,7 @@ def _suggestion(error: BaseException) -> str:
     if isinstance(error, SceneError) or not isinstance(error, AttributeError | NameError):
         return ""
     name: str | None = getattr(error, "name", None)
-    if not name or "did you mean" in str(error).lower():
+    if not name or "did you mean" in text_of(error).lower():
         return ""
     try:
         return nearest(name, sorted(_known(error)))

@@ -152,9 +152,22 @@ class UserCodeError(MinervaError):
         return self.where if cause is None else f"{self.where}: {_named(cause)}"
 
 
+def text_of(error: BaseException) -> str:
+    """The text of an exception of any class, also of one whose `__str__` raises."""
+    try:
+        return sendable(str(error.msg if isinstance(error, SyntaxError) else error))
+    except Exception as failure:
+        return f"its __str__ raises {type(failure).__name__}"
+
+
+def sendable(text: str) -> str:
+    """A text with escapes for lone surrogates, which neither a terminal nor a message can have."""
+    return text.encode("utf-8", "backslashreplace").decode()
+
+
 def _named(error: BaseException) -> str:
     """The text of an error of ours; any other error with its type."""
-    text = str(error)
+    text = text_of(error)
     if isinstance(error, MinervaError):
         return text
     return f"{type(error).__name__}: {text}" if text else type(error).__name__

@@ -158,7 +158,9 @@ class Member:
             service.joined(info)
         except MinervaError as error:
             raise Unready(f"{self.name} cannot take part: {error}") from error
-        except (Exception, SystemExit) as error:
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:
             raise UserCodeError(handler_name(service.joined), service.joined) from error
 
     def _is_same_run(self, before: m.Welcome, welcome: m.Welcome) -> bool:

@@ -92,7 +92,9 @@ class FreeRunning:
             self._outlets[member.name] = outlet
             # The main thread raises an error in `deliver`; in this thread it would be lost.
             service.run(outlet, self._stop)
-        except (Exception, SystemExit) as error:
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:
             failure = UserCodeError(handler_name(service.run), service.run)
             failure.__cause__ = error
             self._queue.put((member, failure))

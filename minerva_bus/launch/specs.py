@@ -64,7 +64,9 @@ def _import(name: str, spec: str) -> Any:
         raise WorldFileError(
             f"{spec!r}: {name} needs {error.name}, which is not installed{shown}"
         ) from error
-    except (Exception, SystemExit) as error:
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:
         raise WorldFileError(f"{spec!r}: importing {name}: {report(error)}") from error
 
 
@@ -80,7 +82,9 @@ def called(spec: str, options: Mapping[str, Any], path: Path) -> Any:
         return function(options)
     except MinervaError:
         raise
-    except (Exception, SystemExit) as error:
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:
         raise WorldFileError(f"{path}: {spec}: {report(error)}") from error
 
 
@@ -201,7 +205,9 @@ def _make(cls: type[Service], options: Mapping[str, Any], owner: str) -> Service
         if _is_installed(cls):  # Its options are documented, so the error need not show its code.
             raise WorldFileError(f"{owner}: {error}") from error
         raise WorldFileError(f"{owner}: {cls.__name__}: {report(error)}") from error
-    except (Exception, SystemExit) as error:
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:
         raise WorldFileError(f"{owner}: {cls.__name__}: {report(error)}") from error
 
 

@@ -134,8 +134,10 @@ class OwnThreads:
                 self._put(Leave())
         except MinervaError as error:
             self._put(MinervaError(f"{self._name} cannot continue: {error}"))
+        except KeyboardInterrupt:
+            raise
         # Raised in the main thread, which reports failures. SystemExit would end only this thread.
-        except (Exception, SystemExit) as error:
+        except BaseException as error:
             failure = UserCodeError(handler_name(service.run), service.run)
             failure.__cause__ = error
             self._put(failure)

@@ -225,8 +225,10 @@ class AgentStep:
         self._ran.append((activity, event))
         try:
             return checked(activity(agent, given, self._context))
+        except KeyboardInterrupt:
+            raise
         # `sys.exit()` in a method is a failure of that method; it must not end the host's process.
-        except (Exception, SystemExit) as error:
+        except BaseException as error:
             raise self._failed(activity, event) from error
 
     def _thawed(self, node: AgentNode, event: Event) -> Agent:

@@ -205,7 +205,9 @@ class PopulationStep:
         self._ran.append((activity, event))
         try:
             returns_nothing(activity(population, given, context))
-        except (Exception, SystemExit) as error:
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:
             row = 0 if rows is None else int(rows[0])
             raise self._failed(activity, row, event) from error
 
@@ -306,7 +308,9 @@ class PopulationStep:
                     context.emitted = []
                 if result is not None:
                     returned.append((row, agent, result, event))
-        except (Exception, SystemExit) as error:
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:
             raise self._failed(activity, row, event) from error
         # Outside the `try`, because `_let_go` raises ActivityError itself.
         for row, agent, result, event in returned:

@@ -48,7 +48,9 @@ def view_of_population(
         return compiled_view(compiled, state, chosen, event, _one_each)
     try:
         return _one_each(view(Population(state, cls, rows), event), count)
-    except (Exception, SystemExit) as error:
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:
         node = cast("AgentNode", part.node(0 if rows is None else int(rows[0])))
         raise ActivityError(view, node, event, frame) from error
 

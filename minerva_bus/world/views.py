@@ -87,5 +87,7 @@ def _view(cls: type[Agent], node: AgentNode, event: Event, frame: int) -> Scene:
         if left is not None:
             raise MisuseError(f"a view is a string of L(E): {left.symbol}#{left.id} is an agent")
         return result
-    except (Exception, SystemExit) as error:
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:
         raise ActivityError(show, node, event, frame) from error

@@ -154,6 +154,10 @@ MISTAKES = (
     Mistake("own exception", GROW,
             "        class Dry(Exception):\n            pass\n        raise Dry('no water')  #!\n", _says("Dry: no water")),
     Mistake("raises what is no exception", GROW, "        raise 'dry'  #!\n", _says("TypeError", "exceptions must derive")),
+    Mistake("exception whose text fails", GROW,
+            "        class Broken(Exception):\n            def __str__(self):\n                return self.text\n\n"
+            "        raise Broken  #!\n", _says("Broken", "__str__ raises AttributeError")),
+    Mistake("exception that is no Exception", GROW, "        import asyncio\n        raise asyncio.CancelledError  #!\n", _says("CancelledError")),
     Mistake("exits", GROW, "        raise SystemExit(3)  #!\n", _says("SystemExit")),
     Mistake("calls sys.exit", GROW, "        import sys\n        sys.exit()  #!\n", _says("SystemExit")),
     Mistake("recursion without end", GROW,
@@ -182,6 +186,7 @@ MISTAKES = (
     Mistake("a parameter too many", SEE, "        return PDot(size=1.0, colour=3)  #!\n", _says("PDot", "colour")),
     # --- generators ---
     Mistake("exception in a generator", SHINE, "        yield eSun(light=self.power)  #!\n", _says("sun", "Sun.generate", "frame 0", "power")),
+    Mistake("exception with invalid Unicode", SHINE, "        raise ValueError('no file \\udcff')  #!\n        yield\n", _says("Sun.generate", "no file \\udcff")),
     Mistake("a generator yields a text", SHINE, "        yield 'eSun'  #!\n", _says("Sun.generate", "'eSun'"), at=False),
     Mistake("a generator yields a type", SHINE, "        yield eSun  #!\n", _says("Sun.generate", "eSun"), at=False),
     Mistake("a generator returns a number", SHINE, "        return 3  #!\n", _says("Sun.generate", "3"), at=False),

@@ -76,6 +76,9 @@ ON_THE_BUS = [
     "exception in a generator",
     "not a number",
     "calls sys.exit",
+    "exception whose text fails",
+    "exception that is no Exception",
+    "exception with invalid Unicode",
 ]
 
 
