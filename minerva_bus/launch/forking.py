@@ -16,7 +16,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from minerva_bus.errors import MinervaError
+from minerva_bus.blame import report
+from minerva_bus.errors import MinervaError, UserCodeError
 from minerva_bus.frame.member import Unready
 from minerva_bus.launch import traces
 
@@ -63,7 +64,8 @@ def fork(body: Callable[[], int], keep: Collection[int], lifeline: int) -> Child
         gc.freeze()  # Collecting objects of the parent would copy their pages.
         code = body()
     except MinervaError as error:
-        print(error, file=sys.stderr)  # noqa: T201
+        # Of the world's own code, the reader needs the line.
+        print(report(error) if isinstance(error, UserCodeError) else error, file=sys.stderr)  # noqa: T201
         code = UNREADY if isinstance(error, Unready) else code
     except BaseException:
         import traceback

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable
 from queue import SimpleQueue
 from typing import Any
 
-from minerva_bus.blame import blamed
+from minerva_bus.blame import blamed, report
 from minerva_bus.errors import UserCodeError
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.member import Member
@@ -18,18 +18,18 @@ from minerva_bus.source import handler_name
 from minerva_bus.world.services import Generator
 
 
-def close_services(members: Iterable[Member]) -> None:
-    """Close all services; raises UserCodeError for the first that fails, when all are closed."""
-    failures: list[UserCodeError] = []
+def close_services(members: Iterable[Member], log: Callable[[str, str], None]) -> None:
+    """Close all services; logs by name of the member which of them fail.
+
+    The world is over, so an error does not change its result: it is logged, as on the bus.
+    """
     for member in members:
         if member.service is not None:
             try:
                 with blamed(member.service.close):
                     member.service.close()
             except UserCodeError as error:
-                failures.append(error)
-    for failure in failures[:1]:
-        raise failure
+                log(member.name, report(error))
 
 
 class FreeRunning:

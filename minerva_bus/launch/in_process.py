@@ -137,7 +137,7 @@ class InProcessRun:
             self._parts.runner.handle(s.End(reason))
 
     def close(self) -> None:
-        """Close record, tables, console and services. Raises UserCodeError if a service fails."""
+        """Close record, tables, console and services."""
         parts, self._console.frame = self._parts, self.algorithm.frame
         if parts is None or parts.closed:
             return
@@ -150,7 +150,7 @@ class InProcessRun:
                 self.collected.close()
             self._console.end()
             # Last, because a service's method `close` is user code and may raise.
-            close_services(parts.members)
+            close_services(parts.members, self._console.log)
 
     def summary(self) -> RunSummary:
         """The summary of the run."""

@@ -217,7 +217,8 @@ class RegionMember(Member):
         self.stopped = stop.reason or "the world has ended"
         self._runner.handle(s.End(stop.reason))
         elsewhere = self.region.services.elsewhere
-        close_services(each for each in self._members if not elsewhere(each))
+        members = (each for each in self._members if not elsewhere(each))
+        close_services(members, lambda name, text: self._log(f"{name}: {text}"))
         self._out.append(m.Report(self.name, self._last_figures()))
 
     def figures(self) -> m.Figures:

@@ -72,7 +72,8 @@ class RegionRun:
                 self._console.end()
                 for part in self._parts:
                     elsewhere = part.region.services.elsewhere
-                    close_services(each for each in part.members if not elsewhere(each))
+                    members = (each for each in part.members if not elsewhere(each))
+                    close_services(members, self._console.log)
             return self._summary()
 
     def _open(self) -> None:

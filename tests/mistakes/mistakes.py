@@ -198,6 +198,8 @@ MISTAKES = (
     # --- devices ---
     Mistake("exception in a device", SHOW, "        self.last = shown.number  #!\n", _says("watch", "Watch.show", "number")),
     # --- constructors ---
+    Mistake("exception in close", SHINE, SHINE + "\n    def close(self):\n        self.file.close()  #!\n", _says("Sun.close", "file", "5 frames"), goes_on=True),
+
     Mistake("exception in a constructor", MAKE, "        self.strength = {}['strength']  #!\n", _says("[process.sun]", "KeyError")),
     Mistake("missing file in a constructor", MAKE,
             "        self.table = open('sun.csv').read()  #!\n", _says("[process.sun]", "sun.csv")),

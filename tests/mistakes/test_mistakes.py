@@ -95,6 +95,13 @@ def test_on_the_bus_it_is_reported_once_and_the_world_stops(name, tmp_path, mine
     assert "with the same error in the same frame" in text
 
 
+def test_on_the_bus_an_error_in_close_is_reported_as_well(tmp_path, minerva):
+    mistake = next(one for one in MISTAKES if one.name == "exception in close")
+    code, text = minerva(tmp_path, "run", mistake.write(tmp_path))
+    explained(mistake, text)
+    assert code == 0
+
+
 def test_the_same_failure_of_several_processes_is_reported_once(tmp_path, minerva):
     mistake = next(one for one in MISTAKES if one.name == "exception in an activity")
     path = mistake.write(tmp_path)
