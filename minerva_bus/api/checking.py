@@ -81,6 +81,8 @@ def _read(file: Path) -> str:
         raise WorldFileError(f"{file}: not a text in UTF-8") from None
     except OSError as error:
         raise WorldFileError(f"{file}: {error.strerror}") from None
+    except ValueError as error:  # The name contains a null character.
+        raise WorldFileError(f"{file}: {error}") from None
 
 
 def _size(scene: Any) -> str:

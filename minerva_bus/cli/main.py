@@ -10,7 +10,7 @@ from __future__ import annotations
 import errno
 import os
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from inspect import signature
 from itertools import chain
 from typing import Annotated, Any, Final, cast
@@ -32,7 +32,7 @@ from minerva_bus.cli.other_options import TAKES_OTHERS, OtherOptionsCommand
 from minerva_bus.cli.output import INTERRUPTED, WRONG, print_result
 from minerva_bus.cli.promised import promised
 from minerva_bus.cli.shells import Command, Group, adapted
-from minerva_bus.errors import MinervaError
+from minerva_bus.errors import MinervaError, MisuseError
 from minerva_bus.outputs import forget_inputs
 
 GROUPS: Final = {
@@ -143,6 +143,13 @@ def _options(
     """Run virtual worlds: strings of a grammar, distributed over processes on Zenoh."""
 
 
+def _refuse_null_characters(words: Sequence[str]) -> None:
+    # A shell cannot pass them, but a program that calls `main` can; no file name contains them.
+    for word in words:
+        if "\0" in word:
+            raise MisuseError(f"the argument {word[:60]!r} contains a null character; remove it")
+
+
 def main() -> None:
     """Run the command line; errors are one message and an exit code, never a traceback."""
     try:
@@ -150,6 +157,7 @@ def main() -> None:
         # next.
         forget_inputs()
         with adapted(), promised(sys.argv[1:]):
+            _refuse_null_characters(sys.argv[1:])
             app()
     except MinervaError as error:
         print(f"minerva: {error}", file=sys.stderr)  # noqa: T201

@@ -63,6 +63,8 @@ class Chunks:
             self.size = path.stat().st_size
         except OSError as error:
             raise RecordError(f"{path}: {error.strerror}") from None
+        except ValueError as error:  # The name contains a null character.
+            raise RecordError(f"{path}: {error}") from None
         self._damage: dict[int, Damage] = {}
         try:
             self._scan()

@@ -139,6 +139,8 @@ def open_for_record(path: Path, *, keep_old: bool = True) -> IO[bytes]:
         return path.open("wb")
     except OSError as error:
         raise RecordError(f"{path}: cannot be written: {error.strerror}") from None
+    except ValueError as error:  # The name contains a null character.
+        raise RecordError(f"{path}: cannot be written: {error}") from None
 
 
 def part_of(path: Path) -> Path:

@@ -227,6 +227,16 @@ def test_a_file_that_is_none(minerva, home, name):
     assert out == ""
 
 
+@pytest.mark.parametrize("words", [
+    ("check", "\0.mnv"), ("run", "\0.toml"), ("info", "\0.mcap"), ("replay", "\0.mcap"), ("conformance", "\0"),
+    ("run", "world.toml", "--in-process", "--record", "\0.mcap"), ("plot", "\0.csv"),
+])  # fmt: skip
+def test_no_argument_contains_a_null_character(minerva, home, words):
+    code, out, err = minerva(*words)
+    assert (code, out) == (2, "")
+    assert err.startswith("minerva: the argument '\\x00")
+
+
 # --- worlds ----------------------------------------------------------------------------------
 
 

@@ -2,12 +2,14 @@
 
 import struct
 from itertools import pairwise
+from pathlib import Path
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from minerva_bus.log.errors import RecordError
+from minerva_bus.log.mcap_file import open_for_record
 from minerva_bus.log.reader import Record
 from tests.log.recorded_runs import bytes_of, record_of, strings_of
 
@@ -102,6 +104,14 @@ def test_no_file_and_a_folder(tmp_path):
         Record(tmp_path / "none.mcap")
     with pytest.raises(RecordError, match="directory"):
         Record(tmp_path)
+
+
+def test_a_name_that_no_file_has():
+    name = Path("a\0.mcap")
+    with pytest.raises(RecordError, match="embedded null byte"):
+        Record(name)
+    with pytest.raises(RecordError, match="cannot be written: embedded null byte"):
+        open_for_record(name)
 
 
 def test_a_format_of_the_future(tmp_path, monkeypatch):
