@@ -17,7 +17,7 @@ settings.register_profile(
 )
 settings.load_profile("minerva")
 
-pytest_plugins = ["tests.flaky", "tests.quick"]
+pytest_plugins = ["tests.flaky", "tests.quick", "tests.starts"]
 
 
 def pytest_configure(config):

@@ -1,0 +1,155 @@
+"""Start `minerva` and `python -m minerva_bus` by a fork of a process that has imported it already.
+
+Tests start the command by `subprocess` as usual; this plugin replaces only how its process begins.
+`--new-interpreters` begins each command with a new interpreter, and so does every start whose
+arguments concern the interpreter: PYTHONPATH and the like, limits, users, other files.
+"""
+
+import ctypes
+import inspect
+import json
+import os
+import socket
+import subprocess
+import sys
+import threading
+from itertools import cycle
+from pathlib import Path
+
+from tests.fork_server import LARGEST
+
+INITIAL = dict(os.environ)
+"""The environment of the servers."""
+SERVER = Path(__file__).with_name("fork_server.py")
+PROGRAMS = (
+    ["-m", "minerva_bus"],
+    ["-m", "minerva_bus.cli.main"],
+    [str(Path(sys.executable).with_name("minerva"))],
+)
+"""The words after the interpreter that start the command line."""
+SERVERS = 2
+"""Number of servers that take turns. Each has a hash seed, so two successive commands have
+different ones: if a result depends on the order of a set, their results differ."""
+SET_CHILD_SUBREAPER = 36
+"""The number of PR_SET_CHILD_SUBREAPER in Linux."""
+FIXED = {
+    "executable": None, "preexec_fn": None, "close_fds": True, "pass_fds": (), "shell": False,
+    "restore_signals": True, "gid": None, "gids": None, "uid": None, "umask": -1,
+    "process_group": -1,
+}  # fmt: skip
+"""Arguments of a start, each with the only value that a fork of a server can have."""
+
+
+def pytest_addoption(parser):
+    parser.getgroup("general").addoption(
+        "--new-interpreters",
+        action="store_true",
+        help="start each command of the tests with a new interpreter, not with a fork of a process "
+        "that has imported Minerva Bus",
+    )
+
+
+def pytest_configure(config):
+    if sys.platform == "linux" and not config.getoption("new_interpreters"):
+        config.pluginmanager.register(Starts(), "starts")
+
+
+class Server:
+    """The requesting end of a fork server's socket."""
+
+    def __init__(self):
+        self.socket, remote = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        with remote:
+            self.process = subprocess.Popen(
+                [sys.executable, SERVER, str(remote.fileno())], pass_fds=[remote.fileno()],
+                stdin=subprocess.DEVNULL, env=INITIAL,
+            )  # fmt: skip
+
+    def start(self, request, files):
+        """Start a command as a child of this process; returns its process id."""
+        prctl = ctypes.CDLL(None).prctl
+        prctl(SET_CHILD_SUBREAPER, 1)
+        try:
+            socket.send_fds(self.socket, [request], files)
+            return int(self.socket.recv(20))
+        finally:
+            prctl(SET_CHILD_SUBREAPER, 0)
+
+    def close(self):
+        self.socket.close()
+        self.process.wait()
+
+
+class Starts:
+    """Forked starts from the beginning to the end of a test session."""
+
+    def __init__(self):
+        self.original = subprocess.Popen._execute_child
+        self.signature = inspect.signature(self.original)
+        self.servers = []
+        self.turns = None
+        self.lock = threading.Lock()
+
+    def pytest_sessionstart(self):
+        def execute_child(process, *arguments):
+            if not self.fork(process, self.signature.bind(process, *arguments).arguments):
+                self.original(process, *arguments)
+
+        subprocess.Popen._execute_child = execute_child
+
+    def pytest_unconfigure(self):
+        subprocess.Popen._execute_child = self.original
+        for server in self.servers:
+            server.close()
+
+    def fork(self, process, arguments):
+        """Start a process by a fork; returns whether that was possible."""
+        request = forkable(arguments)
+        if request is None:
+            return False
+        pipes = [arguments[name] for name in ("p2cread", "c2pwrite", "errwrite")]
+        files = [number if pipe == -1 else pipe for number, pipe in enumerate(pipes)]
+        with self.lock:
+            if self.turns is None:
+                self.servers = [Server() for _ in range(SERVERS)]
+                self.turns = cycle(self.servers)
+            process.pid = next(self.turns).start(request, files)
+        process._child_created = True
+        ends = ("p2cread", "p2cwrite", "c2pread", "c2pwrite", "errread", "errwrite")
+        process._close_pipe_fds(*(arguments[end] for end in ends))
+        return True
+
+
+def forkable(arguments):
+    """The request for a start to a fork server; None if it needs a new interpreter."""
+    words = arguments["args"]
+    if isinstance(words, (str, bytes, os.PathLike)):
+        return None
+    words = [*map(os.fspath, words)]
+    program = next((p for p in PROGRAMS if words[: len(p) + 1] == [sys.executable, *p]), None)
+    if program is None:
+        return None
+    if any(arguments.get(name, value) != value for name, value in FIXED.items()):
+        return None
+    environment = dict(os.environ if arguments["env"] is None else arguments["env"])
+    folder = str(Path(arguments["cwd"] or ".").absolute())
+    if interpreter_settings(environment) != interpreter_settings(INITIAL):
+        return None
+    if not os.access(folder, os.X_OK):
+        return None
+    request = {
+        "program": program, "arguments": words[len(program) + 1 :], "environment": environment,
+        "folder": folder, "session": arguments["start_new_session"],
+    }  # fmt: skip
+    data = json.dumps(request).encode()
+    return data if len(data) < LARGEST else None
+
+
+def interpreter_settings(environment):
+    """Variables that an interpreter reads when it starts."""
+    read = ("PYTHON", "LC_", "LANG", "LD_")
+    return {
+        key: value
+        for key, value in environment.items()
+        if key.startswith(read) and key != "PYTHONUNBUFFERED"
+    }

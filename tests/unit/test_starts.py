@@ -1,0 +1,121 @@
+"""A command that a fork server has started sees what a new interpreter sees."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+
+import pytest
+
+from tests import starts
+
+PROBE = """
+import json, os, signal, sys
+print(json.dumps({
+    "arguments": sys.argv[1:],
+    "name": __name__,
+    "main": sys.modules["__main__"].__dict__ is globals(),
+    "path": sys.path,
+    "folder": os.getcwd(),
+    "environment": {k: v for k, v in os.environ.items() if k != "LC_CTYPE"},
+    "input": sys.stdin.read(),
+    "files": [(f.encoding, f.errors, f.line_buffering, f.write_through, f.name, f.mode)
+              for f in (sys.stdin, sys.stdout, sys.stderr)],
+    "open": sorted(os.listdir("/proc/self/fd")),
+    "parent": os.getppid(),
+    "leads": os.getsid(0) == os.getpid(),
+    "interrupt": signal.getsignal(signal.SIGINT) is signal.default_int_handler,
+    "pipe": signal.getsignal(signal.SIGPIPE) is signal.SIG_IGN,
+    "line": "minerva_bus.cli" in sys.modules,
+}))
+print("warning", file=sys.stderr)
+if "dies" in sys.argv:
+    os.kill(os.getpid(), 9)
+sys.exit(7)
+"""
+WORDS = [sys.executable, "-m", "probe"]
+
+
+@pytest.fixture(autouse=True)
+def forked(request, monkeypatch, tmp_path):
+    """A probe instead of the command line, and for each of its starts whether it was a fork."""
+    plugin = request.config.pluginmanager.getplugin("starts")
+    if plugin is None:
+        pytest.skip("this run starts new interpreters only")
+    monkeypatch.setattr(starts, "PROGRAMS", (["-m", "probe"],))
+    (tmp_path / "probe.py").write_text(PROBE)
+    original, forks = plugin.fork, []
+
+    def fork(process, arguments):
+        forked = original(process, arguments)
+        if "probe" in arguments["args"]:  # not the start of a fork server
+            forks.append(forked)
+        return forked
+
+    monkeypatch.setattr(plugin, "fork", fork)
+    return forks
+
+
+def result(done):
+    return {"code": done.returncode, "stderr": done.stderr, **json.loads(done.stdout)}
+
+
+@pytest.mark.parametrize("unbuffered", [{}, {"PYTHONUNBUFFERED": "1"}])
+@pytest.mark.parametrize("session", [True, False])
+def test_a_fork_sees_what_a_new_interpreter_sees(
+    tmp_path, monkeypatch, forked, session, unbuffered
+):
+    kept = {key: value for key, value in os.environ.items() if key != "PYTHONUNBUFFERED"}
+    options = {
+        "cwd": tmp_path, "input": "ä line", "capture_output": True, "text": True,
+        "env": {**kept, **unbuffered, "OTHER": "ö"}, "start_new_session": session,
+    }  # fmt: skip
+    fork = result(subprocess.run([*WORDS, "a", "b c"], **options))
+    monkeypatch.setattr(starts, "PROGRAMS", ())
+    new = result(subprocess.run([*WORDS, "a", "b c"], **options))
+    assert forked == [True, False]
+    assert fork == new
+    assert fork["parent"] == os.getpid()
+
+
+def test_the_exit_of_a_fork_is_that_of_a_process(tmp_path, forked):
+    said = subprocess.run([*WORDS, "dies"], cwd=tmp_path, capture_output=True, text=True)
+    assert (forked, said.returncode) == ([True], -signal.SIGKILL)
+
+
+def test_output_that_is_not_redirected_is_that_of_this_process(tmp_path, forked, capfd):
+    subprocess.run(WORDS, cwd=tmp_path, stdin=subprocess.DEVNULL)
+    out, err = capfd.readouterr()
+    assert (forked, json.loads(out)["arguments"], err) == ([True], [], "warning\n")
+
+
+def test_successive_forks_have_different_hash_seeds(tmp_path, forked):
+    (tmp_path / "probe.py").write_text("print(hash('a text'))")
+    hashes = [subprocess.check_output(WORDS, cwd=tmp_path) for _ in range(4)]
+    assert forked == [True] * 4
+    assert hashes[0] != hashes[1]
+    assert hashes[:2] == hashes[2:]
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"env": {**os.environ, "PYTHONPATH": "elsewhere"}},
+        {"env": {**os.environ, "PYTHONHASHSEED": "1"}},
+        {"preexec_fn": os.getpid},
+        {"umask": 0o77},
+        {"process_group": 0},
+    ],
+)
+def test_a_start_that_concerns_the_interpreter_or_its_process_is_a_new_one(
+    tmp_path, forked, options
+):
+    subprocess.run(WORDS, cwd=tmp_path, capture_output=True, **options)
+    assert forked == [False]
+
+
+def test_a_start_in_an_absent_folder_fails_as_usual(tmp_path, forked):
+    with pytest.raises(FileNotFoundError):
+        subprocess.run(WORDS, cwd=tmp_path / "absent")
+    assert forked == [False]
