@@ -156,6 +156,30 @@ def test_a_fault_that_remains_is_not_retried_and_no_message_has_the_key():
     assert calls.log == ["llm: status 401: wrong key: (key)"]
 
 
+def test_a_redirection_is_not_followed_and_says_where_to():
+    goes = Answered(status=307, headers={"Location": "http://elsewhere:1/v1/chat"})
+    with ChatServer(lambda asked: goes) as server, calling(server) as calls:
+        (result,) = calls(request())
+        assert len(server.calls) == 1
+    assert result.outcome == "backend"
+    assert result.content == (
+        "status 307: the server redirects to http://elsewhere:1/v1/chat; set backend to it"
+    )
+
+
+def test_an_address_that_cannot_exist_and_unexpected_errors_are_logged():
+    backend = HttpBackend("http://256.1.1.1/v1", "small", str, {})
+    with calling(backend) as calls:
+        (result,) = calls(request())
+    assert "256.1.1.1" in result.content
+    assert calls.log == [f"llm: {result.content}"]
+    broken = FunctionBackend("it", lambda prompt: "x")
+    broken.complete = lambda prompt: 1 / 0
+    with calling(broken) as calls:
+        (result,) = calls(request())
+    assert calls.log == ["llm: ZeroDivisionError: division by zero"]
+
+
 def test_a_server_that_hangs_delays_only_its_own_request():
     def answer(asked):
         return Answered(hangs=True) if "anna" in prompt_of(asked) else EAT
@@ -322,6 +346,9 @@ def test_an_answer_is_streamed_and_cut_off_or_late_ones_are_repeated():
         ({"backend": []}, "backend is an empty list"),
         ({"backend": "http://me:secret@host/v1"}, "without user or query"),
         ({"backend": "http://host/v1?key=secret"}, "without user or query"),
+        ({"backend": "http://[::1/v1"}, "backend must be a base URL"),
+        ({"backend": "http://host:99999/v1"}, "backend must be a base URL"),
+        ({"backend": "HTTP://host:port/v1"}, "backend must be a base URL"),
         ({"backend": "missing.toml"}, "script missing.toml: No such file"),
         ({"backend": ["x"], "concurrent": 0}, "concurrent is 0; expected at least 1"),
         ({"backend": ["x"], "timeout": 0.0}, "timeout is 0.0; expected seconds above 0"),

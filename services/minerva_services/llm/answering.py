@@ -146,6 +146,7 @@ class Answering:
             outcome, content = "cancelled", ""
         except Exception as error:
             outcome, content = "backend", f"{type(error).__name__}: {error}"
+            self.setup.log(f"llm: {content}")
         return self.ended(outcome, content, time.monotonic() - began)
 
     def ended(self, outcome: str, content: str, seconds: float = 0.0) -> RequestResult:

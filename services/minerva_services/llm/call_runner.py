@@ -41,8 +41,11 @@ class CallRunner:
         closed = asyncio.run_coroutine_threadsafe(self._close(), self._loop)
         try:
             closed.result(CLOSE_SECONDS)
+        except TimeoutError:
+            self._setup.log(f"llm: calls have not ended within {CLOSE_SECONDS:g} s")
         except Exception as error:
-            self._setup.log(f"llm: {self._setup.backend.name}: {error or type(error).__name__}")
+            problem = f"{type(error).__name__}: {error}"
+            self._setup.log(f"llm: {self._setup.backend.name}: {problem}")
         self._loop.call_soon_threadsafe(self._loop.stop)
 
     # --- in the thread of the loop ---

@@ -42,8 +42,7 @@ class HttpBackend:
         stream: bool = False,
         first_token: float = 0.0,
     ) -> None:
-        parts = urlsplit(url)
-        if not parts.hostname or parts.username or parts.query:
+        if not _is_base(url):
             raise MisuseError(
                 "llm: backend must be a base URL such as http://localhost:11434/v1, without"
                 " user or query; set the key by key_env or key_file"
@@ -93,22 +92,28 @@ class HttpBackend:
                 asyncio.timeout((self._first_token or None) if stream else None) as limit,
                 client.stream(method, self._url + path, json=body) as response,
             ):
-                if stream and response.status_code < 400:
+                if stream and response.status_code < 300:
                     return await streamed_reply(response.aiter_bytes(), limit)
                 content = await _body(response.aiter_bytes())
-                if response.status_code >= 400:
+                # A redirection is not followed: the prompt and the key are for this server only.
+                if response.status_code >= 300:
                     raise self._failure(response.status_code, response.headers, content)
         except TimeoutError:
             raise Unavailable(f"no first piece within {self._first_token:g} s") from None
         except httpx.HTTPError as error:
             raise Unavailable(self._safe(str(error) or type(error).__name__)) from None
+        except httpx.InvalidURL as error:
+            raise BackendError(self._safe(f"{self._url}: {error}")) from None
         try:
             return json.loads(content)
         except (ValueError, RecursionError):
             raise Unavailable(f"no JSON: {self._safe(content.decode(errors='replace'))}") from None
 
     def _failure(self, status: int, headers: Mapping[str, str], content: bytes) -> BackendError:
-        reason = f"status {status}: {self._safe(content.decode(errors='replace'))}"
+        detail = content.decode(errors="replace")
+        if status < 400:
+            detail = f"the server redirects to {headers.get('location', '?')}; set backend to it"
+        reason = f"status {status}: {self._safe(detail)}"
         if status not in PASSING:
             return BackendError(reason)
         wait = headers.get("retry-after", "")
@@ -118,6 +123,15 @@ class HttpBackend:
         """A text for messages: short, in one line, and without the key, which a server may echo."""
         hidden = text.replace(self._key, "(key)") if self._key else text
         return " ".join(hidden.split())[:MAX_DETAIL]
+
+
+def _is_base(url: str) -> bool:
+    """Whether a text is a URL with a host, a possible port, and neither user nor query."""
+    try:
+        parts = urlsplit(url)
+        return bool(parts.hostname and parts.port != 0) and not (parts.username or parts.query)
+    except ValueError:  # of an address or a port that cannot exist
+        return False
 
 
 async def _body(chunks: Any) -> bytes:

@@ -285,7 +285,7 @@ def _backend(chosen: Any, server: Callable[[str], Backend]) -> Backend:
             "llm: backend must be a base URL, a script FILE.toml, module:name or a list with a"
             f" program and its arguments, not {chosen!r:.60}"
         )
-    if chosen.startswith(("http://", "https://")):
+    if chosen.lower().startswith(("http://", "https://")):
         return server(chosen)
     if chosen.endswith(".toml"):
         return ScriptBackend.read(Path(chosen))
