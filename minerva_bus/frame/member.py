@@ -26,7 +26,8 @@ from minerva_bus.world.evolution import Policy
 from minerva_bus.world.kinds import kinds_of
 from minerva_bus.world.operator import NoOperator, Operator
 from minerva_bus.world.readings import Reading
-from minerva_bus.world.services import Device, Generator, Service, WorldInfo, checked_service
+from minerva_bus.world.service_attributes import check_attributes
+from minerva_bus.world.services import Device, Generator, Service, WorldInfo
 
 Outgoing: TypeAlias = m.FromMember | m.Readings
 
@@ -52,7 +53,9 @@ class Member:
         self.name = name
         self.operator = cast("Operator", NoOperator())
         self.endpoint = ""
-        self.service = checked_service(service)
+        if service is not None:
+            check_attributes(service)
+        self.service = service
         self.host = Host(name, kinds_of(agents))
         self.world: m.Welcome | None = None
         self.stopped = ""

@@ -73,6 +73,9 @@ class Primitive:
         values = self.fields.bind(self.name, args, kwargs)
         return Scene((FigureNode(self.name, self.fields.names, values),))
 
+    def __repr__(self) -> str:
+        return f"<primitive {self.name}>"
+
 
 class Transformation:
     """A transformation t ∈ T; `t(parameters)(string, ...)` returns the string t(OBJECTS).
@@ -109,6 +112,9 @@ class Transformation:
             )
         return OpenTransformation(self, self.fields.bind(self.name, args, kwargs))
 
+    def __repr__(self) -> str:
+        return f"<transformation {self.name}>"
+
 
 @dataclass(frozen=True, slots=True)
 class OpenTransformation:
@@ -130,6 +136,9 @@ class OpenTransformation:
         if self.columns is not None:
             return around_each(self.columns, inside)
         return Scene((TransformationNode(name, fields.names, self.values, inside),))
+
+    def __repr__(self) -> str:
+        return f"<transformation {self.transformation.name} without its scope>"
 
 
 @dataclass(frozen=True, slots=True)

@@ -114,16 +114,17 @@ class Vocabulary:
                 )
 
     def _check_events_of(self, kind: AgentKind) -> None:
-        for event_type in sorted(kind.subscribes | kind.views):
-            declared = self.events.get(event_type)
-            if declared is None:
-                known = nearest(event_type, list(self.events))
-                raise MisuseError(
-                    f"{kind.name} responds to the unknown event type {event_type}{known}"
-                )
-            if declared.visual != (event_type in kind.views):
-                how = "visual: use @view" if declared.visual else "not visual: use @on"
-                raise MisuseError(f"{kind.name} responds to {event_type}, which is {how}")
+        for is_view, event_types in ((False, kind.subscribes), (True, kind.views)):
+            for event_type in sorted(event_types):
+                declared = self.events.get(event_type)
+                if declared is None:
+                    known = nearest(event_type, list(self.events))
+                    raise MisuseError(
+                        f"{kind.name} responds to the unknown event type {event_type}{known}"
+                    )
+                if declared.visual != is_view:
+                    how = "visual: use @view" if declared.visual else "not visual: use @on"
+                    raise MisuseError(f"{kind.name} responds to {event_type}, which is {how}")
 
     def __contains__(self, name: str) -> bool:
         return any(name in table for table in (self._symbols(name[:1]), self.events))

@@ -25,6 +25,7 @@ from minerva_bus.launch.user_modules import search
 from minerva_bus.settings.kinds import fits, phrase_of
 from minerva_bus.source import place_of
 from minerva_bus.world.agent import Agent
+from minerva_bus.world.service_attributes import check_attributes
 from minerva_bus.world.services import Service
 
 
@@ -198,7 +199,9 @@ def _shown(value: Any) -> str:
 
 def _make(cls: type[Service], options: Mapping[str, Any], owner: str) -> Service:
     try:
-        return cls(**cast("dict[str, Any]", options))
+        service = cls(**cast("dict[str, Any]", options))
+        check_attributes(service)
+        return service
     except MinervaError as error:
         raise WorldFileError(f"{owner}: {error}") from error
     except (TypeError, ValueError) as error:

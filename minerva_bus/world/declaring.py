@@ -50,7 +50,7 @@ def handlers(cls: type, mark: str) -> dict[str, Callable[..., Any]]:
         methods |= own
     # Methods of base classes were checked when those were defined.
     for name in set(methods.values()) & vars(cls).keys():
-        check_signature(vars(cls)[name], *ARGUMENTS[mark])
+        check_signature(getattr(cls, name), *ARGUMENTS[mark])
     return {event_type: getattr(cls, name) for event_type, name in methods.items()}
 
 

@@ -68,7 +68,10 @@ def returned(shown: object) -> Scene:
     if shown is None:
         raise TypeError("a view returns a string, not None; to show nothing, return EMPTY")
     if not isinstance(shown, Scene):
-        raise TypeError(f"a view returns a string, not {shown!r:.200}")
+        raise TypeError(
+            f"a view returns a string, not {shown!r:.200}; call a primitive once and a"
+            " transformation twice to get a string"
+        )
     return shown
 
 

@@ -301,31 +301,6 @@ class Device(Service):
         """g = φ(v), step 7 of Table 2."""
 
 
-def checked_service(service: Service | None) -> Service | None:
-    """The service, if its declared topics and event types are names. Raises MisuseError.
-
-    These are attributes, which a constructor may overwrite by accident, for example with an option.
-    """
-    names = ["topics", "publishes"] if service is not None else []
-    # A class with its own `generates` does not use the attribute.
-    if isinstance(service, Generator) and type(service).generates is Generator.generates:
-        names.append("events")
-    if isinstance(service, Device):
-        names.append("draws")
-    for name in names:
-        declared = getattr(service, name)
-        names_only = isinstance(declared, tuple | list) and all(
-            isinstance(event, str) for event in cast("Iterable[Any]", declared)
-        )
-        if not names_only:
-            raise MisuseError(
-                f"{type(service).__name__}: self.{name} must be a tuple of names, not"
-                f" {declared!r:.60};"
-                " call an attribute for something else, as an option's value, otherwise"
-            )
-    return service
-
-
 __all__ = [
     "Device",
     "Emit",
@@ -335,5 +310,4 @@ __all__ = [
     "Tick",
     "View",
     "WorldInfo",
-    "checked_service",
 ]

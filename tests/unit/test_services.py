@@ -1,11 +1,12 @@
 """Generators and devices: the declarations of their classes."""
 
+import math
 from typing import Any
 
 import pytest
 
 from minerva_bus import Context, Device, Event, Frame, Generator
-from minerva_bus.errors import MisuseError
+from minerva_bus.errors import MisuseError, WorldFileError
 from minerva_bus.frame.member import Member
 from minerva_bus.launch.specs import bind
 from minerva_bus.world.services import Tick
@@ -49,10 +50,34 @@ def test_an_option_overrides_the_default_of_a_service(events):
         def __init__(self, events: Any = 1):
             self.events = events
 
+    explained = (
+        r"Shower: self.events must be a tuple of names, not .*;"
+        " call an attribute for something else, as an option's value, otherwise"
+    )
     make = bind(Shower, {"events": events}, "shower")
-    with pytest.raises(MisuseError, match=r"Shower: self.events must be a tuple of names, not .*;"
-                       " call an attribute for something else, as an option's value, otherwise"):  # fmt: skip
-        Member("shower", make())
+    with pytest.raises(WorldFileError, match=f"^shower: {explained}"):
+        make()
+    with pytest.raises(MisuseError, match=f"^{explained}"):
+        Member("shower", Shower(events))
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("every", "often"), ("every", -1), ("every", 1.5), ("every", True),
+        ("rate", -0.1), ("rate", math.nan), ("rate", None),
+        ("takes", "last"), ("nth", 0), ("pulse_every", "1"),
+    ],
+)  # fmt: skip
+def test_an_attribute_that_is_not_what_a_member_expects_is_an_error(name, value):
+    class Screen(Device, draws=("eDraw",)):
+        def show(self, view):
+            pass
+
+    screen = Screen()
+    setattr(screen, name, value)
+    with pytest.raises(MisuseError, match=f"^Screen: self.{name} must be .*, not "):
+        Member("screen", screen)
 
 
 def test_an_option_may_permit_it():
