@@ -6,9 +6,7 @@ import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Any, cast
-
-import numpy as np
+from typing import Any
 
 from minerva_bus.api.requests import request_of
 from minerva_bus.api.run_result import pick_table
@@ -232,7 +230,7 @@ def grid_of(grid: Mapping[str, Iterable[Any]], seeds: int | Iterable[int]) -> Gr
     for key, given in grid.items():
         if isinstance(given, str) or not isinstance(given, Iterable):  # pyright: ignore[reportUnnecessaryIsInstance]
             raise MisuseError(f"{key}: expected a list of values, not {given!r:.60}")
-        texts = tuple(option_text(_python(value)) for value in given)
+        texts = tuple(option_text(value) for value in given)
         # The texts identify runs in the journal.
         if len(set(texts)) < len(texts):
             raise MisuseError(f"{key}: a value is given twice: {', '.join(texts)}")
@@ -244,8 +242,3 @@ def grid_of(grid: Mapping[str, Iterable[Any]], seeds: int | Iterable[int]) -> Gr
     if not values or not all(values.values()):
         raise MisuseError("nothing to sweep: give values of an option, or seeds=20")
     return Grid(values)
-
-
-def _python(value: Any) -> Any:
-    """A number of numpy as a Python object."""
-    return cast("Any", value).item() if isinstance(value, np.generic) else value

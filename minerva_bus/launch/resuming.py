@@ -25,7 +25,7 @@ from minerva_bus.launch.reading import read_world_file
 from minerva_bus.launch.table import Table
 from minerva_bus.launch.toml import TomlError, read_toml, toml_value_text
 from minerva_bus.launch.worldfile import WorldFile
-from minerva_bus.settings.overrides import Overrides
+from minerva_bus.settings.overrides import Overrides, plain_value
 from minerva_bus.wire.vocabulary import plain_vocabulary
 from minerva_bus.wording import named_some
 from minerva_bus.world.agent import Agent
@@ -168,7 +168,7 @@ def _options(description: Description) -> dict[str, str]:
 
 def option_text(value: Any) -> str:
     """An option as on a command line: a text is unchanged, any other value is in TOML."""
-    return value if isinstance(value, str) else toml_value_text(value)
+    return value if isinstance(value, str) else toml_value_text(plain_value(value))
 
 
 def check_same(world: World, recorded: World, path: Path) -> None:

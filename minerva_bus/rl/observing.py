@@ -171,8 +171,6 @@ def _limits(type_: Type, width: int) -> NDArray[np.float64]:
     """The least and the greatest value of an attribute, shape (2, width)."""
     inner = type_.item or type_
     low, high = (0.0, 1.0) if inner.words or inner.kind == "bool" else (-np.inf, np.inf)
-    if inner.range is not None:
-        low, high = inner.range.least, inner.range.most
     return np.repeat([[low], [high]], width, axis=1)
 
 

@@ -6,6 +6,7 @@ import io
 from collections.abc import Iterable, Mapping
 from copy import deepcopy
 from dataclasses import dataclass
+from operator import index
 from typing import Any, Final, Protocol
 
 import numpy as np
@@ -59,6 +60,14 @@ class Episodes(Protocol):
     def close(self) -> None: ...
 
 
+def whole_seed(seed: Any) -> int | None:
+    """A seed of `reset`, also one of numpy, as an int. Raises MisuseError if it is none."""
+    try:
+        return None if seed is None else index(seed)
+    except TypeError:
+        raise MisuseError(f"reset(seed={seed!r:.40}): expected a whole number") from None
+
+
 class OwnEpisodes:
     """Episodes in worlds that are started here, one after the other."""
 
@@ -74,6 +83,7 @@ class OwnEpisodes:
     def begin(self, seed: int | None) -> Live:
         """Start the world: with this seed, or first its own, then one drawn after the last."""
         self.close()
+        seed = whole_seed(seed)
         if seed is not None or self._random is None:
             own = self._world.read().world.seed if self._seed is None else self._seed
             seed = own if seed is None else seed

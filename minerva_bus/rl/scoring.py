@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 from minerva_bus.errors import MisuseError, VocabularyError, nearest
 from minerva_bus.grammar.condition import Scope, parse_condition
@@ -29,7 +29,8 @@ def rewarding_of(reward: Reward, kind: AgentKind) -> Rewarding:
         return lambda before, after, ids: {agent: float(agent in after.row) for agent in ids}
     if not isinstance(reward, str):
         return lambda before, after, ids: {
-            agent: float(reward(before.nodes[agent], after.nodes.get(agent))) for agent in ids
+            agent: _number(reward(before.nodes[agent], after.nodes.get(agent)), agent)
+            for agent in ids
         }
     types = {field.name: field.type for field in kind.fields.all}
     if reward not in types or types[reward].kind not in ("real", "int", "bool"):
@@ -38,6 +39,15 @@ def rewarding_of(reward: Reward, kind: AgentKind) -> Rewarding:
             " called with the agent before and after the step"
         )
     return lambda before, after, ids: _increase(reward, before, after, ids)
+
+
+def _number(value: Any, agent: str) -> float:
+    try:
+        return float(value)
+    except (TypeError, ValueError):
+        raise MisuseError(
+            f"reward: the function returned {value!r:.60} for {agent}; expected a number"
+        ) from None
 
 
 def _increase(name: str, before: KindStates, after: KindStates, ids: list[str]) -> dict[str, float]:

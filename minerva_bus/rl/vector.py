@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import Any
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any, cast
 from weakref import finalize
 
 import numpy as np
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from minerva_bus.errors import MisuseError, WorldStopped
 from minerva_bus.rl.block import MakeEnv, WorldBlock
+from minerva_bus.rl.parallel import whole_seed
 from minerva_bus.rl.shared import SharedArrays, copied
 from minerva_bus.rl.single import AgentEnv
 from minerva_bus.rl.workers import WorldWorkers
@@ -72,18 +73,20 @@ class WorldVectorEnv(VectorEnv[Any, Any, Any]):
             raise MisuseError(f"reset: there is no option {min(options)}; there are none")
         seed = self._seed if seed is None else seed
         self._seed = None
-        seeds = (
-            [seed + number for number in range(self.num_envs)]
-            if isinstance(seed, int | np.integer)
-            else [None] * self.num_envs
-            if seed is None
-            else list(seed)
-        )
+        seeds = self._seeds(seed)
         if len(seeds) != self.num_envs:
             raise MisuseError(f"reset: {len(seeds)} seeds; expected {self.num_envs}, one per world")
-        self._do(lambda: self._worlds.reset([None if s is None else int(s) for s in seeds]))
+        self._do(lambda: self._worlds.reset(seeds))
         self._begun = True
         return copied(self._arrays.observation), self._arrays.infos()
+
+    def _seeds(self, seed: Any) -> list[int | None]:
+        """The seed of each world. Raises MisuseError."""
+        if isinstance(seed, Iterable) and not isinstance(seed, str):
+            return [whole_seed(each) for each in cast("Iterable[Any]", seed)]
+        first = whole_seed(seed)
+        numbers = range(self.num_envs)
+        return [None if first is None else first + number for number in numbers]
 
     def step(
         self, actions: Any

@@ -39,7 +39,8 @@ class Overrides:
         **values: Any,
     ) -> None:
         check_known(values, OPTIONS)
-        given = {name: value for name, value in values.items() if _given(name, value)}
+        plain = {name: plain_value(value) for name, value in values.items()}
+        given = {name: value for name, value in plain.items() if _given(name, value)}
         for name, value in (
             ("options", dict(options or {})),
             ("settings", tuple(settings)),
@@ -65,6 +66,13 @@ class Overrides:
 def _given(name: str, value: Any) -> bool:
     """Whether a value replaces that of the world file: an empty text may not."""
     return value is not None and value != () and (value != "" or OPTIONS[name].empty)
+
+
+def plain_value(value: Any) -> Any:
+    """A number of numpy as a Python object, other values unchanged."""
+    # Without numpy, which commands that need no world do not import.
+    scalar = type(value).__module__ == "numpy" and getattr(value, "ndim", None) == 0
+    return value.item() if scalar else value
 
 
 AS_WRITTEN: Final = Overrides()

@@ -111,6 +111,27 @@ def test_an_environment_runs_the_frames_of_the_world():
     assert len({results[4]["a"]["digest"], *frames}) == 3
 
 
+def test_numbers_of_numpy_are_seeds_and_options():
+    given = [parallel_env("flock", "ABird", "eTurn", birds=birds, frames=frames, seed=seed)
+             for birds, frames, seed in ((2, 3, 5), (np.int64(2), np.int32(3), np.uint8(5)))]  # fmt: skip
+    first, second = map(episode, given)
+    assert same(first, second)
+    assert len(first) == 4
+    env = parallel_env(pond, Fish, "eSwim", frames=2)
+    assert same(episode(env, seed=np.int64(9)), episode(env, seed=9))
+    with pytest.raises(MinervaError, match=r"reset\(seed=2\.5\): expected a whole number"):
+        env.reset(seed=2.5)
+    done = [run(pond, frames=2, seed=seed).digest for seed in (4, np.int64(4), 5)]
+    assert done[0] == done[1] != done[2]
+
+
+def test_a_reward_that_is_no_number_is_explained():
+    env = parallel_env(pond, Fish, "eEat", reward=lambda before, after: None)
+    env.reset()
+    with pytest.raises(MinervaError, match="returned None for a; expected a number"):
+        env.step({})
+
+
 def test_agents_are_born_and_die():
     env = parallel_env(pond, Fish, eEat(), "food", reward="food", done="food == 2")
     observations, _ = env.reset()

@@ -106,6 +106,8 @@ def test_wrong_arguments_are_explained():
         envs.step([[0.0, 0.0]] * 2)
     with pytest.raises(MinervaError, match="reset: 3 seeds; expected 2, one per world"):
         envs.reset(seed=[1, 2, 3])
+    with pytest.raises(MinervaError, match=r"seed='seven'.*expected a whole number"):
+        envs.reset(seed="seven")
     with pytest.raises(MinervaError, match="there is no option start"):
         envs.reset(options={"start": 1})
     envs.reset()
