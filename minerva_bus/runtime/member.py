@@ -153,19 +153,17 @@ class MemberProcess:
             for _ in self._arrive(session):
                 system.sleep(POLL_SECONDS)
                 yield
-            declared = self._declare(session)
+            self._declared = self._declare(session)
             try:
                 return (yield from self._take_part())
             finally:
-                # Threads and timers stop first, because they put into the inbox. The token is
-                # removed before the subscriptions: while it is present, the coordinator may send.
+                # Threads and timers stop first, because they put into the inbox. The end of the
+                # session withdraws all declarations after the last message. If the token were
+                # undeclared here, that would overtake it: Zenoh sends liveliness first.
                 self._threads.stop()
                 self._rejoin.monitor.close()
                 self.inbox.close()
                 self._close_service()
-                self._rejoin.name.release()
-                for declaration in declared:
-                    declaration.undeclare()
 
     def _close_service(self) -> None:
         service = self.member.service
@@ -214,7 +212,7 @@ class MemberProcess:
         liveliness, alive = session.liveliness(), self.link.keys.alive(COORDINATOR)
         declared.append(liveliness.declare_subscriber(alive, handler(keyed_sample), history=True))
         self._rejoin.name.declare(session)
-        return list(reversed(declared))
+        return declared
 
     def _subscriptions(self) -> list[str]:
         """The keys of the member; the first, which gets the lock-free channel, is the busiest."""
