@@ -18,7 +18,16 @@ from typing import Any
 from minerva_bus.errors import ProtocolError
 from minerva_bus.frame.checkpoint import Checkpoint
 from minerva_bus.wire.limits import ON_DISK
-from minerva_bus.wire.plain import as_bool, as_int, as_list, as_map, as_texts, pack, unpack
+from minerva_bus.wire.plain import (
+    as_bool,
+    as_bytes,
+    as_int,
+    as_list,
+    as_map,
+    as_texts,
+    pack,
+    unpack,
+)
 from minerva_bus.wire.values import Reader, plain_event_list
 
 
@@ -102,6 +111,5 @@ def _new(now: frozenset[str], before: frozenset[str]) -> list[str]:
 
 
 def _saved(plain: Any) -> Mapping[str, Any]:
-    if not isinstance(plain, bytes):
-        raise ProtocolError("saved data of a member must be bytes")
-    return as_map(unpack(plain, ON_DISK), "saved data of a member")
+    what = "saved data of a member"
+    return as_map(unpack(as_bytes(plain, what), ON_DISK), what)

@@ -30,7 +30,17 @@ from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.log.checkpoints import Kept, decode_checkpoint, encode_checkpoint, entry_items
 from minerva_bus.wire.codec import Decoder, encode
 from minerva_bus.wire.limits import ON_DISK
-from minerva_bus.wire.plain import as_int, as_list, as_map, as_text, as_texts, pack, unpack
+from minerva_bus.wire.plain import (
+    as_bytes,
+    as_int,
+    as_list,
+    as_map,
+    as_pairs,
+    as_text,
+    as_texts,
+    pack,
+    unpack,
+)
 from minerva_bus.wire.values import Reader, plain_event_list, plain_scene
 
 FORMAT: Final = 3
@@ -106,7 +116,9 @@ class EntryDecoder:
             raise ProtocolError("a keyframe has 5 items and begins with its name")
         _, number, scene, saved, views = items
         # A keyframe contains a whole checkpoint, so nothing before it is needed.
-        checkpoint = decode_checkpoint(saved, self.reader).new if saved else None
+        checkpoint = None
+        if saved:
+            checkpoint = decode_checkpoint(as_bytes(saved, "a checkpoint"), self.reader).new
         decoded = [self._decoder.to_member(view) for view in as_list(views, "views")]
         return Keyframe(
             _number(number) if checkpoint is None else checkpoint.frame,
@@ -118,10 +130,8 @@ class EntryDecoder:
     def frame(self, data: bytes, seconds: float) -> RecordedFrame:
         """A recorded frame; `seconds` is its time by the clock since the record began."""
         number, events, delta, digest = entry_items(data, 5, "frame")
-        if not isinstance(digest, bytes):
-            raise ProtocolError("a digest is bytes")
-        read = self.reader.events(events)
-        return RecordedFrame(_number(number), read, as_list(delta, "a delta"), digest, seconds)
+        read, step = self.reader.events(events), as_list(delta, "a delta")
+        return RecordedFrame(_number(number), read, step, as_bytes(digest, "a digest"), seconds)
 
     def inputs(self, data: bytes) -> FrameInputs:
         """The inputs of a frame; a journal of format 2 calls the entry `frame`."""
@@ -129,7 +139,7 @@ class EntryDecoder:
         number, due, ticked, taken, layout, replies, waiting, people, answers, left_out = items
         received = [
             self._decoder.from_member(as_text(name, "a name"), sent)
-            for name, sent in (*as_list(ticked, "tick replies"), *as_list(replies, "replies"))
+            for name, sent in (*as_pairs(ticked, "tick replies"), *as_pairs(replies, "replies"))
         ]
         return FrameInputs(
             _number(number),
@@ -172,7 +182,10 @@ def _as_keyframe(items: list[Any]) -> list[Any]:
 
 def _layout(plain: Any) -> Layout:
     return tuple(
-        tuple((as_text(name, "a fragment"), as_int(rows, "rows")) for name, rows in population)
+        tuple(
+            (as_text(name, "a fragment"), as_int(rows, "rows"))
+            for name, rows in as_pairs(population, "the parts of a population")
+        )
         for population in as_list(plain, "a layout")
     )
 

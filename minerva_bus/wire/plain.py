@@ -93,6 +93,14 @@ def as_list(plain: Any, what: str) -> list[Any]:
     return cast("list[Any]", plain)
 
 
+def as_pairs(plain: Any, what: str) -> list[tuple[Any, Any]]:
+    """`plain` as a list of pairs. Raises ProtocolError."""
+    pairs = [as_list(item, what) for item in as_list(plain, what)]
+    if any(len(pair) != 2 for pair in pairs):
+        raise ProtocolError(f"{what} must be pairs")
+    return [(first, second) for first, second in pairs]
+
+
 def as_map(plain: Any, what: str) -> dict[str, Any]:
     """`plain` as a map with text keys. Raises ProtocolError."""
     if not isinstance(plain, dict) or not all(isinstance(k, str) for k in cast(Any, plain)):
@@ -110,6 +118,13 @@ def as_text(plain: Any, what: str) -> str:
 def as_texts(plain: Any, what: str) -> tuple[str, ...]:
     """`plain` as a list of texts. Raises ProtocolError."""
     return tuple([as_text(item, what) for item in as_list(plain, what)])
+
+
+def as_bytes(plain: Any, what: str) -> bytes:
+    """`plain` as bytes. Raises ProtocolError."""
+    if not isinstance(plain, bytes):
+        raise ProtocolError(f"{what} must be bytes, not {name_of(plain)}")
+    return plain
 
 
 def as_int(plain: Any, what: str, least: int = 0) -> int:

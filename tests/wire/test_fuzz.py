@@ -2,6 +2,7 @@
 
 import struct
 import tracemalloc
+from contextlib import suppress
 
 import hypothesis.strategies as st
 import msgpack
@@ -11,6 +12,11 @@ from speaking import heard, plain_data, readings, recorded, spoken
 
 from minerva_bus.errors import MinervaError, ProtocolError, SceneError, VocabularyError
 from minerva_bus.frame import messages as m
+from minerva_bus.frame.checkpoint import Checkpoint
+from minerva_bus.frame.inputs import FrameInputs
+from minerva_bus.grammar.scene import Scene
+from minerva_bus.log.checkpoints import Kept, decode_checkpoint, encode_checkpoint
+from minerva_bus.log.entries import EntryDecoder, encode_frame, encode_inputs, encode_keyframe
 from minerva_bus.testing.family import FAMILY, FAMILY_VOCABULARY
 from minerva_bus.wire.codec import Decoder, encode
 from minerva_bus.wire.keys import Keys, checked_name
@@ -120,6 +126,44 @@ def test_valid_messages_with_one_part_replaced(case, path, new):
     vocabulary, message = case
     plain = replaced(unpack(encode(message)), path, new)
     refused_or_read(msgpack.packb(plain), Decoder(vocabulary))
+
+
+def entries():
+    """An entry of a log of each type, and its reader."""
+    decoder, string = EntryDecoder(FAMILY_VOCABULARY), FAMILY[0]("w").string
+    hits = (FAMILY_VOCABULARY.events["eHit"](amount=1.0),)
+    reply = m.TickReply("rain", 3, hits, {"n": 1})
+    evolved = m.EvolveReply("host", 3, 0)
+    layout = ((("~w", 3),),)
+    inputs = FrameInputs(
+        3, ("eHit",), {"rain": reply}, {"wind": hits}, layout, [evolved], {"wind": hits}
+    )
+    kept = Kept.of(Checkpoint(3, {"rain": {"n": 1}}, hits, {"wind": hits}))
+    view = m.ViewShown("eShow", 3, 0, {}, Scene(()))
+    return {
+        "inputs": (encode_inputs(inputs), decoder.inputs),
+        "keyframe": (encode_keyframe(3, string, kept, [view]), decoder.keyframe),
+        "checkpoint": (
+            encode_checkpoint(kept, None),
+            lambda data: decode_checkpoint(data, decoder.reader),
+        ),
+        "frame": (encode_frame(3, hits, [2, -1], bytes(16)), lambda data: decoder.frame(data, 0.0)),
+    }
+
+
+@pytest.mark.parametrize("name", entries())
+@settings(max_examples=150, deadline=None)
+@given(path=st.lists(st.integers(0, 20), max_size=4), new=junk)
+@example(path=[8], new=[1])
+@example(path=[3, 0], new=[])
+@example(path=[5, 0, 0], new=7)
+@example(path=[3], new=7)
+def test_entries_of_a_log_with_one_part_replaced(name, path, new):
+    """The coordinator of regions reads such an entry from a member."""
+    data, read = entries()[name]
+    read(data)
+    with suppress(ProtocolError, SceneError):
+        read(msgpack.packb(replaced(unpack(data), path, new)))
 
 
 @few
