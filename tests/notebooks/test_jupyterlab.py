@@ -15,7 +15,7 @@ from playwright import sync_api as playwright
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 FOLDER = Path(__file__).parents[2] / "docs" / "notebooks"
 LIVE = "4-live.ipynb"
-OTHERS = sorted(path.name for path in FOLDER.glob("*.ipynb") if path.name != LIVE)
+FIRST, *OTHERS = sorted(path.name for path in FOLDER.glob("*.ipynb") if path.name != LIVE)
 
 pytestmark = [
     # Not importorskip: another process imports it, and the import takes 2 s.
@@ -70,7 +70,10 @@ def test_the_live_notebook_runs_and_its_buttons_work(page):
     assert notebook.errors() == []
 
 
-@pytest.mark.parametrize("name", OTHERS)
+# tests/documents/test_site.py runs each notebook in a kernel: JupyterLab itself is tested here.
+@pytest.mark.parametrize(
+    "name", [FIRST, *(pytest.param(name, marks=pytest.mark.slow) for name in OTHERS)]
+)
 def test_a_notebook_runs_and_shows_its_outputs(page, name):
     notebook = OpenNotebook(page, name)
     notebook.run_all()
