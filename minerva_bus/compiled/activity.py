@@ -1,14 +1,17 @@
-"""Compiled methods of a class: checked when the class is made, compiled when they first run."""
+"""Compiled methods of a class: checked when the class is made, compiled when they first run.
+
+What checks and compiles is imported by a class with compiled methods: each process of a world would
+otherwise import it, and most worlds do not need it.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from minerva_bus.compiled.form import Program
-from minerva_bus.compiled.method import CheckedMethod, checked_methods
-from minerva_bus.compiled.views import checked_views
-from minerva_bus.compiled.writing import written
+if TYPE_CHECKING:
+    from minerva_bus.compiled.form import Program
+    from minerva_bus.compiled.method import CheckedMethod
 
 Kernel = Callable[..., int]
 
@@ -30,6 +33,8 @@ class CompiledMethods:
         self._kernels: dict[str, Kernel] = {}
 
     def _check(self) -> dict[str, CheckedMethod]:
+        from minerva_bus.compiled.method import checked_methods
+
         return checked_methods(self._cls, self._methods, self._together)
 
     def __contains__(self, event_type: object) -> bool:
@@ -58,6 +63,7 @@ class CompiledMethods:
         if kernel is None:
             # Here, because numba is optional and takes a third of a second to import.
             from minerva_bus.compiled.loading import load_kernel
+            from minerva_bus.compiled.writing import written
 
             kernel = self._kernels[event_type] = load_kernel(written(program))
         return program, kernel
@@ -70,4 +76,6 @@ class CompiledViews(CompiledMethods):
         super().__init__(cls, views, frozenset())
 
     def _check(self) -> dict[str, CheckedMethod]:
+        from minerva_bus.compiled.views import checked_views
+
         return checked_views(self._cls, self._methods)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from minerva_bus.compiled.activity import CompiledMethods, Kernel
 from minerva_bus.compiled.form import Emission, Newborn, Output, Program, Shown, ValueKind
 from minerva_bus.compiled.writing import FAULT, GONE, cells
-from minerva_bus.grammar.batch import AnyEvent, Events
+from minerva_bus.grammar.batch import Events
 from minerva_bus.grammar.column import Column
 from minerva_bus.grammar.columns import Columns, Rows
 from minerva_bus.grammar.events import Event
@@ -20,7 +20,7 @@ from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.symbols import receiver_ids
 from minerva_bus.world.context import Frame, FrameStreams
 from minerva_bus.world.lineage import child_ids
-from minerva_bus.world.population import Birth, PopulationState
+from minerva_bus.world.population import Birth, PopulationState, Turn
 
 _DTYPES: Final[dict[ValueKind, Any]] = {
     ValueKind.INT: np.int64,
@@ -31,29 +31,6 @@ _DTYPES: Final[dict[ValueKind, Any]] = {
 }
 _LEAST_ROWS: Final = 64
 _NOTHING: Final = np.zeros(1, np.int64)
-
-
-@dataclass(frozen=True, slots=True)
-class Turn:
-    """Rows of a population with the events that they process in one call.
-
-    Row k has the event k of the batch, or those from `begins[k]` to `ends[k]`; an event for all has
-    one row.
-    """
-
-    event: AnyEvent
-    rows: Rows
-    begins: Rows | None = None
-    ends: Rows | None = None
-
-    def take(self, places: Rows) -> Turn:
-        """The turn of some of the rows."""
-        if len(places) == len(self.rows):
-            return self
-        if self.begins is not None and self.ends is not None:
-            return Turn(self.event, self.rows[places], self.begins[places], self.ends[places])
-        event = self.event if isinstance(self.event, Event) else self.event.take(places)
-        return Turn(event, self.rows[places])
 
 
 class _Codes:

@@ -11,8 +11,8 @@ from minerva_bus.compiled.writing import FAULT
 from minerva_bus.grammar.columns import Rows
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.scene import EMPTY, Node, Scene
-from minerva_bus.world.compiled_rows import KernelCall, Turn
-from minerva_bus.world.population import PopulationState
+from minerva_bus.world.compiled_rows import KernelCall
+from minerva_bus.world.population import PopulationState, Turn
 
 
 def compiled_view(

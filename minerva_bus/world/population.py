@@ -238,3 +238,26 @@ def returns_nothing(result: object) -> None:
         raise TypeError(
             "an activity of a population returns nothing: self.die(mask), self.bear(mask, ...)"
         )
+
+
+@dataclass(frozen=True, slots=True)
+class Turn:
+    """Rows of a population with the events that they process in one call.
+
+    Row k has the event k of the batch, or those from `begins[k]` to `ends[k]`; an event for all has
+    one row.
+    """
+
+    event: AnyEvent
+    rows: Rows
+    begins: Rows | None = None
+    ends: Rows | None = None
+
+    def take(self, places: Rows) -> Turn:
+        """The turn of some of the rows."""
+        if len(places) == len(self.rows):
+            return self
+        if self.begins is not None and self.ends is not None:
+            return Turn(self.event, self.rows[places], self.begins[places], self.ends[places])
+        event = self.event if isinstance(self.event, Event) else self.event.take(places)
+        return Turn(event, self.rows[places])

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import groupby
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,13 +23,15 @@ from minerva_bus.world.addressing import Addressed, Round, narrowed, rounds
 from minerva_bus.world.agent import Agent
 from minerva_bus.world.agent_step import AgentStep, at_fault
 from minerva_bus.world.assembling import Unsound, assembled, emissions
-from minerva_bus.world.compiled_rows import CompiledRows, Turn
 from minerva_bus.world.context import BatchContext, Context, Frame, FrameStreams
 from minerva_bus.world.declaring import TOGETHER
 from minerva_bus.world.event_batch import EventBatch, joined
 from minerva_bus.world.kinds import ActivityError, Kinds
-from minerva_bus.world.population import Population, PopulationState, returns_nothing
+from minerva_bus.world.population import Population, PopulationState, Turn, returns_nothing
 from minerva_bus.world.row_adapter import RowAdapter
+
+if TYPE_CHECKING:
+    from minerva_bus.world.compiled_rows import CompiledRows
 
 Activity = Callable[..., Any]
 
@@ -56,6 +58,9 @@ class PopulationStep:
         self._ran: list[tuple[Activity, AnyEvent]] = []
         self._compiled: CompiledRows | None = None
         if self._cls.compiled is not None:
+            # Here, because most worlds do not need it, and each process would import it.
+            from minerva_bus.world.compiled_rows import CompiledRows
+
             self._compiled = CompiledRows(self._cls.compiled, self._state, self._streams, frame)
         # Rows whose state is in agent objects: any after a method that is not compiled, and those
         # of `_in_python`, which a compiled method has left to Python until the end of the frame.

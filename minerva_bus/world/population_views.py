@@ -14,7 +14,6 @@ from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.scene import EMPTY, AgentNode, Scene, agents
 from minerva_bus.world.addressing import Addressed
 from minerva_bus.world.agent import Agent
-from minerva_bus.world.compiled_views import compiled_view
 from minerva_bus.world.kinds import ActivityError
 from minerva_bus.world.population import Population, PopulationState
 
@@ -44,6 +43,9 @@ def view_of_population(
     state = PopulationState(part, cls.kind.fields, lasting=False)
     if view is None:
         assert compiled is not None
+        # Here, because most worlds do not need it, and each process would import it.
+        from minerva_bus.world.compiled_views import compiled_view
+
         chosen = np.arange(count) if rows is None else rows
         return compiled_view(compiled, state, chosen, event, _one_each)
     try:

@@ -109,12 +109,33 @@ def test_the_bus_knows_no_robots():
         assert "ARobot(" not in code, path
 
 
-def test_the_command_line_answers_before_anything_heavy_is_there():
-    code = "import sys, minerva_bus.cli.main; print(*sys.modules)"
+def modules_after(statement):
+    """All modules that a new interpreter has after a statement."""
+    code = f"import sys; {statement}; print(*sys.modules)"
     done = subprocess.run(
         [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True
     )
-    names = {name.split(".")[0] for name in done.stdout.split()}
+    return done.stdout.split()
+
+
+def test_the_command_line_answers_before_anything_heavy_is_there():
+    modules = modules_after("import minerva_bus.cli.main")
+    names = {name.split(".")[0] for name in modules}
     assert not names & {"numpy", "zenoh", "msgpack", "mcap", "cryptography"}
-    packages = {name.split(".")[1] for name in done.stdout.split() if "minerva_bus." in name}
+    packages = {name.split(".")[1] for name in modules if "minerva_bus." in name}
     assert not packages & (set(ORDER) - {"runtime", "cli"})
+
+
+@pytest.mark.parametrize(
+    ("methods", "imported"), [("", False), ("    @on('eStep', compiled=True)\n{}", True)]
+)
+def test_only_a_class_with_compiled_methods_imports_what_checks_them(tmp_path, methods, imported):
+    body = methods.format("    def walk(self, step, moment):\n        self.x = 1.0\n")
+    (tmp_path / "walker.py").write_text(
+        "from minerva_bus import *\n"
+        f"class Walker(Agent, symbol='AWalker'):\n    x: float = 0.0\n{body}"
+    )
+    heavy = {"minerva_bus.compiled.form", "minerva_bus.compiled.statements"}
+    start = f"import minerva_bus.launch.supervisor; sys.path.insert(0, {str(tmp_path)!r})"
+    modules = heavy & {*modules_after(f"{start}; import walker")}
+    assert modules == (heavy if imported else set())
