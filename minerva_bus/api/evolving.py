@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass, fields
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from minerva_bus.api.requests import request_of
 from minerva_bus.api.studies import sent_world
+from minerva_bus.api.study_tables import data_table
 from minerva_bus.api.world import World, world_of
-from minerva_bus.collect.table import ARRAY_TYPES, DataTable
+from minerva_bus.collect.table import DataTable
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.mutation.mutator import LONGEST, Mutator
 from minerva_bus.grammar.mutation.places import Extent, places
@@ -24,6 +23,7 @@ from minerva_bus.settings.overrides import Overrides
 from minerva_bus.study.evaluation import EvaluationCache, Evaluator, Fitness
 from minerva_bus.study.evolution import Evolution, Generation, Plan
 from minerva_bus.study.executor_pool import ExecutorSource, Workers, open_pool
+from minerva_bus.study.results import ResultTable
 from minerva_bus.study.trial import prepared
 
 MAX_NODES = 1000
@@ -92,6 +92,7 @@ class EvolvedStrings:
     Attributes:
         scene: the best string, and its `fitness`; `digest` is that of its run's last string.
         generations: a table with the best, median and worst fitness of each generation.
+        strings: a table with a row for each string, as of `minerva evolve -o strings.csv`.
 
     """
 
@@ -99,6 +100,7 @@ class EvolvedStrings:
     fitness: float
     digest: str
     generations: DataTable
+    strings: DataTable
 
 
 def evolve_strings(
@@ -169,19 +171,12 @@ def _evolved(ran: EvolutionRun) -> EvolvedStrings:
     if best is None:
         why = ran.cache.failures[0].score.error if ran.cache.failures else "there was none"
         raise MisuseError(f"no string could be evaluated; the first: {why}")
-    return EvolvedStrings(
-        best.scene, best.score.fitness, best.score.digest, _table(ran.evolution.log)
-    )
-
-
-def _table(log: Sequence[Generation]) -> DataTable:
-    types = {"generation": "int64", "best": "float64", "median": "float64", "worst": "float64",
-             "failed": "int64"}  # fmt: skip
-    columns = {
-        name: np.array([getattr(row, name) for row in log], ARRAY_TYPES[kind])
-        for name, kind in types.items()
-    }
-    return DataTable("generations", types, columns)
+    names = tuple(field.name for field in fields(Generation))
+    rows = tuple(astuple(row) for row in ran.evolution.log)
+    generations = data_table("generations", ResultTable(names[:1], names, rows))
+    strings = data_table("strings", ran.evolution.table())
+    score = best.score
+    return EvolvedStrings(best.scene, score.fitness, score.digest, generations, strings)
 
 
 def _check_targets(

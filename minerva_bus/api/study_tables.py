@@ -15,6 +15,7 @@ from minerva_bus.collect.table import ARRAY_TYPES, DataTable, Gathered
 from minerva_bus.collect.writers import path_of, read_columns
 from minerva_bus.launch.resuming import option_text
 from minerva_bus.study.grid import Combination, Grid
+from minerva_bus.study.results import ResultTable
 from minerva_bus.study.sweep import Sweep
 
 _BOOLS: Final = {"true": True, "false": False}
@@ -45,12 +46,16 @@ def collected_tables(
 
 def outcome_table(runs: Sweep) -> DataTable:
     """The outcome of each run, as the table of `minerva sweep`."""
-    table = runs.table
+    return data_table("runs", runs.table)
+
+
+def data_table(name: str, results: ResultTable) -> DataTable:
+    """Results of a study as a table in columns; a missing number is nan, a missing text is ""."""
     types: dict[str, str] = {}
     columns: dict[str, NDArray[Any]] = {}
-    for name in table.columns:
-        types[name], columns[name] = typed_column(table.column(name))
-    return DataTable("runs", types, columns)
+    for column in results.columns:
+        types[column], columns[column] = typed_column(results.column(column))
+    return DataTable(name, types, columns)
 
 
 def with_keys(names: Sequence[str], keys: Sequence[Combination], table: DataTable) -> DataTable:

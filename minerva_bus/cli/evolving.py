@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Final, cast
 
-from minerva_bus.api.evolving import EvolutionStudy
+from minerva_bus.api.evolving import EvolutionRun, EvolutionStudy
 from minerva_bus.cli.output import FAILED, INTERRUPTED, print_json, print_result
 from minerva_bus.errors import MisuseError
 from minerva_bus.launch.console import Console
@@ -19,6 +19,8 @@ from minerva_bus.study.evaluation import EvaluationCache, Fitness
 from minerva_bus.study.evolution import Evolution, Plan
 from minerva_bus.study.evolution_plots import draw_fitness, draw_tree
 from minerva_bus.study.executor_pool import Workers
+from minerva_bus.study.results import ENDINGS as TABLES
+from minerva_bus.study.results import write
 from minerva_bus.study.saving import WorldOptions, check_place, save
 from minerva_bus.study.sent_world import SentWorld
 
@@ -69,7 +71,7 @@ def evolve_world(file: WorldFile, wanted: EvolveOptions, console: Console, as_js
         read = SentWorld.of(file.text, file.path, wanted.overrides, wanted.fitness)
     ran = study.run(file, wanted.workers, console, read)
     evolution, cache, interrupted = ran.evolution, ran.cache, ran.interrupted
-    _save(file, wanted, console, cache)
+    _save(file, wanted, console, ran)
     if as_json:
         print_json(_plain(file, evolution, cache, interrupted))
     else:
@@ -78,14 +80,17 @@ def evolve_world(file: WorldFile, wanted: EvolveOptions, console: Console, as_js
     return INTERRUPTED if interrupted else 0 if cache.best is not None else FAILED
 
 
-def _save(file: WorldFile, wanted: EvolveOptions, console: Console, cache: EvaluationCache) -> None:
-    for path in wanted.outputs if cache.best is not None else ():
-        assert cache.best is not None
-        save(cache.best.scene, path, file, wanted.given)
-        # The modules that a world file names are found in its folder.
-        away = path.suffix == ".toml" and path.resolve().parent != file.path.parent
-        where = f"; to run it, move it to the folder of {file.path.name}" if away else ""
-        console.note(f"best string saved to {path}{where}")
+def _save(file: WorldFile, wanted: EvolveOptions, console: Console, ran: EvolutionRun) -> None:
+    for path in wanted.outputs:
+        if path.suffix in TABLES:
+            write(ran.evolution.table(), path)
+            console.note(f"{len(ran.evolution.all)} strings are in {path}")
+        elif ran.cache.best is not None:
+            save(ran.cache.best.scene, path, file, wanted.given)
+            # The modules that a world file names are found in its folder.
+            away = path.suffix == ".toml" and path.resolve().parent != file.path.parent
+            where = f"; to run it, move it to the folder of {file.path.name}" if away else ""
+            console.note(f"best string saved to {path}{where}")
 
 
 def _draw(file: WorldFile, wanted: EvolveOptions, console: Console, evolution: Evolution) -> None:

@@ -17,6 +17,7 @@ from minerva_bus.grammar.mutation.operators import Mutant
 from minerva_bus.grammar.mutation.places import extent
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.study.evaluation import Score, merit
+from minerva_bus.study.results import ResultTable
 from minerva_bus.world.rng import stream
 
 CROSSOVER_RATE: Final = 0.4
@@ -27,6 +28,12 @@ REPEAT_RATE: Final = 0.3
 
 TOURNAMENT: Final = 3
 """Number of individuals of which the best one becomes a parent."""
+
+COLUMNS: Final = (
+    *("number", "generation", "parents", "mutations", "nodes", "fitness", "digest", "string"),
+    "error",
+)
+"""Of the table of all strings."""
 
 Evaluate = Callable[[Sequence[Scene], Sequence[Scene]], Sequence[Score]]
 """Scores of the children, followed by those of the strings of random search."""
@@ -113,6 +120,18 @@ class Evolution:
         """The best individual, None if all have failed."""
         best = max(self.all, key=lambda individual: individual.rank, default=None)
         return None if best is None or best.score.failed else best
+
+    def table(self) -> ResultTable:
+        """All individuals in the order of their birth; parents are their numbers."""
+        rows = [
+            (
+                *(each.number, each.generation, " ".join(map(str, each.parents)), each.how),
+                *(extent(each.scene).nodes, None if each.score.failed else each.score.fitness),
+                *(each.score.digest, str(each.scene), each.score.error or None),
+            )
+            for each in self.all
+        ]
+        return ResultTable(COLUMNS[:1], COLUMNS, tuple(rows))
 
     def ancestors(self, of: Individual) -> list[Individual]:
         """An individual and its ancestors, the youngest first."""

@@ -11,10 +11,12 @@ from minerva_bus.grammar.printer import text
 from minerva_bus.grammar.scene import Scene, scene_of
 from minerva_bus.launch.typed import toml_value
 from minerva_bus.launch.worldfile import WorldFile
-from minerva_bus.outputs import check_output, write_output
+from minerva_bus.outputs import check_new, check_output, write_output
+from minerva_bus.study.results import ENDINGS as TABLES
+from minerva_bus.study.results import check_table
 from minerva_bus.wording import install
 
-ENDINGS = (".mnv", ".toml")
+ENDINGS = (".mnv", ".toml", *TABLES)
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,9 +29,14 @@ class WorldOptions:
 
 
 def check_place(path: Path) -> None:
-    """Raise MisuseError if a string cannot be saved to this file."""
+    """Raise MisuseError if the best string, or the table of all, cannot be saved to this file."""
     if path.suffix not in ENDINGS:
-        raise MisuseError(f"{path}: a string is saved in {' or '.join(ENDINGS)}")
+        raise MisuseError(f"{path}: a string is saved in .mnv or .toml, all in .csv or .parquet")
+    if path.suffix in TABLES:
+        check_table(path)
+        # A table carries no mark by which it could be told from a user's file.
+        check_new(path, "table")
+        return
     check_output(path, "string")
     if not path.parent.is_dir():
         raise MisuseError(f"{path}: there is no folder {path.parent}")

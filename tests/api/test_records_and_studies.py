@@ -191,6 +191,12 @@ def test_strings_evolve():
     assert best.fitness > 1
     assert best.generations["generation"].tolist() == [0, 1, 2, 3]
     assert best.generations["best"].max() == best.fitness
+    strings = best.strings
+    assert strings["number"].tolist() == list(range(16))
+    assert strings["string"][0] == str(world.scene)
+    assert (strings["parents"][0], strings["generation"][15]) == ("", 3)
+    assert str(best.scene) in strings["string"][strings["fitness"] == best.fitness]
+    assert best.digest in strings["digest"]
     assert (
         run(World(best.scene, agents=[Frog], services=[each(eTick)]), frames=2).digest
         == best.digest

@@ -1,5 +1,6 @@
 """`minerva evolve`: same champion for any distribution; failures and Ctrl-C are handled."""
 
+import csv
 import json
 import os
 import signal
@@ -71,7 +72,7 @@ def test_failures_are_named_and_counted_and_plots_are_drawn(tmp_path):
         "ABud.vigour=-3.5:6",
     ]
     words += ["--limit", "3", "--in-process", "--compare-random", "--vigour", "0.25"]
-    words += ["--plot", "p.png", "--tree", "t.svg", "-o", "best.mnv"]
+    words += ["--plot", "p.png", "--tree", "t.svg", "-o", "best.mnv", "-o", "all.csv"]
     done, told = evolve(world, *words)
     assert done.returncode == 0, done.stderr
     errors = {one["error"] for one in told["failed"]}
@@ -82,6 +83,12 @@ def test_failures_are_named_and_counted_and_plots_are_drawn(tmp_path):
     assert (tmp_path / "p.png").read_bytes().startswith(b"\x89PNG")
     assert "<svg" in (tmp_path / "t.svg").read_text()
     assert "ABud#b<vigour=" in (tmp_path / "best.mnv").read_text()
+    rows = list(csv.DictReader((tmp_path / "all.csv").read_text().splitlines()))
+    assert [row["generation"] for row in rows] == ["0"] * 6 + ["1"] * 6
+    assert all((row["fitness"] == "") is bool(row["error"]) for row in rows)
+    assert {row["error"] for row in rows} - {""} == errors
+    best = max((row for row in rows if row["fitness"]), key=lambda row: float(row["fitness"]))
+    assert best["digest"] == told["best"]["digest"]
 
 
 def marked(mark):

@@ -56,7 +56,9 @@ def evolve(
     output: Annotated[
         list[Path] | None,
         typer.Option(
-            "--output", "-o", help="Save the best string, .mnv or .toml; may be repeated."
+            "--output",
+            "-o",
+            help="The best string (.mnv, .toml) or all of them (.csv, .parquet); may be repeated.",
         ),
     ] = None,
     plot: Annotated[Path | None, typer.Option(help="Plot fitness over generations.")] = None,
