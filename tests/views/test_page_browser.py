@@ -12,7 +12,7 @@ import pytest
 pytest.importorskip("websockets")
 playwright = pytest.importorskip("playwright.sync_api")
 
-from page_run import CHROMIUM, FLAGS, copied, eventually, running, shown  # noqa: E402
+from page_run import CHROMIUM, FLAGS, PATIENCE, copied, eventually, running, shown  # noqa: E402
 
 from minerva_agents.robot.world import scene, vocabulary  # noqa: E402
 from minerva_bus.semantics.picture import Lists, Texts, Tiles  # noqa: E402
@@ -22,6 +22,8 @@ pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="needs chromium (apt in
 
 FRAMES = 90
 STOPPED_AT = 30
+EXPLAINED = 100_000
+"""Milliseconds for an explanation: a process of its own, which a busy machine starts slowly."""
 
 
 @pytest.fixture(scope="module")
@@ -154,6 +156,7 @@ def pin_of(page, name):
     )
 
 
+@pytest.mark.timeout(400)
 def test_a_click_on_a_name_and_a_key_are_orders(tmp_path, browsers):
     """The robots' world: its markers are labels, and its speed has a unit."""
     words = "--robots", "1", "--parcels", "", "--record", "run.mcap"
@@ -184,7 +187,7 @@ def follow_an_order(page):
     page.keyboard.press("Enter")
     inspector = page.locator("#inspector")
     inspector.get_by_role("button", name="objective").click()
-    inspector.get_by_text("set_objective", exact=False).first.wait_for()
+    inspector.get_by_text("set_objective", exact=False).first.wait_for(timeout=EXPLAINED)
     # The file of the record may lack the last frames.
     inspector.get_by_text("the generator gObjective", exact=False).first.wait_for()
     # In one call, because the next frame moves the slider to the end.
@@ -192,7 +195,7 @@ def follow_an_order(page):
         "(slider) => { slider.stepDown(20); slider.dispatchEvent(new Event('input')); }"
     )
     inspector.get_by_text("at the beginning of frame", exact=False).first.wait_for()
-    inspector.get_by_text("Rejected").wait_for()
+    inspector.get_by_text("Rejected").wait_for(timeout=EXPLAINED)
     past = int(page.get_attribute("body", "data-frame"))
     page.locator("#live").click()
     shown(page, past + 21)
@@ -202,8 +205,21 @@ def follow_an_order(page):
 
 def test_interrupting_the_world_ends_its_pages(garden, browsers):
     page = browsers().new_page()
+    page.route_web_socket(re.compile("/people"), without_explanations)
     page.goto(garden.url)
     shown(page)
+    page.locator("#choose").fill("anna")
+    page.keyboard.press("Enter")
+    page.locator("#inspector").get_by_text("reading the last frames", exact=False).wait_for()
     os.kill(garden.process.pid, signal.SIGINT)
-    page.get_by_text("ended", exact=False).wait_for()
-    garden.process.wait(20)
+    page.locator("#notice").get_by_text("ended", exact=False).wait_for()
+    page.locator("#inspector").get_by_text("ended", exact=False).wait_for()
+    page.locator("#inspector").get_by_role("button", name="water").click()
+    page.locator("#inspector").get_by_text("no link to the world", exact=False).wait_for()
+    garden.process.wait(PATIENCE)
+
+
+def without_explanations(socket):
+    """Keep the answers of the inspector from a page, as if they took longer than the world."""
+    server = socket.connect_to_server()
+    server.on_message(lambda message: "explained" in message or socket.send(message))

@@ -17,8 +17,8 @@ from minerva_bus.grammar.scene import AgentNode
 from minerva_bus.log.causes import shown_value
 from minerva_bus.world.services import WorldInfo
 
-MAX_SECONDS: Final = 30.0
-"""Longest time of an explanation."""
+MAX_SECONDS: Final = 120.0
+"""Longest time of an explanation, which a busy machine needs much of."""
 
 MAX_PROCESSES: Final = 2
 """Explanations that are computed at the same time, for all pages."""

@@ -21,9 +21,9 @@ function short(text, most = 60) {
 /**
  * Shows one agent.
  *
- * `ask(message)` sends `{state}` and `{explain, attribute, frame}`; `past()` is the frame of the past
- * that the page shows, or null; `asked()` the frame that questions are about, null for the latest
- * one; `select(agent)` selects another agent on the page.
+ * `ask(message)` sends `{state}` and `{explain, attribute, frame}`, and is false if it cannot;
+ * `past()` is the frame of the past that the page shows, or null; `asked()` the frame that questions
+ * are about, null for the latest one; `select(agent)` selects another agent on the page.
  */
 export class Inspector {
   #panel;
@@ -89,13 +89,22 @@ export class Inspector {
     else if (this.#attribute !== "" && this.#cause === null) this.#question(this.#attribute);
   }
 
+  /** Gives up the open questions, for a reason such as the end of the world. */
+  fail(reason) {
+    if (this.#agent === "") return;
+    this.#about ??= { problem: reason };
+    if (this.#attribute !== "") this.#cause ??= { problem: reason };
+    this.#draw();
+  }
+
   #poll() {
     if (this.#agent !== "" && this.#past() === null) this.#ask({ state: this.#agent });
   }
 
   #question(attribute) {
     this.#frame = this.#asked();
-    this.#ask({ explain: this.#agent, attribute, frame: this.#frame });
+    const isSent = this.#ask({ explain: this.#agent, attribute, frame: this.#frame });
+    if (!isSent) this.fail("there is no link to the world");
   }
 
   #choose(attribute) {

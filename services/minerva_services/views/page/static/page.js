@@ -21,7 +21,7 @@ const symbols = new Set();
 const members = [];
 let world = null;
 
-const server = connectToServer(onMessage, (reason) => note(reason || "the link to the world is lost; trying again …", true));
+const server = connectToServer(onMessage, (reason) => lose(reason || "the link to the world is lost; trying again …"));
 const orders = new Orders(scene, element("orders"), (order) => server.send(order), select);
 const person = new Person({ form: element("naming"), button: element("you"), input: element("name") }, (name) => server.send({ name }));
 const timeline = new Timeline({ slider: element("moment"), live: element("live"), shown: element("shown") }, {
@@ -58,6 +58,12 @@ function note(text, isError = false) {
   element("notice").dataset.isHint = String(text === "");
 }
 
+/** The link is gone, and with it the questions that the server has not answered. */
+function lose(reason) {
+  note(reason, true);
+  inspector.fail(reason);
+}
+
 function onMessage(message) {
   if (message.welcome !== undefined) begin(message.welcome);
   if (message.status !== undefined) update(message.status);
@@ -67,12 +73,12 @@ function onMessage(message) {
   if (message.explained !== undefined) inspector.explain(message.explained);
   if (message.note !== undefined) note(message.note);
   if (message.error !== undefined) note(message.error, true);
-  if (message.ended !== undefined) note(message.ended);
+  if (message.ended !== undefined) end(message.ended);
 }
 
 /** The server has admitted this page; it may have done so before, if the link was lost. */
 function begin(welcome) {
-  if (world !== null && world.page === welcome.page) return;
+  if (world !== null && world.page === welcome.page) return inspector.refresh();
   if (world !== null) return location.reload();
   world = { ...welcome, taken: [] };
   showSelf(welcome.you);
@@ -81,6 +87,11 @@ function begin(welcome) {
   const view = device({ service: "page", draws: world.draws, rate: world.rate, draw });
   join(world.page, view);
   for (const [exported, name] of Object.entries(world.joins)) prepareToJoin(name, exported);
+}
+
+function end(why) {
+  note(why);
+  inspector.fail(why);
 }
 
 function showSelf(you) {

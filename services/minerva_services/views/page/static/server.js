@@ -9,7 +9,7 @@ export const socketUrl = (path) => `${location.protocol === "https:" ? "wss" : "
  * Connects to the server, again and again until the world has ended.
  *
  * `on(message)` is called with each message, `onLost(reason)` when the link is gone. The result has
- * `send(message)`.
+ * `send(message)`, which is false while there is no link.
  */
 export function connectToServer(on, onLost) {
   let socket;
@@ -28,7 +28,12 @@ export function connectToServer(on, onLost) {
     });
   };
   open();
-  return { send: (message) => socket.readyState === WebSocket.OPEN && socket.send(JSON.stringify(message)) };
+  const send = (message) => {
+    const isOpen = socket.readyState === WebSocket.OPEN;
+    if (isOpen) socket.send(JSON.stringify(message));
+    return isOpen;
+  };
+  return { send };
 }
 
 /** Why the server does not admit this page; a WebSocket does not pass the reason on. */
