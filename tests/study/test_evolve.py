@@ -83,10 +83,12 @@ def test_failures_are_named_and_counted_and_plots_are_drawn(tmp_path):
     assert (tmp_path / "p.png").read_bytes().startswith(b"\x89PNG")
     assert "<svg" in (tmp_path / "t.svg").read_text()
     assert "ABud#b<vigour=" in (tmp_path / "best.mnv").read_text()
-    rows = list(csv.DictReader((tmp_path / "all.csv").read_text().splitlines()))
+    with (tmp_path / "all.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
     assert [row["generation"] for row in rows] == ["0"] * 6 + ["1"] * 6
     assert all((row["fitness"] == "") is bool(row["error"]) for row in rows)
-    assert {row["error"] for row in rows} - {""} == errors
+    # Strings of the random search fail, too, and have no row.
+    assert {row["error"] for row in rows} - {""} <= errors
     best = max((row for row in rows if row["fitness"]), key=lambda row: float(row["fitness"]))
     assert best["digest"] == told["best"]["digest"]
 
