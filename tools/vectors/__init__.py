@@ -1,0 +1,1 @@
+"""The cases of the protocol's test vectors, and their notation."""
