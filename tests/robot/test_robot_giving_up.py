@@ -67,6 +67,14 @@ def test_it_gives_up_when_nothing_new_is_seen_for_long(planner):
     assert decision(robot(grid, **state, stale=200.0)) == []
 
 
+def test_a_repeated_search_ends_sooner_without_news():
+    """Ten crossings of the grid of 4 m at 0.5 m/s are 113 s."""
+    grid = np.full((40, 40), SEEN, np.int16)
+    state = {**STANDING, "searches": 1, "most_known": 3200}
+    assert decision(robot(grid, **state, stale=115.0)) != []
+    assert decision(robot(grid, **state, stale=110.0)) == []
+
+
 def test_news_pay_for_driving():
     grid = np.full((40, 40), SEEN, np.int16)
     now = after(robot(grid, **STANDING, most_known=3000, stale=200.0), eDecide(), frame=20)
@@ -83,7 +91,7 @@ def test_single_cells_of_news_do_not_prolong_a_search_without_limit():
     """Whenever the robot is about to give up, one more cell becomes known or is inspected."""
     seeker, seconds, dt, shown = searching(), 0.0, 1.0, 0
     area = seeker.grid.size * seeker.cell**2
-    limit = patience(seeker) + 2 * area * METRES_PER_NEWS * (MAX_SEARCHES + 1) / seeker.speed
+    limit = patience(seeker) + 2 * area * METRES_PER_NEWS / seeker.speed
     while not gives_up(seeker, Context(Frame(round(seconds), dt), "#r")):
         seconds += dt
         assert seconds <= limit + COUNT_FRAMES * dt
@@ -96,8 +104,10 @@ def test_single_cells_of_news_do_not_prolong_a_search_without_limit():
 
 def test_a_restarted_search_may_inspect_everything_again():
     grid = np.full((40, 40), SEEN, np.int16)
-    seeker = searching(grid=grid, most_known=3200, stale=50.0)
+    seeker = searching(grid=grid, most_known=3200, stale=400.0)
     restart_search(seeker)
+    # Also in the frames before the next count of news.
+    assert not gives_up(seeker, Context(Frame(COUNT_FRAMES - 1, 0.1), "#r"))
     assert not gives_up(seeker, Context(Frame(COUNT_FRAMES, 0.1), "#r"))
     assert (seeker.most_known, seeker.stale, seeker.searches) == (3200, 0.0, 1)
 

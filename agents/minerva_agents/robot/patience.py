@@ -7,10 +7,10 @@ reporting a reason.
 A search ends when no viewpoint is left, and is restarted `MAX_SEARCHES` times. The time of all
 searches is limited, too, because an erroneous laser may show single new cells forever. Time counts
 against the robot's patience, and each square metre pays for some driving in each search: once when
-it becomes known, once when the camera inspects it. On a grid of A m², a robot that drives at s m/s
-gives up after at most
+it becomes known, once when the camera inspects it. On a grid of A m², a search of a robot that
+drives at s m/s ends after at most
 
-  patience + 2 A METRES_PER_NEWS (MAX_SEARCHES + 1) / s
+  patience + 2 A METRES_PER_NEWS / s
 """
 
 from __future__ import annotations
@@ -72,12 +72,18 @@ def restart_search(robot: ARobot) -> None:
     robot.been = robot.dull = ()
     robot.searches += 1
     robot.most_known = 0
+    robot.stale = 0.0
 
 
 def patience(robot: ARobot) -> float:
-    """Seconds without news before giving up: five minutes, plus ten crossings of the grid."""
+    """Seconds without news before giving up: ten crossings of the grid, first five minutes more.
+
+    A repeated search inspects single cells. Where a wall lies between two rows of cells, the laser
+    shows them as obstacles and as free by turns, so there is always one to inspect.
+    """
     across = portable.hypot(*robot.grid.shape) * robot.cell
-    return _MIN_SECONDS + _CROSSINGS * across / max(robot.speed, _MIN_SPEED)
+    crossings = _CROSSINGS * across / max(robot.speed, _MIN_SPEED)
+    return crossings if robot.searches else _MIN_SECONDS + crossings
 
 
 def _why(robot: ARobot, moment: Context) -> str:
