@@ -56,8 +56,9 @@ def explain_running_value(
 
     Without an attribute, it is the agent with what it received; see `observe_agent`.
 
-    The frames come from the world's journal, which has the latest ones. If the value is older, they
-    come from its record, as far as it is written. The world does not notice it.
+    The frames come from its record, if they are written, because those of the world's journal have
+    to be repeated. The latest ones are in the journal only; for an older value, the record follows.
+    The world does not notice it.
 
     Args:
         operator: the running world, on this machine.
@@ -72,7 +73,7 @@ def explain_running_value(
         RecordError: there is no such frame, agent or attribute.
 
     """
-    from minerva_bus.launch.written_frames import wait_for_frame
+    from minerva_bus.launch.written_frames import is_written, wait_for_frame
     from minerva_bus.log.errors import RecordError, check_installed
     from minerva_bus.log.reader import Record
     from minerva_bus.log.recent import recent_record
@@ -81,8 +82,10 @@ def explain_running_value(
     status = operator.status()
     files = {file.name: Path(file.path) for file in status.files}
     journal, path, explanation = files.get("journal"), files.get("record"), None
+    wanted = status.frame if frame is None else min(frame, status.frame)
     recorded = path is not None and path.is_file()
-    if journal is not None and journal.is_file():
+    written = path is not None and recorded and is_written(path, wanted)
+    if journal is not None and journal.is_file() and not written:
         try:
             with temporary_folder("explain") as folder, recent_record(journal, folder) as record:
                 explanation = explained_in(record, code, agent, attribute, frame)
@@ -92,7 +95,7 @@ def explain_running_value(
     if path is not None and recorded and (explanation is None or explanation.is_older):
         # Without a journal, the record alone has the latest frames.
         if explanation is None:
-            wait_for_frame(path, status.frame if frame is None else min(frame, status.frame))
+            wait_for_frame(path, wanted)
         with Record(path) as record:
             explanation = explained_in(record, code, agent, attribute, frame)
     if explanation is None:

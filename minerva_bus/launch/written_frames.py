@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Final
 
 from minerva_bus.errors import MisuseError
+from minerva_bus.log.errors import RecordError
 from minerva_bus.log.reader import Record
 
 RECORD_SECONDS: Final = 10.0
@@ -25,6 +26,14 @@ def wait_for_frame(path: Path, frame: int) -> None:
                 " more often (--flush), or choose an earlier frame"
             )
         time.sleep(POLL_SECONDS)
+
+
+def is_written(path: Path, frame: int) -> bool:
+    """Whether a frame of a record is on the disk already; not if the record cannot be read."""
+    try:
+        return _last(path) >= frame
+    except RecordError:
+        return False
 
 
 def _last(path: Path) -> int:

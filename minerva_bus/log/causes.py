@@ -268,7 +268,8 @@ def _origin(source: EventSource, event: Event) -> str:
     """The end of a chain in words."""
     if source.kind == "norm":
         return f"{source.text} punishes a violation in frame {source.frame} by {event.type}"
-    order = f", for the order {short(source.order)} of a person" if source.order else ""
+    person = f"the person {source.person}" if source.person else "a person"
+    order = f", for the order {short(source.order)} of {person}" if source.order else ""
     return f"{source.text} sent {event.type} for frame {source.frame}{order}"
 
 

@@ -47,11 +47,15 @@ class Cursor:
 
     `number` is that of the next frame, `scene` the string before it. With `state`, `checkpoint` is
     the rest of the state, or None if the record does not have it. With `inputs`, frames carry
-    the inputs of their members, if recorded.
+    the inputs of their members, if recorded. Without `events`, frames have none: for questions
+    about strings alone, of which half the time would be spent on events.
     """
 
-    def __init__(self, record: Record, *, state: bool = False, inputs: bool = False) -> None:
+    def __init__(
+        self, record: Record, *, state: bool = False, inputs: bool = False, events: bool = True
+    ) -> None:
         self._record = record
+        self._events = events
         self._state = state
         self._topics = {c.FRAME}
         if state:
@@ -145,7 +149,7 @@ class Cursor:
             elif topic == c.KEYFRAME:
                 self._restore(message)
             else:
-                frame = self._record.frame(message, inputs)
+                frame = self._record.frame(message, inputs, events=self._events)
                 if frame.number >= self.number:  # A keyframe's chunk may begin with earlier ones.
                     torn, self._tears = self._intact.tears > self._tears, self._intact.tears
                     return _Ahead(frame, step, base, torn)

@@ -21,13 +21,14 @@ class EventSource:
 
     `kind` is "agent", "generator", "person", "norm" or "unknown". The name of a person is
     `people:NAME`, as in norms, or that of a generator that represents people. `order` is the order
-    of a person that a generator was given before, with its frame.
+    that a generator was given before, with its frame, and `person` the name of who sent it, if any.
     """
 
     kind: str
     name: str
     frame: int
     order: str = ""
+    person: str = ""
 
     @property
     def text(self) -> str:

@@ -105,7 +105,7 @@ def _change_since(
     record: Record, begin: int, name: str, attribute: str, end: int
 ) -> tuple[ValueChange | None, AgentNode | None]:
     """The last change in the frames from `begin` up to `end`, and the agent at the end."""
-    cursor = Cursor(record)
+    cursor = Cursor(record, events=False)
     cursor.skip_to(begin)
     agent, change = agent_in(cursor.scene, name), None
     while (ahead := cursor.ahead) is not None and ahead.number < end:
@@ -151,7 +151,7 @@ def _missing(record: Record, name: str, end: int) -> RecordError:
 
 def _last_frame_of(record: Record, name: str, end: int) -> int | None:
     """The frame in which an agent disappeared, or None."""
-    cursor, there, died = Cursor(record), False, None
+    cursor, there, died = Cursor(record, events=False), False, None
     while (ahead := cursor.ahead) is not None and ahead.number < end:
         there = agent_in(cursor.scene, name) is not None
         gone = agent_in(cursor.advance(), name) is None

@@ -143,11 +143,11 @@ class Record:
 
         Raises RecordError if the record does not have it.
         """
-        return Cursor(self).seek(number)
+        return Cursor(self, events=False).seek(number)
 
     def last(self) -> tuple[int, Scene]:
         """Number of the last intact frame plus one, and the string there."""
-        cursor = Cursor(self)
+        cursor = Cursor(self, events=False)
         cursor.skip_to(_END)
         return cursor.number, cursor.scene
 
@@ -213,11 +213,11 @@ class Record:
         with self._explained("a checkpoint"):
             return decode_checkpoint(message.data, self._decoder.reader)
 
-    def frame(self, message: Message, inputs: bytes = b"") -> RecordedFrame:
-        """A frame, with its inputs if their bytes are given."""
+    def frame(self, message: Message, inputs: bytes = b"", *, events: bool = True) -> RecordedFrame:
+        """A frame, with its inputs if their bytes are given, and with its `events` if wanted."""
         with self._explained(f"frame {message.sequence}"):
             seconds = (message.publish_time - self.description.began) / c.NANO
-            frame = self._decoder.frame(message.data, seconds)
+            frame = self._decoder.frame(message.data, seconds, events=events)
             return replace(frame, inputs=self._decoder.inputs(inputs)) if inputs else frame
 
     def after(self, scene: Scene, frame: RecordedFrame) -> Scene:

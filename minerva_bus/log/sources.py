@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from minerva_bus.frame.collection import is_handed_over
-from minerva_bus.frame.inbox import AGENTS, PEOPLE, is_people, person_of
+from minerva_bus.frame.inbox import AGENTS, PEOPLE, is_people, name_of, person_of
 from minerva_bus.grammar.batch import AnyEvent, Events, single
 from minerva_bus.grammar.digest import same_values
 from minerva_bus.grammar.events import Event
@@ -41,7 +41,8 @@ def source_of(
             return person_behind(source, number)
         if source in past.people:
             return EventSource("person", source, number)
-        return EventSource("generator", source, number, _order_before(event, frames, number))
+        order, person = _order_before(event, frames, number)
+        return EventSource("generator", source, number, order, person)
     if event.sender:
         return EventSource("agent", event.sender, number - 1)
     sanctions = {norm.sanction.type for norm in norms if norm.sanction is not None}
@@ -77,8 +78,8 @@ def same_event(a: Event, b: Event) -> bool:
     return set(a.receivers) == set(b.receivers) or bool(set(a.receivers) & set(b.receivers))
 
 
-def _order_before(event: Event, frames: Mapping[int, PastFrame], number: int) -> str:
-    """The last order of a person of this type and with these data that members were given."""
+def _order_before(event: Event, frames: Mapping[int, PastFrame], number: int) -> tuple[str, str]:
+    """The last order of this type and with these data that members were given, and who sent it."""
     for earlier in sorted((n for n in frames if n <= number), reverse=True):
         inputs = frames[earlier].frame.inputs
         if inputs is None:
@@ -86,5 +87,5 @@ def _order_before(event: Event, frames: Mapping[int, PastFrame], number: int) ->
         for source in sorted(filter(is_handed_over, inputs.taken)):
             for order in single(inputs.taken[source]):
                 if order.type == event.type and same_values(order.values, event.values):
-                    return f"{order} in frame {earlier}"
-    return ""
+                    return f"{order} in frame {earlier}", name_of(source)
+    return "", ""

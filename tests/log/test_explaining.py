@@ -57,7 +57,10 @@ def chain(explanation):
     ]
 
 
-ORDERED = "the generator cranes sent eCargo for frame 4, for the order eCargo<tons=7>"
+ORDERED = (
+    "the generator cranes sent eCargo for frame 4, for the order eCargo<tons=7> to #s1 in frame 2"
+    " of the person bert"
+)
 CHANGES = [
     # A method of the agent, called for an event of a generator.
     ("meadow", "f1", "energy", None, ["59 #f1 Fox.prowl eStep"], "generator steps"),
