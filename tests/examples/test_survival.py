@@ -9,6 +9,8 @@ import pytest
 pytest.importorskip("gymnasium")
 pytest.importorskip("pettingzoo")
 
+from minerva_bus.rl import population_env
+
 FOLDER = Path(__file__).parents[2] / "examples" / "survival"
 
 
@@ -45,5 +47,44 @@ def test_one_policy_of_all_agents_learns_by_ppo(monkeypatch, world, seed, update
         # Towards the stronger smell, or away from the wall: to the left.
         assert policies[0](train_ppo.TASKS[world].features(np.array(observed))) > 0
     finally:
-        for name in ("train_ppo", "ppo", "survival", "corridor"):
+        for name in ("train_ppo", "ppo", "survival", "corridor", "crossing"):
+            sys.modules.pop(name, None)
+
+
+def test_norms_bind_learners(monkeypatch):
+    """All drivers push the pedal down: norms keep them apart, and fine them for their speed."""
+    monkeypatch.syspath_prepend(str(FOLDER))
+    try:
+        import crossing
+
+        counted = {}
+        for norms in (True, False):
+            envs = population_env(
+                crossing.world, "ACar", "ePedal", ["crashes", "fines"], "earned", norms=norms
+            )
+            observations, _ = envs.reset(seed=1)
+            earned = np.zeros(envs.num_envs)
+            for _ in range(60):
+                observations, rewards, *_ = envs.step(np.full((envs.num_envs, 1), 4.0))
+                earned += rewards
+            envs.close()
+            crashes, fines = observations.sum(0)
+            counted[norms] = crashes > 0, fines > 0, earned.sum() > 0
+        assert counted == {True: (False, True, True), False: (True, False, False)}
+    finally:
+        sys.modules.pop("crossing", None)
+
+
+def test_each_learner_has_a_policy_of_its_own(monkeypatch):
+    monkeypatch.syspath_prepend(str(FOLDER))
+    try:
+        import train_ppo
+
+        policies, curve = train_ppo.train("crossing", updates=2, frames=20)
+        assert len(policies) == 2
+        assert set(curve) == {"metres", "fines", "crashes"}
+        near = train_ppo.TASKS["crossing"].features(np.array([[0.0, 5.0, 20.0, 5.0, 1.0]]))
+        assert policies[0](near) != policies[1](near)
+    finally:
+        for name in ("train_ppo", "ppo", "survival", "corridor", "crossing"):
             sys.modules.pop(name, None)
