@@ -13,13 +13,13 @@ from minerva_bus.errors import ProtocolError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.checkpoint import Checkpoint
-from minerva_bus.frame.collection import is_handed_over, visual_events
+from minerva_bus.frame.collection import visual_events
 from minerva_bus.frame.composition import Composition
 from minerva_bus.frame.constraints import Offers
 from minerva_bus.frame.description import World
 from minerva_bus.frame.goal import WorldGoal
 from minerva_bus.frame.in_flight import FrameInFlight
-from minerva_bus.frame.inbox import FrameInbox, is_people
+from minerva_bus.frame.inbox import FrameInbox
 from minerva_bus.frame.inputs import FrameInputs
 from minerva_bus.frame.instructions import Instructions
 from minerva_bus.frame.joining import MemberLifecycle
@@ -396,25 +396,7 @@ class FrameAlgorithm:
     @property
     def ordered(self) -> Mapping[str, Sequence[AnyEvent]]:
         """Events outside of all complete frames, by source, if people have sent any of them."""
-        events = self.in_flight.events
-        # `collect` has moved the events of the frame out of the inbox, but they only count when the
-        # frame is complete: until then a successor needs them from here.
-        taken: dict[str, Sequence[AnyEvent]] = {}
-        if self.phase is Phase.EVOLVE:
-            taken |= events.taken
-        for source, orders in events.orders.items() if self.in_frame else ():
-            taken[source] = [*orders, *taken.get(source, ())]
-        # The same events as `events.orders`, which have been added as people's.
-        taken = {name: each for name, each in taken.items() if not is_handed_over(name)}
-        waiting = self.inbox.events
-        if not any(map(is_people, (*taken, *waiting))):
-            return {}
-        sources = sorted({*taken, *waiting})
-        return {name: [*taken.get(name, ()), *waiting.get(name, ())] for name in sources}
-
-    def wait_with(self, events: Mapping[str, Sequence[AnyEvent]]) -> None:
-        """Queue these events, by source, for the next frame."""
-        self.inbox.replace(events)
+        return self.source.ordered()
 
     def expect(self, members: Iterable[str]) -> None:
         """Also wait for these members before the next frame."""

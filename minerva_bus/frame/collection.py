@@ -77,7 +77,7 @@ class CollectionStep:
         in_flight.events.people = inputs.people
         inbox = algorithm.inbox.events
         handed = [source for source in sorted(inbox) if is_handed_over(source)]
-        self._hand_over({_people(source): inbox.pop(source) for source in handed})
+        self._hand_over({people_of(source): inbox.pop(source) for source in handed})
 
     def _has_taker(self, event_type: str) -> bool:
         return bool(self._algorithm.members.takers(event_type))
@@ -185,7 +185,7 @@ class CollectionStep:
         algorithm, events = self._algorithm, self._algorithm.in_flight.events
         taken, emitted = algorithm.inbox.take(self._has_taker), algorithm.inbox.emitted
         # The log needs the orders too: a recomputed frame hands them over again.
-        handed = {_handed(source): orders for source, orders in events.orders.items()}
+        handed = {handed_over(source): orders for source, orders in events.orders.items()}
         events.taken = {**taken, **handed}
         events.due = due
         # A copy, because the log needs `taken` as it was, before norms and rights remove events.
@@ -277,13 +277,13 @@ def is_handed_over(source: str) -> bool:
     return source.partition(":")[0] == HANDED_OVER
 
 
-def _handed(source: str) -> str:
+def handed_over(source: str) -> str:
     """The name under which a record has the orders of a source that a generator took."""
     return HANDED_OVER + source.removeprefix(PEOPLE)
 
 
-def _people(handed: str) -> str:
-    """The inverse of `_handed`."""
+def people_of(handed: str) -> str:
+    """The inverse of `handed_over`."""
     return PEOPLE + handed.removeprefix(HANDED_OVER)
 
 

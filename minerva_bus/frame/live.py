@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
-from minerva_bus.frame.collection import CollectionStep
+from minerva_bus.frame.collection import CollectionStep, is_handed_over
 from minerva_bus.frame.description import World
 from minerva_bus.frame.evolution import EvolutionStep
+from minerva_bus.frame.inbox import is_people
 from minerva_bus.frame.members import MemberEntry
+from minerva_bus.frame.phases import Phase
+from minerva_bus.grammar.batch import AnyEvent
 
 if TYPE_CHECKING:
     from minerva_bus.frame.algorithm import FrameAlgorithm
@@ -77,6 +81,33 @@ class FrameSource:
 
     def order(self, order: s.Publish) -> None:
         """Accept an event from a person."""
+
+    def ordered(self) -> Mapping[str, Sequence[AnyEvent]]:
+        """Events outside of all complete frames, by source, if people have sent any of them."""
+        algorithm = self._algorithm
+        events = algorithm.in_flight.events
+        # `collect` has moved the events of the frame out of the inbox, but they only count when the
+        # frame is complete: until then a successor needs them from here.
+        taken: dict[str, Sequence[AnyEvent]] = {}
+        if algorithm.phase is Phase.EVOLVE:
+            taken |= events.taken
+        for source, orders in events.orders.items() if algorithm.in_frame else ():
+            taken[source] = [*orders, *taken.get(source, ())]
+        # The same events as `events.orders`, which have been added as people's.
+        taken = {name: each for name, each in taken.items() if not is_handed_over(name)}
+        waiting = algorithm.inbox.events
+        if not any(map(is_people, (*taken, *waiting))):
+            return {}
+        sources = sorted({*taken, *waiting})
+        return {name: [*taken.get(name, ()), *waiting.get(name, ())] for name in sources}
+
+    def wait_with(self, events: Mapping[str, Sequence[AnyEvent]]) -> None:
+        """Queue the events that a predecessor has noted as `ordered`."""
+        self._algorithm.inbox.replace(events)
+
+    def journaled(self) -> Mapping[str, Mapping[str, Any]]:
+        """Plain data beside a checkpoint that only a successor of this coordinator needs."""
+        return {}
 
     def seek(self, frame: int) -> None:
         """Continue with another frame, if the source can."""

@@ -17,7 +17,7 @@ from minerva_bus.launch.region_journal import RegionJournal
 from minerva_bus.launch.region_member import RegionMember
 from minerva_bus.launch.temporary_folder import temporary_folder
 from minerva_bus.launch.worldfile import Process, WorldFile
-from minerva_bus.log.entries import EntryDecoder
+from minerva_bus.log.entries import part_codec
 from minerva_bus.regions.attached import beside
 from minerva_bus.regions.whole import WholeSource
 from minerva_bus.runtime.arrival import STARTED_HERE
@@ -25,7 +25,6 @@ from minerva_bus.runtime.member import MemberProcess
 from minerva_bus.runtime.region_links import ParcelArrived, RegionAppeared, RegionLinks
 from minerva_bus.runtime.system import Timer
 from minerva_bus.runtime.waiting import Patience
-from minerva_bus.wire.codec import Decoder
 from minerva_bus.wire.keys import Keys
 from minerva_bus.world.kinds import kinds_of
 
@@ -152,12 +151,10 @@ def source_of(file: WorldFile) -> Callable[[FrameAlgorithm], FrameSource] | None
     regions = [process for process in file.processes if isinstance(process, RegionSpec)]
     if not regions or file.partition is None:
         return None
-    vocabulary = file.world.vocabulary
     return partial(
         WholeSource,
         partition=file.partition,
         names=[region.name for region in regions],
         kinds=kinds_of(regions[0].agents),
-        part=Decoder(vocabulary, file.access.limits).part,
-        inputs=EntryDecoder(vocabulary).inputs,
+        codec=part_codec(file.world.vocabulary, file.access.limits),
     )

@@ -20,6 +20,7 @@ import os
 import struct
 import zlib
 from collections.abc import Iterable
+from dataclasses import replace
 from hashlib import blake2b
 from pathlib import Path
 from typing import Any, Final
@@ -144,13 +145,17 @@ class Journal:
 
     def _put_beginning(self) -> None:
         algorithm = self._algorithm
-        kept = Kept.of(algorithm.checkpoint)
+        checkpoint = algorithm.checkpoint
+        saved = {**checkpoint.saved, **algorithm.source.journaled()}
+        kept = Kept.of(replace(checkpoint, saved=saved))
         self._put(pack(["begin", FORMAT, key_of(algorithm.world), self._epoch]))
         self._put(encode_keyframe(algorithm.frame, algorithm.scene, kept, algorithm.shown))
         if self._description:
             self._put(self._description)
-        # Waiting events are part of the checkpoint.
-        for name in ("members", "pace"):
+        # The checkpoint has the events that wait for the next frame, but not those for later ones.
+        waiting = plain_by_source(algorithm.ordered)
+        self._noted["waiting"] = [waiting]
+        for name in ("members", "pace", *(["waiting"] if waiting else [])):
             self._put(pack([name, *self._noted[name]]))
 
     def _put(self, data: bytes) -> None:

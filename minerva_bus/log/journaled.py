@@ -172,6 +172,6 @@ def resume_from(
             if isinstance(instruction, s.FrameDone):
                 watch(instruction)
     if journaled.waiting is not None:
-        algorithm.wait_with(journaled.waiting)
+        algorithm.source.wait_with(journaled.waiting)
     # Guests keep their sessions and reconnect by themselves.
     algorithm.expect(journaled.members)

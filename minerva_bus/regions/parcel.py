@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Final
 
 from minerva_bus.regions.merging import PlacedEvent, Units
 from minerva_bus.regions.norms import NO_NORMS, NormPart
@@ -26,6 +27,9 @@ class Progress:
     striving: frozenset[str]
     given_up: Mapping[str, str]
     left: Mapping[str, int]
+
+
+NO_PROGRESS: Final = Progress(False, False, frozenset(), frozenset(), {}, {})
 
 
 @dataclass(frozen=True, slots=True)

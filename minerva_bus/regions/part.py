@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Annotated, ClassVar, Final
 
@@ -10,6 +10,7 @@ import numpy as np
 
 from minerva_bus.errors import ProtocolError
 from minerva_bus.frame import messages as m
+from minerva_bus.frame.inputs import FrameInputs
 from minerva_bus.frame.messages import Parts, Patches
 from minerva_bus.frame.schema import Note, Wire, Within
 from minerva_bus.grammar.batch import AnyEvent
@@ -62,6 +63,19 @@ class PartMessage:
     inputs: Annotated[
         bytes, Note("of region 0: the events of generators, as an entry of a record (section 12)")
     ]
+
+
+@dataclass(frozen=True, slots=True)
+class PartCodec:
+    """Coding of reports as bytes. Raises ProtocolError.
+
+    `saved` decodes those of a journal, and `inputs` the events of generators in reports.
+    """
+
+    encode: Callable[[PartMessage], bytes]
+    decode: Callable[[bytes], PartMessage]
+    saved: Callable[[bytes], PartMessage]
+    inputs: Callable[[bytes], FrameInputs]
 
 
 @dataclass(slots=True)

@@ -6,9 +6,9 @@ when all regions have reported it; the string is merged from their parts, and no
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Final
 
 from minerva_bus.errors import ProtocolError, SceneError, VocabularyError
 from minerva_bus.frame import messages as m
@@ -22,10 +22,12 @@ from minerva_bus.frame.replaying import RecordedSource
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.scene import Scene
-from minerva_bus.regions.dividing import cut
-from minerva_bus.regions.merging import in_order, merged
+from minerva_bus.regions.dividing import NOTHING, cut
+from minerva_bus.regions.merging import Units, in_order, merged
 from minerva_bus.regions.messages import given_up_in
-from minerva_bus.regions.part import PartMessage, PartReceiver
+from minerva_bus.regions.orders import RegionOrders
+from minerva_bus.regions.parcel import NO_PROGRESS
+from minerva_bus.regions.part import PartCodec, PartMessage, PartReceiver, PartSender
 from minerva_bus.regions.partition import Partition
 from minerva_bus.world.kinds import Kinds
 from minerva_bus.world.order import collect
@@ -39,12 +41,16 @@ PART = "part"
 FIRST = 0
 """The region that reports the events of generators, which are equal in all regions."""
 
+PARTS: Final = "~parts"
+"""Key in the saved data of a journal for the parts of all regions; no member can have this name."""
+
 
 class WholeSource(RecordedSource):
     """The frames of a world whose agents evolve in regions.
 
-    `names` are the members that are the regions, by number. `part` decodes a region's report, and
-    `inputs` the events of generators in it; both raise ProtocolError. `kinds` make the views.
+    `names` are the members that are the regions, by number; `kinds` make the views. A successor
+    continues with the parts in its journal instead of a `partition`, and repeats the frame that
+    regions may have begun.
     """
 
     # Other regions may wait for the parcels of one that has returned after its report.
@@ -55,18 +61,39 @@ class WholeSource(RecordedSource):
         self,
         algorithm: FrameAlgorithm,
         *,
-        partition: Partition,
+        partition: Partition | None = None,
         names: Sequence[str],
         kinds: Kinds,
-        part: Callable[[bytes], PartMessage],
-        inputs: Callable[[bytes], FrameInputs],
+        codec: PartCodec,
     ) -> None:
-        self._whole = _Whole([PartReceiver(part) for part in cut(algorithm.world.scene, partition)])
+        """Raises ProtocolError if the parts in the journal are damaged."""
+        self._names, self._codec = names, codec
+        parts = algorithm.members.saved.pop(PARTS, None)
+        if parts is None:
+            assert partition is not None
+            units = cut(algorithm.world.scene, partition)
+        else:
+            units = self._saved_parts(parts)
+        self._whole = _Whole([PartReceiver(each) for each in units])
         super().__init__(algorithm, cursor=self._whole, kinds=kinds)
-        self._names = names
-        self._part, self._inputs = part, inputs
         self._reports: dict[str, PartMessage] = {}
-        self._orders: Orders = {}
+        self._replies: list[m.TickReply] = []
+        self._orders = RegionOrders(algorithm.inbox, succeeds=parts is not None)
+
+    def _saved_parts(self, parts: Mapping[str, Any]) -> list[Units]:
+        receivers = [PartReceiver(NOTHING) for _ in self._names]
+        for name, receiver in zip(self._names, receivers, strict=True):
+            receiver.apply(self._codec.saved(parts[name]))
+        return [receiver.units for receiver in receivers]
+
+    def journaled(self) -> Mapping[str, Mapping[str, Any]]:
+        """The parts of all regions, as reports of regions that had nothing before."""
+        frame = self._algorithm.frame
+        messages = [
+            PartSender().message(frame, part.units, part.sent, NO_PROGRESS, b"")
+            for part in self._whole.parts
+        ]
+        return {PARTS: dict(zip(self._names, map(self._codec.encode, messages), strict=True))}
 
     # --- a frame ---
 
@@ -81,10 +108,14 @@ class WholeSource(RecordedSource):
 
     def begin(self) -> None:
         """Request a frame of all regions, with the orders that count in it."""
-        algorithm = self._algorithm
-        self._orders = algorithm.inbox.take_orders(lambda _: True)
+        algorithm, logged = self._algorithm, self._algorithm.in_flight.logged
+        if logged is not None:
+            self._orders.load(logged.taken, logged.waiting)
+            for reply in logged.reports:
+                self._accept(reply)
+            return
         algorithm.in_flight.pending = set(self._names)
-        for name in self._names if self._orders else ():
+        for name in self._names if self._orders.take() else ():
             self._send_orders(name)
         algorithm.out.send(s.TICKED, m.TickRequest(algorithm.frame))
 
@@ -95,7 +126,8 @@ class WholeSource(RecordedSource):
 
     def _send_orders(self, region: str) -> None:
         # In the order of their sources, because a region does not know the people.
-        events = [event for _, sent in sorted(self._orders.items()) for event in sent]
+        orders = sorted(self._orders.current.items())
+        events = [event for _, sent in orders for event in sent]
         if events:
             self._algorithm.out.send(region, m.Orders(self._algorithm.frame, tuple(events)))
 
@@ -108,30 +140,43 @@ class WholeSource(RecordedSource):
             member.late += 1
             return
         try:
-            data = (reply.saved or {}).get(PART)
-            if not isinstance(data, bytes):
-                raise ProtocolError(f"ticked: a region must report its {PART}")
-            message = self._part(data)
-            given_up_in(message.given_up)
-            if reply.member == self._names[FIRST]:
-                self._generated = self._inputs(message.inputs)
-            self._whole.parts[self._names.index(reply.member)].apply(message)
+            self._accept(reply)
         except (ProtocolError, SceneError) as error:
             algorithm.joining.violation(s.Violation(reply.member, str(error)))
             return
         note_answer(algorithm, member)
-        self._reports[reply.member] = message
         algorithm.in_flight.pending.discard(reply.member)
+
+    def _accept(self, reply: m.TickReply) -> None:
+        """Continue with a region's report. Raises ProtocolError and SceneError."""
+        data = (reply.saved or {}).get(PART)
+        if not isinstance(data, bytes) or reply.member not in self._names:
+            raise ProtocolError(f"ticked: a region must report its {PART}")
+        message = self._codec.decode(data)
+        given_up_in(message.given_up)
+        if reply.member == self._names[FIRST]:
+            self._generated = self._codec.inputs(message.inputs)
+        self._whole.parts[self._names.index(reply.member)].apply(message)
+        self._reports[reply.member] = message
+        self._replies.append(reply)
 
     def order(self, order: s.Publish) -> None:
         """Accept an event from a person for the next frame."""
-        self._algorithm.inbox.add_order(order.event, order.person)
+        self._orders.add(order.event, order.person)
+
+    def ordered(self) -> Mapping[str, Sequence[AnyEvent]]:
+        """Events of people outside of all complete frames."""
+        return self._orders.noted(in_frame=self._algorithm.in_frame)
+
+    def wait_with(self, events: Mapping[str, Sequence[AnyEvent]]) -> None:
+        """Continue with what a predecessor has noted as `ordered`."""
+        self._orders.resume(events)
 
     def collect(self) -> None:
         """Steps 2 to 4: the events of all regions in the order of one coordinator."""
         algorithm, inbox = self._algorithm, self._algorithm.inbox
         inputs = self._generated
-        taken = _with_people(inputs.taken, self._orders)
+        taken = _with_people(inputs.taken, self._orders.current)
         sources: dict[str, Sequence[AnyEvent]] = {**taken}
         if inbox.emitted:
             sources[AGENTS] = inbox.emitted
@@ -141,7 +186,8 @@ class WholeSource(RecordedSource):
             if reply.saved is not None:
                 algorithm.members.saved[name] = reply.saved
         events = collect(algorithm.world.order, sources)
-        logged = replace(inputs, taken=taken)
+        waiting = {source: tuple(sent) for source, sent in inbox.events.items()}
+        logged = replace(inputs, taken=taken, waiting=waiting, reports=tuple(self._replies))
         self._whole.ahead = RecordedFrame(algorithm.frame, events, [], b"", 0.0, logged)
         self._log_orders()
         super().collect()
@@ -154,7 +200,7 @@ class WholeSource(RecordedSource):
         algorithm.inbox.emitted = in_order(
             event for part in self._whole.parts for event in part.sent
         )
-        self._reports, self._orders = {}, {}
+        self._reports, self._replies, self._orders.current = {}, [], {}
         try:
             super().commit()
         except VocabularyError as error:
@@ -178,7 +224,7 @@ class WholeSource(RecordedSource):
 
     def _log_orders(self) -> None:
         frame, out = self._algorithm.frame, self._algorithm.out
-        for source, orders in sorted(self._orders.items()):
+        for source, orders in sorted(self._orders.current.items()):
             for event in orders:
                 out.log(ORDERS, f"{counting(source, event)} in frame {frame}")
                 if isinstance(event, Event):

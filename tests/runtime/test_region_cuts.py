@@ -16,6 +16,8 @@ from minerva_bus.launch.reading import read_world_file
 from minerva_bus.launch.region_journal import RegionJournal
 from minerva_bus.launch.region_member import RegionMember
 from minerva_bus.launch.region_process import in_regions, source_of
+from minerva_bus.log.journal import Journal
+from minerva_bus.log.journaled import read_journal, resume_from
 from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.runtime.region_links import ParcelArrived
 from minerva_bus.runtime.runner import Runner, Sink
@@ -45,13 +47,16 @@ class Cluster(Sink):
         self.parcels = []
         self.down = defaultdict(deque)
         self.up = defaultdict(deque)
-        self.algorithm = FrameAlgorithm(file.world, source_of(file))
-        self.runner = Runner(self.algorithm, self, [self])
+        self.successions = []
+        self.path = next(iter(self.specs.values())).journal.with_name("coordinator")
+        self.coordinate(FrameAlgorithm(file.world, source_of(file)))
         for name in self.specs:
             self.start(name)
 
     def run(self):
         while self.runner.ended is None:
+            if not self.algorithm.in_frame and self.chance.random() < 0.05:
+                self.journal.rewrite()
             self.disturb(self)
             busy = [name for name in self.specs if self.down[name] or self.up[name]]
             if self.is_ready and self.chance.random() < 0.5:
@@ -82,6 +87,30 @@ class Cluster(Sink):
         self.runner.handle(s.Appeared(name))
         for other in self.members.values():
             other.send_again([spec.number])
+
+    def coordinate(self, algorithm):
+        self.algorithm = algorithm
+        self.runner = Runner(algorithm, self, [self])
+        self.journal = Journal(self.path, len(self.successions), algorithm)
+
+    def succeed(self):
+        """Kill the coordinator; each region has received a part of its last messages."""
+        self.successions.append(self.algorithm.frame)
+        self.is_ready = False
+        past = read_journal(self.path, self.file.world)
+        algorithm = FrameAlgorithm(past.world, source_of(self.file))
+        resume_from(past, algorithm, lambda done: None)
+        self.coordinate(algorithm)
+        for name in self.specs:
+            self.up[name].clear()
+            for _ in range(self.chance.randint(0, len(self.down[name]))):
+                self.members[name].receive(self.down[name].popleft())
+            self.down[name].clear()
+            self.runner.handle(s.Appeared(name))
+
+    def publish(self, event):
+        self.runner.handle(s.Publish(event, "anna"))
+        self.journal.waiting(self.algorithm.ordered)
 
     # --- links ---
 
@@ -125,6 +154,8 @@ class Cluster(Sink):
         self.is_ready = True
 
     def frame_done(self, notice):
+        assert notice.frame not in self.digests
+        self.journal.frame(notice.inputs)
         self.digests[notice.frame] = notice.record.digest
         for event in notice.events:
             if event.type == "eWish":
@@ -179,15 +210,18 @@ def test_orders_count_once_whatever_dies_or_is_cut(file, seed, frames, monkeypat
             cluster.restore()
         elif chance.random() < 0.02:
             cluster.start(f"region-{chance.randrange(3)}")
+        elif chance.random() < 0.02:
+            cluster.succeed()
         elif cluster.algorithm.frame and chance.random() < 0.02:
             orders.append(wish(len(orders), chance.choice("abcd")))
-            cluster.runner.handle(s.Publish(orders[-1], "anna"))
+            cluster.publish(orders[-1])
 
     with in_regions(file) as regions:
         cluster = Cluster(regions, disturb)
         digests = cluster.run()
         entries = [next(RegionJournal(each.journal).read()) for each in regions.processes]
     assert len(cluster.deaths) > 1
+    assert len(cluster.successions) > 1
     checkpoints = [entry.source == region_journal.CHECKPOINT for entry in entries]
     assert checkpoints == [frames < FRAMES] * 3
     counted = [event for _, events in sorted(cluster.orders.items()) for event in events]

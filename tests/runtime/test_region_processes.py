@@ -123,6 +123,23 @@ def test_operators_and_deaths_leave_one_run(path):
     assert done.returncode == 0, done.stdout + done.stderr
 
 
+def test_a_coordinator_that_is_killed_is_followed_and_regions_stay(path):
+    folder = path.parent
+    words = "--rate", 20, "--frames", 60, "--regions", 2, "--record", "run.mcap", "--json"
+    with World(path, *words) as world:
+        before = world.runs("region-0", "region-1")
+        world.kill_coordinator()
+        assert world.runs("region-0", "region-1") == before
+        assert here(folder, "pause").returncode == 0
+        done = here(folder, "explain", world.name, "--agent", "a", "--attribute", "x")
+        assert "the generator steps sent eStep" in done.stdout, done.stdout + done.stderr
+        assert here(folder, "resume").returncode == 0
+        ended = world.summary()
+    assert "region-0 │ was killed" not in world.text
+    assert ended["digest"] == alone(path, 60, "--record", "one.mcap")["digest"]
+    assert digests(folder / "run.mcap") == digests(folder / "one.mcap")
+
+
 @pytest.mark.slow
 def test_links_that_are_cut_delay_a_world_and_nothing_else(path, monkeypatch):
     """For longer than a lease, after which Zenoh closes a link and dials again, and for less."""

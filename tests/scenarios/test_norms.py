@@ -386,7 +386,7 @@ def test_an_order_that_is_handed_over_is_obeyed_once_whenever_the_coordinator_di
     waits, whole = bus.algorithm.ordered, len(bus.records)
     bus.kill_coordinator()
     if waits:
-        bus.algorithm.wait_with(waits)
+        bus.algorithm.source.wait_with(waits)
     bus.settle()
     bus.run(3)
     shouts = [e.loud for one in bus.records for e in single(one.events) if e.type == "eShout"]
