@@ -1,6 +1,6 @@
 """A world under random faults for some minutes gives the same string as without faults.
 
-    python -m benchmarks.chaos [--minutes 10] [--seed 1] [--rate 20] [--folder FOLDER]
+    python -m benchmarks.chaos [--minutes 10] [--seed 1] [--rate 20] [--regions 0] [--folder FOLDER]
 
 Eight processes run 200 ants (benchmarks/models/colony.py), which are born and die. At random times,
 members and the coordinator are killed (SIGKILL) or frozen for a while (SIGSTOP, SIGCONT); external
@@ -8,6 +8,9 @@ hosts join, some of them through a proxy that delays the traffic, and leave, are
 the world is paused. Meanwhile another client replays messages of members and the coordinator with a
 delay. At the end the string must have the digest of an undisturbed run, and the two records must
 have the same events in every frame. The exit code is 0 if so, otherwise 1.
+
+With --regions, the world runs as so many regions by position. They are killed and frozen like
+members; no hosts join, because agents evolve in regions.
 
 The seed determines the faults and their order; their exact times depend on the machine.
 """
@@ -57,6 +60,8 @@ PROCESSES = {
     "screen": 'service = "benchmarks.models.colony:Screen"',
     "ants": 'agents = "benchmarks.models.colony:Ant"\nprocesses = 4',
 }
+WIDTH = 50.0
+"""Of the ground, metres: regions have equal parts of it."""
 MOST_GUESTS = 3
 LAST_WORDS = 60
 """Number of lines printed from the end of each log after a time-out."""
@@ -123,12 +128,12 @@ class Parrot:
 class Chaos:
     """A running world, and the faults that are injected into it."""
 
-    def __init__(self, folder: Path, seed: int, rate: float) -> None:
-        self.folder, self.seed, self.rate = folder, seed, rate
+    def __init__(self, folder: Path, seed: int, rate: float, regions: int = 0) -> None:
+        self.folder, self.seed, self.rate, self.regions = folder, seed, rate, regions
         self.chance = Random(seed)
         self.done: Counter[str] = Counter()
         self.world = folder / f"{NAME}.toml"
-        self.world.write_text(_world(seed))
+        self.world.write_text(_world(seed, regions))
         self.guests: dict[str, subprocess.Popen[bytes]] = {}
         self._born = 0
         self._log = (folder / "chaos.log").open("w")
@@ -182,10 +187,9 @@ class Chaos:
     # --- faults ---
 
     def disturb(self) -> None:
-        deeds = {
-            self.kill: 5, self.freeze: 4, self.join: 3, self.leave: 2, self.drop: 2,
-            self.drain: 1, self.pause: 1,
-        }  # fmt: skip
+        deeds = {self.kill: 5, self.freeze: 4, self.pause: 1}
+        if not self.regions:
+            deeds |= {self.join: 3, self.leave: 2, self.drop: 2, self.drain: 1}
         deed = self.chance.choices(list(deeds), list(deeds.values()))[0]
         pick = self.chance.random()
         with suppress(MinervaError, ProcessLookupError):
@@ -297,9 +301,12 @@ class Chaos:
         self.proxy.close()
 
 
-def _world(seed: int) -> str:
+def _world(seed: int, regions: int) -> str:
     ants = " · ".join(f"AAnt#a{n}<x={n % 50}, y={n // 5}>" for n in range(ANTS))
     parts = [f"[process.{name}]\n{text}\nrestarts = 1000000\n" for name, text in PROCESSES.items()]
+    if regions:
+        borders = [WIDTH * number / regions for number in range(1, regions)]
+        parts.append(f"[regions]\ngrid = {{ x = {borders} }}\n")
     return WORLD.format(name=NAME, string=ants, seed=seed) + "\n" + "\n".join(parts)
 
 
@@ -327,7 +334,7 @@ def _until(what: Callable[[], bool], why: str, patience: float = 40.0) -> None:
 def undisturbed(chaos: Chaos, frames: int) -> dict[str, object]:
     """The summary of a recorded run of `frames` frames in one process."""
     words = [
-        "run", chaos.world, "--in-process", "--frames", frames,
+        "run", chaos.world, "--in-process", "--regions", 0, "--frames", frames,
         "--record", chaos.folder / "undisturbed.mcap", "--json",
     ]  # fmt: skip
     done = subprocess.run(
@@ -358,8 +365,8 @@ def same_events(chaos: Chaos) -> str:
     return done.stdout + done.stderr or f"minerva diff ended with exit code {done.returncode}"
 
 
-def run(folder: Path, minutes: float, seed: int, rate: float) -> bool:
-    chaos = Chaos(folder, seed, rate)
+def run(folder: Path, minutes: float, seed: int, rate: float, regions: int = 0) -> bool:
+    chaos = Chaos(folder, seed, rate, regions)
     try:
         chaos.start()
         end = time.monotonic() + 60.0 * minutes
@@ -391,12 +398,13 @@ def main() -> None:
     parser.add_argument("--minutes", type=float, default=10.0)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--rate", type=float, default=20.0)
+    parser.add_argument("--regions", type=int, default=0, help="0: one coordinator")
     parser.add_argument("--folder", type=Path, help="where logs and records stay")
     given = parser.parse_args()
     with tempfile.TemporaryDirectory() as temporary:
         folder = given.folder or Path(temporary)
         folder.mkdir(parents=True, exist_ok=True)
-        raise SystemExit(not run(folder, given.minutes, given.seed, given.rate))
+        raise SystemExit(not run(folder, given.minutes, given.seed, given.rate, given.regions))
 
 
 if __name__ == "__main__":
