@@ -1,12 +1,14 @@
 """Expected ratio of driven distance to shortest path, over all places of a marker on each floor.
 
-    python -m benchmarks.exploration_places [--json] [--seeds 1] [--noise] [--maps NAME,...]
-                                            [--strategy astar|nearest|random] [--jobs 2]
+    python -m benchmarks.exploration_places [--json] [--seeds 1] [--large] [--noise]
+                                            [--maps NAME,...] [--strategy astar|nearest|random]
+                                            [--jobs 2] [--bounds]
 
 `benchmarks.exploration` drives to two markers per floor; this benchmark averages over a lattice of
 places, so its results depend less on luck. `far` are the places in the far half. `tour` is the
 ratio of a robot that knows the floor and drives a tour of views; `bound` is below the ratio of
-every robot with this camera, also of one that knows the floor (see `exploring.places`).
+every robot with this camera, also of one that knows the floor (see `exploring.places`). `--bounds`
+computes only the bounds, and drives nowhere.
 """
 
 from __future__ import annotations
@@ -25,7 +27,7 @@ import numpy as np
 
 from benchmarks.exploration import LARGEST_TOUR_M, NOISE, RADIUS, SPEED, Task, options_of
 from benchmarks.exploring.driving import Floor, Noise
-from benchmarks.exploring.floors import Named, generated, of_others
+from benchmarks.exploring.floors import Named, generated, large, of_others
 from benchmarks.exploring.places import Expected, Places, Watched
 from benchmarks.exploring.strategies import use
 from benchmarks.exploring.tours import tour_of
@@ -105,10 +107,30 @@ def _line(name: str, results: Sequence[Result]) -> str:
     return "  ".join(columns) + f"  {sum(result.collisions for result in results)} collisions"
 
 
+def bound_of(named: Named) -> Expected:
+    """The bound for every robot on a floor, from the start of the benchmark."""
+    start = named.floor.start or roomiest(named.floor, RADIUS)
+    return Places(named.floor, start, RADIUS).bound()
+
+
+def _print_bounds(floors: Sequence[Named], *, as_json: bool) -> None:
+    bounds = {floor.name: bound_of(floor) for floor in floors}
+    for name, bound in bounds.items():
+        row = {"map": name, "bound": asdict(bound)}
+        shown = f"{name:16}  bound all {bound.all:5.2f}  bound far {bound.far:5.2f}"
+        print(json.dumps(row) if as_json else shown, flush=True)
+    if bounds and not as_json:
+        every = statistics.fmean(bound.all for bound in bounds.values())
+        far = statistics.fmean(bound.far for bound in bounds.values())
+        print(f"{'mean':16}  bound all {every:5.2f}  bound far {far:5.2f}")
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=cast("str", __doc__).splitlines()[0])
     parser.add_argument("--json", action="store_true")
     parser.add_argument("--seeds", default="1")
+    parser.add_argument("--large", action="store_true")
+    parser.add_argument("--bounds", action="store_true")
     parser.add_argument("--noise", action="store_true")
     parser.add_argument("--maps", default="")
     parser.add_argument("--strategy", default="astar", choices=("astar", "nearest", "random"))
@@ -117,13 +139,15 @@ def main() -> None:
     floors: list[Named] = list(of_others())
     for seed in (int(number) for number in arguments.seeds.split(",") if number):
         floors += generated(seed, held_out=False)
+        if arguments.large:
+            floors += large(seed, held_out=False)
     noise = NOISE if arguments.noise else Noise()
     parts = arguments.maps.split(",")
-    chosen = [
-        (floor, noise, arguments.strategy)
-        for floor in floors
-        if any(part in floor.name for part in parts)
-    ]
+    floors = [floor for floor in floors if any(part in floor.name for part in parts)]
+    if arguments.bounds:
+        _print_bounds(floors, as_json=arguments.json)
+        return
+    chosen = [(floor, noise, arguments.strategy) for floor in floors]
     results: list[Result] = []
     with ProcessPoolExecutor(arguments.jobs) as pool:
         for result in pool.map(run, chosen):

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from benchmarks.exploration import RADIUS, SPEED, Task, _shortest, main, options_of, run
+from benchmarks.exploration_places import bound_of
 from benchmarks.exploring.driving import Drive, Floor, Noise
 from benchmarks.exploring.floors import Named, floor_of
 from benchmarks.exploring.places import Expected, Places, Watched
@@ -129,6 +130,15 @@ def test_expected_ratios_of_a_small_hall_are_above_the_bound(drive):
     expected, bound = Expected.of(watched.metres, places.shortest), places.bound()
     assert bound.all <= expected.all
     assert bound.far <= expected.far
+
+
+def test_no_robot_can_search_a_large_hall_within_a_few_shortest_paths():
+    """A camera with a range of 5 m shows 60 by 60 m on a path of about 350 m."""
+    bounds = [
+        bound_of(Named("hall", floor_of("hall", metres, 1), held_out=False)) for metres in (10, 60)
+    ]
+    assert bounds[0].all < 1.0
+    assert 4.0 < bounds[1].all < 6.0
 
 
 def test_the_tour_to_each_place_is_the_tour_to_that_place():
