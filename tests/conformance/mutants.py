@@ -16,6 +16,7 @@ from naive import (
     NaiveMember,
     Observer,
     Role,
+    height,
 )
 
 
@@ -213,6 +214,19 @@ def copies_without_frame(
         self.frame = frame
 
 
+def copies_by_depth(
+    self: Host, node: list, number: int, tall: int, inner: bool = False, depth: int = 2
+) -> list:
+    """Counts from the copied agent inwards: right where scopes are one level deep."""
+    symbol, agent, values, _ = Host.copy(self, [*node[:3], []], number, depth - 1, inner)
+    inside = [copies_by_depth(self, each, number, tall, True, depth + 1) for each in node[3]]
+    return [symbol, agent, values, inside]
+
+
+def copies_of_after(self: Host, node: list, events: list[Event], tall: int) -> list:
+    return Host.copies(self, node, events, height(node))
+
+
 def float_births(self: Host, frame: int, part: int, changed: dict, views: dict) -> None:
     for flat in changed.values():
         for node in flat[1:]:
@@ -289,6 +303,8 @@ MUTANTS = [
     Mutant("responds from the agent's stream", Host, "P9.30", {"stream": one_stream}),
     Mutant("begins its stream again", Host, "P9.27 P9.30", {"stream": begin_again}),
     Mutant("forgets the frame of a copy", Host, "P9.14", {"copy": copies_without_frame}),
+    Mutant("names copies by their depth", Host, "P9.14", {"copy": copies_by_depth}),
+    Mutant("measures the evolved scope", Host, "P9.14", {"copies": copies_of_after}),
     Mutant("has integers of 53 bits", Host, "P3.1", {"answer": float_births}),
     Mutant("answers part 0", Host, "P7.3", {"answer": part_zero}),
     Mutant("applies deltas after a gap", Observer, "P10.4 P10.5", {"on_view": ignore_gaps}),

@@ -513,13 +513,13 @@ class Host(Role):
         symbol, agent, values, scope = node
         inside = self.evolve_all(scope, events)
         if self.literal:
-            return self.copies([symbol, agent, values, inside], events)
+            return self.copies([symbol, agent, values, inside], events, height(node))
         return self.live([symbol, agent, list(values), inside], events, agent)
 
-    def copies(self, node: list, events: list[Event]) -> list:
+    def copies(self, node: list, events: list[Event], tall: int) -> list:
         result = []
         for number, event in enumerate(events, 1):
-            copy = self.copy(node, number, height(node)) if number > 1 else node
+            copy = self.copy(node, number, tall) if number > 1 else node
             result += self.live([*copy[:2], list(copy[2]), copy[3]], [event], node[1])
         return result
 

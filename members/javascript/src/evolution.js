@@ -74,13 +74,13 @@ export class Evolution {
     const scope = this.of(node.scope);
     const inside = scope === node.scope ? node : { ...node, scope };
     if (node.id === undefined) return [inside];
-    return this.isLiteral ? this.#copies(inside) : this.#live(inside, this.addressed.to(node.id), node.id);
+    return this.isLiteral ? this.#copies(inside, height(node)) : this.#live(inside, this.addressed.to(node.id), node.id);
   }
 
-  /** One copy for each event, each evolved by its event. */
-  #copies(node) {
+  /** One copy for each event, each evolved by its event; `innerHeight` is that of before the frame. */
+  #copies(node, innerHeight) {
     return this.events.flatMap((event, n) => {
-      const copy = n === 0 ? node : this.#copy(node, n + 1, 1, height(node));
+      const copy = n === 0 ? node : this.#copy(node, n + 1, 1, innerHeight);
       const isFor = event.receivers.length === 0 || event.receivers.includes(node.id);
       return this.#live(copy, isFor ? [event] : [], node.id);
     });

@@ -388,6 +388,8 @@ _POPULATIONS: Final = (
                                              for n in range(30)]))),
 )  # fmt: skip
 
+_NESTED: Final = "ACounter#a(ACounter#b(ACounter#c))"
+
 _LITERAL: Final = (
     _literal("add", "makes a copy for each event", _A, evolve(3, eAdd(1.0), eAdd(2.0))),
     _literal("one", "keeps the id of the first copy", _A, evolve(3, eAdd(1.0)),
@@ -402,6 +404,11 @@ _LITERAL: Final = (
              _A, evolve(3, eCall(1.0), eCall(2.0))),
     _literal("scope", "copies a scope with its agent",
              given("ACounter#a(ACounter#b<total=1>)"), evolve(3, eAdd(1.0), eAdd(2.0))),
+    _literal("height", "names copies in a scope by the height of the copied agent",
+             given(_NESTED), evolve(3, eAdd(1.0), eAdd(2.0))),
+    _literal("height before", "takes the height that the copied agent had before the frame",
+             given(_NESTED),
+             evolve(3, eEnd(receivers=("c",)), eEnd(receivers=("c", "other")))),
     _literal("long id", "shortens the id of a copy",
              given(f"ACounter#{'w' * 64}"), evolve(3, eAdd(1.0), eAdd(2.0))),
     _literal("batch", "counts events in columns one by one",
