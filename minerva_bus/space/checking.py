@@ -5,13 +5,16 @@ from __future__ import annotations
 import ast
 import inspect
 from collections.abc import Iterator, Mapping
-from types import BuiltinFunctionType, FunctionType
+from dataclasses import dataclass
+from types import FunctionType
 from typing import Any, Final, cast
 
-from minerva_bus.compiled.origin import NotCompilable, Origin
-from minerva_bus.compiled.refused import EXPRESSIONS, FUNCTIONS_INSTEAD, STATEMENTS
-from minerva_bus.compiled.sources import is_portable
+from minerva_bus.compiled.origin import MISSING, NotCompilable, Origin
+from minerva_bus.compiled.refused import EXPRESSIONS, STATEMENTS
 from minerva_bus.errors import nearest
+from minerva_bus.space import draws
+from minerva_bus.space.callable import called, check_called
+from minerva_bus.space.definite import check_values
 from minerva_bus.space.kernels import Kernel, helpers
 
 _POSSIBLE: Final = (ast.List, ast.Tuple, ast.Slice, ast.Starred)
@@ -19,20 +22,44 @@ _POSSIBLE: Final = (ast.List, ast.Tuple, ast.Slice, ast.Starred)
 REFUSED: Final = {**STATEMENTS, **EXPRESSIONS}
 """Those of methods of agents."""
 _REMEDY: Final = "use numbers, if, for, while and the functions for rules"
+_MOVES: Final = {
+    "cell": "move_to({table}, i, cell)",
+    "x": "go_to({table}, i, x, y)",
+    "y": "go_to({table}, i, x, y)",
+}
+"""How a rule changes what it may not assign to."""
 
 
-def check_rule(function: FunctionType, tables: Mapping[str, tuple[str, ...]]) -> None:
+@dataclass(frozen=True, slots=True)
+class Checked:
+    """What a function may do with a parameter.
+
+    Attributes:
+        names: what a table has; none for a matrix or a stream.
+        changed: those of its names to which a function may assign.
+        before: whether it is the state before the rule.
+        draws: whether it is the random stream.
+
+    """
+
+    names: tuple[str, ...] = ()
+    changed: tuple[str, ...] = ()
+    before: bool = False
+    draws: bool = False
+
+
+def check_rule(function: FunctionType, parameters: Mapping[str, Checked]) -> None:
     """Check a rule and the kernels that it calls, as far as their source is available.
 
     Args:
         function: the rule, whose decorators have not changed it.
-        tables: by parameter that is a table, its names.
+        parameters: those that are a table, a matrix or a stream, by name.
 
     Raises:
-        NotCompilable: a construct, function or name of a table that no rule can use.
+        NotCompilable: a construct, function, name or assignment that no rule can have.
 
     """
-    _check(function, tables, set())
+    _check(function, parameters, set())
 
 
 def uncompilable(function: FunctionType, line: int, what: str) -> NotCompilable:
@@ -46,20 +73,32 @@ def uncompilable(function: FunctionType, line: int, what: str) -> NotCompilable:
 
 
 def _check(
-    function: FunctionType, tables: Mapping[str, tuple[str, ...]], known: set[FunctionType]
+    function: FunctionType,
+    parameters: Mapping[str, Checked],
+    known: set[tuple[FunctionType, tuple[tuple[str, Checked], ...]]],
 ) -> None:
-    known.add(function)
+    """Check a function, and each kernel with the parameters that calls give it."""
+    known.add((function, tuple(parameters.items())))
+    pending: dict[FunctionType, list[Mapping[str, Checked]]] = {}
+    for _, helper in helpers(function):
+        pending[helper.function] = []
     origin = _origin(function)
     if origin is not None:
         if free := function.__code__.co_freevars:
             what = f"{free[0]}, a variable of the function around it"
             raise origin.problem(origin.tree, what, f"define {free[0]} at the top of the module")
+        body = _Body(origin, parameters)
         for node in _inside(origin.tree):
-            _check_node(origin, node, tables)
-    for _, helper in helpers(function):
-        own = not helper.function.__module__.startswith("minerva_bus.space.")
-        if own and helper.function not in known:
-            _check(helper.function, {}, known)
+            body.check(node)
+            kernel = called(origin, node.func) if isinstance(node, ast.Call) else None
+            if isinstance(kernel, Kernel):
+                passed = body.passed(cast("ast.Call", node), cast("Kernel[..., Any]", kernel))
+                pending.setdefault(cast("Any", kernel).function, []).append(passed)
+        check_values(origin)
+    for helper, calls in pending.items():
+        for passed in () if helper.__module__.startswith("minerva_bus.space.") else calls or [{}]:
+            if (helper, tuple(passed.items())) not in known:
+                _check(helper, passed, known)
 
 
 def _origin(function: FunctionType) -> Origin | None:
@@ -85,31 +124,123 @@ def _inside(tree: ast.FunctionDef) -> Iterator[ast.AST]:
         pending += reversed(parts)
 
 
-def _check_node(origin: Origin, node: ast.AST, tables: Mapping[str, tuple[str, ...]]) -> None:
-    if type(node) in REFUSED and not isinstance(node, _POSSIBLE):
-        raise origin.problem(node, *REFUSED[type(node)])
-    if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
-        names = tables.get(node.value.id)
-        if names is not None and node.attr not in names:
-            shown = nearest(node.attr, list(names))
-            raise origin.problem(node, f"{node.value.id} has no {node.attr}{shown}", _REMEDY)
-    if isinstance(node, ast.Constant) and isinstance(node.value, str):
-        raise origin.problem(node, "a text", "use numbers: a table has no texts")
-    if isinstance(node, ast.Call):
-        _check_call(origin, node)
+class _Body:
+    """The checks of a function's nodes."""
 
+    def __init__(self, origin: Origin, parameters: Mapping[str, Checked]) -> None:
+        self._origin = origin
+        self._parameters = parameters
+        self._aliases: dict[str, ast.expr] = {}
 
-def _check_call(origin: Origin, node: ast.Call) -> None:
-    function: Any = None
-    if isinstance(node.func, ast.Name):
-        function = origin.lookup(node.func.id)
-    name = ast.unparse(node.func)
-    if isinstance(function, Kernel):
-        _check_arguments(origin, node, cast("Kernel[..., Any]", function))
-    elif isinstance(function, FunctionType) and not is_portable(function):
-        raise origin.problem(node, f"the function {name}", f"mark {name} with @kernel")
-    elif isinstance(function, BuiltinFunctionType | type) and name in _NO_BUILTINS:
-        raise origin.problem(node, f"the function {name}", FUNCTIONS_INSTEAD[name])
+    def check(self, node: ast.AST) -> None:
+        """Raise NotCompilable if a rule cannot have a node."""
+        origin = self._origin
+        if type(node) in REFUSED and not isinstance(node, _POSSIBLE):
+            raise origin.problem(node, *REFUSED[type(node)])
+        if isinstance(node, ast.Constant) and isinstance(node.value, str):
+            raise origin.problem(node, "a text", "use numbers: a table has no texts")
+        if isinstance(node, ast.BinOp | ast.AugAssign) and isinstance(node.op, ast.Pow):
+            self._check_power(node)
+        if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name):
+            self._aliases[node.targets[0].id] = node.value
+        if isinstance(node, ast.Attribute):
+            self._check_name(node)
+        if isinstance(node, ast.Subscript):
+            self._check_index(node)
+        if isinstance(node, ast.For):
+            self._check_whole(node.iter)
+        if isinstance(node, ast.Call):
+            self._check_call(node)
+
+    def passed(self, node: ast.Call, kernel: Kernel[..., Any]) -> Mapping[str, Checked]:
+        """The parameters of a kernel that get those of this function."""
+        if any(isinstance(argument, ast.Starred) for argument in node.args):
+            return {}
+        bound = inspect.signature(kernel.function).bind(*node.args, **_keywords(node))
+        return {
+            name: self._parameters[argument.id]
+            for name, argument in bound.arguments.items()
+            if isinstance(argument, ast.Name) and argument.id in self._parameters
+        }
+
+    def _of(self, node: ast.AST) -> Checked | None:
+        return self._parameters.get(node.id) if isinstance(node, ast.Name) else None
+
+    def _check_name(self, node: ast.Attribute) -> None:
+        """Names of tables exist, and a stream has none."""
+        known, shown = self._of(node.value), ast.unparse(node.value)
+        if known is not None and known.draws:
+            named = node.attr in draws.__dict__
+            instead = f"write {node.attr}({shown}, ...)" if named else _REMEDY
+            raise self._origin.problem(node, f"{shown}, a random stream, has no methods", instead)
+        if known is not None and known.names and node.attr not in known.names:
+            hint = nearest(node.attr, list(known.names))
+            raise self._origin.problem(node, f"{shown} has no {node.attr}{hint}", _REMEDY)
+
+    def _check_index(self, node: ast.Subscript) -> None:
+        """An index is one number, and what it assigns to may be changed."""
+        self._check_whole(node.value, "NAME[i]")
+        array: ast.expr = node.value
+        if isinstance(array, ast.Name):
+            array = self._aliases.get(array.id, array)
+        owner = array.value if isinstance(array, ast.Attribute) else array
+        known = self._of(owner)
+        if known is None:
+            return
+        if isinstance(node.slice, ast.Tuple | ast.Slice):
+            name = ast.unparse(node.value)
+            raise self._origin.problem(
+                node, "an index that is not one number", f"write {name}[y * width + x] for a cell"
+            )
+        if isinstance(node.ctx, ast.Store):
+            self._check_change(node, array, ast.unparse(owner), known)
+
+    def _check_change(
+        self, node: ast.Subscript, array: ast.expr, table: str, known: Checked
+    ) -> None:
+        name = array.attr if isinstance(array, ast.Attribute) else ""
+        if name not in known.names and known.names:
+            return  # which the check of the name reports
+        if known.before:
+            instead = f"change the subject of the rule: {table} is the state before it"
+        elif not known.names or name in known.changed:
+            return
+        else:
+            instead = _MOVES.get(name, "keep other numbers in columns of the table")
+            instead = f"write {instead.format(table=table)}" if name in _MOVES else instead
+        raise self._origin.problem(node, f"an assignment to {ast.unparse(node.value)}", instead)
+
+    def _check_whole(self, node: ast.expr, form: str = "NAME[k]") -> None:
+        """Refuse a table in place of one of its columns."""
+        known = self._of(node)
+        if known is not None and known.names:
+            table = ast.unparse(node)
+            column = known.changed[0] if known.changed else known.names[-1]
+            raise self._origin.problem(
+                node,
+                f"{table} as a whole",
+                f"write {table}.{form.replace('NAME', column)}; a table is its columns",
+            )
+
+    def _check_power(self, node: ast.BinOp | ast.AugAssign) -> None:
+        power = node.right if isinstance(node, ast.BinOp) else node.value
+        constants = isinstance(node, ast.BinOp) and isinstance(node.left, ast.Constant)
+        if not isinstance(power, ast.Constant) or not (constants or power.value == 2):
+            raise self._origin.problem(
+                node,
+                "a power, whose last bits are not the same everywhere",
+                "write x * x * x, math.sqrt(x) or portable.power(x, y)",
+            )
+
+    def _check_call(self, node: ast.Call) -> None:
+        kernel = called(self._origin, node.func)
+        if isinstance(kernel, Kernel):
+            _check_arguments(self._origin, node, cast("Kernel[..., Any]", kernel))
+            return
+        check_called(self._origin, node)
+        if kernel is not MISSING:  # as a kernel is that is defined below the rule
+            for argument in node.args:
+                self._check_whole(argument)
 
 
 def _check_arguments(origin: Origin, node: ast.Call, kernel: Kernel[..., Any]) -> None:
@@ -117,11 +248,12 @@ def _check_arguments(origin: Origin, node: ast.Call, kernel: Kernel[..., Any]) -
         return
     signature = inspect.signature(kernel.function)
     try:
-        signature.bind(*node.args, **{str(each.arg): each.value for each in node.keywords})
+        signature.bind(*node.args, **_keywords(node))
     except TypeError as error:
         names = ", ".join(signature.parameters)
-        called = f"{kernel.__name__}({names})"
-        raise origin.problem(node, f"this call: {error}", f"write {called}") from None
+        called_as = f"{kernel.__name__}({names})"
+        raise origin.problem(node, f"this call: {error}", f"write {called_as}") from None
 
 
-_NO_BUILTINS: Final = frozenset(("str", "isinstance", "getattr", "setattr", "open", "list"))
+def _keywords(node: ast.Call) -> dict[str, Any]:
+    return {str(each.arg): each.value for each in node.keywords}

@@ -26,8 +26,13 @@ from minerva_bus.space.kernels import (
 )
 
 Function = Callable[..., Any]
-_HEADS: Final = ("Failed in", "During:", "File ", "No implementation of", ">>>")
+_HEADS: Final = (
+    "Failed in", "During:", "File ", "No implementation of", ">>>", "There are", "- Of which",
+    "Overload", "With argument", "No match", "Rejected", "raised from",
+)  # fmt: skip
 """Beginnings of lines in a message of numba that give no reason."""
+_REASON: Final = "TypingError: "
+"""Before a reason that a type of this project gives."""
 
 _TYPES: Final = "an operation on values of these types"
 
@@ -41,6 +46,7 @@ class RuleLoop:
         source: the text of the module.
         scope: kernels and named tuples by the names that the source uses.
         signature: argument and result types in numba's notation.
+        check: raises NotCompilable if a kernel that is defined below the rule cannot be compiled.
 
     """
 
@@ -48,13 +54,16 @@ class RuleLoop:
     source: str
     scope: Mapping[str, Any]
     signature: str
+    check: Callable[[], None] | None = None
     _compiled: Function | None = field(default=None, repr=False)
+    _compiled_keys: tuple[str, ...] = ()
     _interpreted: Function | None = field(default=None, repr=False)
 
     def __call__(self, *arguments: Any) -> Any:
         """Run it, compiled or, within `interpreted`, as Python. Raises MisuseError."""
         if interpreting():
             if self._interpreted is None:
+                self._check()
                 self._interpreted = _with_globals(generated(self.source), self.scope)
             return self._interpreted(*arguments)
         return self._machine_code()(*arguments)
@@ -62,14 +71,26 @@ class RuleLoop:
     def prepare(self) -> None:
         """Compile it now, unless it is to run as Python. Raises MisuseError."""
         if not interpreting():
+            keys = tuple(self._keys())
+            if keys != self._compiled_keys:  # such as a constant of a notebook that was changed
+                self._compiled = None
+                for value in self.scope.values():
+                    if isinstance(value, Kernel):
+                        value.forget()
             self._machine_code()
 
     def _machine_code(self) -> Function:
         if self._compiled is None:
+            self._compiled_keys = tuple(self._keys())
             self._compiled = self._compile()
         return self._compiled
 
+    def _check(self) -> None:
+        if self.check is not None:
+            self.check()
+
     def _compile(self) -> Function:
+        self._check()
         library = numba()
         scope = {
             name: value.compiled if isinstance(value, Kernel | Guard) else value
@@ -95,6 +116,8 @@ class RuleLoop:
         """The error at the line for which numba has no types."""
         reasons = [line.strip() for line in str(error.msg).splitlines()]
         what = next((line for line in reasons if line and not line.startswith(_HEADS)), _TYPES)
+        what = next((line for line in reasons if line.startswith(_REASON)), what)
+        what = what.removeprefix(_REASON)
         if "UndefinedType" in what:
             what = "a name that is not defined"
         rule: Any = self.scope.get("rule")

@@ -20,6 +20,9 @@ from numpy.typing import NDArray
 ALL: Final = -1
 """In place of an item of `counts`: all items of the array may be used."""
 
+NO_INT: Final = "a rule has one int as index; write int(...) for a real"
+REAL_IN_CELLS: Final = "Cells are ints, and this is a real: write int(...), or use Reals"
+
 
 class Guarded:
     """An array as a rule that runs as Python sees it."""
@@ -42,13 +45,15 @@ class Guarded:
         return self._values[self._checked(index)].item()
 
     def __setitem__(self, index: int, value: float) -> None:
+        if isinstance(value, float) and self._values.dtype.kind == "i":
+            raise TypeError(REAL_IN_CELLS)
         self._values[self._checked(index)] = value
 
     def _checked(self, index: Any) -> int:
         try:
             place = operator.index(index)
         except TypeError:
-            raise TypeError(f"{self._name}[{index!r}]: a rule has one int as index") from None
+            raise TypeError(f"{self._name}[{index!r}]: {NO_INT}") from None
         if not 0 <= place < len(self):
             raise IndexError(f"{self._name}[{index}]: the index must be from 0 to {len(self) - 1}")
         return place

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Generator, Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
+from enum import Enum
 from functools import cache
 from hashlib import blake2b
 from types import CodeType, FunctionType, ModuleType
@@ -33,7 +34,7 @@ ALLOCATING_OPTIONS: Final[Mapping[str, Any]] = {**ALLOCATING, **_CHECKED}
 PURPOSE: Final = "rules of a space"
 """What needs numba, in messages."""
 
-_FROZEN: Final = (int, float, str, tuple, np.generic)
+_FROZEN: Final = (int, float, str, tuple, np.generic, np.ndarray)
 """Objects of a module whose values become part of the compiled code."""
 
 _interpreting: ContextVar[bool] = ContextVar("interpreting", default=False)
@@ -59,6 +60,13 @@ class Kernel(Generic[_P, _R]):
             known |= called
             pending += called
         return other in known
+
+    def forget(self) -> None:
+        """Compile it and the kernels that it calls again when they are next used."""
+        if self._compiled is not None:
+            self._compiled = None
+            for _, helper in helpers(self.function):
+                helper.forget()
 
     @property
     def compiled(self) -> Any:
@@ -137,16 +145,34 @@ def _code(function: FunctionType, known: dict[CodeType, bytes]) -> list[bytes]:
     code = function.__code__
     if code not in known:
         scope: dict[str, Any] = function.__globals__
-        named = [(name, scope.get(name)) for name in code.co_names]
-        numbers = [
-            (name, repr(cast("Any", each))) for name, each in named if isinstance(each, _FROZEN)
-        ]
+        numbers = [(name, _spelled(each)) for name, each in _named(scope, code.co_names)]
         defaults = repr(function.__defaults__)
         parts = (code.co_code, code.co_consts, code.co_names, code.co_varnames, numbers, defaults)
         known[code] = repr(parts).encode()
         for _, helper in helpers(function):
             _code(helper.function, known)
     return list(known.values())
+
+
+def _named(scope: dict[str, Any], names: Collection[str]) -> Iterator[tuple[str, Any]]:
+    """Constants that a function names, also as `module.NAME` and `Class.NAME`."""
+    for name in names:
+        value = scope.get(name)
+        if isinstance(value, _FROZEN):
+            yield name, value
+        elif isinstance(value, ModuleType | type):
+            for inner in names:
+                constant: Any = getattr(value, inner, None)
+                if isinstance(constant, (*_FROZEN, Enum)):
+                    yield f"{name}.{inner}", constant
+
+
+def _spelled(value: Any) -> str:
+    """A text that differs for different constants."""
+    if isinstance(value, np.ndarray):
+        array = cast("np.ndarray[Any, Any]", value)
+        return f"{array.dtype}{array.shape}{array.tobytes().hex()}"
+    return repr(value)
 
 
 @contextmanager

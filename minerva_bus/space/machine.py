@@ -17,6 +17,7 @@ from typing import Any, Final
 
 from numba.core import (
     cgutils,
+    errors,
     imputils,
     typing,
 )
@@ -32,7 +33,7 @@ from numba.extending import (
     types,
 )
 
-from minerva_bus.space.guarded import ALL
+from minerva_bus.space.guarded import ALL, NO_INT, REAL_IN_CELLS
 
 _OUTSIDE: Final = "an index of a rule is outside of its array"
 _TOO_LARGE: Final = "a number is too large for a cell"
@@ -78,9 +79,10 @@ class _Read(AbstractTemplate):
     def generic(self, args: Any, _: Any) -> Any:
         """The type of `array[index]`."""
         array, index = args
-        if isinstance(array, GuardedType) and isinstance(index, types.Integer):
-            return typing.signature(array.array.dtype, array, index)
-        return None
+        if not isinstance(array, GuardedType):
+            return None
+        _check_index(index)
+        return typing.signature(array.array.dtype, array, index)
 
 
 @infer_global(operator.setitem)
@@ -88,11 +90,20 @@ class _Write(AbstractTemplate):
     def generic(self, args: Any, _: Any) -> Any:
         """The type of `array[index] = value`."""
         array, index, number = args
-        if not isinstance(array, GuardedType) or not isinstance(index, types.Integer):
+        if not isinstance(array, GuardedType):
             return None
+        _check_index(index)
         if self.context.can_convert(number, array.array.dtype) is None:
             return None
+        if isinstance(number, types.Float) and isinstance(array.array.dtype, types.Integer):
+            raise errors.TypingError(REAL_IN_CELLS)
         return typing.signature(types.none, array, index, number)
+
+
+def _check_index(index: Any) -> None:
+    """Raise TypingError for a type that is no index."""
+    if not isinstance(index, types.Integer):
+        raise errors.TypingError(NO_INT)
 
 
 @infer_global(len)

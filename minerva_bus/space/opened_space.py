@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from minerva_bus.errors import MinervaError, MisuseError
+from minerva_bus.errors import MinervaError, MisuseError, nearest
 from minerva_bus.space.draws import Draws
 from minerva_bus.space.edges import Edges, opened_edges
 from minerva_bus.space.kernels import interpreted, interpreting
@@ -69,6 +69,7 @@ class OpenedSpace:
 
         Raises any error of rules that run as Python, and MisuseError.
         """
+        self._check_data()
         for number, each in enumerate(self._rules, 1):
             try:
                 self._apply(each)
@@ -79,6 +80,16 @@ class OpenedSpace:
                     raise
                 return Failure(error, number, int(self._progress[0]))
         return None
+
+    def _check_data(self) -> None:
+        """Raise MisuseError if no rule has a parameter for some number."""
+        if not self._data:
+            return
+        names = {parameter.name: None for rule in self._rules for parameter in rule.parameters}
+        for name in self._data:
+            if name not in names:
+                hint = nearest(name, list(names))
+                raise MisuseError(f"no rule of this `run` has a parameter {name}{hint}")
 
     def repeat(self, failed: Failure) -> None:
         """Apply rules again up to an activation that failed, and only this one as Python."""
@@ -182,8 +193,21 @@ class OpenedSpace:
         if parameter.matrix:
             return [self._matrix(parameter)]
         if parameter.name in self._data:
-            return [self._data[parameter.name]]
-        return [self._attribute(parameter)]
+            return [self._number(parameter, self._data[parameter.name])]
+        return [self._number(parameter, self._attribute(parameter))]
+
+    def _number(self, parameter: RuleParameter, number: Any) -> Any:
+        """A number in the type of a parameter, if it has the same value in it."""
+        try:
+            made = parameter.type(number)
+        except (TypeError, ValueError, OverflowError):  # such as a text, or nan as an int
+            made = None
+        if made is None or made != number or isinstance(number, str):
+            raise MisuseError(
+                f"{self._space.kind.name}: {parameter.name} must be {parameter.type.__name__}, as"
+                f" the rule declares, not {number!r}"
+            )
+        return made
 
     def _matrix(self, parameter: RuleParameter) -> NDArray[Any]:
         """The cells of a matrix, writable and in one dimension."""

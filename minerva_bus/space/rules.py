@@ -6,12 +6,12 @@ import inspect
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from enum import Enum
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, Final, get_type_hints
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.types import Cells, Reals
-from minerva_bus.space.checking import check_rule
+from minerva_bus.space.checking import Checked, check_rule
 from minerva_bus.space.compiling import RuleLoop
 from minerva_bus.space.draws import Draws, shuffle
 from minerva_bus.space.edges import Edges
@@ -80,6 +80,17 @@ class RuleParameter:
         return any(self.type == matrix for matrix, _ in _MATRICES)
 
     @property
+    def checked(self) -> Checked | None:
+        """What a rule may do with it; None for numbers."""
+        before = self.name == BEFORE
+        if self.table is not None:
+            changed = [] if before else [n for n in self.table.names if n not in self.table.fixed]
+            return Checked(self.table.type._fields, tuple(changed), before)
+        if self.type == Draws:
+            return Checked(draws=True)
+        return Checked(before=before) if self.matrix else None
+
+    @property
     def types(self) -> list[str]:
         """The numba types of the arguments that it consists of."""
         if self.table is not None:
@@ -107,8 +118,9 @@ class SpaceRule:
         self.kernel = Kernel(function)
         self.__doc__ = function.__doc__
         self.parameters = _parameters(function, self.name)
-        tables = {p.name: p.table.type._fields for p in self.parameters if p.table is not None}
-        check_rule(self.kernel.function, tables)
+        checked = {p.name: known for p in self.parameters if (known := p.checked) is not None}
+        self._check = partial(check_rule, self.kernel.function, checked)
+        self._check()
         self.drive = self._driver()
 
     @property
@@ -161,7 +173,7 @@ class SpaceRule:
         lines += ["    return end", ""]
         first = ("int64", "int64", "int64[::1]", "int64[::1]", "uint64[::1]")
         signature = f"int64({', '.join([*first, *types])})"
-        return RuleLoop(self.name, "\n".join(lines), scope, signature)
+        return RuleLoop(self.name, "\n".join(lines), scope, signature, self._check)
 
     def _arguments(self) -> tuple[list[str], list[str], list[str], dict[str, Any]]:
         """Arguments of the driver with their types, and the parameters that they form."""
@@ -198,6 +210,9 @@ def rule(order: Activation, *, births: int = 1) -> Callable[[Callable[..., None]
         ...     move_to(sheep, i, next_cell(sheep.lattice, sheep.cell[i], draws))
 
     """
+    # A type checker knows this; people who have none read the message.
+    if not isinstance(order, Activation):  # pyright: ignore[reportUnnecessaryIsInstance]
+        raise MisuseError("a rule needs its order of activation: write @rule(SHUFFLED)")
 
     def mark(function: Callable[..., None]) -> SpaceRule:
         return SpaceRule(function, order, births)
@@ -269,6 +284,10 @@ def _parameters(function: Callable[..., None], name: str) -> tuple[RuleParameter
         )
     known = (Draws, CellGrid, Edges, Cells, Reals, *_NUMBERS)
     for parameter in parameters:
+        if parameter.type is None:
+            raise MisuseError(
+                f"{name}: {parameter.name} has no type; write one, as in {parameter.name}: int"
+            )
         if parameter.table is None and not any(parameter.type == each for each in known):
             raise MisuseError(
                 f"{name}: {parameter.name} must be a table, Cells, Reals, Draws, CellGrid,"

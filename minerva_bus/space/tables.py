@@ -44,6 +44,8 @@ class Inhabitants:
 
     names: ClassVar[tuple[str, ...]] = ()
     """The rows of the matrix."""
+    fixed: ClassVar[tuple[str, ...]] = ("id",)
+    """Those to which a rule cannot assign."""
     type: ClassVar[Any]
     """The tuple that a rule sees."""
 
@@ -61,6 +63,7 @@ class Inhabitants:
             raise MisuseError(f"{cls.__name__}.{wrong[0]} is taken: every table has it")
         inherited = [name for name in cls.names if name not in ("id", *cls.position)]
         cls.names = ("id", *cls.position, *inherited, *own)
+        cls.fixed = ("id", *cls.position)
         fields = [(name, Any) for name in (*INDEX, *columns_of(cls), *cls.extra)]
         cls.type = NamedTuple(cls.__name__, fields)  # pyright: ignore[reportArgumentType]
 

@@ -8,10 +8,18 @@ from space.worlds import Sheep, meadow, moment
 
 from minerva_bus.compiled.origin import NotCompilable
 from minerva_bus.compiled.refused import EXPRESSIONS, STATEMENTS
-from minerva_bus.space import ORDERED, checking, rule
+from minerva_bus.errors import MisuseError
+from minerva_bus.space import ORDERED, checking, interpreted, rule
 
 HEAD = """
-from minerva_bus.space import ORDERED, Draws, kernel, normal, rule
+import random as dice
+import time
+from random import randint
+
+import numpy as np
+
+from minerva_bus import Cells
+from minerva_bus.space import ORDERED, SIMULTANEOUS, Draws, kernel, normal, rule
 from space.worlds import Sheep
 
 
@@ -22,6 +30,11 @@ def plain(x):
 @kernel
 def listed(x):
     return [each for each in range(x)]
+
+
+@kernel
+def leap(animals, row):
+    animals.cell[row] = 0
 
 
 """
@@ -48,6 +61,39 @@ REFUSED = {
         "too many",
         "normal(draws,",
     ),
+    "numpy's random numbers": ("x = np.random.rand()", "np.random.rand()", "rand", "draws"),
+    "Python's random numbers": ("x = dice.random()", "dice.random()", "dice.random", "draws"),
+    "a name of these": ("x = randint(1, 6)", "randint(1, 6)", "randint", "draws"),
+    "clock": ("x = time.perf_counter()", "time.perf_counter()", "perf_counter", "moment.time"),
+    "memory": ("x = np.empty(3)", "np.empty(3)", "np.empty", "np.zeros"),
+    "method of draws": ("x = draws.integers(6)", "draws.integers", "no methods", "integers(draws"),
+    "power": ("x = sheep.energy[i] ** 0.5", "sheep.energy[i] ** 0.5", "a power", "math.sqrt"),
+    "cell": ("sheep.cell[i] = 0", "sheep.cell[i]", "sheep.cell", "move_to(sheep, i, cell)"),
+    "cell by another name": ("c = sheep.cell\nc[i] += 1", "c[i]", "to c", "move_to(sheep"),
+    "cell in a kernel": ("leap(sheep, i)", "animals.cell[row]", "animals.cell", "move_to(animals"),
+    "list of the search": ("sheep.nearby[0] = 1", "sheep.nearby[0]", "sheep.nearby", "columns"),
+    "row": ("sheep[i].energy = 1", "sheep", "sheep as a whole", "sheep.energy[i]"),
+    "rows": ("for k in sheep:\n    pass", "sheep", "sheep as a whole", "sheep.energy[k]"),
+    "number of rows": ("x = len(sheep)", "sheep", "sheep as a whole", "sheep.energy"),
+    "two indices": ("sheep.energy[0, 1] = 1", "sheep.energy[0, 1]", "not one number", "width"),
+    "branch": ("if i:\n    x = 1\nsheep.energy[i] = x", "x", "x may have no value", "assign x"),
+    "loop": ("for k in range(i):\n    x = k\nx += 1", "x", "x may have no value", "assign x"),
+    "loop variable": ("for k in range(i):\n    pass\nx = k", "k", "k may have no", "assign k"),
+    "break": (
+        "while True:\n    if i:\n        break\n    x = 1\nsheep.energy[i] = x",
+        "x",
+        "x may have no value",
+        "assign x",
+    ),
+}
+VALUES = {
+    "both branches": "if i:\n    x = 1\nelse:\n    x = 2\nsheep.energy[i] = x",
+    "a branch that ends": "if i:\n    return\nelse:\n    x = 2\nsheep.energy[i] = x",
+    "an endless loop": "while True:\n    x = 2\n    if i < 9:\n        break\nsheep.energy[i] = x",
+    "a loop in its body": "for k in range(3):\n    x = k\n    sheep.energy[i] = x",
+    "else of a loop": "for k in range(3):\n    x = k\nelse:\n    x = 1\nsheep.energy[i] = x",
+    "a square": "sheep.energy[i] = sheep.energy[i] ** 2 + 10 ** 3",
+    "numpy's functions": "x = np.zeros(3)\nsheep.energy[i] = np.floor(np.int64(2)) + x[0]",
 }
 
 
@@ -57,6 +103,10 @@ def declared(tmp_path, body):
     path = tmp_path / "ruled.py"
     head = f"{HEAD}@rule(ORDERED)\ndef live(i: int, sheep: Sheep, draws: Draws):\n"
     path.write_text(head + lines)
+    return imported(path)
+
+
+def imported(path):
     spec = importlib.util.spec_from_file_location("ruled", path)
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
@@ -77,6 +127,42 @@ def test_a_rule_is_checked_when_it_is_declared(tmp_path, case):
     assert code[marker.index("^") : marker.rindex("^") + 1] == marked
     assert advice.startswith("  instead: ")
     assert instead in advice
+
+
+@pytest.mark.parametrize("case", VALUES)
+def test_what_has_a_value_on_each_path_is_possible(tmp_path, case):
+    assert declared(tmp_path, VALUES[case]).name == "live"
+
+
+def test_a_kernel_below_its_rule_is_checked_before_it_runs(tmp_path):
+    path = tmp_path / "ruled.py"
+    head = "@rule(ORDERED)\ndef live(i: int, sheep: Sheep):\n    roll(sheep, i)\n\n\n"
+    body = "@kernel\ndef roll(animals, row):\n    animals.energy[row] = dice.random()\n"
+    path.write_text(HEAD + head + body)
+    live = imported(path)
+    with pytest.raises(NotCompilable, match="the function dice"):
+        live.drive.prepare()
+    with interpreted(), pytest.raises(NotCompilable, match="the function dice"):
+        meadow().run(moment(), live)
+
+
+@pytest.mark.parametrize("body", ["before[cell] = 1", "old = before\n    old[cell] = 1"])
+def test_the_state_before_a_rule_cannot_be_changed(tmp_path, body):
+    path = tmp_path / "ruled.py"
+    head = "@rule(SIMULTANEOUS)\ndef live(cell: int, grass: Cells, before: Cells):\n    "
+    path.write_text(HEAD + head + body)
+    with pytest.raises(NotCompilable, match="change the subject"):
+        imported(path)
+
+
+def test_a_rule_needs_its_order_and_types():
+    with pytest.raises(MisuseError, match=r"write @rule\(SHUFFLED\)"):
+        rule(lambda i, sheep: None)
+    with pytest.raises(MisuseError, match="moment has no type"):
+
+        @rule(ORDERED)
+        def live(i: int, sheep: Sheep, moment):
+            pass
 
 
 def test_rules_and_methods_refuse_constructs_with_the_same_words():
