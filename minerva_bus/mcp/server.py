@@ -5,8 +5,8 @@ from __future__ import annotations
 import json
 import re
 import threading
-from collections.abc import AsyncGenerator, Callable, Iterator, Mapping, Sequence
-from contextlib import asynccontextmanager
+from collections.abc import AsyncGenerator, Callable, Generator, Iterator, Mapping, Sequence
+from contextlib import asynccontextmanager, contextmanager
 from pathlib import Path
 from typing import Any, Final
 
@@ -18,7 +18,7 @@ from mcp.server.lowlevel.server import Server
 from mcp.shared.exceptions import MCPError
 
 from minerva_bus import __version__
-from minerva_bus.errors import MinervaError
+from minerva_bus.errors import MinervaError, MisuseError
 from minerva_bus.mcp import observing, operating, programs
 from minerva_bus.mcp.calls import MAX_NAME, failure, run_call
 from minerva_bus.mcp.connection import WorldConnection
@@ -28,7 +28,7 @@ from minerva_bus.mcp.subscriptions import Subscriptions
 from minerva_bus.mcp.tool import Tool, ToolCall
 
 MAX_CALLS: Final = 8
-"""Calls at the same time; further ones are rejected."""
+"""Calls of tools and resources at the same time; further ones are rejected."""
 
 PROGRESS_SECONDS: Final = 1.0
 """Time between reports of progress: clients give up calls of which they receive none."""
@@ -131,15 +131,27 @@ class WorldServer:
     async def _run(
         self, name: str, arguments: Mapping[str, Any], person: str
     ) -> types.CallToolResult:
+        try:
+            with self._begun() as stop:
+                call = ToolCall(arguments, self._link, self._folder, person, stop)
+                return await anyio.to_thread.run_sync(
+                    lambda: run_call(name, call, self._tools(), self._allow), abandon_on_cancel=True
+                )
+        except MisuseError as error:
+            return failure(str(error))
+
+    @contextmanager
+    def _begun(self) -> Generator[threading.Event]:
+        """A call of a tool or a resource in progress, and the event that ends it.
+
+        Raises MisuseError if too many are in progress.
+        """
         if len(self._calls) >= MAX_CALLS:
-            return failure(f"{MAX_CALLS} calls are in progress; call again when one has ended")
+            raise MisuseError(f"{MAX_CALLS} calls are in progress; call again when one has ended")
         stop = threading.Event()
         self._calls.add(stop)
-        call = ToolCall(arguments, self._link, self._folder, person, stop)
         try:
-            return await anyio.to_thread.run_sync(
-                lambda: run_call(name, call, self._tools(), self._allow), abandon_on_cancel=True
-            )
+            yield stop
         finally:
             stop.set()  # Also if the client has cancelled the call.
             self._calls.discard(stop)
@@ -176,11 +188,12 @@ class WorldServer:
         self, context: Context, params: types.ReadResourceRequestParams
     ) -> types.ReadResourceResult:
         uri = str(params.uri)
-        call = ToolCall({}, self._link, self._folder)
         try:
-            media_type, text = await anyio.to_thread.run_sync(
-                lambda: read(uri, call, self._resources), abandon_on_cancel=True
-            )
+            with self._begun() as stop:
+                call = ToolCall({}, self._link, self._folder, stop=stop)
+                media_type, text = await anyio.to_thread.run_sync(
+                    lambda: read(uri, call, self._resources), abandon_on_cancel=True
+                )
         except MinervaError as error:
             self._log(f"{_caller(context)} read {uri[:200]!a}: failed")
             raise MCPError(types.INVALID_PARAMS, str(error), {"uri": uri}) from None

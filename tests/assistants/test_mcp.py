@@ -4,6 +4,7 @@ import asyncio
 import json
 import os
 import sys
+import threading
 from contextlib import ExitStack
 
 import pytest
@@ -14,6 +15,7 @@ from minerva_bus.api.live import Live
 from minerva_bus.api.on_bus import OnBus
 from minerva_bus.mcp.connection import WorldConnection
 from minerva_bus.mcp.permissions import PERMISSIONS
+from minerva_bus.mcp.resources import Resource
 from minerva_bus.mcp.server import MAX_CALLS, WorldServer
 from tests.runtime.running import Run, World, environment, eventually, here, write_world
 
@@ -409,6 +411,34 @@ def test_a_flood_of_calls_is_rejected(served):
     rejected = [result for result in results if result.is_error]
     assert len(rejected) == 2 * MAX_CALLS
     assert "call again" in rejected[0].content[0].text
+
+
+def test_a_flood_of_readers_is_rejected(link, tmp_path):
+    begun, released = threading.Semaphore(0), threading.Event()
+
+    def wait(call):
+        begun.release()
+        assert released.wait(20)
+        return "read"
+
+    slow = Resource("slow", "Waits.", wait)
+    server = WorldServer(link, EVERYTHING, tmp_path, resources=[slow]).server
+
+    async def flooding():
+        async with Client(server) as client:
+            readers = [asyncio.ensure_future(client.read_resource(slow.uri)) for _ in range(20)]
+            for _ in range(MAX_CALLS):
+                await asyncio.to_thread(begun.acquire)
+            still = set(readers)
+            while len(still) > MAX_CALLS:
+                _, still = await asyncio.wait(still, return_when="FIRST_COMPLETED")
+            released.set()
+            return await asyncio.gather(*readers, return_exceptions=True)
+
+    results = asyncio.run(asyncio.wait_for(flooding(), 60))
+    rejected = [str(result) for result in results if isinstance(result, MCPError)]
+    assert len(rejected) == 20 - MAX_CALLS
+    assert "call again" in rejected[0]
 
 
 # --- transports ---
