@@ -65,8 +65,13 @@ def _executed(thread: int, began_in: str) -> SourceLine | None:
     top = sys._current_frames().get(thread)  # pyright: ignore[reportPrivateUsage]
     if top is None:
         return None
+    # A frame has no line while an instruction is executed that belongs to none.
     places = (
-        SourceLine(frame.f_code.co_filename, line, function_name(frame.f_code))
+        SourceLine(
+            frame.f_code.co_filename,
+            line or frame.f_code.co_firstlineno,
+            function_name(frame.f_code),
+        )
         for frame, line in traceback.walk_stack(top)
     )
     return innermost(list(takewhile(lambda place: place.file != began_in, places)))

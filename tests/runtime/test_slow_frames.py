@@ -1,10 +1,11 @@
 """A frame that takes long in one process is reported while it lasts."""
 
+import sys
 import threading
 from functools import partial
 
 from minerva_bus import Agent, EventType, World, each, on, run
-from minerva_bus.launch import in_process
+from minerva_bus.launch import in_process, slow_frames
 from minerva_bus.launch.console import Console
 from minerva_bus.launch.slow_frames import slow_frames_reported
 
@@ -29,6 +30,14 @@ def test_a_blocked_frame_is_reported_with_its_line():
     assert waited >= 0.01
     assert place.file == __file__
     assert "done.wait(60)" in place.shown[0]
+
+
+def test_a_frame_without_a_line_is_shown_by_its_first_line(monkeypatch):
+    frame = sys._getframe()
+    monkeypatch.setattr(slow_frames.traceback, "walk_stack", lambda top: iter([(frame, None)]))
+    place = slow_frames._executed(threading.get_ident(), "no such file")
+    assert place.function == "test_a_frame_without_a_line_is_shown_by_its_first_line"
+    assert place.shown[0].startswith(f"def {place.function}")
 
 
 def test_frames_that_continue_and_code_of_the_caller_are_not_reported():
