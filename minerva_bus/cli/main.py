@@ -24,6 +24,7 @@ from minerva_bus.cli.commands import (
     keys,
     operating,
     records,
+    setting_up,
     studies,
     worlds,
 )
@@ -96,7 +97,16 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     epilog="Exit codes: 0 done, 1 a check or a world failed, 2 wrong input, 130 interrupted.",
 )
-_MODULES: Final = (worlds, operating, records, exporting, studies, calibrating, explaining)
+_MODULES: Final = (
+    worlds,
+    operating,
+    records,
+    exporting,
+    studies,
+    calibrating,
+    explaining,
+    setting_up,
+)
 
 
 def command_of(name: str) -> Callable[..., None]:

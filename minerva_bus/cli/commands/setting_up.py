@@ -1,0 +1,134 @@
+"""Commands that set up: packages, editors, the installation and members in any language."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from minerva_bus.cli import completing
+from minerva_bus.cli.options import Force, Json, examples
+
+
+@examples(
+    "minerva new world my_yard",
+    "minerva new world my_meadow --from meadow",
+)
+def new(
+    kind: Annotated[
+        str,
+        typer.Argument(
+            help="world, agent, service, geometry or bridge.", autocompletion=completing.new_kinds
+        ),
+    ],
+    name: Annotated[str, typer.Argument(help="Its name, a valid name of a Python package.")],
+    folder: Annotated[
+        Path, typer.Option("--in", help="Parent folder; default: the current one.")
+    ] = Path(),
+    model: Annotated[
+        str,
+        typer.Option(
+            "--from",
+            help="Copy this installed world; see `minerva worlds`.",
+            autocompletion=completing.installed,
+        ),
+    ] = "",
+    json: Json = False,
+) -> None:
+    """Create a world, agent, service, geometry or bridge.
+
+    The new folder runs as it is and contains tests.
+    """
+    from minerva_bus.cli.creating import create
+
+    create(kind, name, folder, model, json)
+
+
+@examples(
+    "minerva schema > world.schema.json",
+    "minerva schema > .vscode/world.schema.json",
+)
+def schema() -> None:
+    """Print the JSON Schema of world files, for editors.
+
+    Editors that know TOML validate and complete a world file whose first line is
+    `#:schema world.schema.json`.
+    """
+    import json
+
+    from minerva_bus.cli.output import print_result
+    from minerva_bus.settings.schema import world_schema
+
+    print_result(json.dumps(world_schema(), indent=2, ensure_ascii=False))
+
+
+@examples(
+    "minerva doctor",
+    "minerva doctor --json",
+)
+def doctor(json: Json = False) -> None:
+    """Check the environment and report missing dependencies.
+
+    The exit code is 1 if there are any.
+    """
+    from minerva_bus.cli.doctoring import examine
+
+    raise typer.Exit(examine(json))
+
+
+@examples(
+    "minerva conformance -- node member.js",
+    "minerva conformance --role host --case view --junit host.xml -- ./host",
+    "minerva conformance --list",
+)
+def conformance(
+    command: Annotated[
+        list[str] | None,
+        typer.Argument(help="The program and its arguments, after `--`.", show_default=False),
+    ] = None,
+    role: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="A role to check: generator, ahead, host, observer, coupled; may be repeated."
+            " Default: those that the member declares. Or `coordinator`, alone.",
+            autocompletion=completing.conformance_roles,
+        ),
+    ] = None,
+    case: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="A case, or a group such as `tick`; may be repeated.",
+            autocompletion=completing.conformance_cases,
+        ),
+    ] = None,
+    jobs: Annotated[int, typer.Option(help="Cases that run at the same time.", min=1)] = 4,
+    list_: Annotated[bool, typer.Option("--list", help="List the cases and exit.")] = False,
+    junit: Annotated[Path | None, typer.Option(help="Also write JUnit XML to this file.")] = None,
+    json: Json = False,
+    force: Force = False,
+) -> None:
+    """Check whether a member in any language follows the protocol.
+
+    The program is started for each case, with MINERVA_WORLD, MINERVA_CONNECT, MINERVA_NAME and,
+    with --role, MINERVA_ROLE set. It behaves as "Write a member in another language" describes.
+    With --role coordinator, the program is a coordinator, and the suite plays its members: it has
+    MINERVA_WORLD and MINERVA_LISTEN. The exit code is 1 if a case fails.
+    """
+    from minerva_bus.cli.conforming import check_conformance, list_cases
+
+    if list_:
+        list_cases(case or [], role or [], json)
+        return
+    raise typer.Exit(check_conformance(command or [], role or [], case or [], jobs, junit, json))
+
+
+@examples(
+    "minerva version",
+    "minerva version --json",
+)
+def version(json: Json = False) -> None:
+    """Show the versions of Minerva Bus, protocol and dependencies."""
+    from minerva_bus.cli.asking import show_version
+
+    show_version(json)
