@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from itertools import groupby
 from typing import Any
 
 from minerva_bus.errors import ProtocolError
@@ -11,6 +12,7 @@ from minerva_bus.frame.description import World
 from minerva_bus.frame.member import Member
 from minerva_bus.log.checkpoints import Kept
 from minerva_bus.log.entries import EntryDecoder, encode_keyframe
+from minerva_bus.regions.dividing import NOTHING
 from minerva_bus.regions.merging import Units
 from minerva_bus.regions.messages import (
     ParcelMessage,
@@ -19,6 +21,7 @@ from minerva_bus.regions.messages import (
     to_message,
     unpacked_places,
 )
+from minerva_bus.regions.parcel import Parcel
 from minerva_bus.regions.partition import Partition
 from minerva_bus.regions.region import Region
 from minerva_bus.wire.codec import Decoder, encode
@@ -31,12 +34,14 @@ class RegionCheckpoint:
     """State between `enter` and a frame, as a journal has it.
 
     `keyframe`: string and checkpoint, as in a record. `places`: of its nodes. `norms`: a parcel
-    with what norms know of other regions. `messages`: further plain data of the region's process.
+    with what norms know of other regions. `views`: parcels with the latest views of each region.
+    `messages`: further plain data of the region's process.
     """
 
     keyframe: bytes
     places: bytes
     norms: bytes
+    views: Sequence[Any]
     messages: Sequence[Any]
 
     @staticmethod
@@ -44,18 +49,29 @@ class RegionCheckpoint:
         """The state of a region. Raises TypeError if a generator saves data that are not plain."""
         units, checkpoint = region.units, region.algorithm.checkpoint
         keyframe = encode_keyframe(region.frame, units.scene, Kept.of(checkpoint))
-        norms = encode(to_message(region.norms))
-        return RegionCheckpoint(keyframe, packed_places(units.places), norms, messages)
+        norms, number, progress = region.norms, region.number, region.progress()
+        views = [
+            Parcel(frame, source, number, NOTHING, (), progress, part)
+            for frame, parts in region.services.shown.items()
+            for source, part in parts.items()
+        ]
+        return RegionCheckpoint(
+            keyframe,
+            packed_places(units.places),
+            encode(to_message(norms)),
+            [[parcel.source, encode(to_message(parcel))] for parcel in views],
+            messages,
+        )
 
     def encoded(self) -> bytes:
         """The checkpoint as bytes."""
-        return pack([self.keyframe, self.places, self.norms, list(self.messages)])
+        views, messages = list(self.views), list(self.messages)
+        return pack([self.keyframe, self.places, self.norms, views, messages])
 
     @staticmethod
     def decoded(data: bytes) -> RegionCheckpoint:
         """A checkpoint that this program has encoded. Raises ProtocolError."""
-        keyframe, places, norms, messages = as_list(unpack(data, ON_DISK), "a checkpoint")
-        return RegionCheckpoint(keyframe, places, norms, messages)
+        return RegionCheckpoint(*as_list(unpack(data, ON_DISK), "a checkpoint"))
 
     def region(
         self, world: World, number: int, partition: Partition, members: Iterable[Member]
@@ -67,7 +83,16 @@ class RegionCheckpoint:
         pieces = keyframe.scene.pieces
         places = unpacked_places(self.places, sum(piece.count for piece in pieces), "places")
         past = replace(world, past=keyframe.checkpoint)
-        norms = Decoder(world.vocabulary, ON_DISK).parcel(self.norms)
-        assert isinstance(norms, ParcelMessage)
-        received = parcel_of(norms, number, number).norms
-        return Region(past, number, partition, members, Units(places, pieces), received)
+        decoder = Decoder(world.vocabulary, ON_DISK)
+
+        def parcel(source: int, data: bytes) -> Parcel:
+            message = decoder.parcel(data)
+            assert isinstance(message, ParcelMessage)
+            return parcel_of(message, source, number)
+
+        received = parcel(number, self.norms).norms
+        region = Region(past, number, partition, members, Units(places, pieces), received)
+        views = [parcel(source, data) for source, data in self.views]
+        for frame, parcels in groupby(views, lambda parcel: parcel.frame):
+            region.services.take(frame, {each.source: each.views for each in parcels})
+        return region

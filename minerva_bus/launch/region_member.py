@@ -249,8 +249,7 @@ class RegionMember(Member):
             # The coordinator ends the world, for the same reason. Otherwise services in another
             # region may still have to answer for this frame.
             if not (region.over or region.missing):
-                # The state of attached services is not known.
-                if not region.services.exist and self._journal.is_due():
+                if self._journal.is_due():
                     self._save()
                 yield self._run_frame()
 

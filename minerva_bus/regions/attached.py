@@ -88,11 +88,6 @@ class AttachedServices:
         self._unshown: dict[str, list[m.ViewShown]] = {}
 
     @property
-    def exist(self) -> bool:
-        """Whether the world has attached services."""
-        return bool(self._names)
-
-    @property
     def at_home(self) -> bool:
         """Whether the services are in this region."""
         return self._number == HOME
@@ -124,6 +119,17 @@ class AttachedServices:
                 if shown.event_type in drawn:
                     self._unshown.setdefault(name, []).append(shown)
 
+    @property
+    def shown(self) -> dict[int, dict[int, ViewPart]]:
+        """The latest views by frame and region: `take` continues with them in another process."""
+        return self._assembly.parts
+
+    @property
+    def arrived(self) -> list[Replies]:
+        """The replies for frames that have not begun, in other regions."""
+        number = self._number
+        return [Replies(frame, HOME, number, of) for frame, of in sorted(self._replies.items())]
+
     def elsewhere(self, member: Member) -> bool:
         """Whether a member is a service in another region, so that here it only stands for it."""
         return member.name in self._names and not self.at_home
@@ -137,7 +143,9 @@ class AttachedServices:
         if not self.at_home:
             return () if is_view else self._stand_in(member, message)
         answers: list[Answer] = []
-        for shown in self._unshown.pop(member.name, ()):
+        # A member ignores views before its welcome.
+        joins = isinstance(message, m.Greet | m.Welcome)
+        for shown in () if joins else self._unshown.pop(member.name, ()):
             answers += _received(member, shown)
         if not is_view:
             answers += _received(member, message)

@@ -118,9 +118,10 @@ class Region:
         return entered or parcel.source in self._parcels.get(parcel.frame, ())
 
     @property
-    def arrived(self) -> list[Parcel]:
-        """The parcels for frames that have not been entered."""
-        return [parcel for arrived in self._parcels.values() for parcel in arrived.values()]
+    def arrived(self) -> list[Parcel | Replies]:
+        """The parcels for frames that have not been entered, and replies for those not begun."""
+        parcels = [parcel for arrived in self._parcels.values() for parcel in arrived.values()]
+        return [*parcels, *self.services.arrived]
 
     @property
     def missing(self) -> list[int]:

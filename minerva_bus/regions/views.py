@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from minerva_bus.errors import WorldStopped
@@ -89,8 +89,16 @@ class _RegionViews:
 
     layout: PlacedSkeleton = field(default_factory=PlacedSkeleton)
     views: dict[str, dict[str, Scene]] = field(default_factory=dict[str, dict[str, Scene]])
+    halted: tuple[str, ...] = ()
+
+    def part(self, types: Iterable[str]) -> ViewPart:
+        """The views of these event types, as the part of a region that has sent none before."""
+        return ViewPart(
+            {name: {**self.views.get(name, {})} for name in types}, {}, self.layout, self.halted
+        )
 
     def take(self, part: ViewPart) -> None:
+        self.halted = part.halted
         if part.layout is not None:
             self.layout = part.layout
             slots = {slot.id for slot in agents(part.layout.skeleton)}
@@ -110,7 +118,19 @@ class ViewAssembly:
     def __init__(self) -> None:
         self._regions: dict[int, _RegionViews] = {}
         self._skeletons: dict[str, Scene] = {}
+        self._frames: dict[str, int] = {}
         self._sequence = 0
+
+    @property
+    def parts(self) -> dict[int, dict[int, ViewPart]]:
+        """The latest views by frame and region; assembled in this order they make this one."""
+        return {
+            frame: {
+                number: region.part(name for name, of in self._frames.items() if of == frame)
+                for number, region in self._regions.items()
+            }
+            for frame in sorted(set(self._frames.values()))
+        }
 
     def assemble(self, frame: int, parts: Mapping[int, ViewPart]) -> list[ViewShown]:
         """The views of a frame, whole, from the parts of all regions by number.
@@ -123,6 +143,7 @@ class ViewAssembly:
         types = sorted({event_type for part in parts.values() for event_type in part.views})
         halted = tuple(sorted({who for part in parts.values() for who in part.halted}))
         self._sequence += 1
+        self._frames.update(dict.fromkeys(types, frame))
         return [self._whole(event_type, frame, halted) for event_type in types]
 
     def _forget_skeletons(self, part: ViewPart) -> None:

@@ -43,9 +43,20 @@ class File:
 world_file = cache(File)
 
 
-@pytest.mark.parametrize("count", [2, 9])
+@pytest.mark.parametrize(("count", "checkpoints"), [(2, True), (9, False)])
 @pytest.mark.parametrize("name", sorted(OPTIONS))
-def test_regions_have_the_digests_of_one_coordinator(name, count):
+def test_regions_have_the_digests_of_one_coordinator(name, count, checkpoints):
+    of, kills = world_file(name), 0.0 if checkpoints else 0.01
+    grid, chance = GRIDS[count], Random(count)
+    regions = Regions(of.file.world, FRAMES, grid, chance, of.members, kills, checkpoints)
+    assert regions.digests() == of.single
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("count", [1, 4, 16])
+@pytest.mark.parametrize("name", sorted(OPTIONS))
+def test_any_number_of_regions_has_the_digests_of_one_coordinator(name, count):
     of = world_file(name)
-    regions = Regions(of.file.world, FRAMES, GRIDS[count], Random(count), of.members, kills=0.01)
+    grid = GRIDS.get(count, [ById(1)])
+    regions = Regions(of.file.world, FRAMES, grid, Random(count), of.members, kills=0.005)
     assert regions.digests() == of.single
