@@ -13,12 +13,13 @@ from typing import TYPE_CHECKING, Any, Final
 from minerva_bus.errors import ProtocolError, SceneError, VocabularyError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
-from minerva_bus.frame.collection import AGENTS, ORDERS, note_answer
+from minerva_bus.frame.collection import AGENTS, ORDERS, note_answer, visual_events
 from minerva_bus.frame.inbox import Orders, counting, is_people, name_of
 from minerva_bus.frame.inputs import FrameInputs, RecordedFrame
 from minerva_bus.frame.live import why_over
 from minerva_bus.frame.members import MemberEntry
 from minerva_bus.frame.replaying import RecordedSource
+from minerva_bus.frame.views import due_views
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.scene import Scene
@@ -185,12 +186,28 @@ class WholeSource(RecordedSource):
                 sources[name] = [*reply.events, *sources.get(name, ())]
             if reply.saved is not None:
                 algorithm.members.saved[name] = reply.saved
+        due = tuple(sorted({*inputs.due, *self._due()}))
+        if due:
+            sources["~device"] = visual_events(algorithm, due)
         events = collect(algorithm.world.order, sources)
         waiting = {source: tuple(sent) for source, sent in inbox.events.items()}
-        logged = replace(inputs, taken=taken, waiting=waiting, reports=tuple(self._replies))
+        reports = tuple(self._replies)
+        logged = replace(inputs, due=due, taken=taken, waiting=waiting, reports=reports)
         self._whole.ahead = RecordedFrame(algorithm.frame, events, [], b"", 0.0, logged)
         self._log_orders()
         super().collect()
+
+    def _due(self) -> tuple[str, ...]:
+        """The views that observers of the whole request, and those in the journal."""
+        algorithm, in_flight = self._algorithm, self._algorithm.in_flight
+        due = due_views(algorithm.members.index, algorithm.frame, in_flight.clock_views)
+        return due if in_flight.logged is None else (*due, *in_flight.logged.due)
+
+    def _visual(self, *, closing: bool) -> tuple[AnyEvent, ...]:
+        """The views to make here: regions make those for the devices in region 0."""
+        algorithm, clock = self._algorithm, self._algorithm.in_flight.clock_views
+        due = due_views(algorithm.members.index, algorithm.frame, clock, closing=closing)
+        return visual_events(algorithm, due)
 
     def commit(self) -> None:
         """Step 8: continue with the string of all parts."""

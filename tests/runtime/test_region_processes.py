@@ -176,11 +176,13 @@ said = true
     )
     path.write_text(path.read_text().replace("[bus]", f"{screen}\n[bus]"))
     words = "--rate", 20, "--frames", 30, "--regions", 2, "--json"
-    with World(path, *words) as world:
+    with World(path, *words, "--record", "run.mcap") as world:
         world.says("screen", "4 figures")
         ended = world.summary()
     assert ended["members"] == 3
     assert ended["pictures"] > 0
+    with Record(path.parent / "run.mcap") as record:
+        assert any(e.type == "eShow" for frame in record.frames() for e in frame.events)
     assert ended["digest"] == alone(path, 30)["digest"]
     done = here(path.parent, "run", path, "--regions", 2, "--in-process")
     assert "views in real time (screen) in one process" in done.stderr
