@@ -8,7 +8,12 @@ from minerva_bus.frame.collection import CollectionStep
 from minerva_bus.frame.evolution import EvolutionStep
 from minerva_bus.frame.generating import GeneratorSide
 from minerva_bus.frame.pace import Pace
+from minerva_bus.launch.region_journal import RegionJournal
+from minerva_bus.launch.region_member import RegionMember
 from minerva_bus.log.journal import Journal
+from minerva_bus.regions.outbox import Outbox
+from minerva_bus.regions.region import Region
+from minerva_bus.regions.whole import WholeSource
 from minerva_bus.testing.simulation.history import drawn
 from minerva_bus.testing.simulation.trying import LINES, report, shortest, tried, tried_seed
 
@@ -76,8 +81,73 @@ ENGINES = [
 ]
 
 
-def first_failure():
-    return next((one for seed in range(MOST) if (one := tried_seed(seed)).wrong), None)
+def lose_parcels(patch):
+    """Omit the parcels of one region in the journals of the others."""
+    whole = RegionJournal.write
+
+    def write(journal, arrived):
+        if arrived.source != 1:
+            whole(journal, arrived)
+
+    patch.setattr(RegionJournal, "write", write)
+
+
+def send_nothing_again(patch):
+    """Lose parcels that are sent while a link is cut."""
+    patch.setattr(RegionMember, "send_again", lambda region, regions: None)
+
+
+def acknowledge_early(patch):
+    """Drop parcels that their receiver may not have."""
+    patch.setattr(Outbox, "acknowledge", lambda outbox, received: outbox._kept.clear())
+
+
+def obey_repeated_orders(patch):
+    """Let orders of the frame before count again."""
+    whole = RegionMember._on_orders
+
+    def on_orders(region, orders):
+        whole(region, orders)
+        region._orders[orders.frame + 1] = orders.events
+
+    patch.setattr(RegionMember, "_on_orders", on_orders)
+
+
+def take_stale_reports(patch):
+    """Accept the report of an earlier frame as that of the present one."""
+    whole = WholeSource.tick_reply
+
+    def tick_reply(source, reply):
+        whole(source, replace(reply, frame=source._algorithm.frame))
+
+    patch.setattr(WholeSource, "tick_reply", tick_reply)
+
+
+def move_agents_twice(patch):
+    """Keep agents that have moved to another region."""
+    whole = Region._leaving
+
+    def leaving(region):
+        units = whole(region)
+        region._remaining = None
+        return units
+
+    patch.setattr(Region, "_leaving", leaving)
+
+
+REGIONS = [
+    lose_parcels,
+    send_nothing_again,
+    acknowledge_early,
+    obey_repeated_orders,
+    take_stale_reports,
+    move_agents_twice,
+]
+
+
+def first_failure(*, regions=False):
+    tries = (tried_seed(seed, regions=regions) for seed in range(MOST))
+    return next((tried for tried in tries if tried.wrong), None)
 
 
 @pytest.mark.timeout(600)
@@ -87,6 +157,26 @@ def test_a_broken_engine_is_caught(breaking, monkeypatch):
     failed = first_failure()
     assert failed is not None
     print(breaking.__name__, report(failed))
+
+
+@pytest.mark.timeout(600)
+@pytest.mark.parametrize("breaking", REGIONS, ids=lambda one: one.__name__)
+def test_a_broken_engine_of_regions_is_caught(breaking, monkeypatch):
+    breaking(monkeypatch)
+    failed = first_failure(regions=True)
+    assert failed is not None
+    print(breaking.__name__, report(failed))
+
+
+def test_a_history_of_regions_is_shortened(monkeypatch):
+    """One order counts twice in any circumstances, so nothing else remains."""
+    obey_repeated_orders(monkeypatch)
+    failed = first_failure(regions=True)
+    assert failed is not None
+    short = shortest(failed)
+    assert short.wrong
+    assert not short.history.faults
+    assert len(short.history.acts) == 1
 
 
 def test_a_history_that_fails_is_shortened_to_what_it_takes(monkeypatch):

@@ -12,6 +12,7 @@ from minerva_bus.testing.simulation.trying import report, tried, tried_seed
 from minerva_bus.testing.simulation.writing import read_back, written
 
 HISTORIES = 1000
+REGION_HISTORIES = 100
 SHARE = 25
 FAILED = Path(__file__).with_name("failed.jsonl")
 """Histories that failed once, each with its error."""
@@ -21,6 +22,13 @@ FAILED = Path(__file__).with_name("failed.jsonl")
 def test_histories_go_well(first):
     for seed in range(first, first + SHARE):
         again = tried_seed(seed)
+        assert not again.wrong, report(again)
+
+
+@pytest.mark.parametrize("first", range(0, REGION_HISTORIES, SHARE))
+def test_histories_of_regions_go_well(first):
+    for seed in range(first, first + SHARE):
+        again = tried_seed(seed, regions=True)
         assert not again.wrong, report(again)
 
 
@@ -39,6 +47,8 @@ TRACES = """
 from minerva_bus.testing.simulation.trying import tried_seed
 for seed in (1, 2, 3, 5, 8):
     print(*tried_seed(seed).trace, sep="\\n")
+    regions = tried_seed(seed, regions=True)
+    print(*regions.trace, regions.frames, sep="\\n")
 """
 
 

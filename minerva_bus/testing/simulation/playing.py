@@ -49,6 +49,11 @@ class Played:
     trace: list[str]
     listened: bool
 
+    @property
+    def frames(self) -> int:
+        """Number of frames."""
+        return len(self.observed.frames)
+
 
 class Play:
     """One history in progress; files go to a folder."""

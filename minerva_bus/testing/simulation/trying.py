@@ -10,6 +10,13 @@ from typing import Final
 from minerva_bus.testing.simulation.checks import wrong
 from minerva_bus.testing.simulation.history import History, drawn
 from minerva_bus.testing.simulation.playing import Played, play
+from minerva_bus.testing.simulation.regions import (
+    PlayedRegions,
+    RegionHistory,
+    drawn_regions,
+    play_regions,
+    wrong_regions,
+)
 from minerva_bus.testing.simulation.shrinking import shortened
 
 LINES: Final = 20
@@ -23,14 +30,14 @@ MEMORY: Final = Path("/dev/shm")  # noqa: S108
 class Tried:
     """A played history and the violated properties; `crash` is an internal error."""
 
-    played: Played | None
+    played: Played | PlayedRegions | None
     wrong: tuple[str, ...]
     history: History
 
     @property
     def frames(self) -> int:
         """Number of frames."""
-        return 0 if self.played is None else len(self.played.observed.frames)
+        return 0 if self.played is None else self.played.frames
 
     @property
     def trace(self) -> list[str]:
@@ -43,6 +50,9 @@ def tried(history: History) -> Tried:
     folder = MEMORY if MEMORY.is_dir() else None
     with tempfile.TemporaryDirectory(prefix="minerva-simulation-", dir=folder) as name:
         try:
+            if isinstance(history, RegionHistory):
+                regions = play_regions(history, Path(name))
+                return Tried(regions, tuple(wrong_regions(regions)), history)
             played = play(history, Path(name))
         # The launcher runs in this process, so its errors would end the search.
         except Exception as error:
@@ -50,9 +60,9 @@ def tried(history: History) -> Tried:
     return Tried(played, tuple(wrong(played)), history)
 
 
-def tried_seed(seed: int) -> Tried:
-    """Play and check the history of a seed."""
-    return tried(drawn(seed))
+def tried_seed(seed: int, *, regions: bool = False) -> Tried:
+    """Play and check the history of a seed, of a world with one coordinator or in regions."""
+    return tried(drawn_regions(seed) if regions else drawn(seed))
 
 
 def shortest(failed: Tried) -> Tried:

@@ -1,0 +1,207 @@
+"""A world in regions: its coordinator, its regions and all links between them in one process."""
+
+from __future__ import annotations
+
+from collections import defaultdict, deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from random import Random
+from typing import Final
+
+from minerva_bus.frame import messages as m
+from minerva_bus.frame import stimuli as s
+from minerva_bus.frame.algorithm import FrameAlgorithm
+from minerva_bus.frame.member import Outgoing
+from minerva_bus.grammar.batch import AnyEvent
+from minerva_bus.grammar.events import Event
+from minerva_bus.launch.region_journal import RegionJournal
+from minerva_bus.launch.region_member import RegionMember
+from minerva_bus.launch.region_process import RegionSpec, name_of_region, source_of
+from minerva_bus.launch.worldfile import WorldFile
+from minerva_bus.log.journal import Journal
+from minerva_bus.log.journaled import read_journal, resume_from
+from minerva_bus.runtime.region_links import ParcelArrived
+from minerva_bus.runtime.runner import Runner, Sink
+
+MAX_SECONDS: Final = 1000
+"""Simulated seconds within which a world must have ended."""
+
+REWRITTEN: Final = 0.05
+"""How often the coordinator's journal is rewritten before a delivery between frames."""
+
+
+@dataclass(frozen=True, slots=True)
+class DoneFrame:
+    """A finished frame, with the digest of the string after it."""
+
+    number: int
+    events: tuple[AnyEvent, ...]
+    digest: str
+
+
+class Hangs(Exception):
+    """The world does not end."""
+
+
+class Cluster(Sink):
+    """Runs the world of a file of `in_regions`; messages of different links arrive in any order.
+
+    `disturb` is called before each delivery. `cuts` are the pairs of regions without a link, `lost`
+    counts the parcels lost there, `seconds` the simulated ones. `done` has the finished frames,
+    `deaths` and `successions` the frames in which a region's process, or the coordinator's, died.
+    """
+
+    def __init__(
+        self, file: WorldFile, chance: Random, disturb: Callable[[Cluster], None] | None = None
+    ) -> None:
+        self.chance = chance
+        self.cuts: set[frozenset[int]] = set()
+        self.lost: int = 0
+        self.seconds: int = 0
+        self.done: list[DoneFrame] = []
+        self.deaths: list[int] = []
+        self.specs = {each.name: each for each in file.processes if isinstance(each, RegionSpec)}
+        self.successions: list[int] = []
+        self._file = file
+        self._disturb = disturb
+        self._path = next(iter(self.specs.values())).journal.with_name("coordinator")
+        self._is_ready = False
+        self._members: dict[str, RegionMember] = {}
+        self._parcels: list[tuple[int, int, bytes]] = []
+        self._down: dict[str, deque[m.ToMember]] = defaultdict(deque)
+        self._up: dict[str, deque[Outgoing]] = defaultdict(deque)
+        self._coordinate(FrameAlgorithm(file.world, source_of(file)))
+        for name in self.specs:
+            self.start(name)
+
+    def run(self) -> None:
+        """Run the world to its end. Raises Hangs."""
+        while self.runner.ended is None:
+            if not self.algorithm.in_frame and self.chance.random() < REWRITTEN:
+                self._journal.rewrite()
+            if self._disturb is not None:
+                self._disturb(self)
+            busy = [name for name in self.specs if self._down[name] or self._up[name]]
+            if self._is_ready and self.chance.random() < 0.5:
+                self._is_ready = False
+                self.runner.handle(s.Begin())
+            elif self._parcels and (not busy or self.chance.random() < 0.5):
+                self._deliver(*self._parcels.pop(self.chance.randrange(len(self._parcels))))
+            elif busy:
+                self._pass_on(self.chance.choice(busy))
+            elif not self._is_ready:
+                self._wait()
+
+    # --- faults ---
+
+    def start(self, name: str) -> None:
+        """Start the process of a region; what the former one has received last is lost."""
+        spec = self.specs[name]
+        if name in self._members:
+            self.deaths.append(self.algorithm.frame)
+            self.runner.handle(s.Vanished(name))
+        self._down[name].clear()
+        self._up[name].clear()
+        self._parcels = [parcel for parcel in self._parcels if parcel[1] != spec.number]
+        send, journal = partial(self._send_parcel, spec.number), RegionJournal(spec.journal)
+        self._members[name] = RegionMember(
+            name, spec.world_file, spec.number, journal, send, lambda line: None
+        )
+        self.runner.handle(s.Appeared(name))
+        for other in self._members.values():
+            other.send_again([spec.number])
+
+    def succeed(self) -> None:
+        """Kill the coordinator; each region has received a part of its last messages."""
+        self.successions.append(self.algorithm.frame)
+        self._is_ready = False
+        past = read_journal(self._path, self._file.world)
+        assert past is not None
+        algorithm = FrameAlgorithm(past.world, source_of(self._file))
+        resume_from(past, algorithm, lambda done: None)
+        self._coordinate(algorithm)
+        for name in self.specs:
+            self._up[name].clear()
+            for _ in range(self.chance.randint(0, len(self._down[name]))):
+                self._members[name].receive(self._down[name].popleft())
+            self._down[name].clear()
+            self.runner.handle(s.Appeared(name))
+
+    def _coordinate(self, algorithm: FrameAlgorithm) -> None:
+        self.algorithm = algorithm
+        self.runner = Runner(algorithm, self, [self])
+        self._journal = Journal(self._path, len(self.successions), algorithm)
+
+    def publish(self, event: Event) -> None:
+        """Accept an order of a person, who gets a confirmation."""
+        self.runner.handle(s.Publish(event, "anna"))
+        self._journal.waiting(self.algorithm.ordered)
+
+    def repeat(self, name: str) -> None:
+        """Request the present frame of a region again, as if its token had been lost for a moment.
+
+        It sends its report again, which may arrive when the frame is over.
+        """
+        if self.algorithm.in_frame:
+            self._down[name].append(m.TickRequest(self.algorithm.frame))
+
+    def restore(self) -> None:
+        """Restore all links, which both sides notice."""
+        restored, self.cuts = self.cuts, set()
+        for a, b in map(sorted, restored):
+            self._members[name_of_region(a)].send_again([b])
+            self._members[name_of_region(b)].send_again([a])
+
+    # --- links ---
+
+    def send(self, to: str, message: m.ToMember) -> tuple[()]:
+        """Send a message of the coordinator."""
+        for name in self.specs if to in (s.EVERYONE, s.TICKED) else (to,):
+            self._down[name].append(message)
+        return ()
+
+    def show(self, event_type: str, message: m.ToMember, to: str) -> tuple[()]:
+        """Do nothing: regions draw no views of the coordinator."""
+        return ()
+
+    def _pass_on(self, name: str) -> None:
+        if self._down[name]:
+            self._up[name] += self._members[name].receive(self._down[name].popleft())
+            return
+        message = self._up[name].popleft()
+        assert not isinstance(message, m.Readings)
+        self.runner.handle(message)
+
+    def _send_parcel(self, source: int, target: int, data: bytes) -> None:
+        if frozenset((source, target)) in self.cuts:
+            self.lost += 1
+        else:
+            self._parcels.append((source, target, data))
+
+    def _deliver(self, source: int, target: int, data: bytes) -> None:
+        name = name_of_region(target)
+        self._up[name] += self._members[name].parcel(ParcelArrived(source, data))
+
+    def _wait(self) -> None:
+        """A second passes in which nothing arrives."""
+        self.seconds += 1
+        if self.seconds > MAX_SECONDS:
+            waits = {name: each.awaited for name, each in sorted(self._members.items())}
+            raise Hangs(f"it hangs in frame {self.algorithm.frame}; awaited regions: {waits}")
+        for member in self._members.values():
+            member.send_again(member.awaited)
+
+    # --- notices ---
+
+    def ready(self, notice: s.Ready) -> None:
+        """Note that the next frame may begin."""
+        self._is_ready = True
+
+    def frame_done(self, notice: s.FrameDone) -> None:
+        """Keep the frame."""
+        assert notice.inputs is not None
+        self._journal.frame(notice.inputs)
+        # The digest is that of the present string.
+        digest = notice.record.digest.hex()
+        self.done.append(DoneFrame(notice.frame, tuple(notice.events), digest))

@@ -1,0 +1,195 @@
+"""Histories of a world in regions: processes die, links are cut, reports and orders are repeated.
+
+The world is the simulated one without its free-running generator and its screen, which have no part
+in regions. Time is counted in deliveries, because regions have no time-outs.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from random import Random
+from typing import Final
+
+from minerva_bus.errors import MinervaError
+from minerva_bus.grammar.batch import single
+from minerva_bus.launch.region_process import in_regions, name_of_region
+from minerva_bus.regions.partition import ByPosition
+from minerva_bus.testing.simulation.cluster import Cluster, DoneFrame, Hangs
+from minerva_bus.testing.simulation.history import Fault, History, Operation
+from minerva_bus.testing.simulation.reference import orders_in, undisturbed
+from minerva_bus.testing.simulation.worlds import ORDERS, world_file
+from minerva_bus.wire.keys import COORDINATOR
+
+COUNTS: Final = 2, 4
+FRAMES: Final = 3, 12
+MAX_FAULTS: Final = 8
+SPAN: Final = 60
+"""Deliveries after the begin of a frame within which its faults occur."""
+
+BORDERS: Final = 0.0, 1.0, 2.0
+"""Borders between regions along x; herons stride across them."""
+
+ABSENT: Final = "gulls", "screen"
+ELSEWHERE: Final = "eCry", "eShow"
+"""Members of the simulated world that regions do not have, and events that are not in its frames:
+those of the gulls, and those of devices, which draw in a region."""
+
+
+@dataclass(frozen=True, slots=True)
+class RegionHistory(History):
+    """A history of `count` regions; `count` of a fault is the number of deliveries before it.
+
+    `seconds` of a cut are deliveries, too.
+    """
+
+    count: int = 2
+
+    def __str__(self) -> str:
+        head = f"seed {self.seed}: {self.frames} frames, {self.count} regions"
+        lines = [
+            f"  {fault.count} deliveries after frame {fault.frame} begins: {fault.kind}"
+            f" {fault.target}" + (f" for {fault.seconds:.0f} deliveries" if fault.seconds else "")
+            for fault in self.faults
+        ]
+        lines += [f"  {act.wait:.0f} deliveries later: {act.ask} {act.number}" for act in self.acts]
+        return "\n".join([head, *lines])
+
+
+def drawn_regions(seed: int) -> RegionHistory:
+    """The history of a seed."""
+    chance = Random(f"regions {seed}")  # noqa: S311
+    frames, count = chance.randint(*FRAMES), chance.randint(*COUNTS)
+    faults = tuple([_fault(chance, frames, count) for _ in range(chance.randint(0, MAX_FAULTS))])
+    acts = [
+        Operation(chance.randint(0, SPAN), f"pub {chance.choice(tuple(ORDERS))}", number)
+        for number in range(1, chance.randint(0, 5) + 1)
+    ]
+    return RegionHistory(seed, frames, 0.0, 0.0, faults, tuple(acts), 0, count)
+
+
+def _fault(chance: Random, frames: int, count: int) -> Fault:
+    frame, after = chance.randrange(frames), chance.randint(0, SPAN)
+    kind = chance.choice(("kill", "kill", "cut", "cut", "repeat", "succeed"))
+    if kind == "succeed":
+        return Fault(frame, 0.0, kind, COORDINATOR, 0.0, after)
+    if kind != "cut":
+        return Fault(frame, 0.0, kind, name_of_region(chance.randrange(count)), 0.0, after)
+    a, b = chance.sample(range(count), 2)
+    return Fault(frame, 0.0, kind, f"{a}-{b}", float(chance.choice((5, 20, 80))), after)
+
+
+@dataclass(slots=True)
+class Script:
+    """The faults and acts of a history as `disturb` of a cluster, and what became of them."""
+
+    history: RegionHistory
+    trace: list[str] = field(default_factory=list[str])
+    confirmed: list[tuple[str, int]] = field(default_factory=list[tuple[str, int]])
+    _delivered: int = 0
+    _began: dict[int, int] = field(default_factory=dict[int, int])
+    _happened: set[int] = field(default_factory=set[int])
+    _restore_at: int = 0
+    _act_at: float = 0.0
+
+    def __call__(self, cluster: Cluster) -> None:
+        """Do what is due before the next delivery."""
+        self._delivered += 1
+        self._began.setdefault(cluster.algorithm.frame, self._delivered)
+        for number, fault in enumerate(self.history.faults):
+            began = self._began.get(fault.frame, self._delivered + 1)
+            if number not in self._happened and self._delivered >= began + fault.count:
+                self._happened.add(number)
+                self._do(cluster, fault)
+        if cluster.cuts and self._delivered >= self._restore_at:
+            cluster.restore()
+            self._note(cluster, "links are restored")
+        self._act(cluster)
+
+    def _do(self, cluster: Cluster, fault: Fault) -> None:
+        self._note(cluster, f"{fault.kind} {fault.target}")
+        if fault.kind == "kill":
+            cluster.start(fault.target)
+        elif fault.kind == "succeed":
+            cluster.succeed()
+        elif fault.kind == "repeat":
+            cluster.repeat(fault.target)
+        else:
+            cluster.cuts.add(frozenset(map(int, fault.target.split("-"))))
+            self._restore_at = self._delivered + round(fault.seconds)
+
+    def _act(self, cluster: Cluster) -> None:
+        acts = self.history.acts[len(self.confirmed) :]
+        if acts and self._delivered >= self._act_at + acts[0].wait:
+            self._act_at = self._delivered
+            event_type = acts[0].ask.partition(" ")[2]
+            self._note(cluster, f"{acts[0].ask} {acts[0].number}")
+            cluster.publish(ORDERS[event_type](acts[0].number))
+            self.confirmed.append((event_type, acts[0].number))
+
+    def _note(self, cluster: Cluster, text: str) -> None:
+        self.trace.append(f"frame {cluster.algorithm.frame}, delivery {self._delivered}: {text}")
+
+
+@dataclass(frozen=True, slots=True)
+class PlayedRegions:
+    """Result of a history: its frames, the confirmed orders and `failure`, if it did not end."""
+
+    history: RegionHistory
+    done: tuple[DoneFrame, ...]
+    confirmed: tuple[tuple[str, int], ...]
+    failure: str
+    trace: list[str]
+
+    @property
+    def frames(self) -> int:
+        """Number of frames."""
+        return len(self.done)
+
+
+def play_regions(history: RegionHistory, folder: Path) -> PlayedRegions:
+    """Play a history; journals are in a temporary folder."""
+    file = world_file(history.frames, history.rate, folder, {})
+    processes = tuple(each for each in file.processes if each.name not in ABSENT)
+    partition = ByPosition(BORDERS[: history.count - 1])
+    script, failure = Script(history), ""
+    with in_regions(replace(file, processes=processes, partition=partition)) as regions:
+        cluster = Cluster(regions, Random(f"deliveries {history.seed}"), script)  # noqa: S311
+        try:
+            cluster.run()
+        except (Hangs, MinervaError) as error:
+            failure = f"{type(error).__name__}: {error}"
+    done = tuple(cluster.done)
+    return PlayedRegions(history, done, tuple(script.confirmed), failure, script.trace)
+
+
+def wrong_regions(played: PlayedRegions) -> Iterator[str]:
+    """Violated properties, one line each."""
+    if played.failure:
+        yield played.failure
+    history = played.history
+    orders = [orders_in(single(frame.events)) for frame in played.done]
+    due = tuple((number, sent) for number, sent in enumerate(orders) if sent)
+    same = undisturbed(history.frames, due)
+    if not played.failure and len(played.done) != len(same.digests):
+        yield f"it ended after {len(played.done)} frames, not {len(same.digests)}"
+    for number, frame in enumerate(played.done):
+        events = [str(event) for event in single(frame.events)]
+        wanted = [text for text in same.events[number] if not text.startswith(ELSEWHERE)]
+        if frame.number != number or events != wanted:
+            yield f"frame {number} has the events {events[:9]}, not {wanted[:9]}"
+        if frame.digest != same.digests[number]:
+            yield f"frame {number} has another digest, {frame.digest[:8]}"
+            return  # All later frames would differ as a consequence.
+    yield from _wrong_orders(played, [order for sent in orders for order in sent])
+
+
+def _wrong_orders(played: PlayedRegions, counted: list[tuple[str, int]]) -> Iterator[str]:
+    """An order counts once; those of the last frames may come too late for any."""
+    for (name, number), times in sorted(Counter(counted).items()):
+        if times > 1:
+            yield f"{name} {number} is in {times} frames"
+    if sorted(counted, key=played.confirmed.index) != [*played.confirmed[: len(counted)]]:
+        yield f"the orders {counted} count, of {played.confirmed}"
