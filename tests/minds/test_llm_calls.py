@@ -99,6 +99,16 @@ def test_a_call_has_prompt_schema_key_and_its_reply_usage():
     assert server.keys == ["Bearer sk-secret"]
 
 
+@pytest.mark.parametrize("wait", ["3600", "9" * 400])
+def test_a_server_that_wants_a_long_pause_is_not_called_again(wait):
+    busy = Answered(status=429, raw="slow down", headers={"Retry-After": wait})
+    with ChatServer(lambda asked: busy) as server, calling(server) as calls:
+        (result,) = calls(request())
+    assert result.outcome == "backend"
+    assert "slow down; the server allows no call within" in result.content
+    assert len(server.calls) == 1
+
+
 def test_without_a_model_the_first_one_that_the_server_lists_is_used():
     with ChatServer(lambda asked: EAT) as server:
         backend = HttpBackend(server.url + "/", "", lambda: "", {})
@@ -298,6 +308,19 @@ def test_a_program_answers():
     assert result.content.endswith("exited with 1: no idea")
     with calling(CommandBackend(["/nowhere/model"])) as calls:
         assert calls(request())[0].content == "/nowhere/model: No such file or directory"
+
+
+def test_a_program_that_prints_without_end_is_killed():
+    code = "import os\nwhile True: os.write(1, bytes(65536))"
+    with calling(CommandBackend([sys.executable, "-c", code]), retries=0) as calls:
+        result = calls(request())[0]
+    assert (result.outcome, result.content) == ("backend", "more than 4 MiB")
+
+
+def test_a_program_need_not_read_its_input():
+    with calling(CommandBackend([sys.executable, "-c", "print('yes')"])) as calls:
+        result = calls(request(prompt="x" * 1_000_000, answer="eAnswer"))[0]
+    assert result.outcome == "answered"
 
 
 def test_a_script_answers_by_rules():

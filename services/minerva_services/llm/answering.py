@@ -21,6 +21,8 @@ from minerva_services.llm.tools import ToolServers, UsedTool
 
 FIRST_WAIT_SECONDS: Final = 0.5
 MAX_WAIT_SECONDS: Final = 30.0
+MAX_PAUSE_SECONDS: Final = 120.0
+"""A server that forbids calls for longer is given up: the request would seem to hang."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -215,6 +217,9 @@ class Answering:
                 return await self._call(prompt)
             except Unavailable as error:
                 reason = str(error)
+                if error.wait > MAX_PAUSE_SECONDS:
+                    reason = f"{reason}; the server allows no call within {MAX_PAUSE_SECONDS:g} s"
+                    break
                 wait = max(error.wait, min(FIRST_WAIT_SECONDS * 2**attempt, MAX_WAIT_SECONDS))
                 self.setup.log(f"llm: {reason}")
             except BackendError as error:

@@ -10,7 +10,7 @@ from urllib.parse import urlsplit
 
 from minerva_bus.errors import MisuseError
 from minerva_services.llm.backends import BackendError, Completion, Prompt, Unavailable
-from minerva_services.llm.streams import MAX_BYTES, streamed_reply
+from minerva_services.llm.streams import limited, streamed_reply
 
 MAX_DETAIL: Final = 200
 PASSING: Final = frozenset((408, 409, 425, 429, 500, 502, 503, 504, 529))
@@ -94,7 +94,7 @@ class HttpBackend:
             ):
                 if stream and response.status_code < 300:
                     return await streamed_reply(response.aiter_bytes(), limit)
-                content = await _body(response.aiter_bytes())
+                content = await limited(response.aiter_bytes())
                 # A redirection is not followed: the prompt and the key are for this server only.
                 if response.status_code >= 300:
                     raise self._failure(response.status_code, response.headers, content)
@@ -132,15 +132,6 @@ def _is_base(url: str) -> bool:
         return bool(parts.hostname and parts.port != 0) and not (parts.username or parts.query)
     except ValueError:  # of an address or a port that cannot exist
         return False
-
-
-async def _body(chunks: Any) -> bytes:
-    content = bytearray()
-    async for chunk in chunks:
-        content += chunk
-        if len(content) > MAX_BYTES:
-            raise Unavailable(f"more than {MAX_BYTES >> 20} MiB")
-    return bytes(content)
 
 
 def _first_model(listed: Any) -> str:

@@ -9,11 +9,12 @@ import json
 import os
 import signal
 import threading
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 from dataclasses import asdict
 from typing import Any, Final
 
 from minerva_services.llm.backends import BackendError, Completion, Prompt, Unavailable
+from minerva_services.llm.streams import limited
 
 MAX_DETAIL: Final = 200
 
@@ -62,7 +63,15 @@ class CommandBackend:
         except OSError as error:
             raise BackendError(f"{self._command[0]}: {error.strerror}") from None
         try:
-            output, errors = await process.communicate(json.dumps(asked).encode())
+            assert process.stdin
+            assert process.stdout
+            assert process.stderr
+            _, output, errors = await asyncio.gather(
+                _write(process.stdin, json.dumps(asked).encode()),
+                limited(_chunks(process.stdout)),
+                limited(_chunks(process.stderr)),
+            )
+            await process.wait()
         finally:
             if process.returncode is None:  # cancelled, or over its time
                 with contextlib.suppress(ProcessLookupError):
@@ -86,6 +95,18 @@ def text_of(value: Any) -> str:
         except (TypeError, ValueError) as error:
             raise BackendError(f"the answer is not a JSON object: {error}") from None
     raise BackendError(f"the answer is {value!r:.60}; expected a text or a mapping")
+
+
+async def _write(pipe: asyncio.StreamWriter, data: bytes) -> None:
+    with contextlib.suppress(ConnectionError):  # The program need not read its input.
+        pipe.write(data)
+        await pipe.drain()
+    pipe.close()
+
+
+async def _chunks(pipe: asyncio.StreamReader) -> AsyncIterator[bytes]:
+    while chunk := await pipe.read(1 << 16):
+        yield chunk
 
 
 async def _in_thread(function: Callable[[], Any]) -> Any:

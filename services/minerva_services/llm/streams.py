@@ -10,9 +10,19 @@ from typing import Any, Final, cast
 from minerva_services.llm.backends import Unavailable
 
 MAX_BYTES: Final = 4 << 20
-"""Largest reply of a server; a longer one is rejected."""
+"""Largest reply of a server or a program; a longer one is rejected."""
 
 END: Final = "[DONE]"
+
+
+async def limited(chunks: AsyncIterable[bytes]) -> bytes:
+    """All chunks in one. Raises Unavailable if they are more than MAX_BYTES."""
+    content = bytearray()
+    async for chunk in chunks:
+        content += chunk
+        if len(content) > MAX_BYTES:
+            raise Unavailable(f"more than {MAX_BYTES >> 20} MiB")
+    return bytes(content)
 
 
 async def streamed_reply(chunks: AsyncIterable[bytes], limit: asyncio.Timeout) -> dict[str, Any]:
