@@ -6,9 +6,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from minerva_bus.cli.options import WorldTarget
+from minerva_bus.errors import BusError
 from minerva_bus.launch.registry import find
 from minerva_bus.runtime.client import Client
 from minerva_bus.security.credentials import Credentials
+from minerva_bus.wording import counted
 
 
 @dataclass(slots=True)
@@ -45,7 +47,18 @@ def client(target: WorldTarget) -> Client:
     if target.connect:
         return Client(target.connect, target.world, identity())
     entry = find(target.world)
-    return Client(entry.endpoint, entry.world)
+    try:
+        return Client(entry.endpoint, entry.world)
+    except BusError:
+        from minerva_bus.launch.machine import stopped_processes  # Most commands do not need it.
+
+        stopped = [str(pid) for pid in stopped_processes(entry.pid)]
+        if not stopped:
+            raise
+    raise BusError(
+        f"{entry.world} does not answer: SIGSTOP or a debugger has stopped"
+        f" {counted(len(stopped), 'process')} of it; to continue: kill -CONT {' '.join(stopped)}"
+    )
 
 
 def place(target: WorldTarget, own: Credentials | None = None) -> tuple[str, str]:

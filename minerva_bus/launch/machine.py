@@ -112,6 +112,15 @@ class Machine:
         return forking.next_ended(wait=wait)
 
 
+def stopped_processes(pid: int) -> list[int]:
+    """Those of a process and its children that a signal has stopped; empty without /proc."""
+    try:
+        children = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
+    except OSError:
+        children = []
+    return [each for each in (pid, *map(int, children)) if REAL.is_stopped(each)]
+
+
 REAL: Final = Machine()
 
 
