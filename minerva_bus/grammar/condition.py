@@ -227,7 +227,9 @@ class _Reader:
         self._skip()
         at, token = self._at, _TOKEN.match(self._text, self._at)
         if token is None or token["sign"] or token["mark"] or token["name"] in _WORDS:
-            self._wrong("the condition cannot be read", "an attribute or a value", at)
+            is_text = self._text.startswith("'", at)
+            expected = "a text in double quotes" if is_text else "an attribute or a value"
+            self._wrong("the condition cannot be read", expected, at)
         self._at = token.end()
         if token["name"]:
             known = _TRUTHS.get(token["name"])

@@ -249,6 +249,8 @@ MISTAKES = (
     Mistake("option of a wrong type", "strength = 0.5", 'strength = "much"', _says("strength", "much"), at=False, in_file=True),
     Mistake("no such class", "garden:Watch", "garden:Wacth", _says("Wacth", "Watch"), at=False, in_file=True),
     Mistake("agent as a service", "garden:Watch", "garden:Plant", _says("garden:Plant"), at=False, in_file=True),
+    Mistake("text of a condition in single quotes", "[bus]", "[norm.tall]\napplies = \"APlant\"\nwhen = \"height == 'tall'\"\n\n[bus]",
+            _says("norm.tall.when", "a text in double quotes"), at=False, in_file=True),
     Mistake("no TOML", "[process.sun]", "[process.sun", _says("garden.toml"), at=False, in_file=True),
 )  # fmt: skip
 
