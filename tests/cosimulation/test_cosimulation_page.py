@@ -37,7 +37,8 @@ def test_mosaik_and_helics_step_a_room(sections, tmp_path):
     checked = sections[0] + "\n```python\nprint(len(heating_mosaik.ROWS))\n```\n"
     printed = ran(checked, tmp_path)
     assert "4 18.163" in printed
-    assert printed.endswith("\n100\n")
+    # HELICS may add a warning as the process ends: a federate left while a value was on its way.
+    assert "100" in printed.splitlines()
 
 
 def test_fmpy_steps_an_exported_world(sections, tmp_path):
