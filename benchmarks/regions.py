@@ -2,11 +2,12 @@
 
     python -m benchmarks.regions [--agents 1000] [--work 0 100] [--regions 0 1 2 4] [--json]
 
-Walkers on a line of regions of equal width. In each frame, each one computes (`work` steps of a
-loop in Python) and moves, and 1 in 20 calls its neighbour. Regions 0 is one coordinator with its
-members in the same process (--in-process). Medians of the turns, which alternate. CPU time is that
-of all processes, without the start: the difference between a run and one of a tenth of its frames.
-Bytes are those of a parcel: what one region sends to another one in a frame.
+Walkers on a line, a metre apart, in regions of equal width. In each frame, each one computes
+(`work` steps of a loop in Python) and moves, and 1 in 20 calls its neighbour. Regions 0 is one
+coordinator with its members in the same process (--in-process). Medians of the turns, which
+alternate. CPU time is that of all processes, without the start: the difference between a run and
+one of a tenth of its frames. Bytes are those of a parcel: what one region sends to another one in a
+frame.
 """
 
 from __future__ import annotations
@@ -24,7 +25,6 @@ from typing import Any, Final
 from benchmarks.command import Option, Table, options
 from minerva_bus import Agent, Context, Event, EventType, Metres, Vocabulary, on
 
-WIDTH: Final = 1000.0
 COLUMNS: Final = {"agents": ">7,", "work": ">6", "regions": ">8", "frames/s": ">9.1f",
                   "CPU ms a frame": ">15.2f", "bytes a parcel": ">15,"}  # fmt: skip
 
@@ -60,9 +60,8 @@ vocabulary = Vocabulary.of(eStep, eCall, Walker)
 
 def world(folder: Path, agents: int, work: int, regions: int) -> Path:
     """A world file with agents on a line, and borders between regions of equal width."""
-    step = WIDTH / agents
-    string = " · ".join(f"AWalker#w{n}<x={n * step:.3f}, work={work}>" for n in range(agents))
-    borders = [round(WIDTH * n / regions, 3) for n in range(1, regions)] if regions > 1 else []
+    string = " · ".join(f"AWalker#w{n}<x={n}, work={work}>" for n in range(agents))
+    borders = [round(agents * n / regions, 3) for n in range(1, regions)] if regions > 1 else []
     table = f"[regions]\ngrid = {{ x = {borders} }}\n" if regions else ""
     path = folder / f"line-{regions}.toml"
     path.write_text(
