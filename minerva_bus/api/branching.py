@@ -188,6 +188,11 @@ def branch_live(
             ' record="run.mcap", or by minerva run --record run.mcap'
         )
     path, begin = Path(files[0].path), status.frame if frame is None else frame
+    if begin >= frames:
+        raise MisuseError(
+            f"{status.world}: branches that begin with frame {begin} cannot end with frame"
+            f" {frames}; expected a later one, or frame=N, an earlier beginning"
+        )
     wait_for_frame(path, min(begin, status.frame))
     given: dict[str, Any] = {**arguments, "frames": frames}
     return branch(path, begin, grid, **given)

@@ -85,6 +85,8 @@ def test_a_running_world_branches_and_goes_on(tmp_path):
         assert now["digest"][0] == before["digest"][0] == live.digest != now["digest"][1]
         with pytest.raises(MinervaError, match="frames 0 to 9, not 12"):
             live.branch(20, frame=12)
+        with pytest.raises(MinervaError, match="begin with frame 9 cannot end with frame 7"):
+            live.branch(7)
     with world.start() as live, pytest.raises(MinervaError, match="has no record on this machine"):
         live.branch(20)
 
