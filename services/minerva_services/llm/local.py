@@ -14,9 +14,11 @@ from dataclasses import asdict
 from typing import Any, Final
 
 from minerva_services.llm.backends import BackendError, Completion, Prompt, Unavailable
-from minerva_services.llm.streams import limited
+from minerva_services.llm.streams import MAX_BYTES, limited
 
 MAX_DETAIL: Final = 200
+CLOSED_WITHIN: Final = 1.0
+"""Seconds in which a killed program has ended."""
 
 
 class FunctionBackend:
@@ -58,7 +60,13 @@ class CommandBackend:
         pipe = asyncio.subprocess.PIPE
         try:
             process = await asyncio.create_subprocess_exec(
-                *self._command, stdin=pipe, stdout=pipe, stderr=pipe, start_new_session=True
+                *self._command,
+                stdin=pipe,
+                stdout=pipe,
+                stderr=pipe,
+                start_new_session=True,
+                # With less, a pipe that nobody reads any more is paused, and would stay open.
+                limit=MAX_BYTES,
             )
         except OSError as error:
             raise BackendError(f"{self._command[0]}: {error.strerror}") from None
@@ -76,6 +84,9 @@ class CommandBackend:
             if process.returncode is None:  # cancelled, or over its time
                 with contextlib.suppress(ProcessLookupError):
                     os.killpg(process.pid, signal.SIGKILL)
+                # Until the pipes are closed; a program that it has detached may keep them.
+                with contextlib.suppress(TimeoutError):
+                    await asyncio.wait_for(process.wait(), CLOSED_WITHIN)
         if process.returncode:
             reason = " ".join(errors.decode(errors="replace").split())[-MAX_DETAIL:]
             raise Unavailable(f"{self._command[0]} exited with {process.returncode}: {reason}")
