@@ -168,11 +168,12 @@ def test_views_are_beside_the_regions(path):
     """An observer in real time has the views of the whole, as with one coordinator."""
     screen = """
 [process.screen]
-service = "loud:LiveScreen"
+service = "live:LiveScreen"
 said = true
 """
-    (path.parent / "loud.py").write_text(
-        LOUD + "\n\nclass LiveScreen(Screen, draws=('eShow',)):\n    rate = 50.0\n"
+    # Another module than that of other tests, which this process has imported.
+    (path.parent / "live.py").write_text(
+        "from yard import Screen\n\nclass LiveScreen(Screen, draws=('eShow',)):\n    rate = 50.0\n"
     )
     path.write_text(path.read_text().replace("[bus]", f"{screen}\n[bus]"))
     words = "--rate", 20, "--frames", 30, "--regions", 2, "--json"
