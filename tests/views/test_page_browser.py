@@ -211,6 +211,8 @@ def test_interrupting_the_world_ends_its_pages(garden, browsers):
     page.locator("#choose").fill("anna")
     page.keyboard.press("Enter")
     page.locator("#inspector").get_by_text("reading the last frames", exact=False).wait_for()
+    # The state comes by itself, and the button with it is pressed below.
+    page.locator("#inspector").get_by_role("button", name="water").wait_for()
     os.kill(garden.process.pid, signal.SIGINT)
     page.locator("#notice").get_by_text("ended", exact=False).wait_for()
     page.locator("#inspector").get_by_text("ended", exact=False).wait_for()
