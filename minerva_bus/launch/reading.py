@@ -125,7 +125,9 @@ def _read(top: Table, text: str, path: Path) -> WorldFile:
     for name in ("world", "bus", "limits", "metrics", "log", "collect", "regions"):
         # Every reader has taken its keys, so the remaining ones are unknown.
         top.table(name).done()
-    members = check_members(processes, world.vocabulary, path)
+    # The views of the command line are in no table.
+    made = [p for p in processes if not (overrides.only_code and p.table and p.make_service)]
+    members = check_members(made, world.vocabulary, path)
     file = WorldFile(
         path,
         replace(world, norms=norms),

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 from minerva_bus.errors import MinervaError, MisuseError, ProtocolError
 from minerva_bus.frame import stimuli as s
@@ -47,6 +47,10 @@ if TYPE_CHECKING:
     from minerva_bus.log.explanation import Explanation
     from minerva_bus.log.observation import Observation
     from minerva_bus.log.reader import Record
+
+
+CODE: Final = Overrides(only_code=True)
+"""Recorded events take the place of the services, whose backends may be gone."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,7 +118,7 @@ def read_replay(
     with Record(path) as record:
         description = record.description
         damage = tuple(damage_of(record))
-        file = world_file_of(path, world, description, overrides)
+        file = world_file_of(path, world, description, CODE.over(overrides))
         cursor = Cursor(record)
         if not cursor.end:
             raise MisuseError(f"{path}: there is no frame in it")
@@ -154,7 +158,7 @@ def recomputed(path: Path, world: WorldSource, progress: Callable[[int, int], No
     from minerva_bus.log.reader import Record
 
     with Record(path) as record:
-        file = world_file_of(path, world, record.description, Overrides())
+        file = world_file_of(path, world, record.description, CODE)
         last = record.last()[0]
         return recompute(record, kinds_in(file), lambda done: progress(done, last))
 
@@ -190,7 +194,7 @@ def explained_in(
 
 
 def _kinds_for(record: Record, world: WorldSource) -> Kinds:
-    return kinds_in(world_file_of(record.path, world, record.description, Overrides()))
+    return kinds_in(world_file_of(record.path, world, record.description, CODE))
 
 
 def world_file_of(

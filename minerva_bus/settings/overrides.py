@@ -19,8 +19,9 @@ class Overrides:
 
     `options` are the world's own options as text, `settings` texts PROCESS.KEY=VALUE, `views`
     texts such as `svg:every=5`, `collect` texts NAME=EXPRESSION that replace the expressions of
-    [collect]. `values` are the other settings that were given, by the names of
-    their options: `Overrides(seed=3, record="run.mcap")`; None means not given. Values are
+    [collect]. With `only_code`, the services of the world file are not made: the code of its agents
+    answers questions about a record. `values` are the other settings that were given, by the names
+    of their options: `Overrides(seed=3, record="run.mcap")`; None means not given. Values are
     converted when a world file is read. Raises MisuseError for a name that is no setting.
     """
 
@@ -28,6 +29,7 @@ class Overrides:
     settings: tuple[str, ...]
     views: tuple[str, ...]
     collect: tuple[str, ...]
+    only_code: bool
     values: Mapping[str, Any]
 
     def __init__(
@@ -36,6 +38,7 @@ class Overrides:
         settings: tuple[str, ...] = (),
         views: tuple[str, ...] = (),
         collect: tuple[str, ...] = (),
+        only_code: bool = False,
         **values: Any,
     ) -> None:
         check_known(values, OPTIONS)
@@ -46,6 +49,7 @@ class Overrides:
             ("settings", tuple(settings)),
             ("views", tuple(views)),
             ("collect", tuple(collect)),
+            ("only_code", only_code),
             ("values", given),
         ):
             object.__setattr__(self, name, value)
@@ -59,6 +63,7 @@ class Overrides:
             (*lower.settings, *self.settings),
             (*lower.views, *self.views),
             self.collect or lower.collect,
+            self.only_code or lower.only_code,
             **{**lower.values, **self.values},
         )
 

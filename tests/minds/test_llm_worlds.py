@@ -7,6 +7,7 @@ import json
 import os
 import shutil
 import signal
+import sys
 from pathlib import Path
 
 import pytest
@@ -146,6 +147,31 @@ def test_results_of_tools_are_recorded_and_not_needed_again(tmp_path, monkeypatc
     assert all('"result": "42"' in tools for tools in used)
     same, output = recomputes(tmp_path, "t.mcap")
     assert same, output
+
+
+@pytest.mark.parametrize("backend", ["rules.toml", "gone_rules:decide"])
+def test_a_past_is_repeated_and_explained_after_its_backend_is_gone(tmp_path, backend):
+    rules = '[[rules]]\nanswer = { action = "eat", amount = 3 }\n'
+    (tmp_path / "rules.toml").write_text(rules)
+    decide = "def decide(prompt):\n    return {'action': 'eat', 'amount': 3}\n"
+    (tmp_path / "gone_rules.py").write_text(decide)
+    path = write_town(tmp_path, backend, "wait = true")
+    summary(here(tmp_path, "run", path, "--in-process", "--record", "g.mcap", "--json"))
+    (tmp_path / "rules.toml").unlink()
+    (tmp_path / "gone_rules.py").unlink()
+    # This process has imported it; a new one could not.
+    sys.modules.pop("gone_rules", None)
+    shutil.rmtree(tmp_path / "__pycache__", ignore_errors=True)
+    same, output = recomputes(tmp_path, "g.mcap")
+    assert same, output
+    why = here(tmp_path, "explain", "g.mcap", "--agent", "anna", "--attribute", "fate")
+    assert why.returncode == 0, why.stderr
+    assert "eChoice" in why.stdout
+    # What runs on needs it, and says so before its first frame.
+    for words in (("check", path), ("run", path, "--in-process"), ("run", "--resume", "g.mcap")):
+        done = here(tmp_path, *words)
+        assert done.returncode, done.stdout
+        assert backend.partition(":")[0] in done.stderr
 
 
 def test_branches_have_the_answers_of_the_past_and_ask_on(tmp_path):
