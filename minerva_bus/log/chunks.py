@@ -15,7 +15,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import IO, Any, Final
 
-from minerva_bus.log.channels import OWN, PROFILE
+from minerva_bus.log.channels import FRAME, KEYFRAME, OWN, PROFILE
 from minerva_bus.log.errors import RecordError, check_installed
 from minerva_bus.log.scanning import (
     MAGIC,
@@ -66,6 +66,7 @@ class Chunks:
         except ValueError as error:  # The name contains a null character.
             raise RecordError(f"{path}: {error}") from None
         self._damage: dict[int, Damage] = {}
+        self._latest: tuple[int, frozenset[str], list[tuple[str, Message]]] = (-1, frozenset(), [])
         try:
             self._scan()
         except BaseException:
@@ -97,9 +98,16 @@ class Chunks:
         # The summary lists the channels of each chunk, which saves unpacking it.
         if known is not None and known.isdisjoint(wanted):
             return []
+        latest, read, messages = self._latest
+        if latest == chunk and read.issuperset(topics):
+            return [each for each in messages if each[0] in topics]
+        # A search for a keyframe is followed by the frames after it, often in the same chunk.
+        read = frozenset((*topics, KEYFRAME, FRAME))
+        kept = {number: topic for number, topic in self.topics.items() if topic in read}
         try:
-            data = _unpacked(self._file, place)
-            return list(_messages(data, wanted, place))
+            messages = list(_messages(_unpacked(self._file, place), kept, place))
+            self._latest = chunk, read, messages
+            return [each for each in messages if each[0] in topics]
         except Exception as error:  # decompressors raise various exceptions
             self._note(Damage(place.begin, place.end, _why(error)))
             return None

@@ -148,13 +148,13 @@ class Cursor:
                 inputs = message.data
             elif topic == c.KEYFRAME:
                 self._restore(message)
+            elif message.sequence < self.number:
+                # A keyframe's chunk may begin with earlier frames, which are not decoded.
+                step, inputs = None, b""
             else:
                 frame = self._record.frame(message, inputs, events=self._events)
-                if frame.number >= self.number:  # A keyframe's chunk may begin with earlier ones.
-                    torn, self._tears = self._intact.tears > self._tears, self._intact.tears
-                    return _Ahead(frame, step, base, torn)
-                # They belong to the skipped frame.
-                step, inputs = None, b""
+                torn, self._tears = self._intact.tears > self._tears, self._intact.tears
+                return _Ahead(frame, step, base, torn)
         return None
 
     def _restore(self, message: Message) -> None:

@@ -87,8 +87,10 @@ def last_change(record: Record, name: str, attribute: str, end: int) -> ValueCha
     """
     number, newest, first = end, None, record.initial.number
     while True:
-        begin = record.keyframe(number - 1)[0].number if number > first else first
-        change, last = _change_since(record, begin, name, attribute, number)
+        keyframe, chunk = record.keyframe(number - 1) if number > first else (record.initial, 0)
+        cursor = Cursor(record, events=False)
+        cursor.start(keyframe, chunk)
+        change, last = _change_since(cursor, name, attribute, number)
         if newest is None:
             if last is None:
                 raise _missing(record, name, end)
@@ -96,19 +98,18 @@ def last_change(record: Record, name: str, attribute: str, end: int) -> ValueCha
             newest = last
         if change is not None:
             return change
-        if begin == first:
+        if keyframe.number == first:
             return ValueChange(-1, None, newest, gap=first > 0)
-        number = begin
+        number = keyframe.number
 
 
 def _change_since(
-    record: Record, begin: int, name: str, attribute: str, end: int
+    cursor: Cursor, name: str, attribute: str, end: int
 ) -> tuple[ValueChange | None, AgentNode | None]:
-    """The last change in the frames from `begin` up to `end`, and the agent at the end."""
-    cursor = Cursor(record, events=False)
-    cursor.skip_to(begin)
+    """The last change in the frames of a cursor up to `end`, and the agent at the end."""
     agent, change = agent_in(cursor.scene, name), None
-    while (ahead := cursor.ahead) is not None and ahead.number < end:
+    # Without the first condition, the next chunk would be unpacked for a frame beyond the end.
+    while cursor.number < end and (ahead := cursor.ahead) is not None and ahead.number < end:
         gap = ahead.number != cursor.number
         before, scene = agent, cursor.advance()
         # An unchanged agent is the same object, which saves the search.

@@ -7,9 +7,12 @@ from harbour import Crew, Pilot, Port, Raft, Ship, eCargo, eSail, harbour
 
 from minerva_bus import Agent, explain, on, record
 from minerva_bus.errors import MinervaError
+from minerva_bus.log import chunks
 from minerva_bus.log.errors import RecordError
 from minerva_bus.log.observation import observe_agent
+from minerva_bus.log.past_frames import last_change
 from minerva_bus.log.reader import Record
+from tests.log.recorded_runs import bytes_of, record_of
 from tests.runtime.running import here
 
 SCREEN = 30
@@ -161,6 +164,20 @@ def test_changed_code_is_noticed(records):
     (link,) = explain(path, "s2", "x", None, world).links
     assert link.method.endswith("Drifting.drift")
     assert link.remark == "the code computes another value now: it has changed since the run"
+
+
+def test_the_search_for_an_old_value_unpacks_chunks_at_most_twice(tmp_path, monkeypatch):
+    unpacked, unpack = [], chunks._unpacked
+    with record_of(bytes_of("meadow"), tmp_path) as recorded:
+        monkeypatch.setattr(
+            chunks,
+            "_unpacked",
+            lambda file, place: unpacked.append(place.begin) or unpack(file, place),
+        )
+        assert last_change(recorded, "f1", "births", 60).frame == -1
+    assert len(unpacked) > 5
+    # Once while a keyframe is looked for, and once more for the frames after an earlier one.
+    assert len(unpacked) <= 2 * len(set(unpacked))
 
 
 @pytest.mark.parametrize(
