@@ -1,4 +1,4 @@
-"""Calibration: the values of options for which runs are best, searched for by Optuna."""
+"""Calibration: the values of options and parameters for which runs are best, by Optuna."""
 
 from __future__ import annotations
 
@@ -18,11 +18,14 @@ from minerva_bus.api.study_tables import collected_of, typed_column
 from minerva_bus.api.world import World, world_of
 from minerva_bus.collect.table import SEED, DataTable, needed
 from minerva_bus.errors import MisuseError
+from minerva_bus.grammar.scene import Scene
 from minerva_bus.launch.collecting import Collecting
 from minerva_bus.launch.resuming import option_text
 from minerva_bus.settings.overrides import Overrides
 from minerva_bus.study.executor_pool import ExecutorSource, Workers
 from minerva_bus.study.grid import Combination, Grid, ListedGrid
+from minerva_bus.study.results import option_value
+from minerva_bus.study.search_space import Ranges, distributions, sampler_named
 from minerva_bus.study.sweep import Sweep
 
 if TYPE_CHECKING:
@@ -30,9 +33,6 @@ if TYPE_CHECKING:
 
 Objective: TypeAlias = "str | Callable[[DataTable], float]"
 """A column of the table, of which the mean counts, or a function of the rows of one trial."""
-
-Ranges: TypeAlias = Mapping[str, "tuple[float, float] | list[Any]"]
-"""By option or PROCESS.KEY: the bounds (low, high) of a number, or a list of values."""
 
 BATCH: Final = 8
 """Trials that are chosen together. It is constant, so that workers do not influence the search."""
@@ -61,6 +61,7 @@ def calibrate(
     trials: int = 40,
     seeds: int = 1,
     minimise: bool = True,
+    sampler: str = "tpe",
     seed: int = 0,
     frame: int | None = None,
     frames: int | None = None,
@@ -72,9 +73,9 @@ def calibrate(
     executor: ExecutorSource | None = None,
     quiet: bool = False,
 ) -> Calibration:
-    """Search for the options for which runs are best; needs the extra `optuna`.
+    """Search for the values for which runs are best; needs the extra `optuna`.
 
-    Each trial is a row of a sweep, or of branches: the values that Optuna's sampler TPE proposes,
+    Each trial is a row of a sweep, or of branches: the values that a sampler of Optuna proposes,
     with each seed.
 
     Args:
@@ -83,10 +84,13 @@ def calibrate(
         objective: a column of the table of `sweep`, of which the mean over the rows of a trial
             counts, or a function of these rows that returns a number.
         ranges: the bounds of a number, `{"speed": (0.1, 2.0)}`, whole numbers if both bounds are
-            ints, or a list of values, `{"planner": ["astar", "random"]}`.
+            ints, or a list of values, `{"planner": ["astar", "random"]}`. A key is an option of the
+            world, PROCESS.KEY, or a parameter of its string: `"AFox.speed"` of every AFox,
+            `"#anna.water"` of one agent; its bounds may be a text with units, `"-90deg:1rad"`.
         trials: the number of trials.
         seeds: runs of each trial, with the seeds 0, 1, ...; in branches from that of the record.
         minimise: whether less is better.
+        sampler: of Optuna: "tpe", "cma-es", "nsga-ii" or "random".
         seed: of the sampler.
         frame: the frame of the record with which branches begin; None: whole runs.
         frames: per run; default: the world's own, or the end of the record.
@@ -113,7 +117,8 @@ def calibrate(
         raise MisuseError(f"trials={trials}, seeds={seeds}; expected at least 1 of each")
     sent = executor is not None
     runs = _runs(world, frames, sent) if frame is None else _branches(world, frame, frames, sent)
-    search = _Search(_study(minimise, seed), _distributions(ranges), runs.seeds(seeds))
+    space = distributions(ranges, runs.scene, runs.world.vocabulary)
+    search = _Search(_study(minimise, sampler, seed), space, runs.seeds(seeds))
     entries, plans = collected_of(runs.world, collect)
     for begin in range(0, trials, BATCH):
         grid = search.ask(min(BATCH, trials - begin))
@@ -127,9 +132,13 @@ def calibrate(
 
 @dataclass(frozen=True)
 class _Runs:
-    """How the runs of a trial are made: of a world, with seeds that begin with `first`."""
+    """How the runs of a trial are made: of a world, with seeds that begin with `first`.
+
+    `scene` is the string with which they begin.
+    """
 
     world: World
+    scene: Scene
     first: int
     make: Callable[[Grid, Collecting], Sweep]
 
@@ -141,15 +150,15 @@ class _Runs:
 def _runs(world: World | str | Path, frames: int | None, sent: bool) -> _Runs:
     """Whole runs. Raises MinervaError."""
     own = world_of(world, {})
-    # For its checks only: an error appears here, not once in each run.
-    request_of(own, {}, frames=frames)
+    # Also for its checks: an error appears here, not once in each run.
+    file = request_of(own, {}, frames=frames).file
 
     def make(grid: Grid, collecting: Collecting) -> Sweep:
         runs = sweep_of(own, grid, Overrides(frames=frames, rate=0.0), own.read, collecting)
         runs.sent = sent_world(own) if sent else None
         return runs
 
-    return _Runs(own, 0, make)
+    return _Runs(own, file.world.scene, 0, make)
 
 
 def _branches(record: World | str | Path, frame: int, frames: int | None, sent: bool) -> _Runs:
@@ -161,7 +170,7 @@ def _branches(record: World | str | Path, frame: int, frames: int | None, sent: 
     def make(grid: Grid, collecting: Collecting) -> Sweep:
         return branches.sweep(grid, Overrides(frames=frames), collect=collecting, sent=sent)
 
-    return _Runs(branches.world, branches.seeds(1)[0], make)
+    return _Runs(branches.world, branches.point.scene, branches.seeds(1)[0], make)
 
 
 class _Search:
@@ -220,42 +229,21 @@ class _Search:
         )
 
 
-def _study(minimise: bool, seed: int) -> optuna.Study:
+def _study(minimise: bool, sampler: str, seed: int) -> optuna.Study:
     optuna = needed("optuna", "optuna")
     # Its lines would mix with those of the runs.
     optuna.logging.set_verbosity(optuna.logging.WARNING)
-    sampler = optuna.samplers.TPESampler(seed=seed)
-    return optuna.create_study(direction="minimize" if minimise else "maximize", sampler=sampler)
-
-
-def _distributions(ranges: Ranges) -> dict[str, optuna.distributions.BaseDistribution]:
-    """Ranges as distributions. Raises MisuseError."""
-    optuna = needed("optuna", "optuna")
-    made: dict[str, Any] = {}
-    for key, given in ranges.items():
-        if isinstance(given, list) and given:
-            made[key] = optuna.distributions.CategoricalDistribution(given)
-            continue
-        if not (isinstance(given, tuple) and len(given) == 2 and given[0] < given[1]):
-            raise MisuseError(
-                f"ranges: {key} is {given!r:.60}; expected bounds such as (0.1, 2.0), or a list of"
-                " values"
-            )
-        low, high = given
-        whole = isinstance(low, int) and isinstance(high, int)
-        kind = "IntDistribution" if whole else "FloatDistribution"
-        made[key] = getattr(optuna.distributions, kind)(low, high)
-    if not made:
-        raise MisuseError('ranges: there is no option; expected such as {"speed": (0.1, 2.0)}')
-    return made
+    direction = "minimize" if minimise else "maximize"
+    return optuna.create_study(direction=direction, sampler=sampler_named(sampler, seed))
 
 
 def _rows_of(table: DataTable, params: Mapping[str, Any]) -> DataTable:
     """The rows of one trial."""
     chosen = np.ones(len(table), np.bool_)
     for key, value in params.items():
-        column = table[key]
-        chosen &= column == (option_text(value) if column.dtype == object else value)
+        column, wanted = table[key], option_text(value)
+        # A text such as "10" is a number in a column of numbers.
+        chosen &= column == (wanted if column.dtype == object else option_value(wanted))
     columns = {name: column[chosen] for name, column in table.to_dict().items()}
     return DataTable(table.name, table.types, columns)
 

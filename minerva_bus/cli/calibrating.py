@@ -1,4 +1,4 @@
-"""`minerva calibrate`: search for options and report the best."""
+"""`minerva calibrate`: search for values and report the best."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from minerva_bus.cli.sweeping import check_journal
 from minerva_bus.collect.plans import parse_entries
 from minerva_bus.collect.table import needed
 from minerva_bus.errors import MisuseError
+from minerva_bus.grammar.mutation.assignment import names_nodes
 from minerva_bus.launch.console import Console
 from minerva_bus.launch.resuming import option_text
 from minerva_bus.launch.specs import load
@@ -34,6 +35,7 @@ class Search:
     maximise: bool
     trials: int
     seeds: int
+    sampler: str
     seed: int
     collect: tuple[str, ...]
     frame: int | None
@@ -50,6 +52,10 @@ def read_ranges(settings: Sequence[str]) -> dict[str, Any]:
             raise MisuseError(f"--range {setting}: expected KEY=LOW:HIGH or KEY=A,B,...")
         if key in ranges:
             raise MisuseError(f"--range {setting}: {key} has a range already")
+        if names_nodes(key):
+            # The declared type of the parameter decides what the text represents.
+            ranges[key] = text
+            continue
         low, colon, high = text.partition(":")
         bounds = option_value(low.strip()), option_value(high.strip())
         numbers = all(isinstance(bound, int | float) for bound in bounds)
@@ -114,6 +120,7 @@ def _calibrated(search: Search, folder: Path, workers: Workers, console: Console
         trials=search.trials,
         seeds=search.seeds,
         minimise=not search.maximise,
+        sampler=search.sampler,
         seed=search.seed,
         frame=search.frame,
         frames=search.frames,

@@ -66,7 +66,8 @@ Settings = Annotated[
     list[str] | None,
     typer.Option(
         "--set",
-        help="PROCESS.KEY=VALUE: set a key of a process; may be repeated.",
+        help="PROCESS.KEY=VALUE: set a key of a process; SYMBOL.NAME=VALUE or #ID.NAME=VALUE: a"
+        " parameter of the string; may be repeated.",
         autocompletion=completing_worlds.process_settings,
     ),
 ]

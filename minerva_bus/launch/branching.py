@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 from minerva_bus.errors import MisuseError
 from minerva_bus.frame.checkpoint import Checkpoint
 from minerva_bus.frame.messages import ViewShown
+from minerva_bus.grammar.mutation.assignment import assigned
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.launch.replaying import world_file_of
 from minerva_bus.launch.resuming import (
@@ -22,6 +23,7 @@ from minerva_bus.launch.resuming import (
     last_views,
     toward,
 )
+from minerva_bus.launch.typed import of_nodes
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.settings.overrides import AS_WRITTEN, Overrides
 
@@ -58,10 +60,13 @@ class BranchPoint:
 
     def __call__(self, overrides: Overrides) -> WorldFile:
         """The world of a branch. Raises MinervaError if it cannot continue from here."""
-        file = self._read(overrides)
+        # A frame may have nodes that the world's first string does not have.
+        nodes = tuple(filter(of_nodes, overrides.settings))
+        file = self._read(_without(nodes, overrides))
+        scene = assigned(self.scene, file.world.vocabulary, nodes)
         seed = completed(overrides, self.description).values.get("seed", file.world.seed)
         past = toward(self.past, file.world, self.description.world)
-        world = replace(file.world, seed=seed, scene=self.scene, past=past, shown=self.shown)
+        world = replace(file.world, seed=seed, scene=scene, past=past, shown=self.shown)
         check_unfinished(world, self.path)
         return replace(file, world=world)
 
@@ -78,6 +83,14 @@ class BranchPoint:
             given = overrides.over(Overrides(frames=self.end))
             self._files[key] = world_file_of(self.path, self.world, self.description, given)
         return self._files[key]
+
+
+def _without(nodes: tuple[str, ...], given: Overrides) -> Overrides:
+    """The other settings than those of nodes."""
+    others = tuple([setting for setting in given.settings if setting not in nodes])
+    return Overrides(
+        given.options, others, given.views, given.collect, given.only_code, **given.values
+    )
 
 
 def read_branch_point(path: Path, frame: int, world: WorldSource) -> BranchPoint:

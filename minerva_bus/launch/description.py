@@ -10,10 +10,12 @@ from minerva_bus.errors import MisuseError, WorldFileError, nearest
 from minerva_bus.frame.constraints import PlacementRules, Rule
 from minerva_bus.frame.description import World
 from minerva_bus.frame.senders import ID
+from minerva_bus.grammar.mutation.assignment import assigned
 from minerva_bus.grammar.scene import AGENT_ID, Scene
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.launch.specs import called, load
 from minerva_bus.launch.table import Table
+from minerva_bus.launch.typed import of_nodes
 from minerva_bus.launch.worldfile import Process
 from minerva_bus.settings.kinds import TEXT, TEXTS, number
 from minerva_bus.settings.tables import PlacementSettings, WorldSettings
@@ -43,7 +45,11 @@ def read_description(
     own_rate: float = table.get("rate", number(), 0.0)
     world = World(
         name=table.named(settings.name or path.stem, "a world"),
-        scene=_scene(settings, vocabulary, path, options),
+        scene=assigned(
+            _scene(settings, vocabulary, path, options),
+            vocabulary,
+            tuple(filter(of_nodes, top.overrides.settings)),
+        ),
         vocabulary=vocabulary,
         seed=settings.seed,
         dt=settings.dt if "dt" in table else 1.0 / own_rate if own_rate else settings.dt,

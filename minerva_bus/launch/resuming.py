@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
-from minerva_bus.errors import MinervaError, WorldFileError
+from minerva_bus.errors import MinervaError, MisuseError, WorldFileError
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.checkpoint import HALTED, Checkpoint
 from minerva_bus.frame.description import World
@@ -24,6 +24,7 @@ from minerva_bus.launch.installed import find_world
 from minerva_bus.launch.reading import read_world_file
 from minerva_bus.launch.table import Table
 from minerva_bus.launch.toml import TomlError, read_toml, toml_value_text
+from minerva_bus.launch.typed import of_nodes
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.settings.overrides import Overrides, plain_value
 from minerva_bus.wire.vocabulary import plain_vocabulary
@@ -60,6 +61,11 @@ def read_resumed(path: Path, world: WorldSource, overrides: Overrides) -> Resume
     """
     from minerva_bus.log.reader import Record
 
+    for setting in filter(of_nodes, overrides.settings):
+        raise MisuseError(
+            f"--set {setting}: a resumed run continues with its own string; minerva branch sets"
+            " values at a frame"
+        )
     with Record(path) as record:
         description = record.description
         given = completed(overrides, description)

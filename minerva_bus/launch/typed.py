@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any, get_type_hints
 
 from minerva_bus.errors import WorldFileError
+from minerva_bus.grammar.mutation.assignment import names_nodes
 from minerva_bus.launch.installed import SERVICES, entries
 from minerva_bus.launch.toml import TomlError, read_toml
 from minerva_bus.world.services import Service
@@ -30,15 +31,25 @@ def typed_options(cls: type[Service], options: Mapping[str, str]) -> dict[str, A
 
 
 def by_process(settings: Iterable[str]) -> dict[str, dict[str, Any]]:
-    """Settings PROCESS.KEY=VALUE, by process and key. Raises WorldFileError."""
+    """Settings PROCESS.KEY=VALUE, by process and key. Raises WorldFileError.
+
+    Settings of nodes, such as `AEgg.speed=0.3`, are left out.
+    """
     values: dict[str, dict[str, Any]] = {}
     for setting in settings:
+        if of_nodes(setting):
+            continue
         place, equals, value = setting.partition("=")
         process, dot, key = place.partition(".")
         if not equals or not dot:
             raise WorldFileError(f"--set {setting}: expected PROCESS.KEY=VALUE")
         values.setdefault(process, {})[key] = toml_value(value)
     return values
+
+
+def of_nodes(setting: str) -> bool:
+    """Whether a setting KEY=VALUE sets a parameter of the world's string."""
+    return names_nodes(setting.partition("=")[0])
 
 
 def read_view(text: str) -> tuple[str, str, dict[str, Any]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -9,7 +10,7 @@ from typing import Any
 from minerva_bus.errors import MisuseError, WorldFileError
 from minerva_bus.grammar.printer import text
 from minerva_bus.grammar.scene import Scene, scene_of
-from minerva_bus.launch.typed import toml_value
+from minerva_bus.launch.typed import of_nodes, toml_value
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.outputs import check_new, check_output, write_output
 from minerva_bus.study.results import ENDINGS as TABLES
@@ -68,7 +69,8 @@ def _world(lines: str, file: WorldFile, given: WorldOptions) -> str:
         about["frames"] = given.frames
     for name in sorted(given.options & file.options.keys()):
         document["options"][name] = file.options[name]
-    for setting in given.settings:
+    # The string has those of nodes already.
+    for setting in itertools.filterfalse(of_nodes, given.settings):
         place, _, value = setting.partition("=")
         process, _, key = place.partition(".")
         document["process"][process][key] = toml_value(value)

@@ -22,6 +22,8 @@ from minerva_bus.cli.study_options import (
     "minerva calibrate robot --range speed=0.2:0.8 --objective distance_driven --maximise",
     "minerva calibrate meadow --range weather.amount=0.005:0.05 --objective rabbits --maximise"
     " --collect 'rabbits=count(ARabbit)' --seeds 3 --frames 200",
+    "minerva calibrate garden.toml --range AFox.speed=0:2 --range '#anna.water=0:10'"
+    " --objective targets:eaten --maximise",
     "minerva calibrate run.mcap --frame 400 --range rain=0:0.4 --objective targets:distance",
 )
 def calibrate(
@@ -37,7 +39,8 @@ def calibrate(
         list[str],
         typer.Option(
             "--range",
-            help="KEY=LOW:HIGH or KEY=A,B,...; KEY: an option or PROCESS.KEY.",
+            help="KEY=LOW:HIGH or KEY=A,B,...; KEY: an option, PROCESS.KEY, SYMBOL.NAME or"
+            " #ID.NAME.",
             autocompletion=completing_worlds.ranged,
         ),
     ],
@@ -51,6 +54,9 @@ def calibrate(
     maximise: Annotated[bool, typer.Option("--maximise", help="More is better, not less.")] = False,
     trials: Annotated[int, typer.Option(help="Number of trials.", min=1)] = 40,
     seeds: Annotated[int, typer.Option(help="Runs of each trial.", min=1)] = 1,
+    sampler: Annotated[
+        str, typer.Option(help="Of Optuna: tpe, cma-es, nsga-ii or random.")
+    ] = "tpe",
     seed: Annotated[int, typer.Option(help="Seed of the sampler.", min=0)] = 0,
     collect: Collect = None,
     frame: Annotated[
@@ -72,17 +78,17 @@ def calibrate(
     quiet: QuietStudy = False,
     force: Force = False,
 ) -> None:
-    """Search for the best options of a world, by trials.
+    """Search for the best options of a world, or parameters of its string, by trials.
 
-    A sampler of Optuna chooses the options of each trial. The world's own options apply to all
+    A sampler of Optuna chooses the values of each trial. The world's own options apply to all
     runs. Finished runs are in the folder TABLE.runs: the same command continues with them.
     """
     from minerva_bus.cli.calibrating import Search, calibrate_world, read_ranges
     from minerva_bus.launch.console import Console
 
     search = Search(
-        world, objective, read_ranges(tuple(range_)), maximise, trials, seeds, seed,
-        tuple(collect or ()), frame, frames, options_of(context.args),
+        world, objective, read_ranges(tuple(range_)), maximise, trials, seeds,
+        sampler, seed, tuple(collect or ()), frame, frames, options_of(context.args),
     )  # fmt: skip
     table = output or Path(f"{Path(world).stem}-trials.csv")
     with open_workers(workers, dask, limit) as chosen:

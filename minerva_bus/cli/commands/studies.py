@@ -111,7 +111,8 @@ def sweep(
         list[str],
         typer.Option(
             "--set",
-            help="KEY=A,B,... or KEY=FROM:TO[:STEP]; KEY: an option, seed or PROCESS.KEY.",
+            help="KEY=A,B,... or KEY=FROM:TO[:STEP]; KEY: an option, seed, PROCESS.KEY,"
+            " SYMBOL.NAME or #ID.NAME.",
             autocompletion=completing_worlds.swept,
         ),
     ],
@@ -183,7 +184,8 @@ def branch(
         list[str] | None,
         typer.Option(
             "--set",
-            help="KEY=A,B,... or KEY=FROM:TO[:STEP]; KEY: an option, seed or PROCESS.KEY.",
+            help="KEY=A,B,... or KEY=FROM:TO[:STEP]; KEY: an option, seed, PROCESS.KEY,"
+            " SYMBOL.NAME or #ID.NAME.",
             autocompletion=completing_worlds.branched,
         ),
     ] = None,

@@ -47,7 +47,7 @@ def parse_domain(text: str, kind: Type, owner: str) -> Interval | OneOf:
     try:
         low, colon, high = text.partition(":")
         if colon and kind.kind in ("real", "int"):
-            return _range(_value(low, kind), _value(high, kind))
+            return _range(parse_value(low, kind), parse_value(high, kind))
         return OneOf(_values(text, kind))
     except Unfit as unfit:
         raise MisuseError(f"{owner}={text}: expected {unfit}") from None
@@ -67,10 +67,11 @@ def _values(text: str, kind: Type) -> tuple[Value, ...]:
     try:
         return tuple([kind.fit(value) for value in _read(f"[{text}]")])
     except SceneError:
-        return tuple([_value(part, kind) for part in text.split(",")])
+        return tuple([parse_value(part, kind) for part in text.split(",")])
 
 
-def _value(text: str, kind: Type) -> Value:
+def parse_value(text: str, kind: Type) -> Value:
+    """The value of a type that a text represents; texts need no quotes. Raises Unfit."""
     text = text.strip()
     if kind.kind == "text" and not text.startswith('"'):
         return kind.fit(text)
