@@ -206,11 +206,11 @@ class Takes:
     def collect(self, values: dict[str, Any]) -> Overrides:
         """The settings that were given, taken out of the values of all parameters."""
         given = {name: values.pop(name) for name in self.names}
-        lists = [tuple(given.pop(name, None) or ()) for name in _LISTS]
+        settings, views, collect = [tuple(given.pop(name, None) or ()) for name in _LISTS]
         for name, value in given.items():
             if OPTIONS[name].kind.repeats and value is not None:
                 given[name] = tuple(value)
-        return Overrides(None, *lists, **given)
+        return Overrides(None, settings, views, collect, **given)
 
 
 _COMPLETERS: Final = {"into": completing.tables, "record": completing.records}
