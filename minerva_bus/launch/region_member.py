@@ -7,18 +7,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
-from typing import Final
 
 from minerva_bus.errors import ProtocolError, SceneError, WorldStopped
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.collection import ORDERS
 from minerva_bus.frame.member import Member, Outgoing
-from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.launch.free_running import close_services
 from minerva_bus.launch.in_process import members_of
 from minerva_bus.launch.region_checkpoint import RegionCheckpoint
 from minerva_bus.launch.region_journal import CHECKPOINT, COORDINATOR, MAX_BYTES, RegionJournal
+from minerva_bus.launch.region_requests import RegionRequests
 from minerva_bus.launch.region_sending import ParcelSender
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.log.entries import encode_inputs
@@ -32,9 +31,6 @@ from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.runtime.region_links import ParcelArrived
 from minerva_bus.runtime.runner import Notice
 from minerva_bus.wire.codec import Decoder, encode
-
-REPORTS_KEPT: Final = 2
-"""Reports that the coordinator may request again: those of the frames that it may wait for."""
 
 
 class RegionMember(Member):
@@ -64,10 +60,8 @@ class RegionMember(Member):
         self._log = log
         self._sender = PartSender()
         self._done: s.FrameDone | None = None
-        self._requested = -1
+        self._requests = RegionRequests()
         self._early: list[ParcelArrived] = []
-        self._orders: dict[int, tuple[AnyEvent, ...]] = {}
-        self._reports: dict[int, m.TickReply] = {}
         self._handlers[m.Orders] = self._on_orders
 
     def _begin(self, region: Region) -> None:
@@ -119,7 +113,7 @@ class RegionMember(Member):
             if entry.source != COORDINATOR:
                 self._accept(entry)
             else:
-                self._note_request(self._decoder.to_member(entry.data))
+                self._requests.note(self._decoder.to_member(entry.data))
             for _ in self._advance():
                 pass
         self._parcels.repeats = False
@@ -134,9 +128,9 @@ class RegionMember(Member):
         messages = [
             [[each.target, encode(to_message(each))] for each in kept],
             [[each.source, encode(to_message(each))] for each in region.arrived],
-            [encode(report) for _, report in sorted(self._reports.items())],
-            [encode(m.Orders(frame, sent)) for frame, sent in sorted(self._orders.items())],
-            self._requested,
+            [encode(report) for _, report in sorted(self._requests.reports.items())],
+            [encode(orders) for orders in self._requests.orders],
+            self._requests.last,
             self._parcels.sent_bytes,
         ]
         self._journal.begin_again(RegionCheckpoint.of(region, messages).encoded())
@@ -145,7 +139,7 @@ class RegionMember(Member):
         """Continue from the state that a former process of this region has saved."""
         number, partition = self.region.number, self.region.partition
         self._begin(checkpoint.region(self._world, number, partition, self._members))
-        kept, arrived, reports, orders, self._requested, sent_bytes = checkpoint.messages
+        kept, arrived, reports, orders, self._requests.last, sent_bytes = checkpoint.messages
         self._parcels.sent_bytes = sent_bytes
         for target, data in kept:
             self._parcels.outbox.keep([from_message(self._decoder.parcel(data), number, target)])
@@ -154,17 +148,11 @@ class RegionMember(Member):
         for data in reports:
             report = self._decoder.from_member(self.name, data)
             assert isinstance(report, m.TickReply)
-            self._reports[report.frame] = report
+            self._requests.reports[report.frame] = report
         for data in orders:
-            self._note_request(self._decoder.to_member(data))
+            self._requests.note(self._decoder.to_member(data))
 
     # --- arrivals ---
-
-    def _note_request(self, message: m.ToMember) -> None:
-        if isinstance(message, m.Orders):
-            self._orders[message.frame] = message.events
-        elif isinstance(message, m.TickRequest):
-            self._requested = message.frame
 
     def parcel(self, arrived: ParcelArrived) -> list[Outgoing]:
         """Accept a parcel of another region; returns the messages to the coordinator.
@@ -186,7 +174,7 @@ class RegionMember(Member):
     @property
     def awaited(self) -> list[int]:
         """The regions whose messages a requested frame needs."""
-        return self.region.missing if self.region.frame <= self._requested else []
+        return self.region.missing if self.region.frame <= self._requests.last else []
 
     def _accept(self, arrived: ParcelArrived) -> bool:
         try:
@@ -201,16 +189,16 @@ class RegionMember(Member):
         return is_new
 
     def _on_orders(self, orders: m.Orders) -> None:
-        if orders.frame > self._requested:
+        if orders.frame > self._requests.last:
             self._journal.write(ParcelArrived(COORDINATOR, encode(orders)))
-            self._note_request(orders)
+            self._requests.note(orders)
 
     def _on_tick(self, request: m.TickRequest) -> None:
-        if request.frame in self._reports:
-            self._out.append(self._reports[request.frame])
-        elif request.frame > self._requested:
+        if request.frame in self._requests.reports:
+            self._out.append(self._requests.reports[request.frame])
+        elif request.frame > self._requests.last:
             self._journal.write(ParcelArrived(COORDINATOR, encode(request)))
-            self._note_request(request)
+            self._requests.note(request)
         self._out.extend(self._advance())
 
     def _on_stop(self, stop: m.Stop) -> None:
@@ -244,7 +232,7 @@ class RegionMember(Member):
     def _advance(self) -> Iterator[m.TickReply]:
         """Run the requested frames for which everything has arrived."""
         region = self.region
-        while region.frame <= self._requested and not (region.missing or region.over):
+        while region.frame <= self._requests.last and not (region.missing or region.over):
             region.enter()
             # The coordinator ends the world, for the same reason. Otherwise services in another
             # region may still have to answer for this frame.
@@ -255,7 +243,7 @@ class RegionMember(Member):
 
     def _run_frame(self) -> m.TickReply:
         region, self.frame = self.region, self.region.frame
-        for event in self._orders.pop(self.frame, ()):
+        for event in self._requests.take_orders(self.frame):
             region.algorithm.inbox.add_order(event)
         self._runner.handle(s.Begin())
         report = self._report()
@@ -264,8 +252,7 @@ class RegionMember(Member):
                 region.receive(parcel)
             else:
                 self._parcels.send([parcel])
-        self._reports[self.frame] = report
-        self._reports.pop(self.frame - REPORTS_KEPT, None)
+        self._requests.keep(report)
         return report
 
     def _report(self) -> m.TickReply:

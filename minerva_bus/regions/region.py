@@ -23,6 +23,7 @@ from minerva_bus.frame.member import Member
 from minerva_bus.grammar.scene import Piece, Scene, agents
 from minerva_bus.regions.attached import HOME, AttachedServices, Replies
 from minerva_bus.regions.dividing import NOTHING, cut, divided
+from minerva_bus.regions.inbox import ParcelInbox
 from minerva_bus.regions.merging import PlacedEvent, Units, in_order, merged
 from minerva_bus.regions.norms import NO_NORMS, NormPart, RegionNorms
 from minerva_bus.regions.parcel import Parcel, Progress
@@ -67,8 +68,7 @@ class Region:
         self._source = self.algorithm.source
         self._source.places = own.places
         self._world = world
-        self._entered = world.past.frame + 1
-        self._parcels: dict[int, dict[int, Parcel]] = {}
+        self._inbox = ParcelInbox(world.past.frame + 1)
         self._remaining: Units | None = None
         self._note_known()
         self._settled: dict[int, Piece] = {}
@@ -108,27 +108,19 @@ class Region:
             raise ProtocolError(f"it is of frame {parcel.frame}, expected at most {self.frame}")
         if isinstance(parcel, Replies):
             return self.services.receive(parcel)
-        if self._is_known(parcel):
-            return False
-        self._parcels.setdefault(parcel.frame, {})[parcel.source] = parcel
-        return True
-
-    def _is_known(self, parcel: Parcel) -> bool:
-        entered = parcel.frame + 1 < self._entered
-        return entered or parcel.source in self._parcels.get(parcel.frame, ())
+        return self._inbox.add(parcel)
 
     @property
     def arrived(self) -> list[Parcel | Replies]:
         """The parcels for frames that have not been entered, and replies for those not begun."""
-        parcels = [parcel for arrived in self._parcels.values() for parcel in arrived.values()]
-        return [*parcels, *self.services.arrived]
+        return [*self._inbox.kept, *self.services.arrived]
 
     @property
     def missing(self) -> list[int]:
         """The regions that have not sent what `enter` needs, or then the next frame."""
         if self._has_entered:
             return [HOME] if self.services.lacks(self.frame) else []
-        arrived = self._parcels.get(self.frame - 1, ())
+        arrived = self._inbox.sources(self.frame - 1)
         return [region for region in range(self.partition.count) if region not in arrived]
 
     def enter(self) -> None:
@@ -139,8 +131,7 @@ class Region:
         """
         if self._has_entered:
             return
-        parcels = [parcel for _, parcel in sorted(self._parcels.pop(self.frame - 1).items())]
-        self._entered = self.frame + 1
+        parcels = self._inbox.enter(self.frame)
         self._check_arriving(parcels)
         self.services.take(self.frame - 1, {parcel.source: parcel.views for parcel in parcels})
         self._join([parcel.units for parcel in parcels])
@@ -165,7 +156,7 @@ class Region:
 
     @property
     def _has_entered(self) -> bool:
-        return self._entered > self.frame
+        return self._inbox.entered > self.frame
 
     def _check_arriving(self, parcels: Sequence[Parcel]) -> None:
         """Raise ProtocolError for an agent of another region, or one that is here already."""

@@ -108,7 +108,7 @@ def obey_repeated_orders(patch):
 
     def on_orders(region, orders):
         whole(region, orders)
-        region._orders[orders.frame + 1] = orders.events
+        region._requests.note(replace(orders, frame=orders.frame + 1))
 
     patch.setattr(RegionMember, "_on_orders", on_orders)
 
