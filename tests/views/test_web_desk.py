@@ -73,13 +73,13 @@ def test_orders_of_people_are_listed_with_their_fates(room):
     fate = OrderStatus(3, 1, "anna", 'eGo<place="<inn>">', "eGo", "waiting", 4)
     room.operator.fates.append(fate)
     room.open()
-    eventually(lambda: "waits for a frame" in room.panel._fates.content)
-    assert "&lt;inn&gt;" in room.panel._fates.content
-    assert f"color:{person_colour('anna')}" in room.panel._fates.content
+    eventually(lambda: "waits for a frame" in room.panel._fates._text.content)
+    assert "&lt;inn&gt;" in room.panel._fates._text.content
+    assert f"color:{person_colour('anna')}" in room.panel._fates._text.content
     replaced = replace(fate, change=2, state="replaced", by="eGo", frame=6)
     room.operator.fates.append(replaced)
-    eventually(lambda: "replaced by eGo in frame 6" in room.panel._fates.content)
-    assert room.panel._fates_folder.visible
+    eventually(lambda: "replaced by eGo in frame 6" in room.panel._fates._text.content)
+    assert room.panel._fates._folder.visible
 
 
 def test_each_order_type_has_a_form_of_its_data(room):
@@ -120,7 +120,7 @@ def test_a_form_sends_its_event_to_the_selected_agent_or_to_all(room):
     ]
     assert "eBring(source=inn, target=bar, times=0, gently=false) sent to d" in room.says()
     assert room.stage.selected == ["d"]
-    assert room.panel._agent.value == "d"
+    assert room.panel._agent._selected.value == "d"
 
 
 def test_a_click_selects_an_agent_and_sends_a_text(room):
@@ -156,7 +156,7 @@ def test_sliders_show_what_the_agent_has(room):
     room.open()
     room.desk.select("c")
     eventually(lambda: room.inputs("Slider")["speed (m/s)"].value == 0.75)
-    eventually(lambda: "<b>ACart#c</b>" in room.panel._state.content)
+    eventually(lambda: "<b>ACart#c</b>" in room.panel._agent._state.content)
     assert not room.operator.told
 
 

@@ -115,7 +115,7 @@ def test_views_lie_over_one_another_and_are_counted():
         page.show(View(0, "eShade", PStone(0.1)))
         page.show(View(0, "ePicture", PFloor(FLOOR) + slot("ACart", "c"), {"c": cart(1.0)}))
     assert [type(item).__name__ for item in shown[-1].items] == ["Tiles", "Discs", "Discs"]
-    assert page._controller._agents == {"c": "ACart"}
+    assert page._controller._receivers.agents == {"c": "ACart"}
     assert page.report()["page_views"] == 2
     page.close()
 

@@ -6,7 +6,7 @@ import threading
 import time
 from collections.abc import Callable, Generator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 from minerva_bus.errors import MinervaError
@@ -43,6 +43,27 @@ class _Selection:
     agent: str = ""
     kind: str = ""
     is_explicit: bool = False
+
+
+@dataclass(slots=True)
+class _Receivers:
+    """The displayed agents with their kinds, and the order types that the world accepts."""
+
+    agents: dict[str, str] = field(default_factory=dict[str, str])
+    types: tuple[str, ...] = ()
+
+    def listeners(self, accepts: Callable[[str, str], bool]) -> list[str]:
+        """The agents that accept an order; `accepts` is called with a kind and an order type."""
+        return [
+            agent
+            for agent in self.named
+            if any(accepts(self.agents[agent], event_type) for event_type in self.types)
+        ]
+
+    @property
+    def named(self) -> list[str]:
+        """The agents with ids of their own: "~" begins those of parts of a view."""
+        return [agent for agent in self.agents if not agent.startswith("~")]
 
 
 class _LatestActions:
@@ -83,10 +104,9 @@ class PageController:
         self._click = click
         self._panel: Panel | None = None
         self._feed = EventFeed(world.vocabulary)
-        self._agents: dict[str, str] = {}
+        self._receivers = _Receivers()
         self._selection = _Selection()
         self._silent = False
-        self._types: tuple[str, ...] = ()
         self._offered: Any = None
         self._queue = _LatestActions()
         # Clicks arrive in viser's threads, polling has its own.
@@ -107,7 +127,7 @@ class PageController:
 
     def set_agents(self, agents: dict[str, str]) -> None:
         """Set the displayed agents with their kinds."""
-        self._agents = agents
+        self._receivers.agents = agents
 
     # --- user actions ---
 
@@ -128,7 +148,7 @@ class PageController:
         self._queue.put("rate", act)
 
     def select(self, agent: str, kind: str = "") -> None:
-        self._selection = _Selection(agent, kind or self._agents.get(agent, ""), True)
+        self._selection = _Selection(agent, kind or self._receivers.agents.get(agent, ""), True)
         self._scene.select(agent)
         self._offer()
         self._show_agent()
@@ -148,10 +168,10 @@ class PageController:
     def click(self, what: Clicked) -> None:
         """Select an agent, or send a text with the order type that accepts one."""
         if what.agent:
-            self.select(what.agent, self._agents.get(what.owner, ""))
+            self.select(what.agent, self._receivers.agents.get(what.owner, ""))
         elif what.text:
             vocabulary = self._orders.vocabulary
-            event_type = self._click or first_with(vocabulary, self._types, "text")
+            event_type = self._click or first_with(vocabulary, self._receivers.types, "text")
             if event_type:
                 (name,) = vocabulary.events[event_type].fields.names
                 self.order(event_type, {name: what.text})
@@ -178,7 +198,7 @@ class PageController:
         if silent and self._panel is not None:
             self._panel.note("")  # the world answers again
         self._feed.update(status)
-        self._types = status.orders
+        self._receivers.types = status.orders
         if self._panel is not None:
             self._panel.show_status(status, self._feed.report, rate=not self._queue.recent)
             self._panel.show_events(self._feed)
@@ -196,19 +216,13 @@ class PageController:
             self.select(listeners[0])
 
     def _listeners(self) -> list[str]:
-        return [
-            agent
-            for agent, kind in self._agents.items()
-            if not agent.startswith("~")
-            and any(self._orders.accepts(kind, event_type) for event_type in self._types)
-        ]
+        return self._receivers.listeners(self._orders.accepts)
 
     def _offer(self) -> None:
         listeners = self._listeners()
-        named = [agent for agent in self._agents if not agent.startswith("~")]
-        others = [agent for agent in named if agent not in set(listeners)]
+        others = [agent for agent in self._receivers.named if agent not in set(listeners)]
         agents = (*listeners, *others)
-        offered = agents, self._selection.agent, self._types, self._scene.labels()
+        offered = agents, self._selection.agent, self._receivers.types, self._scene.labels()
         with self._lock:
             # Each change of an input is sent to all browsers.
             if self._panel is None or offered == self._offered:

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from itertools import chain
 from typing import Any, Protocol
 
-from viser import ClientHandle, GuiDropdownHandle, GuiEvent, ViserServer
+from viser import GuiDropdownHandle, GuiEvent, ViserServer
 
 from minerva_bus.grammar.scene import AgentNode
 from minerva_bus.grammar.vocabulary import Vocabulary
@@ -16,6 +16,7 @@ from minerva_bus.world.operator import CollectedSeries, LogEntry, WorldStatus
 from minerva_services.views.fates import OrderEntry
 from minerva_services.views.reports import LatestReport
 from minerva_services.views.web import html
+from minerva_services.views.web.folders import AgentFolder, FatesFolder
 from minerva_services.views.web.forms import Form, by_person
 from minerva_services.views.web.orders import can_be_asked
 from minerva_services.views.web.series import ChartFolder
@@ -70,10 +71,8 @@ class EventFeed:
         return sorted(chain.from_iterable(groups), key=lambda event: event.number)[-most:]
 
 
-EVERYBODY: str = "all"
 _MAX_SHOWN = 14
 _MAX_RATE = 120.0
-_MAX_AGENTS = 200
 _ENDED = "The page shows the last state. A new run at this address appears automatically."
 
 
@@ -108,10 +107,9 @@ class Panel:
         self._add_pace()
         with gui.add_folder("Legend"):
             self._legend = gui.add_html(html.legend(()))
-        self._add_agent()
+        self._agent = AgentFolder(gui, actions.select, actions.fragment)
         self._orders = gui.add_folder("Orders", visible=False)
-        with gui.add_folder("Orders of people", visible=False) as self._fates_folder:
-            self._fates = gui.add_html("")
+        self._fates = FatesFolder(gui)
         # Above the events, of which there may be many.
         self._series = ChartFolder(gui)
         with gui.add_folder("Events"):
@@ -152,8 +150,7 @@ class Panel:
 
     def show_fates(self, orders: Sequence[OrderEntry]) -> None:
         """Show the last orders of people with their fates."""
-        self._fates_folder.visible = bool(orders)
-        self._fates.content = html.fates(orders)
+        self._fates.show(orders)
 
     def show_series(self, series: Sequence[CollectedSeries]) -> None:
         """Show the collected series."""
@@ -161,8 +158,7 @@ class Panel:
 
     def show_agent(self, agent: AgentNode | None) -> None:
         """Show an agent's state."""
-        self._state.content = html.state(agent)
-        self._full.visible = agent is not None
+        self._agent.show(agent)
 
     def show_sliders(self, state: Mapping[str, Any]) -> None:
         """Move sliders to the values in an agent's state."""
@@ -171,12 +167,7 @@ class Panel:
 
     def offer_agents(self, agents: tuple[str, ...], selected: str) -> None:
         """Offer these agents for selection."""
-        options = (EVERYBODY, *agents[:_MAX_AGENTS])
-        if selected and selected not in options:
-            options = (*options, selected)
-        if options != self._agent.options:
-            self._agent.options = options
-        self._agent.value = selected or EVERYBODY
+        self._agent.offer(agents, selected)
 
     def offer_orders(self, types: tuple[str, ...], labels: tuple[str, ...]) -> None:
         """Show a form for each of these event types."""
@@ -218,30 +209,3 @@ class Panel:
             # `show_status` moves the slider as well, which is no action of a user.
             if by_person(event):
                 actions.set_rate(self._rate.value)
-
-    def _add_agent(self) -> None:
-        gui, actions = self._gui, self._actions
-        with gui.add_folder("Agent"):
-            self._agent: GuiDropdownHandle[str] = gui.add_dropdown(
-                "selected", (EVERYBODY,), hint="receiver of orders; a click on an agent selects it"
-            )
-            self._state = gui.add_html("")
-            self._full = gui.add_button("Full text", visible=False)
-
-        @self._agent.on_update
-        def _(event: GuiEvent[Any]) -> None:
-            # `offer_agents` sets the value as well, which is no selection by a user.
-            if by_person(event):
-                chosen = self._agent.value
-                actions.select("" if chosen == EVERYBODY else chosen)
-
-        @self._full.on_click
-        def _(event: GuiEvent[Any]) -> None:
-            if event.client is not None:
-                _show_whole(event.client, actions.fragment())
-
-
-def _show_whole(client: ClientHandle, text: str) -> None:
-    with client.gui.add_modal("The agent's string") as modal:
-        client.gui.add_html(html.whole(text))
-        client.gui.add_button("Close").on_click(lambda _: modal.close())
