@@ -33,9 +33,8 @@ BORDERS: Final = 0.0, 1.0, 2.0
 """Borders between regions along x; herons stride across them."""
 
 ABSENT: Final = "gulls", "screen"
-ELSEWHERE: Final = "eCry", "eShow"
-"""Members of the simulated world that regions do not have, and events that are not in its frames:
-those of the gulls, and those of devices, which draw in a region."""
+ELSEWHERE: Final = "eCry"
+"""Members of the simulated world that regions do not have, and the events of the gulls."""
 
 
 @dataclass(frozen=True, slots=True)
