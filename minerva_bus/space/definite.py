@@ -90,8 +90,8 @@ def _stored(node: ast.AST) -> set[str]:
     return {each.id for each in names if isinstance(each.ctx, ast.Store)}
 
 
-def _both(one: set[str] | None, other: set[str] | None) -> set[str] | None:
+def _both(first: set[str] | None, other: set[str] | None) -> set[str] | None:
     """The variables with a value on both of two paths, of which None is not reached."""
-    if one is None or other is None:
-        return other if one is None else one
-    return one & other
+    if first is None or other is None:
+        return other if first is None else first
+    return first & other
