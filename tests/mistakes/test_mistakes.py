@@ -9,7 +9,7 @@ import pytest
 from mistakes import HARMLESS, MISTAKES, Mistake
 
 ERROR, ALL = 10, 25
-SERVER = Path(__file__).with_name("fork_server.py")
+SERVER = Path(__file__).with_name("command_server.py")
 
 
 @pytest.fixture(scope="module")
