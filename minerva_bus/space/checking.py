@@ -31,7 +31,7 @@ _MOVES: Final = {
 
 
 @dataclass(frozen=True, slots=True)
-class Checked:
+class ParameterAccess:
     """What a function may do with a parameter.
 
     Attributes:
@@ -48,7 +48,7 @@ class Checked:
     draws: bool = False
 
 
-def check_rule(function: FunctionType, parameters: Mapping[str, Checked]) -> None:
+def check_rule(function: FunctionType, parameters: Mapping[str, ParameterAccess]) -> None:
     """Check a rule and the kernels that it calls, as far as their source is available.
 
     Args:
@@ -74,12 +74,12 @@ def uncompilable(function: FunctionType, line: int, what: str) -> NotCompilable:
 
 def _check(
     function: FunctionType,
-    parameters: Mapping[str, Checked],
-    known: set[tuple[FunctionType, tuple[tuple[str, Checked], ...]]],
+    parameters: Mapping[str, ParameterAccess],
+    known: set[tuple[FunctionType, tuple[tuple[str, ParameterAccess], ...]]],
 ) -> None:
     """Check a function, and each kernel with the parameters that calls give it."""
     known.add((function, tuple(parameters.items())))
-    pending: dict[FunctionType, list[Mapping[str, Checked]]] = {}
+    pending: dict[FunctionType, list[Mapping[str, ParameterAccess]]] = {}
     for _, helper in helpers(function):
         pending[helper.function] = []
     origin = _origin(function)
@@ -127,7 +127,7 @@ def _inside(tree: ast.FunctionDef) -> Iterator[ast.AST]:
 class _Body:
     """The checks of a function's nodes."""
 
-    def __init__(self, origin: Origin, parameters: Mapping[str, Checked]) -> None:
+    def __init__(self, origin: Origin, parameters: Mapping[str, ParameterAccess]) -> None:
         self._origin = origin
         self._parameters = parameters
         self._aliases: dict[str, ast.expr] = {}
@@ -152,7 +152,7 @@ class _Body:
         if isinstance(node, ast.Call):
             self._check_call(node)
 
-    def passed(self, node: ast.Call, kernel: Kernel[..., Any]) -> Mapping[str, Checked]:
+    def passed(self, node: ast.Call, kernel: Kernel[..., Any]) -> Mapping[str, ParameterAccess]:
         """The parameters of a kernel that get those of this function."""
         if any(isinstance(argument, ast.Starred) for argument in node.args):
             return {}
@@ -163,7 +163,7 @@ class _Body:
             if isinstance(argument, ast.Name) and argument.id in self._parameters
         }
 
-    def _of(self, node: ast.AST) -> Checked | None:
+    def _of(self, node: ast.AST) -> ParameterAccess | None:
         return self._parameters.get(node.id) if isinstance(node, ast.Name) else None
 
     def _check_name(self, node: ast.Attribute) -> None:
@@ -196,7 +196,7 @@ class _Body:
             self._check_change(node, array, ast.unparse(owner), known)
 
     def _check_change(
-        self, node: ast.Subscript, array: ast.expr, table: str, known: Checked
+        self, node: ast.Subscript, array: ast.expr, table: str, known: ParameterAccess
     ) -> None:
         name = array.attr if isinstance(array, ast.Attribute) else ""
         if name not in known.names and known.names:

@@ -11,7 +11,7 @@ from typing import Any, Final, get_type_hints
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.types import Cells, Reals
-from minerva_bus.space.checking import Checked, check_rule
+from minerva_bus.space.checking import ParameterAccess, check_rule
 from minerva_bus.space.compiling import RuleLoop
 from minerva_bus.space.draws import Draws, shuffle
 from minerva_bus.space.edges import Edges
@@ -80,15 +80,15 @@ class RuleParameter:
         return any(self.type == matrix for matrix, _ in _MATRICES)
 
     @property
-    def checked(self) -> Checked | None:
+    def checked(self) -> ParameterAccess | None:
         """What a rule may do with it; None for numbers."""
         before = self.name == BEFORE
         if self.table is not None:
             changed = [] if before else [n for n in self.table.names if n not in self.table.fixed]
-            return Checked(self.table.type._fields, tuple(changed), before)
+            return ParameterAccess(self.table.type._fields, tuple(changed), before)
         if self.type == Draws:
-            return Checked(draws=True)
-        return Checked(before=before) if self.matrix else None
+            return ParameterAccess(draws=True)
+        return ParameterAccess(before=before) if self.matrix else None
 
     @property
     def types(self) -> list[str]:
