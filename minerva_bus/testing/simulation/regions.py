@@ -81,7 +81,7 @@ def _fault(chance: Random, frames: int, count: int) -> Fault:
 
 
 @dataclass(slots=True)
-class Script:
+class RegionScript:
     """The faults and acts of a history as `disturb` of a cluster, and what became of them."""
 
     history: RegionHistory
@@ -153,7 +153,7 @@ def play_regions(history: RegionHistory, folder: Path) -> PlayedRegions:
     file = world_file(history.frames, history.rate, folder, {})
     processes = tuple(each for each in file.processes if each.name not in ABSENT)
     partition = ByPosition(BORDERS[: history.count - 1])
-    script, failure = Script(history), ""
+    script, failure = RegionScript(history), ""
     with in_regions(replace(file, processes=processes, partition=partition)) as regions:
         cluster = Cluster(regions, Random(f"deliveries {history.seed}"), script)  # noqa: S311
         try:
