@@ -66,14 +66,14 @@ class LaserLine:
 
 
 @dataclass(frozen=True, slots=True)
-class Parameter:
+class ParameterLine:
     """PARAM: a logged setting of the robot."""
 
     name: str
     value: str
 
 
-LogLine: TypeAlias = OdometryLine | LaserLine | Parameter
+LogLine: TypeAlias = OdometryLine | LaserLine | ParameterLine
 
 
 def read_line(line: str) -> LogLine | None:
@@ -201,8 +201,8 @@ def _robot_laser(words: _Words) -> LaserLine:
     return LaserLine(*beams, *words.times(), pose, robot)
 
 
-def _parameter(words: _Words) -> Parameter:
-    return Parameter(words.text(), words.text())
+def _parameter(words: _Words) -> ParameterLine:
+    return ParameterLine(words.text(), words.text())
 
 
 _READERS: Final = {

@@ -20,7 +20,7 @@ from minerva_services.sensors.carmen.lines import (
     LaserLine,
     LineError,
     OdometryLine,
-    Parameter,
+    ParameterLine,
     read_line,
 )
 from minerva_services.sensors.playback import MountOverride
@@ -112,7 +112,7 @@ class CarmenLog:
         return gzip.open(self._raw) if packed else self._raw
 
     def _converted(
-        self, line: OdometryLine | LaserLine | Parameter | None, number: int
+        self, line: OdometryLine | LaserLine | ParameterLine | None, number: int
     ) -> Iterator[Recorded]:
         match line:
             case OdometryLine(time=0.0) if self.topics.correction:
@@ -124,7 +124,7 @@ class CarmenLog:
                 yield Recorded(line.stamp, self.topics.odometry, self._odometry(line))
             case LaserLine():
                 yield from self._measured(line)
-            case Parameter(name, value) if name == _FRONT_LASER:
+            case ParameterLine(name, value) if name == _FRONT_LASER:
                 self._offset = _number(value)
             case _:
                 pass
