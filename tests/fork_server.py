@@ -6,7 +6,7 @@ thousands of commands, so `tests/starts.py` requests them here:
     python tests/fork_server.py SOCKET
 
 The child has the arguments, environment, folder, standard files and parent of a process that the
-requesting process has started itself, and imports the command line anew.
+requesting process has started itself, and imports the command line again.
 """
 
 import gc
