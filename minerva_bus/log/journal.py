@@ -125,7 +125,8 @@ class Journal:
         """
         if self._file >= 0 and self._is_followed():
             raise Followed(self._complaint())
-        old = self._file
+        old, since = self._file, self._since
+        self._since = 0
         try:
             # The new file takes the name only when it is complete: a process that is killed
             # before that leaves the former journal.
@@ -135,7 +136,7 @@ class Journal:
                 self._put_beginning()
         except BaseException:
             # The former journal is still in place and valid.
-            new, self._file = self._file, old
+            new, self._file, self._since = self._file, old, since
             if new != old:
                 os.close(new)
             raise

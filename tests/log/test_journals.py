@@ -1,0 +1,31 @@
+"""The length of a journal."""
+
+import pytest
+from harbour import harbour
+
+from minerva_bus.frame.algorithm import FrameAlgorithm
+from minerva_bus.frame.inputs import FrameInputs
+from minerva_bus.log import journal
+from minerva_bus.log.journal import Journal
+
+INPUTS = FrameInputs(0, (), {}, {}, (), (), {})
+
+
+@pytest.fixture
+def written(tmp_path):
+    kept = Journal(tmp_path / "w.journal", 1, FrameAlgorithm(harbour().read().world))
+    yield kept
+    kept.close(over=True)
+
+
+def frames_until(written, condition):
+    return next(count for count in range(1, 10_000) if not written.frame(INPUTS) and condition())
+
+
+def test_a_journal_does_not_grow_with_each_rewriting(written, monkeypatch):
+    monkeypatch.setattr(journal, "MIN_REWRITE_BYTES", 1)
+    counts = []
+    for _ in range(3):
+        counts.append(frames_until(written, lambda: written.is_long))
+        written.rewrite()
+    assert len(set(counts)) == 1
