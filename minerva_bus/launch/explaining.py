@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Final
 from minerva_bus.errors import MinervaError, MisuseError
 from minerva_bus.launch.halts import Halt, explain_halt
 from minerva_bus.launch.replaying import explained_in
-from minerva_bus.launch.temporary_folder import temporary_folder
 from minerva_bus.launch.traces import ENDS
 from minerva_bus.world.operator import LogLine, Operator, WorldStatus
 
@@ -57,8 +56,8 @@ def explain_running_value(
     Without an attribute, it is the agent with what it received; see `observe_agent`.
 
     The frames come from its record, if they are written, because those of the world's journal have
-    to be repeated. The latest ones are in the journal only; for an older value, the record follows.
-    The world does not notice it.
+    to be repeated. The latest ones are in the journal only; for an older value, the record follows,
+    or the frames between earlier keyframes of the journal. The world does not notice it.
 
     Args:
         operator: the running world, on this machine.
@@ -73,31 +72,35 @@ def explain_running_value(
         RecordError: there is no such frame, agent or attribute.
 
     """
-    from minerva_bus.launch.written_frames import is_written, wait_for_frame
+    from minerva_bus.launch.journaled_past import JournaledPast, continued
+    from minerva_bus.launch.written_frames import last_written, wait_for_frame
     from minerva_bus.log.errors import RecordError, check_installed
+    from minerva_bus.log.explanation import Explanation
     from minerva_bus.log.reader import Record
-    from minerva_bus.log.recent import recent_record
 
     check_installed()
     status = operator.status()
     files = {file.name: Path(file.path) for file in status.files}
     journal, path, explanation = files.get("journal"), files.get("record"), None
     wanted = status.frame if frame is None else min(frame, status.frame)
-    recorded = path is not None and path.is_file()
-    written = path is not None and recorded and is_written(path, wanted)
-    if journal is not None and journal.is_file() and not written:
+    path = path if path is not None and path.is_file() else None
+    written = -1 if path is None else last_written(path)
+    if journal is not None and journal.is_file() and written < wanted:
+        past = JournaledPast(journal, code, agent, attribute)
         try:
-            with temporary_folder("explain") as folder, recent_record(journal, folder) as record:
-                explanation = explained_in(record, code, agent, attribute, frame)
+            explanation = past.explain(frame, wanted, written)
         except RecordError:
-            if not recorded:
+            if path is None:
                 raise
-    if path is not None and recorded and (explanation is None or explanation.is_older):
-        # Without a journal, the record alone has the latest frames.
-        if explanation is None:
-            wait_for_frame(path, wanted)
+    if path is not None and (explanation is None or explanation.is_older):
+        # The value is the same since the beginning of the frames that were repeated. Without a
+        # journal, the record alone has the latest frames.
+        known = explanation.first if isinstance(explanation, Explanation) else None
+        wait_for_frame(path, wanted if known is None else known)
         with Record(path) as record:
-            explanation = explained_in(record, code, agent, attribute, frame)
+            at = frame if known is None else known
+            older = explained_in(record, code, agent, attribute, at)
+        explanation = older if explanation is None else continued(explanation, older)
     if explanation is None:
         raise MisuseError(
             f"{status.world}: neither its journal nor a record of it is on this machine; run this"

@@ -92,15 +92,21 @@ class RunJournal:
             self._give_up(self._journal, error)
 
     def shorten(self, save: Callable[[], None]) -> None:
-        """Rewrite a long journal after a frame. Raises Followed.
+        """Rewrite a long journal after a frame, or add a keyframe if it is due. Raises Followed.
 
-        `save` is called first: it saves what a successor could not compute again afterwards.
+        `save` is called before it is rewritten: it saves what a successor could not compute again
+        afterwards.
         """
-        if self._journal is None or not self._journal.is_long:
+        if self._journal is None:
             return
-        save()
+        is_long = self._journal.is_long
+        if is_long:
+            save()
         try:
-            self._journal.rewrite()
+            if is_long:
+                self._journal.rewrite()
+            elif self._journal.is_keyframe_due:
+                self._journal.add_keyframe()
         except OSError as error:
             self._give_up(self._journal, error)
 

@@ -28,12 +28,12 @@ def wait_for_frame(path: Path, frame: int) -> None:
         time.sleep(POLL_SECONDS)
 
 
-def is_written(path: Path, frame: int) -> bool:
-    """Whether a frame of a record is on the disk already; not if the record cannot be read."""
+def last_written(path: Path) -> int:
+    """The frame whose initial string is the last on the disk; -1 if the record cannot be read."""
     try:
-        return _last(path) >= frame
+        return _last(path)
     except RecordError:
-        return False
+        return -1
 
 
 def _last(path: Path) -> int:

@@ -6,7 +6,7 @@
 
 Playing, recomputing a run, swapping a member, resuming and inspecting all read a record this way;
 they differ in their use of the inputs. A successor of a killed coordinator reads a
-journal, which has one keyframe and the inputs since; it feeds them to its own algorithm. A cursor
+journal, which has a keyframe and the inputs since; it feeds them to its own algorithm. A cursor
 never writes, so several futures can start from one position.
 """
 

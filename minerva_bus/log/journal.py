@@ -4,14 +4,15 @@
     entry = length of the data (4 bytes, big endian), its CRC-32 (4 bytes), data
     data  = ["begin", format, key of the world, epoch]            first
           | keyframe | inputs                                     (entries.py)
-          | the description of the run (description.py)           after a keyframe
+          | the description of the run (description.py)           after the first keyframe
           | ["members", [name, ...]] | ["pace", rate, left] | ["waiting", {source: [event, ...]}]
 
-The file has one keyframe and the inputs of each frame since, as received from members, so a frame
-costs little more than its bytes. An entry is passed to the operating system before any message of
-the next frame is sent, so a killed process loses nothing. When the inputs have become much
-longer than the keyframe, a new file with a new keyframe replaces the journal. A coordinator that
-still writes to the unlinked file has a successor.
+The file begins with a keyframe and has the inputs of each frame since, as received from members, so
+a frame costs little more than its bytes. A successor repeats them all. Later keyframes are for
+questions about the latest frames, which need not repeat those before. An entry is passed to the
+operating system before any message of the next frame is sent, so a killed process loses nothing.
+When the inputs have become much longer than the keyframe, a new file with a new keyframe replaces
+the journal. A coordinator that still writes to the unlinked file has a successor.
 """
 
 from __future__ import annotations
@@ -48,6 +49,13 @@ REWRITE_RATIO: Final = 8
 """The journal is rewritten when its inputs are this many times as long as its keyframe."""
 
 MIN_REWRITE_BYTES: Final = 1 << 20
+
+KEY_FRAMES: Final = 256
+"""Minimum frames between two keyframes."""
+
+KEY_RATIO: Final = 2
+"""A keyframe is added when the inputs since the last one are this many times as long."""
+
 HEAD: Final = struct.Struct(">II")
 """Length and checksum before each entry."""
 
@@ -69,6 +77,8 @@ class Journal:
         self._algorithm = algorithm
         self._file = -1
         self._since = self._key_bytes = 0
+        # Of the frames since the last keyframe.
+        self._key_frames = self._input_bytes = 0
         self._noted: dict[str, list[Any]] = {"members": [[]], "pace": [0.0, None], "waiting": [{}]}
         try:
             path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -78,7 +88,10 @@ class Journal:
 
     def frame(self, inputs: FrameInputs) -> None:
         """Append the inputs of a frame that has ended."""
-        self._put(encode_inputs(inputs))
+        data = encode_inputs(inputs)
+        self._put(data)
+        self._key_frames += 1
+        self._input_bytes += len(data)
         rate, left = self._noted["pace"]
         # A reader deducts the frame in the same way. The frame has consumed the waiting events, so
         # equal ones after it are new and must be noted again.
@@ -89,6 +102,16 @@ class Journal:
         """Whether its inputs have become much longer than its keyframe."""
         # A small world would rewrite its journal every few frames without a minimum.
         return self._since > max(MIN_REWRITE_BYTES, REWRITE_RATIO * self._key_bytes)
+
+    @property
+    def is_keyframe_due(self) -> bool:
+        """Whether the frames since the last keyframe are many, and long compared with it."""
+        return self._key_frames >= KEY_FRAMES and self._input_bytes > KEY_RATIO * self._key_bytes
+
+    def add_keyframe(self) -> None:
+        """Append the current state, between two frames."""
+        self._put(self._encoded_state())
+        self._key_frames = self._input_bytes = 0
 
     def members(self, names: Iterable[str]) -> None:
         """Note the members that take part."""
@@ -141,16 +164,14 @@ class Journal:
                 os.close(new)
             raise
         self._key_bytes, self._since = self._since, 0
+        self._key_frames = self._input_bytes = 0
         if old >= 0:
             os.close(old)
 
     def _put_beginning(self) -> None:
         algorithm = self._algorithm
-        checkpoint = algorithm.checkpoint
-        saved = {**checkpoint.saved, **algorithm.source.journaled()}
-        kept = Kept.of(replace(checkpoint, saved=saved))
         self._put(pack(["begin", FORMAT, key_of(algorithm.world), self._epoch]))
-        self._put(encode_keyframe(algorithm.frame, algorithm.scene, kept, algorithm.shown))
+        self._put(self._encoded_state())
         if self._description:
             self._put(self._description)
         # The checkpoint has the events that wait for the next frame, but not those for later ones.
@@ -158,6 +179,13 @@ class Journal:
         self._noted["waiting"] = [waiting]
         for name in ("members", "pace", *(["waiting"] if waiting else [])):
             self._put(pack([name, *self._noted[name]]))
+
+    def _encoded_state(self) -> bytes:
+        algorithm = self._algorithm
+        checkpoint = algorithm.checkpoint
+        saved = {**checkpoint.saved, **algorithm.source.journaled()}
+        kept = Kept.of(replace(checkpoint, saved=saved))
+        return encode_keyframe(algorithm.frame, algorithm.scene, kept, algorithm.shown)
 
     def _put(self, data: bytes) -> None:
         # Checked before each entry: a frozen coordinator that wakes up

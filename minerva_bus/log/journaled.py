@@ -15,18 +15,21 @@ from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.description import World
 from minerva_bus.frame.inputs import FrameInputs
 from minerva_bus.log.description import Description, decode_description
-from minerva_bus.log.entries import EntryDecoder, EventsBySource, Keyframe, unpacked
+from minerva_bus.log.entries import EntryDecoder, EventsBySource, Keyframe, entry_number, unpacked
 from minerva_bus.log.errors import RecordError
 from minerva_bus.log.journal import FORMATS, HEAD, key_of
-from minerva_bus.wire.plain import as_int, as_number, as_text, as_texts
+from minerva_bus.wire.plain import as_int, as_number, as_text, as_texts, pack
 
 DESCRIPTION_AT: Final = 2
 """Index of the description among the entries: after the beginning and the keyframe."""
 
+_KEYFRAME: Final = pack(["keyframe"])[1:]
+"""The name of a keyframe's entry, which follows the byte with the number of its items."""
+
 
 @dataclass(slots=True)
 class Journaled:
-    """Contents of a journal: a keyframe, and the inputs and changes since.
+    """Contents of a journal: a keyframe, by default the first, and the inputs and changes since.
 
     `world`: the world in the state of the keyframe. `inputs`: of each frame since.
     `members`: members that took part, beside those of the world file.
@@ -67,8 +70,19 @@ def read_journal(path: Path, world: World) -> Journaled | None:
     return journaled
 
 
-def read_described(path: Path) -> tuple[Description, Journaled]:
+def keyframes_in(path: Path) -> list[int]:
+    """The frames of a journal's keyframes, in order; none if it has no beginning.
+
+    Raises RecordError.
+    """
+    with _explained(path):
+        return [entry_number(entry) for entry in _entries(_bytes(path)) if _is_keyframe(entry)]
+
+
+def read_described(path: Path, begin: int = 0) -> tuple[Description, Journaled]:
     """Description and contents of the journal of a world that may be running.
+
+    The contents start at the last keyframe that is not after frame `begin`, or at the first.
 
     Raises RecordError if there is none, or if it is damaged or has no description.
     """
@@ -77,7 +91,10 @@ def read_described(path: Path) -> tuple[Description, Journaled]:
         raise RecordError(f"{path}: there is no journal, or none that can be read")
     with _explained(path):
         description, _ = decode_description(entries[DESCRIPTION_AT])
-        journaled = _journaled(iter(entries), description.world, path)
+        later = [n for n in range(DESCRIPTION_AT, len(entries)) if _is_keyframe(entries[n])]
+        early = [n for n in later if entry_number(entries[n]) <= begin]
+        rest = entries[1:] if not early else entries[early[-1] :]
+        journaled = _journaled(iter([entries[0], *rest]), description.world, path)
     assert journaled is not None  # Both entries before the description exist.
     return description, journaled
 
@@ -113,6 +130,11 @@ def _entries(data: bytes) -> Iterator[bytes]:
             return
         yield entry
         begin += length
+
+
+def _is_keyframe(entry: bytes) -> bool:
+    # Without unpacking it: a journal has thousands of entries.
+    return entry.startswith(_KEYFRAME, 1)
 
 
 def _journaled(entries: Iterator[bytes], world: World, path: Path) -> Journaled | None:

@@ -33,10 +33,11 @@ def _source_of(world: World) -> Callable[[FrameAlgorithm], FrameSource] | None:
 
 
 @contextmanager
-def recent_record(journal: Path, folder: Path) -> Generator[Record]:
+def recent_record(journal: Path, folder: Path, begin: int = 0) -> Generator[Record]:
     """A record of the frames in a journal, made in a folder: the frame algorithm repeats them.
 
-    The journal may be that of a running world; it is only read.
+    It starts at the last keyframe that is not after frame `begin`, or at the first. The journal may
+    be that of a running world; it is only read.
 
     Raises:
         RecordError: there is no such journal, it is damaged, or no frame is in it.
@@ -45,7 +46,7 @@ def recent_record(journal: Path, folder: Path) -> Generator[Record]:
     # A device would be read for ever; the name may be from another machine.
     if not journal.is_file():
         raise RecordError(f"{journal}: there is no journal on this machine")
-    described, journaled = read_described(journal)
+    described, journaled = read_described(journal, begin)
     if not journaled.inputs:
         raise RecordError(f"{journal}: no frame has ended since it was begun; try again")
     description = replace(described, world=journaled.world, frame=journaled.keyframe.number)

@@ -1,4 +1,4 @@
-"""The length of a journal."""
+"""The length of a journal, and its keyframes."""
 
 import pytest
 from harbour import harbour
@@ -29,3 +29,14 @@ def test_a_journal_does_not_grow_with_each_rewriting(written, monkeypatch):
         counts.append(frames_until(written, lambda: written.is_long))
         written.rewrite()
     assert len(set(counts)) == 1
+
+
+def test_keyframes_have_many_frames_between_them_that_are_longer(written, monkeypatch):
+    frames = frames_until(written, lambda: written.is_keyframe_due)
+    assert frames == journal.KEY_FRAMES
+    written.add_keyframe()
+    assert frames_until(written, lambda: written.is_keyframe_due) == frames
+    monkeypatch.setattr(journal, "KEY_RATIO", 100)
+    written.rewrite()
+    assert not written.is_keyframe_due
+    assert frames_until(written, lambda: written.is_keyframe_due) > frames
