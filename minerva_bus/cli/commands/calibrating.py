@@ -78,9 +78,10 @@ def calibrate(
     quiet: QuietStudy = False,
     force: Force = False,
 ) -> None:
-    """Search for the best options of a world, or parameters of its string, by trials.
+    """Search for the best values of options and parameters.
 
-    A sampler of Optuna chooses the values of each trial. The world's own options apply to all
+    A sampler of Optuna chooses the values of each trial: of options of the world, of its processes,
+    or of parameters of its string. The world's own options apply to all
     runs. Finished runs are in the folder TABLE.runs: the same command continues with them.
     """
     from minerva_bus.cli.calibrating import Search, calibrate_world, read_ranges
