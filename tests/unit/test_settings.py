@@ -5,6 +5,7 @@ from dataclasses import fields
 
 import pytest
 
+from minerva_bus import Policy
 from minerva_bus.cli.commands import worlds
 from minerva_bus.cli.options import Settings, Takes, Views, grouped
 from minerva_bus.errors import MisuseError, WorldFileError
@@ -216,3 +217,8 @@ def test_an_empty_block_gets_its_table_and_no_other_text_is_lost(lines):
 def test_a_row_has_key_type_default_option_and_meaning():
     rows = table_of((RecordSettings,))
     assert "| `flush` | seconds from 0 | 2 | `--flush` | Flush the record to disk at" in rows
+
+
+def test_a_world_may_have_each_policy():
+    policy = settings_of(WorldSettings)["policy"]
+    assert policy.kind.schema["enum"] == [each.value for each in Policy]
