@@ -59,14 +59,14 @@ def test_a_cut_link_delays_regions_and_nothing_else(file, seconds):
         if cluster.seconds == seconds:
             cluster.restore()
         elif not cluster.seconds and cluster.algorithm.frame == 5:
-            cluster.cuts = {frozenset((0, 1)), frozenset((1, 2))}
+            cluster.links.cuts = {frozenset((0, 1)), frozenset((1, 2))}
 
     with in_regions(file) as regions:
         cluster = Cluster(regions, Random(1), disturb)
         cluster.run()
     assert digests(cluster) == digests_of_one(file, {})
     # In each direction two parcels at most are kept, which are repeated once a second.
-    assert 4 <= cluster.lost <= 4 * 2 * (seconds + 1)
+    assert 4 <= cluster.links.lost <= 4 * 2 * (seconds + 1)
 
 
 @pytest.mark.parametrize(("seed", "frames"), [(1, 200), (2, 3)])
@@ -77,8 +77,8 @@ def test_orders_count_once_whatever_dies_or_is_cut(file, seed, frames, monkeypat
 
     def disturb(cluster):
         if cluster.algorithm.in_frame and chance.random() < 0.02:
-            cluster.cuts.add(frozenset(chance.sample(range(3), 2)))
-        elif cluster.cuts and chance.random() < 0.05:
+            cluster.links.cuts.add(frozenset(chance.sample(range(3), 2)))
+        elif cluster.links.cuts and chance.random() < 0.05:
             cluster.restore()
         elif chance.random() < 0.02:
             cluster.start(f"region-{chance.randrange(3)}")

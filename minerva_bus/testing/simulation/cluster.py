@@ -44,20 +44,34 @@ class Hangs(Exception):
     """The world does not end."""
 
 
+class SimulatedLinks:
+    """Messages under way: `down` to regions, `up` from them, and `parcels` between them.
+
+    A parcel has its source and target. `cuts` are the pairs of regions without a link, `lost`
+    counts the parcels lost there.
+    """
+
+    def __init__(self) -> None:
+        self.down: dict[str, deque[m.ToMember]] = defaultdict(deque)
+        self.up: dict[str, deque[Outgoing]] = defaultdict(deque)
+        self.parcels: list[tuple[int, int, bytes]] = []
+        self.cuts: set[frozenset[int]] = set()
+        self.lost: int = 0
+
+
 class Cluster(Sink):
     """Runs the world of a file of `in_regions`; messages of different links arrive in any order.
 
-    `disturb` is called before each delivery. `cuts` are the pairs of regions without a link, `lost`
-    counts the parcels lost there, `seconds` the simulated ones. `done` has the finished frames,
-    `deaths` and `successions` the frames in which a region's process, or the coordinator's, died.
+    `disturb` is called before each delivery. `seconds` counts the simulated ones. `done` has the
+    finished frames, `deaths` and `successions` the frames in which a region's process, or the
+    coordinator's, died.
     """
 
     def __init__(
         self, file: WorldFile, chance: Random, disturb: Callable[[Cluster], None] | None = None
     ) -> None:
         self.chance = chance
-        self.cuts: set[frozenset[int]] = set()
-        self.lost: int = 0
+        self.links = SimulatedLinks()
         self.seconds: int = 0
         self.done: list[DoneFrame] = []
         self.deaths: list[int] = []
@@ -68,9 +82,6 @@ class Cluster(Sink):
         self._path = next(iter(self.specs.values())).journal.with_name("coordinator")
         self._is_ready = False
         self._members: dict[str, RegionMember] = {}
-        self._parcels: list[tuple[int, int, bytes]] = []
-        self._down: dict[str, deque[m.ToMember]] = defaultdict(deque)
-        self._up: dict[str, deque[Outgoing]] = defaultdict(deque)
         self._coordinate(FrameAlgorithm(file.world, source_of(file)))
         for name in self.specs:
             self.start(name)
@@ -82,12 +93,14 @@ class Cluster(Sink):
                 self._journal.rewrite()
             if self._disturb is not None:
                 self._disturb(self)
-            busy = [name for name in self.specs if self._down[name] or self._up[name]]
+            busy = [name for name in self.specs if self.links.down[name] or self.links.up[name]]
             if self._is_ready and self.chance.random() < 0.5:
                 self._is_ready = False
                 self.runner.handle(s.Begin())
-            elif self._parcels and (not busy or self.chance.random() < 0.5):
-                self._deliver(*self._parcels.pop(self.chance.randrange(len(self._parcels))))
+            elif self.links.parcels and (not busy or self.chance.random() < 0.5):
+                self._deliver(
+                    *self.links.parcels.pop(self.chance.randrange(len(self.links.parcels)))
+                )
             elif busy:
                 self._pass_on(self.chance.choice(busy))
             elif not self._is_ready:
@@ -101,9 +114,9 @@ class Cluster(Sink):
         if name in self._members:
             self.deaths.append(self.algorithm.frame)
             self.runner.handle(s.Vanished(name))
-        self._down[name].clear()
-        self._up[name].clear()
-        self._parcels = [parcel for parcel in self._parcels if parcel[1] != spec.number]
+        self.links.down[name].clear()
+        self.links.up[name].clear()
+        self.links.parcels = [parcel for parcel in self.links.parcels if parcel[1] != spec.number]
         send, journal = partial(self._send_parcel, spec.number), RegionJournal(spec.journal)
         self._members[name] = RegionMember(
             name, spec.world_file, spec.number, journal, send, lambda line: None
@@ -122,10 +135,10 @@ class Cluster(Sink):
         resume_from(past, algorithm, lambda done: None)
         self._coordinate(algorithm)
         for name in self.specs:
-            self._up[name].clear()
-            for _ in range(self.chance.randint(0, len(self._down[name]))):
-                self._members[name].receive(self._down[name].popleft())
-            self._down[name].clear()
+            self.links.up[name].clear()
+            for _ in range(self.chance.randint(0, len(self.links.down[name]))):
+                self._members[name].receive(self.links.down[name].popleft())
+            self.links.down[name].clear()
             self.runner.handle(s.Appeared(name))
 
     def _coordinate(self, algorithm: FrameAlgorithm) -> None:
@@ -144,11 +157,11 @@ class Cluster(Sink):
         It sends its report again, which may arrive when the frame is over.
         """
         if self.algorithm.in_frame:
-            self._down[name].append(m.TickRequest(self.algorithm.frame))
+            self.links.down[name].append(m.TickRequest(self.algorithm.frame))
 
     def restore(self) -> None:
         """Restore all links, which both sides notice."""
-        restored, self.cuts = self.cuts, set()
+        restored, self.links.cuts = self.links.cuts, set()
         for a, b in map(sorted, restored):
             self._members[name_of_region(a)].send_again([b])
             self._members[name_of_region(b)].send_again([a])
@@ -158,7 +171,7 @@ class Cluster(Sink):
     def send(self, to: str, message: m.ToMember) -> tuple[()]:
         """Send a message of the coordinator."""
         for name in self.specs if to in (s.EVERYONE, s.TICKED) else (to,):
-            self._down[name].append(message)
+            self.links.down[name].append(message)
         return ()
 
     def show(self, event_type: str, message: m.ToMember, to: str) -> tuple[()]:
@@ -166,22 +179,22 @@ class Cluster(Sink):
         return ()
 
     def _pass_on(self, name: str) -> None:
-        if self._down[name]:
-            self._up[name] += self._members[name].receive(self._down[name].popleft())
+        if self.links.down[name]:
+            self.links.up[name] += self._members[name].receive(self.links.down[name].popleft())
             return
-        message = self._up[name].popleft()
+        message = self.links.up[name].popleft()
         assert not isinstance(message, m.Readings)
         self.runner.handle(message)
 
     def _send_parcel(self, source: int, target: int, data: bytes) -> None:
-        if frozenset((source, target)) in self.cuts:
-            self.lost += 1
+        if frozenset((source, target)) in self.links.cuts:
+            self.links.lost += 1
         else:
-            self._parcels.append((source, target, data))
+            self.links.parcels.append((source, target, data))
 
     def _deliver(self, source: int, target: int, data: bytes) -> None:
         name = name_of_region(target)
-        self._up[name] += self._members[name].parcel(ParcelArrived(source, data))
+        self.links.up[name] += self._members[name].parcel(ParcelArrived(source, data))
 
     def _wait(self) -> None:
         """A second passes in which nothing arrives."""

@@ -102,7 +102,7 @@ class RegionScript:
             if number not in self._happened and self._delivered >= began + fault.count:
                 self._happened.add(number)
                 self._do(cluster, fault)
-        if cluster.cuts and self._delivered >= self._restore_at:
+        if cluster.links.cuts and self._delivered >= self._restore_at:
             cluster.restore()
             self._note(cluster, "links are restored")
         self._act(cluster)
@@ -116,7 +116,7 @@ class RegionScript:
         elif fault.kind == "repeat":
             cluster.repeat(fault.target)
         else:
-            cluster.cuts.add(frozenset(map(int, fault.target.split("-"))))
+            cluster.links.cuts.add(frozenset(map(int, fault.target.split("-"))))
             self._restore_at = self._delivered + round(fault.seconds)
 
     def _act(self, cluster: Cluster) -> None:
