@@ -26,7 +26,8 @@
     ├── KeysError                a key or a certificate is missing or does not fit
     ├── WorldStopped             a running world ended prematurely
     ├── CaseFailure              a member violates a requirement          testing.conformance.link
-    └── NotJoined                a member has not joined for a case       testing.conformance.link
+    ├── NotJoined                a member has not joined for a case       testing.conformance.link
+    └── Hangs                    a simulated world does not end         testing.simulation.cluster
 
 A module name at the end of a line says where a class is defined; the others are defined here.
 tests/unit/test_errors.py compares the tree with the classes. An error message says who failed,

@@ -9,6 +9,7 @@ from functools import partial
 from random import Random
 from typing import Final
 
+from minerva_bus.errors import MinervaError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
@@ -40,7 +41,7 @@ class DoneFrame:
     digest: str
 
 
-class Hangs(Exception):
+class Hangs(MinervaError):
     """The world does not end."""
 
 

@@ -17,7 +17,7 @@ from minerva_bus.errors import MinervaError
 from minerva_bus.grammar.batch import single
 from minerva_bus.launch.region_process import in_regions, name_of_region
 from minerva_bus.regions.partition import ByPosition
-from minerva_bus.testing.simulation.cluster import Cluster, DoneFrame, Hangs
+from minerva_bus.testing.simulation.cluster import Cluster, DoneFrame
 from minerva_bus.testing.simulation.history import Fault, History, Operation
 from minerva_bus.testing.simulation.reference import orders_in, undisturbed
 from minerva_bus.testing.simulation.worlds import ORDERS, world_file
@@ -158,7 +158,7 @@ def play_regions(history: RegionHistory, folder: Path) -> PlayedRegions:
         cluster = Cluster(regions, Random(f"deliveries {history.seed}"), script)  # noqa: S311
         try:
             cluster.run()
-        except (Hangs, MinervaError) as error:
+        except MinervaError as error:
             failure = f"{type(error).__name__}: {error}"
     done = tuple(cluster.done)
     return PlayedRegions(history, done, tuple(script.confirmed), failure, script.trace)
