@@ -43,6 +43,11 @@ def forked(request, monkeypatch, tmp_path):
     plugin = request.config.pluginmanager.getplugin("starts")
     if plugin is None:
         pytest.skip("this run starts new interpreters only")
+    # Libraries that earlier tests have imported set such variables: OpenCV sets LD_LIBRARY_PATH.
+    for key in starts.interpreter_settings(os.environ):
+        monkeypatch.delenv(key)
+    for key, value in starts.interpreter_settings(starts.INITIAL).items():
+        monkeypatch.setenv(key, value)
     monkeypatch.setattr(starts, "PROGRAMS", (["-m", "probe"],))
     (tmp_path / "probe.py").write_text(PROBE)
     original, forks = plugin.fork, []
