@@ -35,7 +35,7 @@ def check_place(path: Path) -> None:
         raise MisuseError(f"{path}: a string is saved in .mnv or .toml, all in .csv or .parquet")
     if path.suffix in TABLES:
         check_table(path)
-        # A table carries no mark by which it could be told from a user's file.
+        # A table has no mark that distinguishes it from a user's file.
         check_new(path, "table")
         return
     check_output(path, "string")

@@ -62,7 +62,7 @@ def test_permitted_actions_log_nothing(allowed, tmp_path, minerva):
 
 
 def test_all_frames_are_shown_to_devices_that_want_them(tmp_path, minerva):
-    mistake = next(one for one in MISTAKES if one.name == "exception in an activity")
+    mistake = next(case for case in MISTAKES if case.name == "exception in an activity")
     code, text = minerva(tmp_path, "run", mistake.write(tmp_path), "--in-process", "--traceback")
     assert code == 1
     assert "Traceback (most recent call last)" in text
@@ -84,7 +84,7 @@ ON_THE_BUS = [
 
 @pytest.mark.parametrize("name", ON_THE_BUS)
 def test_on_the_bus_it_is_reported_once_and_the_world_stops(name, tmp_path, minerva):
-    mistake = next(one for one in MISTAKES if one.name == name)
+    mistake = next(case for case in MISTAKES if case.name == name)
     code, text = minerva(tmp_path, "run", mistake.write(tmp_path))
     explained(mistake, text)
     assert code == 1
@@ -96,14 +96,14 @@ def test_on_the_bus_it_is_reported_once_and_the_world_stops(name, tmp_path, mine
 
 
 def test_on_the_bus_an_error_in_close_is_reported_as_well(tmp_path, minerva):
-    mistake = next(one for one in MISTAKES if one.name == "exception in close")
+    mistake = next(case for case in MISTAKES if case.name == "exception in close")
     code, text = minerva(tmp_path, "run", mistake.write(tmp_path))
     explained(mistake, text)
     assert code == 0
 
 
 def test_the_same_failure_of_several_processes_is_reported_once(tmp_path, minerva):
-    mistake = next(one for one in MISTAKES if one.name == "exception in an activity")
+    mistake = next(case for case in MISTAKES if case.name == "exception in an activity")
     path = mistake.write(tmp_path)
     agents = " · ".join(f"APlant#p{n}" for n in range(8))
     text = path.read_text().replace("APlant#a · APlant#b", agents)

@@ -73,13 +73,13 @@ def test_failures_are_named_and_counted_and_plots_are_drawn(tmp_path):
     ]
     words += ["--limit", "3", "--in-process", "--compare-random", "--vigour", "0.25"]
     words += ["--plot", "p.png", "--tree", "t.svg", "-o", "best.mnv", "-o", "all.csv"]
-    done, told = evolve(world, *words)
+    done, answer = evolve(world, *words)
     assert done.returncode == 0, done.stderr
-    errors = {one["error"] for one in told["failed"]}
+    errors = {failure["error"] for failure in answer["failed"]}
     assert any("burst" in error for error in errors)
     assert any("took more than 3 s" in error for error in errors)
-    assert told["best"]["fitness"] >= told["first"] > 2.0
-    assert told["random"] is not None
+    assert answer["best"]["fitness"] >= answer["first"] > 2.0
+    assert answer["random"] is not None
     assert (tmp_path / "p.png").read_bytes().startswith(b"\x89PNG")
     assert "<svg" in (tmp_path / "t.svg").read_text()
     assert "ABud#b<vigour=" in (tmp_path / "best.mnv").read_text()
@@ -90,7 +90,7 @@ def test_failures_are_named_and_counted_and_plots_are_drawn(tmp_path):
     # Strings of the random search fail, too, and have no row.
     assert {row["error"] for row in rows} - {""} <= errors
     best = max((row for row in rows if row["fitness"]), key=lambda row: float(row["fitness"]))
-    assert best["digest"] == told["best"]["digest"]
+    assert best["digest"] == answer["best"]["digest"]
 
 
 def marked(mark):
@@ -119,9 +119,9 @@ def test_an_interrupt_ends_all_and_reports_the_best_so_far(tmp_path):
     running.send_signal(signal.SIGINT)
     out, _ = running.communicate(timeout=30)
     assert running.returncode == 130
-    told = json.loads(out)
-    assert told["interrupted"]
-    assert told["best"]["fitness"] > 1.0
+    answer = json.loads(out)
+    assert answer["interrupted"]
+    assert answer["best"]["fitness"] > 1.0
     assert (tmp_path / "best.mnv").exists()
     while marked(mark):
         time.sleep(0.01)  # Processes whose lifeline is closed are about to exit.

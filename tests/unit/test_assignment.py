@@ -50,8 +50,8 @@ def test_the_named_nodes_get_the_value(texts, expected):
 
 
 def test_a_population_in_columns_stays_in_columns():
-    herd = Fox.many("f", 100, age=np.arange(100))
-    made = assigned(herd, WORDS, ["AFox.speed=2.5", "#f7.age=1000"])
+    foxes = Fox.many("f", 100, age=np.arange(100))
+    made = assigned(foxes, WORDS, ["AFox.speed=2.5", "#f7.age=1000"])
     assert len(made.pieces) == 1
     ages = [agent.state["age"] for agent in made]
     assert ages == [1000 if age == 7 else age for age in range(100)]
