@@ -6,13 +6,20 @@ A test that fails on an example of Hypothesis fails again, because Hypothesis st
 """
 
 import argparse
+import contextlib
+import os
+import signal
 import subprocess
 import sys
+import tempfile
 
 import pytest
 
 MOST = 10
 """Maximum number of retried tests. More failures point to the change, not to single tests."""
+LONGEST = 300
+"""Maximum time of a retried test, seconds. Each test has a limit of its own, which ends no process
+that the test has started."""
 
 
 def pytest_addoption(parser):
@@ -63,8 +70,9 @@ class Retry:
             self.terminal.write_line(f"{len(self.failed)} failed; not run again (at most {MOST})")
             return
         for nodeid, reports in self.failed.items():
+            self.terminal.write(f"alone: {nodeid} ", flush=True)
             passed = self.passes_alone(nodeid)
-            self.terminal.write_line(f"alone: {nodeid} {'passed' if passed else 'failed again'}")
+            self.terminal.write_line("passed" if passed else "failed again")
             if passed:
                 self.flaky.append(nodeid)
                 session.testsfailed -= len(reports)
@@ -80,14 +88,25 @@ class Retry:
         if self.config.pluginmanager.hasplugin("xdist"):
             command.append("-n0")
         command += ["-m", self.config.getoption("markexpr"), nodeid]
-        done = subprocess.run(
-            command,
-            cwd=self.config.rootpath,
-            capture_output=True,
-            text=True,
-            stdin=subprocess.DEVNULL,
-        )
-        return done.returncode == 0 and "\n1 passed" in done.stdout
+        # A file, not a pipe: a process that outlives the test keeps the pipe open, and reading it
+        # would wait for that process.
+        with tempfile.TemporaryFile("w+") as output:
+            process = subprocess.Popen(
+                command,
+                cwd=self.config.rootpath,
+                stdin=subprocess.DEVNULL,
+                stdout=output,
+                stderr=subprocess.STDOUT,
+                start_new_session=True,
+            )
+            try:
+                code = process.wait(LONGEST)
+            except subprocess.TimeoutExpired:
+                code = None
+            finally:
+                end_group(process)
+            output.seek(0)
+            return code == 0 and "\n1 passed" in output.read()
 
     def correct_counts(self):
         """Count flaky tests as flaky in the summary, not as failures or errors."""
@@ -111,3 +130,10 @@ class Retry:
                 for title, text in report.sections:
                     terminalreporter.section(title, "-")
                     terminalreporter.write_line(text)
+
+
+def end_group(process):
+    """Kill what is left of a process and of its group."""
+    with contextlib.suppress(ProcessLookupError):
+        os.killpg(process.pid, signal.SIGKILL)
+    process.wait()

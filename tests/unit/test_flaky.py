@@ -117,6 +117,20 @@ def test_a_test_that_is_skipped_the_second_time_has_not_passed(suite):
     assert suite("--retry", skipping=text).ret == 1
 
 
+def test_a_process_that_outlives_its_test_does_not_hold_up_the_run(suite, pytester):
+    text = FLAKY + (
+        "    else:\n"
+        "        import os, subprocess\n"
+        "        before.write_text(str(subprocess.Popen(['sleep', '600']).pid))\n"
+        "        os._exit(1)\n"
+    )
+    result = suite("--retry", leaving=text)
+    assert result.ret == 1
+    result.stdout.fnmatch_lines(["*alone: test_leaving.py::test_flaky failed again"])
+    status = Path("/proc", (pytester.path / "test_leaving.ran").read_text(), "stat")
+    assert not status.exists() or status.read_text().split()[2] == "Z"
+
+
 def test_files_that_cannot_be_read_are_errors(suite):
     assert suite("--retry", flaky=FLAKY, unreadable="import nothing_of_this_name\n").ret != 0
     result = suite(
