@@ -9,9 +9,10 @@ from __future__ import annotations
 import fcntl
 import json
 import os
+import time
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import IO
+from typing import IO, Final
 
 from minerva_bus.errors import BusError
 from minerva_bus.launch.runtime_folder import (
@@ -20,6 +21,10 @@ from minerva_bus.launch.runtime_folder import (
     runtime_folder,
 )
 from minerva_bus.outputs import open_itself
+
+PROBE_SECONDS: Final = 1.0
+"""Time within which another process has checked a lock, and released its own."""
+POLL_SECONDS: Final = 0.001
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,11 +48,17 @@ class WorldLock:
         self._file = self._lock()
 
     def _lock(self) -> IO[str]:
+        until = time.monotonic() + PROBE_SECONDS
         while True:
             file = self._open()
             try:
                 fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except OSError:
+                # `running` in another process has locked the new file for a moment.
+                if not _is_locked(self._path) and time.monotonic() < until:
+                    file.close()
+                    time.sleep(POLL_SECONDS)
+                    continue
                 other = _read(self._path)
                 file.close()
                 where = f" (process {other.pid}, {other.endpoint})" if other is not None else ""

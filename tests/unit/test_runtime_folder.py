@@ -1,5 +1,6 @@
 """The folder of running worlds is used only if no other user owns or can write to it."""
 
+import fcntl
 import json
 import os
 import threading
@@ -99,3 +100,26 @@ def test_a_reader_finds_a_world_while_its_endpoint_changes(tmp_path, monkeypatch
     lock.release()
     assert {world.endpoint for world in worlds} <= set(endpoints)
     assert running() == []
+
+
+def test_a_world_starts_while_another_process_lists_the_worlds(tmp_path, monkeypatch):
+    monkeypatch.setenv("MINERVA_RUNTIME_DIR", str(tmp_path))
+    lock_file, refusals = fcntl.flock, []
+    with (tmp_path / "w.json").open("w") as probed:
+        fcntl.flock(probed, fcntl.LOCK_SH)
+
+        def flock(file, operation):
+            try:
+                lock_file(file, operation)
+            except OSError:
+                lock_file(probed, fcntl.LOCK_UN)
+                refusals.append(operation)
+                raise
+
+        with monkeypatch.context() as patched:
+            patched.setattr(fcntl, "flock", flock)
+            lock = WorldLock("w")
+    assert refusals == [fcntl.LOCK_EX | fcntl.LOCK_NB]
+    with pytest.raises(BusError, match="a world 'w' runs here already"):
+        WorldLock("w")
+    lock.release()
