@@ -1,6 +1,8 @@
 """Settings that apply to all tests."""
 
+import os
 import signal
+import tempfile
 
 import pytest
 from hypothesis import Phase, settings
@@ -17,6 +19,9 @@ settings.register_profile(
 )
 settings.load_profile("minerva")
 
+WORLDS = pytest.StashKey[tempfile.TemporaryDirectory[str]]()
+"""Folder of the worlds that run in one test process."""
+
 pytest_plugins = ["tests.flaky", "tests.quick", "tests.starts"]
 
 
@@ -31,6 +36,16 @@ def pytest_configure(config):
     config.option.loadscopereorder = False
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
+    # A world excludes others of its name for this user: those of other test processes, too.
+    config.stash[WORLDS] = tempfile.TemporaryDirectory(
+        prefix="minerva-tests-", ignore_cleanup_errors=True
+    )
+    os.environ["MINERVA_RUNTIME_DIR"] = config.stash[WORLDS].name
+
+
+def pytest_unconfigure(config):
+    """Remove the folder of the worlds of this test process."""
+    config.stash[WORLDS].cleanup()
 
 
 ON_DEMAND = {
