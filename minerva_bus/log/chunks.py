@@ -6,6 +6,7 @@ declared size, or beyond the limits of a record.
 
 from __future__ import annotations
 
+import stat
 import struct
 import zlib
 from bisect import bisect
@@ -58,9 +59,15 @@ class Chunks:
         check_installed()
         self.path = path
         try:
+            status = path.stat()
+            # A pipe would be opened when something writes to it, and a device may have no end.
+            if not (stat.S_ISREG(status.st_mode) or stat.S_ISDIR(status.st_mode)):
+                raise RecordError(
+                    f"{path}: a pipe or device; expected a regular file, which can be read at any place"
+                )
             self._file = path.open("rb")
             note_read(path)
-            self.size = path.stat().st_size
+            self.size = status.st_size
         except OSError as error:
             raise RecordError(f"{path}: {error.strerror}") from None
         except ValueError as error:  # The name contains a null character.

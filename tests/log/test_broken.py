@@ -1,5 +1,6 @@
 """Records that are truncated, damaged, or no records at all."""
 
+import os
 import struct
 from itertools import pairwise
 from pathlib import Path
@@ -148,3 +149,11 @@ def test_any_bytes_behind_a_good_header(tmp_path_factory, tail):
             list(record.frames())
     except RecordError:
         return
+
+
+def test_a_pipe_or_device_is_no_record(tmp_path):
+    """Opening a pipe would wait for a writer."""
+    os.mkfifo(tmp_path / "pipe.mcap")
+    for path in (tmp_path / "pipe.mcap", Path("/dev/zero")):
+        with pytest.raises(RecordError, match="a pipe or device; expected a regular file"):
+            Record(path)
