@@ -17,6 +17,7 @@ from minerva_bus.launch.free_running import close_services
 from minerva_bus.launch.in_process import members_of
 from minerva_bus.launch.region_checkpoint import RegionCheckpoint
 from minerva_bus.launch.region_journal import CHECKPOINT, COORDINATOR, MAX_BYTES, RegionJournal
+from minerva_bus.launch.region_repeats import RegionRepeats
 from minerva_bus.launch.region_requests import RegionRequests
 from minerva_bus.launch.region_sending import ParcelSender
 from minerva_bus.launch.worldfile import WorldFile
@@ -61,6 +62,7 @@ class RegionMember(Member):
         self._sender = PartSender()
         self._done: s.FrameDone | None = None
         self._requests = RegionRequests()
+        self._repeats = RegionRepeats()
         self._early: list[ParcelArrived] = []
         self._handlers[m.Orders] = self._on_orders
 
@@ -171,6 +173,13 @@ class RegionMember(Member):
         """Send what these regions may not have."""
         self._parcels.again(regions)
 
+    def a_second_later(self) -> None:
+        """Send again what may have been lost. Raises WorldStopped if a region sends nothing valid.
+
+        Called once a second.
+        """
+        self.send_again(self._repeats.a_second_later(self.awaited, self.region.frame))
+
     @property
     def awaited(self) -> list[int]:
         """The regions whose messages a requested frame needs."""
@@ -186,6 +195,8 @@ class RegionMember(Member):
             raise WorldStopped(text) from None
         if isinstance(received, Parcel):
             self._parcels.outbox.acknowledge(received)
+        if not is_new:
+            self._repeats.note(received, self.region.frame - 1)
         return is_new
 
     def _on_orders(self, orders: m.Orders) -> None:
@@ -232,17 +243,23 @@ class RegionMember(Member):
     def _advance(self) -> Iterator[m.TickReply]:
         """Run the requested frames for which everything has arrived."""
         region = self.region
-        while region.frame <= self._requests.last and not (region.missing or region.over):
+        while region.frame <= self._requests.last and not region.missing:
             region.enter()
-            # The coordinator ends the world, for the same reason. Otherwise services in another
-            # region may still have to answer for this frame.
-            if not (region.over or region.missing):
+            if region.over:
+                # For the same reason the coordinator would have ended the world before this frame.
+                raise WorldStopped(
+                    f"the parcels of frame {region.frame - 1} end the world ({region.over}), but"
+                    f" the coordinator has requested frame {region.frame}: one of them is wrong"
+                )
+            # Services in another region may still have to answer for this frame.
+            if not region.missing:
                 if self._journal.is_due():
                     self._save()
                 yield self._run_frame()
 
     def _run_frame(self) -> m.TickReply:
         region, self.frame = self.region, self.region.frame
+        self._repeats.clear()
         for event in self._requests.take_orders(self.frame):
             region.algorithm.inbox.add_order(event)
         self._runner.handle(s.Begin())

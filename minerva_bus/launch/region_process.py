@@ -71,7 +71,7 @@ class RegionProcess(MemberProcess):
         self._handlers |= {
             ParcelArrived: self._on_parcel,
             RegionAppeared: lambda appeared: self._region.send_again([appeared.region]),
-            _SendAgain: lambda _: self._region.send_again(self._region.awaited),
+            _SendAgain: lambda _: self._region.a_second_later(),
         }
 
     def _declare(self, session: Any) -> list[Any]:

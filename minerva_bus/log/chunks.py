@@ -62,9 +62,7 @@ class Chunks:
             status = path.stat()
             # A pipe would be opened when something writes to it, and a device may have no end.
             if not (stat.S_ISREG(status.st_mode) or stat.S_ISDIR(status.st_mode)):
-                raise RecordError(
-                    f"{path}: a pipe or device; expected a regular file, which can be read at any place"
-                )
+                raise RecordError(f"{path}: a pipe or device; expected a regular file")
             self._file = path.open("rb")
             note_read(path)
             self.size = status.st_size

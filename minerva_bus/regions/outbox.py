@@ -14,21 +14,30 @@ class Outbox:
     They are of at most two frames, because no region is further ahead.
 
     A parcel of frame t from a region shows that it has everything that it needed in frame t. No
-    other acknowledgement is needed.
+    other acknowledgement is needed. The latest parcel is kept: repeated, it shows that this region
+    waits.
     """
 
     def __init__(self) -> None:
         self._kept: dict[int, list[Parcel | Replies]] = {}
+        self._acknowledged: dict[int, int] = {}
 
     def keep(self, messages: Iterable[Parcel | Replies]) -> None:
         """Keep the parcels of a frame, or the replies of services."""
         for message in messages:
-            self._kept.setdefault(message.target, []).append(message)
+            self._kept[message.target] = [*self._needed(message.target), message]
 
     def acknowledge(self, received: Parcel) -> None:
-        """Drop what the sender of a received parcel has."""
-        kept = self._kept.get(received.source, ())
-        self._kept[received.source] = [each for each in kept if each.needed_in > received.frame]
+        """Drop what the sender of a received parcel has, except the latest parcel."""
+        region = received.source
+        self._acknowledged[region] = max(received.frame, self._acknowledged.get(region, -1))
+        kept = self._kept.get(region, ())
+        latest = next((each for each in reversed(kept) if isinstance(each, Parcel)), None)
+        self._kept[region] = self._needed(region) or [each for each in kept if each is latest]
+
+    def _needed(self, region: int) -> list[Parcel | Replies]:
+        acknowledged = self._acknowledged.get(region, -1)
+        return [each for each in self._kept.get(region, ()) if each.needed_in > acknowledged]
 
     def kept_for(self, region: int) -> tuple[Parcel | Replies, ...]:
         """The messages that a region may not have, in the order of their frames."""

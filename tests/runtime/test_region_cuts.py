@@ -2,10 +2,12 @@
 
 from random import Random
 
+import msgpack
 import pytest
-from running import write_world
+from running import MEMBERS, write_world
 
 from minerva_bus import EventType, Metres
+from minerva_bus.errors import WorldStopped
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.launch import region_journal
@@ -100,6 +102,52 @@ def test_orders_count_once_whatever_dies_or_is_cut(file, seed, frames, monkeypat
     assert counted == orders[: len(counted)]
     assert len(counted) > 1
     assert digests(cluster) == digests_of_one(file, orders_of(cluster))
+
+
+@pytest.mark.parametrize("name", ["parcel", "replies"])
+@pytest.mark.parametrize("always", [False, True])
+def test_nobody_waits_forever_for_what_came_with_an_earlier_frame(tmp_path, name, always):
+    """It is ignored as a repetition; its sender then does not know that it is still needed."""
+    members = MEMBERS + '[process.water]\nservice = "yard:Water"\n'
+    file = read_world_file(write_world(tmp_path, members, frames=12), Overrides(regions=3))
+    wrong = []
+
+    def forge(sender, target, data):
+        message = msgpack.unpackb(data, ext_hook=msgpack.ExtType)
+        if message[:2] == [name, 7] and (sender, target) == (0, 1) and (always or not wrong):
+            message[1] = 5
+            wrong.append(data)
+        return msgpack.packb(message)
+
+    with in_regions(file) as regions:
+        cluster = Cluster(regions, Random(1))
+        cluster.links.forge = forge
+        if always:
+            frame = 8 if name == "parcel" else 7
+            with pytest.raises(WorldStopped, match=f"region 0 has sent no valid .* frame {frame}"):
+                cluster.run()
+            assert len(wrong) > 30
+            return
+        cluster.run()
+    assert digests(cluster) == digests_of_one(file, {})
+    assert len(wrong) == 1
+
+
+def test_parcels_that_end_the_world_for_one_region_only_stop_it(tmp_path):
+    """The coordinator would wait for ever for a region whose world is over."""
+
+    def forge(sender, target, data):
+        message = msgpack.unpackb(data, ext_hook=msgpack.ExtType)
+        if message[0] == "parcel" and target == 1:
+            message[8], message[10], message[11] = [*"abcd"], ["AWalker"], {}
+        return msgpack.packb(message)
+
+    file = read_world_file(write_world(tmp_path, until="eCall"), Overrides(regions=3))
+    with in_regions(file) as regions:
+        cluster = Cluster(regions, Random(1))
+        cluster.links.forge = forge
+        with pytest.raises(WorldStopped, match=r"every agent has sent eCall.*one of them is wrong"):
+            cluster.run()
 
 
 def wish(number, receiver):

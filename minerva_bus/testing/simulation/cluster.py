@@ -49,7 +49,7 @@ class SimulatedLinks:
     """Messages under way: `down` to regions, `up` from them, and `parcels` between them.
 
     A parcel has its source and target. `cuts` are the pairs of regions without a link, `lost`
-    counts the parcels lost there.
+    counts the parcels lost there. `forge` changes a parcel that a region sends to another one.
     """
 
     def __init__(self) -> None:
@@ -57,6 +57,7 @@ class SimulatedLinks:
         self.up: dict[str, deque[Outgoing]] = defaultdict(deque)
         self.parcels: list[tuple[int, int, bytes]] = []
         self.cuts: set[frozenset[int]] = set()
+        self.forge: Callable[[int, int, bytes], bytes] = lambda source, target, data: data
         self.lost: int = 0
 
 
@@ -191,7 +192,7 @@ class Cluster(Sink):
         if frozenset((source, target)) in self.links.cuts:
             self.links.lost += 1
         else:
-            self.links.parcels.append((source, target, data))
+            self.links.parcels.append((source, target, self.links.forge(source, target, data)))
 
     def _deliver(self, source: int, target: int, data: bytes) -> None:
         name = name_of_region(target)
@@ -204,7 +205,7 @@ class Cluster(Sink):
             waits = {name: each.awaited for name, each in sorted(self._members.items())}
             raise Hangs(f"it hangs in frame {self.algorithm.frame}; awaited regions: {waits}")
         for member in self._members.values():
-            member.send_again(member.awaited)
+            member.a_second_later()
 
     # --- notices ---
 
