@@ -69,8 +69,11 @@ def test_steps_add_up(operator):
 
 
 def test_the_rate_changes(world, operator):
+    told(world, "rate", "5")
+    eventually(lambda: operator.status().hz < 6, "slower")
     told(world, "rate", "200")
-    eventually(lambda: operator.status().hz > 100, "faster")
+    # Far below 200: a busy machine is slower.
+    eventually(lambda: operator.status().hz > 15, "faster")
     assert operator.status().rate == 200.0
 
 
