@@ -23,6 +23,10 @@ from minerva_bus.wire.keys import COORDINATOR, Keys
 from minerva_bus.wire.vocabulary import read_vocabulary
 
 ANSWER_WITHIN = 5.0
+QUIET_SECONDS = 0.5
+"""A watcher of records asks for the state of a world that has sent none for this time."""
+LOST_SECONDS = 5.0
+"""It gives up a world that has not answered for this time."""
 
 
 class Client:
@@ -65,7 +69,10 @@ class Client:
         return read_vocabulary(self.ask("vocabulary").get("vocabulary"))
 
     def records(self) -> Iterator[m.FrameRecord]:
-        """The record of each frame from now on, until the world ends."""
+        """The record of each frame from now on, until the world ends.
+
+        Raises BusError if the world has not answered for `LOST_SECONDS`.
+        """
         keys, inbox = Keys(self.world), Watch()
         decoder = Decoder(self.vocabulary())
         coordinator = keys.alive(COORDINATOR)
@@ -76,16 +83,30 @@ class Client:
             session.liveliness().declare_subscriber(coordinator, inbox.handler()),
             session.declare_subscriber(keys.record, inbox.handler()),
         ):
+            heard = time.monotonic()
             while True:
-                item: Any = inbox.get(time.monotonic() + 0.5)
+                item: Any = inbox.get(time.monotonic() + QUIET_SECONDS)
                 if not isinstance(item, zenoh.Sample):
+                    # A paused world sends no records, and the token of a killed one may stay.
+                    heard = self._heard(heard)
                     continue
+                heard = time.monotonic()
                 if str(item.key_expr) == coordinator:
                     # No record marks the end of the records; the coordinator's token does.
                     if item.kind == zenoh.SampleKind.DELETE:
                         return
                     continue
                 yield self._record(decoder, item)
+
+    def _heard(self, before: float) -> float:
+        """The time of the last answer, as of now; `before` is that of the one before."""
+        try:
+            self.operator.status()
+        except BusError:
+            if time.monotonic() - before > LOST_SECONDS:
+                raise
+            return before
+        return time.monotonic()
 
     def _record(self, decoder: Decoder, sample: zenoh.Sample) -> m.FrameRecord:
         try:

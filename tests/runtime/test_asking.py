@@ -1,6 +1,7 @@
 """`minerva list`, `echo`, `pub` and `stop` on a running world, for people and as JSON."""
 
 import json
+import os
 import signal
 
 import pytest
@@ -87,6 +88,16 @@ def test_echo_ends_by_a_signal_without_a_traceback(world, number, type_):
         echo.kill(number)
         echo.ends()
         assert "Traceback" not in echo.text
+
+
+def test_echo_ends_with_a_world_that_is_killed(tmp_path):
+    with World(write_world(tmp_path, MEMBERS, frames=0, rate=50)) as world:
+        world.runs("steps", "walkers")
+        with Run(tmp_path, "echo", "--world", world.name) as echo:
+            eventually(lambda: echo.output, "it echoes")
+            os.killpg(world.process.pid, signal.SIGKILL)
+            assert echo.ends() == 2
+            assert echo.lines[-1].startswith(f"minerva: no world '{world.name}' answers at ")
 
 
 def test_echo_into_a_pipe_that_is_closed(world):
