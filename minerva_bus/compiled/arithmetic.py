@@ -20,6 +20,7 @@ from minerva_bus.compiled.names import (
 )
 from minerva_bus.compiled.origin import NotCompilable
 from minerva_bus.compiled.references import INT_BITS, References
+from minerva_bus.compiled.refused import REAL_EVERYWHERE
 
 _EXACT: Final = 2**53
 
@@ -133,7 +134,7 @@ class Arithmetic(References):
         return self.problem(
             node,
             "a number here is an int in one case and a real in another",
-            f"{''.join(known[:1])}make it a real everywhere: write 0.0 for 0, or use float(...)",
+            "".join(known[:1]) + REAL_EVERYWHERE,
         )
 
     def _of_ints(

@@ -136,7 +136,7 @@ def _test(function: str) -> Checked:
     return checked
 
 
-_OF_MATH: Final = (
+OF_MATH: Final = (
     "acos",
     "asin",
     "atan",
@@ -155,7 +155,7 @@ _OF_MATH: Final = (
 )
 """Functions of `math` of one real, with a finite result for a finite argument or an error."""
 
-_OF_PORTABLE: Final = (
+OF_PORTABLE: Final = (
     "acos",
     "asin",
     "atan",
@@ -194,6 +194,6 @@ FUNCTIONS: Final[dict[Any, Checked]] = {
     portable.atan2: _reals(2, "portable_atan2"),
     portable.hypot: _reals(2, "portable_hypot"),
     portable.power: _reals(2, "portable_power"),
-    **{getattr(math, name): _reals(1, f"math_{name}") for name in _OF_MATH},
-    **{getattr(portable, name): _reals(1, f"portable_{name}") for name in _OF_PORTABLE},
+    **{getattr(math, name): _reals(1, f"math_{name}") for name in OF_MATH},
+    **{getattr(portable, name): _reals(1, f"portable_{name}") for name in OF_PORTABLE},
 }

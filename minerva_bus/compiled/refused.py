@@ -9,6 +9,7 @@ import ast
 from collections.abc import Mapping
 from typing import Final
 
+REAL_EVERYWHERE: Final = "make it a real everywhere: write 0.0 for 0, or use float(...)"
 LOOP: Final = "write a for loop that adds up or counts in a variable"
 
 STATEMENTS: Final[Mapping[type[ast.AST], tuple[str, str]]] = {

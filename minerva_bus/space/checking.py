@@ -9,18 +9,24 @@ from dataclasses import dataclass
 from types import FunctionType
 from typing import Any, Final, cast
 
+import numpy as np
+
 from minerva_bus.compiled.origin import MISSING, NotCompilable, Origin
-from minerva_bus.compiled.refused import EXPRESSIONS, STATEMENTS
+from minerva_bus.compiled.refused import EXPRESSIONS, REAL_EVERYWHERE, STATEMENTS
 from minerva_bus.errors import nearest
 from minerva_bus.space import draws
 from minerva_bus.space.callable import called, check_called
 from minerva_bus.space.definite import check_values
+from minerva_bus.space.guarded import MIXED
 from minerva_bus.space.kernels import Kernel, helpers
 
 _POSSIBLE: Final = (ast.List, ast.Tuple, ast.Slice, ast.Starred)
 """Expressions that rules may use, but methods of agents not: numba has a type for them."""
 REFUSED: Final = {**STATEMENTS, **EXPRESSIONS}
 """Those of methods of agents."""
+_BITS: Final = 2**63
+_ITEMS: Final = (np.bool_, np.float64, np.int64)
+"""Types of the items of constant arrays, which are those of Python's numbers."""
 _REMEDY: Final = "use numbers, if, for, while and the functions for rules"
 _MOVES: Final = {
     "cell": "move_to({table}, i, cell)",
@@ -62,14 +68,23 @@ def check_rule(function: FunctionType, parameters: Mapping[str, ParameterAccess]
     _check(function, parameters, set())
 
 
-def uncompilable(function: FunctionType, line: int, what: str) -> NotCompilable:
-    """The error of a line for which numba has no types. `what` is numba's reason."""
-    origin = _origin(function)
-    if origin is None:
-        return NotCompilable(f"{function.__qualname__} cannot be compiled: {what}")
-    statements = [node for node in ast.walk(origin.tree) if isinstance(node, ast.stmt)]
-    node = next((each for each in statements if each.lineno == line), origin.tree)
-    return origin.problem(node, what, _REMEDY)
+def uncompilable(rule: Kernel[..., Any], file: str, line: int, what: str) -> NotCompilable:
+    """The error of a line for which numba has no types, in a rule or a kernel that it calls.
+
+    Args:
+        rule: the rule.
+        file: the name of the file of the line.
+        line: its number.
+        what: numba's reason.
+
+    """
+    instead = REAL_EVERYWHERE if what == MIXED else _REMEDY
+    for each in (rule, *rule.called):
+        origin = _origin(each.function) if each.function.__code__.co_filename == file else None
+        for node in ast.walk(origin.tree) if origin is not None else ():
+            if isinstance(node, ast.stmt) and node.lineno == line:
+                return cast("Origin", origin).problem(node, what, instead)
+    return NotCompilable(f"{rule.__name__} cannot be compiled: {what}\n  instead: {instead}")
 
 
 def _check(
@@ -137,8 +152,10 @@ class _Body:
         origin = self._origin
         if type(node) in REFUSED and not isinstance(node, _POSSIBLE):
             raise origin.problem(node, *REFUSED[type(node)])
-        if isinstance(node, ast.Constant) and isinstance(node.value, str):
-            raise origin.problem(node, "a text", "use numbers: a table has no texts")
+        if isinstance(node, ast.Constant):
+            self._check_constant(node, node.value)
+        if isinstance(node, ast.Name | ast.Attribute):
+            self._check_constant(node, called(origin, node))
         if isinstance(node, ast.BinOp | ast.AugAssign) and isinstance(node.op, ast.Pow):
             self._check_power(node)
         if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name):
@@ -151,6 +168,24 @@ class _Body:
             self._check_whole(node.iter)
         if isinstance(node, ast.Call):
             self._check_call(node)
+
+    def _check_constant(self, node: ast.expr, value: Any) -> None:
+        """Constants are numbers of 64 bits, and tuples and arrays of such."""
+        problem = self._origin.problem
+        if isinstance(value, str | bytes):
+            raise problem(node, "a text", "use numbers: a table has no texts")
+        if isinstance(value, complex):
+            raise problem(node, "a complex number", "use two real numbers")
+        if isinstance(value, int) and not -_BITS <= value < _BITS:
+            raise problem(node, "an int of more than 64 bits", "write a real number, such as 1e20")
+        if isinstance(value, list | dict | set):
+            name = type(cast("Any", value)).__name__
+            raise problem(node, f"a {name} of the module", "write a tuple of numbers")
+        if isinstance(value, np.generic | np.ndarray):
+            kind: Any = cast("Any", value).dtype
+            if kind not in _ITEMS:
+                instead = "convert it to float64 or int64, as numbers of Python are"
+                raise problem(node, f"a constant of {kind}", instead)
 
     def passed(self, node: ast.Call, kernel: Kernel[..., Any]) -> Mapping[str, ParameterAccess]:
         """The parameters of a kernel that get those of this function."""
@@ -187,6 +222,9 @@ class _Body:
         known = self._of(owner)
         if known is None:
             return
+        if known.draws:
+            instead = "draw numbers: random(draws), integers(draws, 6)"
+            raise self._origin.problem(node, "an item of a random stream", instead)
         if isinstance(node.slice, ast.Tuple | ast.Slice):
             name = ast.unparse(node.value)
             raise self._origin.problem(
@@ -237,6 +275,8 @@ class _Body:
         if isinstance(kernel, Kernel):
             _check_arguments(self._origin, node, cast("Kernel[..., Any]", kernel))
             return
+        if isinstance(node.func, ast.Attribute):
+            self._check_name(node.func)
         check_called(self._origin, node)
         if kernel is not MISSING:  # as a kernel is that is defined below the rule
             for argument in node.args:

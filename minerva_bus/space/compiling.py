@@ -8,8 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cache
+from hashlib import blake2b
+from pathlib import Path
 from types import ModuleType
-from typing import Any, Final
+from typing import Any, Final, cast
 
 from minerva_bus.compiled.loading import generated, versions
 from minerva_bus.compiled.origin import NotCompilable
@@ -97,10 +100,12 @@ class RuleLoop:
             for name, value in self.scope.items()
         }
         options = repr(sorted(OPTIONS.items()))
-        parts = versions(PURPOSE), options, self.signature, *self._keys()
+        parts = versions(PURPOSE), options, _sources(), self.signature, *self._keys()
         function = _with_globals(generated(self.source, *parts), scope)
         try:
-            return library.njit(self.signature, cache=True, **OPTIONS)(function)
+            return library.njit(self.signature, cache=True, pipeline_class=compiler(), **OPTIONS)(
+                function
+            )
         except library.core.errors.NumbaError:
             # The rule may create arrays; if that is not the reason, the error is the same again.
             return self._compile_allocating(function)
@@ -108,7 +113,9 @@ class RuleLoop:
     def _compile_allocating(self, function: Function) -> Function:
         library = numba()
         try:
-            return library.njit(self.signature, cache=True, **ALLOCATING_OPTIONS)(function)
+            return library.njit(
+                self.signature, cache=True, pipeline_class=compiler(), **ALLOCATING_OPTIONS
+            )(function)
         except library.core.errors.NumbaError as error:
             raise self._problem(error) from None
 
@@ -120,11 +127,12 @@ class RuleLoop:
         what = what.removeprefix(_REASON)
         if "UndefinedType" in what:
             what = "a name that is not defined"
-        rule: Any = self.scope.get("rule")
-        place = error.loc
-        if rule is None or place is None or place.filename != rule.function.__code__.co_filename:
+        rule = self.scope.get("rule")
+        if not isinstance(rule, Kernel) or error.loc is None:
             return NotCompilable(f"{self.name} cannot be compiled: {what}")
-        return uncompilable(rule.function, place.line, what)
+        return uncompilable(
+            cast("Kernel[..., Any]", rule), error.loc.filename, error.loc.line, what
+        )
 
     def _keys(self) -> Iterator[str]:
         """Digests of the objects in the scope, by name."""
@@ -137,6 +145,23 @@ class RuleLoop:
                     yield value.key
                 case _:
                     yield str(value._fields)
+
+
+@cache
+def _sources() -> str:
+    """A digest of this package, whose types and operators are part of the machine code."""
+    digest = blake2b()
+    for path in sorted(Path(__file__).parent.glob("*.py")):
+        digest.update(path.read_bytes())
+    return digest.hexdigest()
+
+
+def compiler() -> Any:
+    """The compiler of rules. Raises ImportError without numba."""
+    # Here, because numba is optional.
+    from minerva_bus.space.pipeline import RuleCompiler
+
+    return RuleCompiler
 
 
 def _with_globals(module: ModuleType, scope: Mapping[str, Any]) -> Function:

@@ -43,7 +43,8 @@ def integers(draws: Draws, low: int, high: int | None = None) -> int:
         least, below = 0, low
     else:
         least, below = low, high
-    if below <= least:
+    # The difference is what is drawn, so it must not be too large.
+    if below - least <= 0:
         raise ValueError(EMPTY_RANGE)
     return draw_integers(draws, 0, least, below)
 

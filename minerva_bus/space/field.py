@@ -55,8 +55,10 @@ def go_to(table: Any, i: int, x: float, y: float) -> None:
     if field.periodic:
         x, y = wrapped(x, field.width), wrapped(y, field.height)
     table.x[i], table.y[i] = x, y
+    # Also before it is needed: for nan, which is in no cell, this is an error.
+    cell = cell_of(field, x, y)
     if not table.counts[LATER]:
-        move_to(table, i, cell_of(field, x, y))
+        move_to(table, i, cell)
 
 
 @kernel
@@ -68,7 +70,7 @@ def near(table: Any, x: float, y: float, radius: float, other_than: int) -> int:
     sums over them have the same bits everywhere. Rows that are sorted by cell have the order of the
     lists that they were in.
     """
-    field = table.field
+    field, radius = table.field, float(radius)
     # A little more than the radius, so that rounding cannot exclude a cell at its edge.
     u, columns = cells_between(x - radius, x + radius, field.width, field.across, field.periodic)
     top, rows = cells_between(y - radius, y + radius, field.height, field.down, field.periodic)

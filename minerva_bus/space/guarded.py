@@ -9,9 +9,6 @@ from __future__ import annotations
 
 import operator
 from dataclasses import dataclass
-from functools import cache
-from hashlib import blake2b
-from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
@@ -21,6 +18,8 @@ ALL: Final = -1
 """In place of an item of `counts`: all items of the array may be used."""
 
 NO_INT: Final = "a rule has one int as index; write int(...) for a real"
+FAULT: Final = "machine code has no result for these numbers"
+MIXED: Final = "a number here is an int in one case and a real in another"
 REAL_IN_CELLS: Final = "Cells are ints, and this is a real: write int(...), or use Reals"
 
 
@@ -45,9 +44,12 @@ class Guarded:
         return self._values[self._checked(index)].item()
 
     def __setitem__(self, index: int, value: float) -> None:
-        if isinstance(value, float) and self._values.dtype.kind == "i":
-            raise TypeError(REAL_IN_CELLS)
-        self._values[self._checked(index)] = value
+        place = self._checked(index)
+        if self._values.dtype.kind == "i":
+            if isinstance(value, float):
+                raise TypeError(REAL_IN_CELLS)
+            value = int(value)  # An int of numpy that is too large would lose its upper bits.
+        self._values[place] = value
 
     def _checked(self, index: Any) -> int:
         try:
@@ -85,11 +87,5 @@ class Guard:
 
     @property
     def key(self) -> str:
-        """A digest of what machine code with it depends on."""
-        return f"{self.slot} {_source()}"
-
-
-@cache
-def _source() -> str:
-    """A digest of the type of numba, which changes between two versions."""
-    return blake2b(Path(__file__).with_name("machine.py").read_bytes()).hexdigest()
+        """What machine code with it depends on."""
+        return str(self.slot)

@@ -52,14 +52,16 @@ class Kernel(Generic[_P, _R]):
     def __call__(self, *args: _P.args, **kwargs: _P.kwargs) -> _R:
         return self.function(*args, **kwargs)
 
-    def calls(self, other: Kernel[..., Any]) -> bool:
-        """Whether it calls another kernel, itself or by kernels that it calls."""
-        known, pending = set[Kernel[..., Any]](), [cast("Kernel[..., Any]", self)]
+    @property
+    def called(self) -> dict[Kernel[..., Any], None]:
+        """The kernels that it calls, itself or by kernels that it calls, in their order."""
+        known = dict[Kernel[..., Any], None]()
+        pending = [cast("Kernel[..., Any]", self)]
         while pending:
-            called = {helper for _, helper in helpers(pending.pop().function)} - known
-            known |= called
-            pending += called
-        return other in known
+            new = [each for _, each in helpers(pending.pop().function) if each not in known]
+            known |= dict.fromkeys(new)
+            pending += new
+        return known
 
     def forget(self) -> None:
         """Compile it and the kernels that it calls again when they are next used."""
@@ -100,15 +102,23 @@ def _portable_forms() -> PortableForms:
 
 
 def _too_far(x: float) -> tuple[int, float, float]:
-    raise ValueError("rules of a space take angles up to 1.6 million radians")
+    raise ValueError("an angle of more than 1.6 million radians")
 
 
 def _of_portable(used: Collection[str]) -> ModuleType:
     """The module `portable` with compiled forms of those of its functions that are used."""
     module = ModuleType(portable.__name__)
     for name in sorted(set(portable.__all__) & set(used)):
-        setattr(module, name, _portable_forms().of(getattr(portable, name)))
+        setattr(module, name, _portable_form(getattr(portable, name)))
     return module
+
+
+def _portable_form(function: FunctionType) -> Any:
+    """The compiled form of a function of `portable`, with faults if it has any."""
+    # Here, because numba is optional.
+    from minerva_bus.space.functions import FUNCTIONS
+
+    return FUNCTIONS.get(function) or _portable_forms().of(function)
 
 
 def rebound(function: FunctionType) -> FunctionType:
@@ -121,7 +131,7 @@ def rebound(function: FunctionType) -> FunctionType:
         if value is portable:
             scope[name] = _of_portable(used)
         elif is_portable(value):
-            scope[name] = _portable_forms().of(value)
+            scope[name] = _portable_form(value)
     return FunctionType(function.__code__, scope, function.__name__, function.__defaults__)
 
 

@@ -45,6 +45,8 @@ def beside(lattice: CellGrid, cell: int, dx: int, dy: int) -> int:
         return y * lattice.width + x
     if not lattice.periodic:
         return -1
+    # Remainders first, so that no distance is too large.
+    x, y = cell - row * lattice.width + dx % lattice.width, row + dy % lattice.height
     return y % lattice.height * lattice.width + x % lattice.width
 
 

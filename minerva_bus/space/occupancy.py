@@ -94,7 +94,7 @@ def copy(table: Any, i: int) -> int:
     table.births[0] += 1
     table.links[ALIVE, j] = 1
     place(table, j, cell)
-    return j
+    return int(j)
 
 
 @kernel
@@ -104,14 +104,14 @@ def random_at(table: Any, cell: int, draws: Draws) -> int:
         raise IndexError(NO_CELL)
     first = table.places[FIRST, cell]
     if first < 0 or table.links[NEXT, first] < 0:
-        return first
+        return int(first)
     count, row = 0, first
     while row >= 0:
         count, row = count + 1, table.links[NEXT, row]
     row = first
     for _ in range(integers(draws, 0, count)):
         row = table.links[NEXT, row]
-    return row
+    return int(row)
 
 
 @kernel
@@ -119,7 +119,7 @@ def random_free(table: Any, draws: Draws) -> int:
     """A random cell without rows of this table; -1 if there is none."""
     if not table.counts[VACANT]:
         return -1
-    return table.places[FREE, integers(draws, 0, table.counts[VACANT])]
+    return int(table.places[FREE, integers(draws, 0, table.counts[VACANT])])
 
 
 @kernel
@@ -130,6 +130,7 @@ def within(table: Any, cell: int, radius: int) -> int:
     on, until the next search.
     """
     lattice, count = table.lattice, 0
+    radius = min(radius, lattice.width + lattice.height)  # all cells
     table.counts[FOUND] = table.links.shape[1]
     inside(lattice, cell)
     y = row_of(lattice, cell)

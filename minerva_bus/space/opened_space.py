@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, cast
 
@@ -26,10 +26,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Failure:
-    """An error of machine code, in the activation at `place` of the last of `rules` rules."""
+    """An activation in which machine code failed: its place in the order, and its rule's number."""
 
-    error: Exception
-    rules: int
+    rule: int
     place: int
 
 
@@ -50,12 +49,28 @@ class OpenedSpace:
     """The tables and matrices of a space, opened once for several rules."""
 
     def __init__(
-        self, space: Space, moment: Context, rules: Sequence[SpaceRule], data: dict[str, float]
+        self,
+        space: Space,
+        moment: Context,
+        rules: Sequence[SpaceRule],
+        data: Mapping[str, float],
+        as_python: Mapping[int, int],
     ) -> None:
+        """Open a space.
+
+        Args:
+            space: the space, which has its former matrices until `close`.
+            moment: the context of its method.
+            rules: the rules to apply.
+            data: numbers for parameters of rules.
+            as_python: numbers of rules that run as Python from a place on, with these places.
+
+        """
         self._space = space
         self._rules = rules
         self._moment = moment
         self._data = data
+        self._as_python = as_python
         self._lattice = CellGrid(int(space.width), int(space.height), space.periodic)
         self._births = np.array([space.births])
         self._draws: Draws = np.array([moment.chance.word], np.uint64)
@@ -65,20 +80,25 @@ class OpenedSpace:
         self._progress = np.zeros(1, np.int64)
 
     def failure(self) -> Failure | None:
-        """Apply rules in turn; the error of machine code that ended this early.
+        """Apply rules in turn; the activation in which machine code failed, which ends this early.
 
         Raises any error of rules that run as Python, and MisuseError.
         """
         self._check_data()
-        for number, each in enumerate(self._rules, 1):
+        for number, rule in enumerate(self._rules):
+            self._progress[0] = 0
             try:
-                self._apply(each)
+                started = self._apply(rule, self._as_python.get(number))
             except MinervaError:
                 raise
-            except Exception as error:
-                if interpreting():
+            except Exception:
+                if interpreting() or number in self._as_python:
                     raise
-                return Failure(error, number, int(self._progress[0]))
+                return Failure(number, int(self._progress[0]))
+            if number in self._as_python:
+                # Machine code has neither lines nor ints of any length.
+                with interpreted():
+                    self._activate(started, self._as_python[number], started.count)
         return None
 
     def _check_data(self) -> None:
@@ -91,29 +111,21 @@ class OpenedSpace:
                 hint = nearest(name, list(names))
                 raise MisuseError(f"no rule of this `run` has a parameter {name}{hint}")
 
-    def repeat(self, failed: Failure) -> None:
-        """Apply rules again up to an activation that failed, and only this one as Python."""
-        *earlier, last = self._rules[: failed.rules]
-        for each in earlier:
-            self._apply(each)
-        started = self._start(last)
-        self._activate(started, 0, failed.place)
-        with interpreted():
-            self._activate(started, failed.place, failed.place + 1)
-
     def reset(self) -> None:
         """Give the space the matrices that it had before the rules."""
         for name, matrix in self._originals.items():
             setattr(self._space, name, matrix)
 
-    def _apply(self, rule: SpaceRule) -> None:
-        """Run a rule for all rows that exist at its start."""
+    def _apply(self, rule: SpaceRule, end: int | None) -> _Started:
+        """Run a rule for the rows that exist at its start, or for those before a place."""
         started = self._start(rule)
         parts = parts_of(started.count)
-        if parts == 1 or interpreting() or not rule.independence.independent:
-            self._activate(started, 0, started.count)
+        alone = parts == 1 or end is not None or interpreting()
+        if alone or not rule.independence.independent:
+            self._activate(started, 0, started.count if end is None else end)
         else:
             self._share(started, parts)
+        return started
 
     def _share(self, started: _Started, parts: int) -> None:
         """Run an independent rule in several threads; raises the error of the first row."""

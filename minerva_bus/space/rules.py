@@ -119,7 +119,7 @@ class SpaceRule:
         self.__doc__ = function.__doc__
         self.parameters = _parameters(function, self.name)
         checked = {p.name: known for p in self.parameters if (known := p.checked) is not None}
-        self._check = partial(check_rule, self.kernel.function, checked)
+        self._check_uses = partial(check_rule, self.kernel.function, checked)
         self._check()
         self.drive = self._driver()
 
@@ -131,7 +131,7 @@ class SpaceRule:
     @cached_property
     def takes_free_cells(self) -> bool:
         """Whether it, or a kernel that it calls, calls `random_free`."""
-        return self.kernel.calls(random_free)
+        return random_free in self.kernel.called
 
     @cached_property
     def independence(self) -> Independence:
@@ -139,6 +139,10 @@ class SpaceRule:
         if self.order is SHUFFLED or any(p.type == Draws for p in self.parameters):
             return Independence(independent=False)
         return independence(self.kernel.function)
+
+    def _check(self) -> None:
+        """Raise NotCompilable if the rule cannot be compiled ."""
+        self._check_uses()
 
     def _driver(self) -> RuleLoop:
         """A loop over the rows at `begin` to `end`; `progress` has the place of the current one.
@@ -156,7 +160,8 @@ class SpaceRule:
             lines += ["    if begin == 0:", "        shuffle(draws, rows)"]
         lines += [
             "    for k in range(begin, end):",
-            "        i = rows[k]" if self.order is SHUFFLED else "        i = k",
+            # An int of Python, since one of numpy has other arithmetic.
+            "        i = int(rows[k])" if self.order is SHUFFLED else "        i = k",
             "        progress[0] = k",
         ]
         if self.subject.table is not None:

@@ -42,6 +42,9 @@ class Space(Agent):
     def run(self, moment: Context, *rules: SpaceRule, **data: float) -> None:
         """Apply rules in turn.
 
+        A rule for which machine code has no result of Python, such as an int of more than 64 bits,
+        runs as Python from that activation on.
+
         Args:
             moment: the context of λ; all draws continue its stream `chance`.
             rules: functions marked with `rule`.
@@ -54,15 +57,19 @@ class Space(Agent):
             Exception: others that a rule raises, with the line of the rule in the traceback.
 
         """
-        frame = OpenedSpace(self, moment, rules, data)
-        failed = frame.failure()
-        if failed is None:
-            frame.close()
-            return
-        # Machine code has no lines, so the activation that failed runs as Python.
-        frame.reset()
-        OpenedSpace(self, moment, rules, data).repeat(failed)
-        raise failed.error
+        as_python: dict[int, int] = {}
+        while True:
+            frame = OpenedSpace(self, moment, rules, data, as_python)
+            try:
+                failed = frame.failure()
+            except Exception:
+                frame.reset()
+                raise
+            if failed is None:
+                frame.close()
+                return
+            frame.reset()
+            as_python[failed.rule] = failed.place
 
     @classmethod
     def machine_code(cls) -> Iterator[tuple[str, Callable[[], object]]]:

@@ -93,7 +93,7 @@ VALUES = {
     "a loop in its body": "for k in range(3):\n    x = k\n    sheep.energy[i] = x",
     "else of a loop": "for k in range(3):\n    x = k\nelse:\n    x = 1\nsheep.energy[i] = x",
     "a square": "sheep.energy[i] = sheep.energy[i] ** 2 + 10 ** 3",
-    "numpy's functions": "x = np.zeros(3)\nsheep.energy[i] = np.floor(np.int64(2)) + x[0]",
+    "numpy's functions": "x = np.zeros(3)\nsheep.energy[i] = np.sqrt(2.0) + x[0]",
 }
 
 
