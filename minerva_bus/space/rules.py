@@ -22,6 +22,7 @@ from minerva_bus.space.kernels import Kernel
 from minerva_bus.space.lattice import CellGrid
 from minerva_bus.space.occupancy import ALIVE, FOUND, ROWS, TOO_MANY, random_free
 from minerva_bus.space.opened import loops_of_table
+from minerva_bus.space.simultaneous import check_simultaneous
 from minerva_bus.space.tables import INDEX, InField, Inhabitants, columns_of
 
 
@@ -141,8 +142,10 @@ class SpaceRule:
         return independence(self.kernel.function)
 
     def _check(self) -> None:
-        """Raise NotCompilable if the rule cannot be compiled ."""
+        """Raise NotCompilable if the rule cannot be compiled or does not fit its order."""
         self._check_uses()
+        if self.order is SIMULTANEOUS:
+            check_simultaneous(self.kernel.function)
 
     def _driver(self) -> RuleLoop:
         """A loop over the rows at `begin` to `end`; `progress` has the place of the current one.
