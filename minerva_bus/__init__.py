@@ -56,9 +56,10 @@ if TYPE_CHECKING:
     from minerva_bus.world.agent import Agent
     from minerva_bus.world.context import BatchContext, Context, Frame
     from minerva_bus.world.event_batch import EventBatch
-    from minerva_bus.world.evolution import Policy, evolve
+    from minerva_bus.world.evolution import evolve
     from minerva_bus.world.expressions import count, data
     from minerva_bus.world.marking import on, view
+    from minerva_bus.world.policy import Policy
     from minerva_bus.world.services import Device, Generator, Tick, View, WorldInfo
     from minerva_bus.world.views import visualize
 
@@ -94,7 +95,8 @@ _HOMES = {
     "grammar.vocabulary": "Vocabulary",
     "semantics.geometry": "Geometry interpret",
     "world.agent": "Agent",
-    "world.evolution": "Policy evolve",
+    "world.evolution": "evolve",
+    "world.policy": "Policy",
     "world.context": "BatchContext Context Frame",
     "world.event_batch": "EventBatch",
     "world.expressions": "count data",

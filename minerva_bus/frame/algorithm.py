@@ -33,7 +33,6 @@ from minerva_bus.frame.views import Views, due_views
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.fitting import Unfit
 from minerva_bus.grammar.scene import Scene
-from minerva_bus.world.evolution import Policy
 from minerva_bus.world.norms import SOURCE
 
 MAX_NAMED_STRANGERS: Final = 3
@@ -51,7 +50,7 @@ class FrameAlgorithm:
     def __init__(
         self, world: World, source: Callable[[FrameAlgorithm], FrameSource] | None = None
     ) -> None:
-        past, literal = world.past, world.policy is Policy.LITERAL
+        past, rules = world.past, world.policy.rules
         self.world = world
         self.phase = Phase.WAITING
         self.frame: int = past.frame
@@ -60,7 +59,7 @@ class FrameAlgorithm:
         # The norms and the goal keep entries of their own in `saved`, so
         # it is filled before they read it.
         self.members.saved.update(past.saved)
-        self.composition = Composition(world.scene, columns=not literal)
+        self.composition = Composition(world.scene, columns=not rules.makes_copies)
         limit = world.placement.agents_per_host
         self.placement = Placement(world.vocabulary, self.composition, limit)
         self.views = Views(world)
@@ -165,8 +164,8 @@ class FrameAlgorithm:
         due = due_views(self.members.index, self.frame, (), closing=True)
         self.in_flight = FrameInFlight()
         self.in_flight.events.visual = visual_events(self, due)
-        # The phase changes before the request: in EVOLVE the literal policy would evolve all agents
-        # once more, and here hosts only make views.
+        # The phase changes before the request: in EVOLVE a policy may evolve agents without events,
+        # and here hosts only make views.
         self._enter(Awaited.OVER)
         self.source.evolve()
 
@@ -341,9 +340,9 @@ class FrameAlgorithm:
 
     @property
     def _fading(self) -> bool:
-        # Under the literal policy a frame without events removes every agent that has a host.
-        literal = self.world.policy is Policy.LITERAL
-        return literal and self.placement.unassigned_agents < self.composition.count
+        # Under some policies a frame without events changes or removes agents that have a host.
+        fades = self.world.policy.rules.without_events
+        return fades and self.placement.unassigned_agents < self.composition.count
 
     @property
     def failed(self) -> bool:

@@ -11,10 +11,10 @@ from minerva_bus.frame.constraints import PlacementRules
 from minerva_bus.frame.messages import ViewShown
 from minerva_bus.grammar.scene import Scene, agents
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.world.evolution import Policy
 from minerva_bus.world.lineage import newest_copy
 from minerva_bus.world.norms import Norm
 from minerva_bus.world.order import Order
+from minerva_bus.world.policy import Policy
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,12 +58,12 @@ class World:
     def __post_init__(self) -> None:
         # Ids of copies contain the frame that makes them. A string that already has
         # such an id of a later frame would then have two agents with one id.
-        for agent in agents(self.scene) if self.policy is Policy.LITERAL else ():
+        for agent in agents(self.scene) if self.policy.rules.makes_copies else ():
             frame = newest_copy((agent.id,))
             if frame >= self.past.frame:
                 raise VocabularyError(
                     f"{agent.symbol}#{agent.id} has the id of a copy that frame {frame} makes"
-                    ' under policy = "literal"',
+                    f' under policy = "{self.policy.value}"',
                     expected="an id without :FRAME-NUMBER",
                     source=f"world {self.name}",
                 )

@@ -16,7 +16,6 @@ from minerva_bus.frame.replies import duplicate_agent, foreign_fragment, foreign
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.fitting import Unfit
 from minerva_bus.grammar.scene import Scene, agents
-from minerva_bus.world.evolution import Policy
 from minerva_bus.world.lineage import copy_id
 
 if TYPE_CHECKING:
@@ -83,12 +82,12 @@ class EvolutionStep:
         algorithm, placement = self._algorithm, self._algorithm.placement
         events = algorithm.in_flight.events
         evolves = algorithm.phase is Phase.EVOLVE
-        literal = algorithm.world.policy is Policy.LITERAL and evolves
-        if not (literal or events.evolving or events.visual):
+        everyone = algorithm.world.policy.rules.without_events and evolves
+        if not (everyone or events.evolving or events.visual):
             return ()
         if placement.unassigned:
             self._wait_or_leave_out(placement.unassigned)
-        if literal:  # Equation 3 then changes every agent, regardless of receivers.
+        if everyone:  # Agents then change whether or not an event concerns them.
             return tuple(placement.occupied)
         return tuple(placement.concerned(events.evolving, events.visual))
 
@@ -181,9 +180,9 @@ class EvolutionStep:
         return reason or duplicate_agent(reply, newborns, composition)
 
     def _sender_names(self, agent: str) -> frozenset[str]:
-        """The ids under which an agent sends; under the literal policy its copies' too."""
+        """The ids under which an agent sends; under some policies its copies' too."""
         algorithm = self._algorithm
-        if algorithm.world.policy is not Policy.LITERAL:
+        if not algorithm.world.policy.rules.makes_copies:
             return frozenset((agent,))
         events = algorithm.in_flight.events.evolving
         copies = range(2, 1 + sum(map(len, events)))

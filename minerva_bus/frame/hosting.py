@@ -17,8 +17,9 @@ from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.world.addressing import Addressed
 from minerva_bus.world.agent import Agent
 from minerva_bus.world.context import Frame
-from minerva_bus.world.evolution import Evolved, Policy, evolve
+from minerva_bus.world.evolution import Evolved, evolve
 from minerva_bus.world.kinds import Kinds
+from minerva_bus.world.policy import Policy
 from minerva_bus.world.views import visualize
 
 
@@ -75,7 +76,7 @@ class Host:
     ) -> EvolveReply:
         """η and π over the fragments that a request concerns. Raises ProtocolError.
 
-        Without events agents keep their state; under the literal policy they vanish.
+        Without events agents keep their state, unless the policy says otherwise.
         """
         concerned = request.only or tuple(self.fragments)
         # Checked before anything evolves, since a fragment may evolve only once in a frame.
@@ -90,7 +91,7 @@ class Host:
         events = Addressed(request.events)
         results = _Different()
         emitted: dict[str, tuple[AnyEvent, ...]] = {}
-        evolving = bool(request.events) or policy is Policy.LITERAL
+        evolving = bool(request.events) or policy.rules.without_events
         for fragment in concerned if evolving else ():
             was = Scene((self.fragments[fragment],))
             result = evolve(was, events, self.kinds, frame, policy)

@@ -22,9 +22,9 @@ from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.source import handler_name
 from minerva_bus.world.agent import Agent
 from minerva_bus.world.context import Frame
-from minerva_bus.world.evolution import Policy
 from minerva_bus.world.kinds import kinds_of
 from minerva_bus.world.operator import NoOperator, Operator
+from minerva_bus.world.policy import Policy
 from minerva_bus.world.readings import Reading
 from minerva_bus.world.service_attributes import check_attributes
 from minerva_bus.world.services import Device, Generator, Service, WorldInfo

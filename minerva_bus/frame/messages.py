@@ -17,6 +17,7 @@ from minerva_bus.grammar.delta import Delta
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.symbols import AgentKind
 from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.world.policy import Policy
 from minerva_bus.world.readings import Reading
 
 Figures: TypeAlias = Mapping[str, bool | int | float | str]
@@ -31,6 +32,7 @@ Saved: TypeAlias = Mapping[str, Any] | None
 Received: TypeAlias = Annotated[bytes, Mark.LOCAL]
 
 _NO_FRAME: Final = AtLeast(-1)
+_POLICIES: Final = Note(" or ".join(f"`{policy.value}`" for policy in Policy))
 
 
 # --- from a member to the coordinator ---
@@ -272,7 +274,7 @@ class Welcome:
     seed: Annotated[int, AtLeast(-(1 << 63))]
     dt: Annotated[float, Note("seconds of a frame")]
     frame: Annotated[int, Note("the next one, or the one in progress")]
-    policy: Annotated[str, Note("`sequential` or `literal`")] = "sequential"
+    policy: Annotated[str, _POLICIES] = "sequential"
     saved: Annotated[Saved, Note("what a predecessor of this name saved last")] = None
 
 

@@ -26,9 +26,9 @@ from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.columns import packed
 from minerva_bus.grammar.scene import EMPTY, AgentNode, Piece, Scene
 from minerva_bus.world.context import Frame
-from minerva_bus.world.evolution import Policy
 from minerva_bus.world.kinds import Kinds
 from minerva_bus.world.order import collect
+from minerva_bus.world.policy import Policy
 
 if TYPE_CHECKING:
     from minerva_bus.frame.algorithm import FrameAlgorithm

@@ -19,8 +19,8 @@ from minerva_bus.launch.typed import of_nodes
 from minerva_bus.launch.worldfile import Process
 from minerva_bus.settings.kinds import TEXT, TEXTS, number
 from minerva_bus.settings.tables import PlacementSettings, WorldSettings
-from minerva_bus.world.evolution import Policy
 from minerva_bus.world.order import Order
+from minerva_bus.world.policy import Policy
 
 
 def read_description(

@@ -17,7 +17,7 @@ from minerva_bus.launch.worldfile import Process, WorldFile
 from minerva_bus.regions.attached import beside, is_attached
 from minerva_bus.regions.partition import ByFunction, ById, ByPosition, Partition
 from minerva_bus.settings.tables import MAX_REGIONS, RegionSettings
-from minerva_bus.world.evolution import Policy
+from minerva_bus.world.policy import Policy
 from minerva_bus.world.services import Device, Generator, Service
 
 _INSTEAD: Final = "run it with one coordinator (--regions 0); its string is the same"
@@ -77,7 +77,8 @@ def check_regions(file: WorldFile, members: Sequence[Member]) -> None:
     world = file.world
     unsupported = {
         **{f"norms on events that name other agents ({name})": True for name in _naming(world)},
-        'policy = "literal"': world.policy is Policy.LITERAL,
+        # Each region has the events that concern its agents; other policies count all of them.
+        f'policy = "{world.policy.value}"': world.policy is not Policy.SEQUENTIAL,
         "[placement]": bool(world.placement.rules or world.placement.agents_per_host),
     }
     observers = beside({each.name: each.service for each in members})

@@ -36,9 +36,8 @@ from minerva_bus.log.reader import Record
 from minerva_bus.log.rejections import rejected_events, rejected_step
 from minerva_bus.log.sources import same_event, source_of
 from minerva_bus.source import SourceLine, assignments, defined, handler_name
-from minerva_bus.world.addressing import Addressed
+from minerva_bus.world.addressing import addressed
 from minerva_bus.world.context import Frame
-from minerva_bus.world.evolution import Policy
 from minerva_bus.world.kinds import Kinds
 from minerva_bus.world.lineage import parents_of
 from minerva_bus.world.step_trace import TracedCall, trace_calls
@@ -100,7 +99,7 @@ class Causes:
         self._world = world
         self._past = past
         # A copy processes other events than the agent, so only events are explained.
-        self._kinds: Kinds = {} if world.policy is Policy.LITERAL else kinds
+        self._kinds: Kinds = {} if world.policy.rules.makes_copies else kinds
 
     def of_change(self, change: ValueChange, attribute: str) -> tuple[list[Cause], str]:
         """The links from a change to its origin, and the origin in words."""
@@ -199,8 +198,8 @@ class Causes:
             return step
         if call is not None:
             return "the code computes another value now: it has changed since the run"
-        if self._world.policy is Policy.LITERAL:
-            return 'methods are not traced under the policy "literal"'
+        if self._world.policy.rules.makes_copies:
+            return f'methods are not traced under the policy "{self._world.policy.value}"'
         if not self._kinds:
             return "no code was run, so the method is unknown"
         known = change.after.symbol in self._kinds
@@ -209,10 +208,13 @@ class Causes:
     # --- one agent in one frame ---
 
     def _calls(self, name: str, number: int) -> list[TracedCall]:
+        if not self._kinds:
+            return []
         then = self._past[number]
         frame = Frame(number, self._world.dt, self._world.seed)
         around = piece_around(then.before, name)
-        return trace_calls(around, name, then.frame.events, self._kinds, frame)
+        (events,) = self._world.policy.rules.divide(addressed(then.frame.events))
+        return trace_calls(around, name, events, self._kinds, frame)
 
     def received(self, name: str, number: int) -> list[AnyEvent]:
         """The events that an agent received in a frame, in order, by their receivers and types."""
@@ -220,7 +222,7 @@ class Causes:
         agent = agent_in(then.before, name)
         kind = None if agent is None else self._world.vocabulary.kinds.get(agent.symbol)
         types = kind.subscribes if kind is not None else frozenset[str]()
-        return [event for _, event in Addressed(then.frame.events).to(name, types)]
+        return [event for _, event in addressed(then.frame.events).to(name, types)]
 
     def _rejected_step(self, name: str, then: PastFrame, calls: Sequence[TracedCall]) -> str:
         return rejected_step(self._world, then, name, calls[-1].string) if calls else ""

@@ -28,9 +28,9 @@ from minerva_bus.wire.plain import (
 )
 from minerva_bus.wire.values import Reader, plain_event, plain_scene
 from minerva_bus.wire.vocabulary import plain_vocabulary, read_vocabulary
-from minerva_bus.world.evolution import Policy
 from minerva_bus.world.norms import Norm, Then
 from minerva_bus.world.order import Order
+from minerva_bus.world.policy import Policy
 
 FORMATS: Final = (1, FORMAT)
 """Formats that a reader of this version reads."""

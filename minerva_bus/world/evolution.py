@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from enum import Enum
 from typing import Final
 
 from minerva_bus.errors import MisuseError
-from minerva_bus.grammar.batch import AnyEvent, single
+from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.columns import Columns, rewritten
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.scene import (
@@ -27,28 +26,8 @@ from minerva_bus.world.agent_step import evolve_agent
 from minerva_bus.world.context import Context, Frame
 from minerva_bus.world.kinds import Kinds, kinds_of
 from minerva_bus.world.lineage import copy_id, newest_copy
+from minerva_bus.world.policy import Policy
 from minerva_bus.world.population_step import evolve_population
-
-
-class Policy(Enum):
-    """Interpretation of equation 3 for an agent with several events in a frame, or none.
-
-    - SEQUENTIAL: the agent processes its events in order; without events it does not change.
-    - LITERAL: the equation to the letter: one copy of the agent for each event of the frame,
-      whether or not the event concerns it, and no copy in a frame without events. The first copy
-      keeps the id, the ids of the others derive from it (world/lineage.py).
-
-    Only `copies` depends on the policy: the number of copies of an agent, and their events.
-    """
-
-    SEQUENTIAL = "sequential"
-    LITERAL = "literal"
-
-    def copies(self, events: Addressed) -> Sequence[Addressed]:
-        """The events that each copy of an agent processes; the first copy is the agent."""
-        if self is Policy.SEQUENTIAL:
-            return (events,)
-        return [Addressed((event,)) for event in single(events.events)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,9 +79,9 @@ def evolve(
         True
 
     """
-    eta = _Eta(policy.copies(addressed(events)), kinds_of(kinds), frame)
+    eta = _Eta(policy.rules.divide(addressed(events)), kinds_of(kinds), frame)
     if len(eta.copies) > 1:
-        _check_few(scene, len(eta.copies), frame)
+        _check_few(scene, len(eta.copies), frame, policy)
         last = newest_copy(agent.id for agent in agents(scene))
         eta.copying = max(frame.number, last + 1)
     return Evolved(rewritten(scene, eta.node, eta.columns), eta.emitted, tuple(eta.batches))
@@ -170,20 +149,20 @@ class _Eta:
         return result
 
 
-def _check_few(scene: Scene, events: int, frame: Frame) -> None:
+def _check_few(scene: Scene, number: int, frame: Frame, policy: Policy) -> None:
     """Raise MisuseError if copying would exceed `MOST_COPIES`, before memory is used."""
     level = copies = 0
     for opens, node in walk(scene):
         if isinstance(node, AgentNode):
             level += 1 if opens else -1
-            # An agent at level k is copied for each event once more by each agent around it.
-            copies += events**level if opens else 0
+            # An agent at level k is copied once more by each agent around it.
+            copies += number**level if opens else 0
             if copies > MOST_COPIES:
                 raise MisuseError(
-                    f'policy = "literal" copies each agent for each of the {events} events of'
-                    f" frame {frame.number}, and those in scopes once more for each agent around"
+                    f'policy = "{policy.value}" makes {number} copies of each agent in frame'
+                    f" {frame.number}, and those in scopes once more for each agent around"
                     f" them: more than {MOST_COPIES:,} copies; use fewer events, or the policy"
-                    ' "sequential"'
+                    f' "{Policy.SEQUENTIAL.value}"'
                 )
 
 

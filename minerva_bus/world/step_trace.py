@@ -7,11 +7,10 @@ around it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.scene import AgentNode, Scene, agents, walk, with_scope
 from minerva_bus.world.addressing import Addressed
@@ -60,14 +59,14 @@ class _TracedStep(AgentStep):
 
 
 def trace_calls(
-    around: Scene, name: str, events: Sequence[AnyEvent], kinds: Kinds, frame: Frame
+    around: Scene, name: str, events: Addressed, kinds: Kinds, frame: Frame
 ) -> list[TracedCall]:
     """The calls of a frame for the agent `name` and those around it, in order.
 
     Args:
         around: the part of the string that is the agent, or contains it.
         name: an id.
-        events: e^u of the frame, in order.
+        events: those of the frame, in order.
         kinds: agent classes; agents of other kinds do not change.
         frame: for random numbers and the time.
 
@@ -75,17 +74,16 @@ def trace_calls(
         ActivityError: code of an agent fails.
 
     """
-    addressed = Addressed(tuple(events))
     calls: list[TracedCall] = []
     for agent in reversed(_path(around, name)):
         cls = kinds.get(agent.symbol)
-        concerning = [] if cls is None else addressed.to(agent.id, cls.activities)
+        concerning = [] if cls is None else events.to(agent.id, cls.activities)
         if not concerning:
             continue
         # A scope is evolved before the agent around it (equation 3).
-        node = with_scope(agent, evolve(agent.scope, addressed, kinds, frame).scene)
+        node = with_scope(agent, evolve(agent.scope, events, kinds, frame).scene)
         step = _TracedStep(node, kinds, Context(frame, f"#{agent.id}"))
-        process_all(step, agent.id, addressed, concerning, kinds)
+        process_all(step, agent.id, events, concerning, kinds)
         calls += step.calls
     return calls
 

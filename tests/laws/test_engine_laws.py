@@ -13,9 +13,10 @@ from minerva_bus.testing import transcription
 from minerva_bus.testing.family import FAMILY, FAMILY_VOCABULARY
 from minerva_bus.testing.strategies import family_events, family_strings
 from minerva_bus.world.context import Context, Frame
-from minerva_bus.world.evolution import Policy, evolve
+from minerva_bus.world.evolution import evolve
 from minerva_bus.world.kinds import kinds_of
 from minerva_bus.world.order import Order, collect
+from minerva_bus.world.policy import Policy
 from minerva_bus.world.views import visualize
 
 law = settings(max_examples=100, deadline=None, suppress_health_check=list(HealthCheck))

@@ -36,7 +36,7 @@ from minerva_bus.wire.columns import plain_columns, plain_patch
 from minerva_bus.wire.limits import Limits
 from minerva_bus.wire.values import Reader
 from minerva_bus.world.context import Frame
-from minerva_bus.world.evolution import Policy
+from minerva_bus.world.policy import Policy
 from minerva_bus.world.rng import RngBatch, hash_of
 from minerva_bus.world.views import visualize
 

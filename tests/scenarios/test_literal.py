@@ -403,7 +403,7 @@ def test_too_many_copies_are_refused_before_they_are_made():
     nested = POND.read("ALily#a(ALily#b(ALily#c(ALily#d(ACounter#e))))")
     events = [eAdd(n) for n in range(20)]
     with pytest.raises(
-        MisuseError, match=r"each of the 20 events of frame 3, .* copies; use fewer"
+        MisuseError, match=r"makes 20 copies of each agent in frame 3, .* copies; use fewer"
     ):
         evolve(nested, events, (Lily, Counter), Frame(3), Policy.LITERAL)
 
