@@ -5,7 +5,7 @@
 Eight processes run 200 ants (benchmarks/models/colony.py), which are born and die. At random times,
 members and the coordinator are killed (SIGKILL) or frozen for a while (SIGSTOP, SIGCONT); external
 hosts join, some of them through a proxy that delays the traffic, and leave, are killed or drained;
-the world is paused. Meanwhile another client replays messages of members and the coordinator with a
+the world is paused. Meanwhile another client repeats messages of members and the coordinator with a
 delay. At the end the string must have the digest of an undisturbed run, and the two records must
 have the same events in every frame. The exit code is 0 if so, otherwise 1.
 
@@ -21,7 +21,6 @@ import argparse
 import json
 import os
 import signal
-import socket
 import subprocess
 import sys
 import tempfile
@@ -36,6 +35,7 @@ from random import Random
 from minerva_bus.errors import MinervaError
 from minerva_bus.runtime.client import Client
 from minerva_bus.runtime.session import open_client
+from minerva_bus.testing.proxy import Proxy
 
 MINERVA = [sys.executable, "-m", "minerva_bus.cli.main"]
 HERE = Path(__file__).resolve().parent.parent
@@ -62,64 +62,38 @@ PROCESSES = {
 }
 WIDTH = 50.0
 """Of the ground, metres: regions have equal parts of it."""
-MOST_GUESTS = 3
-LAST_WORDS = 60
+MAX_GUESTS = 3
+FAULTS = {"kill": 5, "freeze": 4, "pause": 1}
+"""Methods of `Chaos`, with their weights."""
+FAULTS_OF_GUESTS = {"join": 3, "leave": 2, "drop": 2, "drain": 1}
+LAST_LINES = 60
 """Number of lines printed from the end of each log after a time-out."""
 
 
-class Proxy:
-    """A TCP proxy that delays all data and keeps their order."""
+class Repeater:
+    """Repeats messages on the bus after a short delay; `sent` is their number."""
 
-    def __init__(self, port: int, delay: Callable[[], float]) -> None:
-        self._port, self._delay = port, delay
-        self._server = socket.create_server(("127.0.0.1", 0))
-        self.port: int = self._server.getsockname()[1]
-        threading.Thread(target=self._accept, daemon=True).start()
-
-    def _accept(self) -> None:
-        with suppress(OSError):
-            while True:
-                near, _ = self._server.accept()
-                far = socket.create_connection(("127.0.0.1", self._port))
-                for source, target in ((near, far), (far, near)):
-                    threading.Thread(
-                        target=self._pass_on, args=(source, target), daemon=True
-                    ).start()
-
-    def _pass_on(self, source: socket.socket, target: socket.socket) -> None:
-        with suppress(OSError), source, target:
-            while data := source.recv(65536):
-                time.sleep(self._delay())
-                target.sendall(data)
-
-    def close(self) -> None:
-        self._server.close()
-
-
-class Parrot:
-    """Replays messages on the bus after a short delay."""
-
-    def __init__(self, endpoint: str, chance: Random) -> None:
-        self.said = 0
-        self._session = open_client("parrot", endpoint)
-        self._chance = chance
+    def __init__(self, endpoint: str, random: Random) -> None:
+        self.sent = 0
+        self._session = open_client("repeater", endpoint)
+        self._random = random
         keys = (f"minerva/{NAME}/from/*", f"minerva/{NAME}/tick", f"minerva/{NAME}/evolve")
-        self._mine: Counter[bytes] = Counter()
-        self._heard = [self._session.declare_subscriber(key, self._hear) for key in keys]
+        self._own: Counter[bytes] = Counter()
+        self._subscribers = [self._session.declare_subscriber(key, self._receive) for key in keys]
 
-    def _hear(self, sample: object) -> None:
+    def _receive(self, sample: object) -> None:
         key, data = str(sample.key_expr), sample.payload.to_bytes()  # type: ignore[attr-defined]
-        if self._mine[data] > 0:  # a replayed message
-            self._mine[data] -= 1
+        if self._own[data] > 0:  # a repeated message
+            self._own[data] -= 1
             return
-        if len(data) < 20000 and b"emitted" not in data[:16] and self._chance.random() < 0.1:
-            self._mine[data] += 1
-            threading.Timer(self._chance.random() * 0.3, self._say, (key, data)).start()
+        if len(data) < 20000 and b"emitted" not in data[:16] and self._random.random() < 0.1:
+            self._own[data] += 1
+            threading.Timer(self._random.random() * 0.3, self._send, (key, data)).start()
 
-    def _say(self, key: str, data: bytes) -> None:
+    def _send(self, key: str, data: bytes) -> None:
         with suppress(Exception):
             self._session.put(key, data)
-            self.said += 1
+            self.sent += 1
 
     def close(self) -> None:
         self._session.close()
@@ -129,51 +103,60 @@ class Chaos:
     """A running world, and the faults that are injected into it."""
 
     def __init__(self, folder: Path, seed: int, rate: float, regions: int = 0) -> None:
-        self.folder, self.seed, self.rate, self.regions = folder, seed, rate, regions
-        self.chance = Random(seed)
+        self.folder = folder
+        self.random = Random(seed)
+        self.faults = FAULTS if regions else FAULTS | FAULTS_OF_GUESTS
         self.done: Counter[str] = Counter()
         self.world = folder / f"{NAME}.toml"
         self.world.write_text(_world(seed, regions))
         self.guests: dict[str, subprocess.Popen[bytes]] = {}
-        self._born = 0
+        self._joined = 0
         self._log = (folder / "chaos.log").open("w")
         self._output = (folder / "run.log").open("w")
         self.environment = {**os.environ, "MINERVA_RUNTIME_DIR": str(folder / "runtime")}
 
+        record = ["--record", folder / "chaos.mcap", "--flush", 0.5]
+        self._words = ["run", self.world, "--rate", rate, *record, "--json"]
+
     def start(self) -> None:
-        record = ["--record", str(self.folder / "chaos.mcap"), "--flush", "0.5"]
-        words = ["run", self.world, "--rate", self.rate, *record, "--json"]
         self.launcher = subprocess.Popen(
-            [*MINERVA, *map(str, words)],
+            [*MINERVA, *map(str, self._words)],
             cwd=HERE, env=self.environment, stdout=subprocess.PIPE, stderr=self._output,
         )  # fmt: skip
         place = self.folder / "runtime" / f"{NAME}.json"
-        _until(lambda: place.exists() and place.read_text().endswith("}"), "the world is there")
+        _until(lambda: place.exists() and place.read_text().endswith("}"), "the world has started")
         self.endpoint: str = json.loads(place.read_text())["endpoint"]
         port = int(self.endpoint.rpartition(":")[2])
         self.proxy = Proxy(port, lambda: 0.02 * Random().random())
-        _until(lambda: self.frame() > 3, "frames go by")
-        self.parrot = Parrot(self.endpoint, Random(self.seed))
+        _until(lambda: self.frame() > 3, "frames advance")
+        self.repeater = Repeater(self.endpoint, Random(self.random.random()))
+
+    def command(self, *words: object) -> subprocess.CompletedProcess[str]:
+        """Run a command of `minerva` to its end."""
+        return subprocess.run(
+            [*MINERVA, *map(str, words)], cwd=HERE, env=self.environment, capture_output=True,
+            text=True,
+        )  # fmt: skip
 
     # --- queries ---
 
     @contextmanager
-    def asked(self) -> Iterator[Client]:
+    def client(self) -> Iterator[Client]:
         with Client(self.endpoint, NAME) as client:
             yield client
 
     def frame(self) -> int:
         try:
-            with self.asked() as asked:
-                return asked.operator.status().frame
+            with self.client() as client:
+                return client.operator.status().frame
         except MinervaError:
             return -1
 
     def pids(self) -> dict[str, int]:
         """Process ids by name; empty if the coordinator does not answer."""
         try:
-            with self.asked() as asked:
-                members = asked.operator.status().members
+            with self.client() as client:
+                members = client.operator.status().members
         except MinervaError:
             return {}
         pids = {
@@ -187,17 +170,15 @@ class Chaos:
     # --- faults ---
 
     def disturb(self) -> None:
-        deeds = {self.kill: 5, self.freeze: 4, self.pause: 1}
-        if not self.regions:
-            deeds |= {self.join: 3, self.leave: 2, self.drop: 2, self.drain: 1}
-        deed = self.chance.choices(list(deeds), list(deeds.values()))[0]
-        pick = self.chance.random()
+        """Inject a random fault, and wait for up to 1.2 s."""
+        fault = self.random.choices([*self.faults], [*self.faults.values()])[0]
+        pick = self.random.random()
         with suppress(MinervaError, ProcessLookupError):
-            what = deed(pick)
+            what = getattr(self, fault)(pick)
             if what:
-                self.done[deed.__name__] += 1
-                print(f"{time.monotonic():.2f} {deed.__name__} {what}", file=self._log, flush=True)
-        time.sleep(self.chance.uniform(0.1, 1.2))
+                self.done[fault] += 1
+                print(f"{time.monotonic():.2f} {fault} {what}", file=self._log, flush=True)
+        time.sleep(self.random.uniform(0.1, 1.2))
 
     def kill(self, pick: float) -> str:
         name, pid = _pick(self.pids(), pick)
@@ -209,17 +190,17 @@ class Chaos:
         name, pid = _pick(self.pids(), pick)
         if not pid:
             return ""
-        seconds = self.chance.choice((0.05, 0.3, 1.0, 4.0))
+        seconds = self.random.choice((0.05, 0.3, 1.0, 4.0))
         os.kill(pid, signal.SIGSTOP)
         time.sleep(seconds)
         os.kill(pid, signal.SIGCONT)
         return f"{name} for {seconds} s"
 
     def join(self, pick: float) -> str:
-        if len(self.guests) >= MOST_GUESTS:
+        if len(self.guests) >= MAX_GUESTS:
             return ""
-        self._born += 1
-        name = f"guest-{self._born}"
+        self._joined += 1
+        name = f"guest-{self._joined}"
         slow = pick < 0.5
         endpoint = f"tcp/127.0.0.1:{self.proxy.port}" if slow else self.endpoint
         words = ["attach", "benchmarks.models.colony:Ant", "--name", name, "--world", NAME]
@@ -227,7 +208,7 @@ class Chaos:
             [*MINERVA, *words, "--connect", endpoint], cwd=HERE, env=self.environment,
             stdout=self._output, stderr=self._output,
         )  # fmt: skip
-        return f"{name}{' by a slow way' if slow else ''}"
+        return f"{name}{' by a slow link' if slow else ''}"
 
     def leave(self, pick: float) -> str:
         return self._end_guest(pick, signal.SIGINT)
@@ -249,20 +230,20 @@ class Chaos:
 
     def drain(self, pick: float) -> str:
         name = f"ants-{1 + int(4 * pick)}"
-        with self.asked() as asked:
-            asked.ask("drain", member=name)
+        with self.client() as client:
+            client.ask("drain", member=name)
         return name
 
     def pause(self, _: float) -> str:
-        with self.asked() as asked:
-            asked.operator.pause()
+        with self.client() as client:
+            client.operator.pause()
         time.sleep(0.3)
-        _until(self._resumed, "the world goes on after a pause")
-        return "and on"
+        _until(self._resumed, "the world resumes")
+        return "for 0.3 s"
 
     def _resumed(self) -> bool:
-        with suppress(MinervaError), self.asked() as asked:
-            asked.operator.resume()
+        with suppress(MinervaError), self.client() as client:
+            client.operator.resume()
             return True
         return False
 
@@ -270,23 +251,23 @@ class Chaos:
 
     def end(self) -> dict[str, object]:
         """Wait until frames advance without faults, and stop the world; returns its summary."""
-        self.parrot.close()
+        self.repeater.close()
         frame = self.frame()
-        _until(lambda: self.frame() > frame + 3, "frames go on in the end", 60.0)
+        _until(lambda: self.frame() > frame + 3, "frames advance without faults", 60.0)
         while self.guests:
             self._end_guest(0.0, signal.SIGINT)
-        with suppress(MinervaError), self.asked() as asked:
-            asked.ask("stop")
+        with suppress(MinervaError), self.client() as client:
+            client.ask("stop")
         out, _ = self.launcher.communicate(timeout=30)
         return json.loads(out)
 
-    def tell_last_words(self) -> None:
+    def print_last_lines(self) -> None:
         """Print the last faults and the last log lines of the world."""
         for name in ("chaos.log", "run.log"):
             lines = (self.folder / name).read_text(errors="replace").splitlines()
-            print(f"--- {name} ---", *lines[-LAST_WORDS:], sep="\n")
-        with suppress(MinervaError), self.asked() as asked:
-            print("--- status ---", asked.operator.status(), sep="\n")
+            print(f"--- {name} ---", *lines[-LAST_LINES:], sep="\n")
+        with suppress(MinervaError), self.client() as client:
+            print("--- status ---", client.operator.status(), sep="\n")
 
     def close(self) -> None:
         """Kill all remaining processes."""
@@ -333,17 +314,10 @@ def _until(what: Callable[[], bool], why: str, patience: float = 40.0) -> None:
 
 def undisturbed(chaos: Chaos, frames: int) -> dict[str, object]:
     """The summary of a recorded run of `frames` frames in one process."""
-    words = [
+    done = chaos.command(
         "run", chaos.world, "--in-process", "--regions", 0, "--frames", frames,
         "--record", chaos.folder / "undisturbed.mcap", "--json",
-    ]  # fmt: skip
-    done = subprocess.run(
-        [*MINERVA, *map(str, words)],
-        cwd=HERE,
-        env=chaos.environment,
-        capture_output=True,
-        text=True,
-    )
+    )  # fmt: skip
     if done.returncode:
         raise SystemExit(f"chaos: the undisturbed run failed ({done.returncode}):\n{done.stderr}")
     return json.loads(done.stdout)
@@ -351,14 +325,7 @@ def undisturbed(chaos: Chaos, frames: int) -> dict[str, object]:
 
 def same_events(chaos: Chaos) -> str:
     """Differences between the two records, or an empty string."""
-    words = ["diff", chaos.folder / "undisturbed.mcap", chaos.folder / "chaos.mcap"]
-    done = subprocess.run(
-        [*MINERVA, *map(str, words)],
-        cwd=HERE,
-        env=chaos.environment,
-        capture_output=True,
-        text=True,
-    )
+    done = chaos.command("diff", chaos.folder / "undisturbed.mcap", chaos.folder / "chaos.mcap")
     if done.returncode == 0:
         return ""
     # A killed `diff` prints nothing, and must not count as equal.
@@ -376,17 +343,17 @@ def run(folder: Path, minutes: float, seed: int, rate: float, regions: int = 0) 
                 print(f"chaos: the world has ended; see {folder}/run.log")
                 return False
         result = chaos.end()
-        lines = chaos.parrot.said
+        repeated = chaos.repeater.sent
     except SystemExit:
-        chaos.tell_last_words()
+        chaos.print_last_lines()
         raise
     finally:
         chaos.close()
     frames = int(str(result["frames"]))
     alone = undisturbed(chaos, frames)
     differ = same_events(chaos)
-    deeds = ", ".join(f"{name} {count}" for name, count in sorted(chaos.done.items()))
-    print(f"seed {seed}: {frames} frames, {deeds}; {lines} messages said twice")
+    faults = ", ".join(f"{name} {count}" for name, count in sorted(chaos.done.items()))
+    print(f"seed {seed}: {frames} frames, {faults}; {repeated} messages repeated")
     same = result["digest"] == alone["digest"]
     print(f"digest {result['digest']} {'=' if same else 'IS NOT'} {alone['digest']}")
     print(differ or "the same events in every frame")

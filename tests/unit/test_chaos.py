@@ -14,7 +14,7 @@ class Disturbed:
 
     def __init__(self, digest: str, ended: int | None) -> None:
         self.done = Counter(kill=1)
-        self.parrot = SimpleNamespace(said=3)
+        self.repeater = SimpleNamespace(sent=3)
         self.launcher = SimpleNamespace(poll=lambda: ended)
         self.closed = False
         self._digest = digest
@@ -24,10 +24,10 @@ class Disturbed:
 
     def end(self) -> dict[str, object]:
         if self._digest == "none":
-            raise SystemExit("chaos: frames go on in the end: not within 60 s")
+            raise SystemExit("chaos: frames advance without faults: not within 60 s")
         return {"frames": 9, "digest": self._digest}
 
-    def tell_last_words(self) -> None: ...
+    def print_last_lines(self) -> None: ...
 
     def close(self) -> None:
         self.closed = True
@@ -69,11 +69,8 @@ def test_a_world_that_hangs_is_a_message(monkeypatch):
     ("code", "output", "differs"),
     [(0, "equal", ""), (1, "frame 3 differs", "frame 3"), (-9, "", "exit code -9")],
 )
-def test_records_that_could_not_be_compared_are_not_equal(
-    monkeypatch, tmp_path, code, output, differs
-):
+def test_records_that_could_not_be_compared_are_not_equal(tmp_path, code, output, differs):
     done = subprocess.CompletedProcess([], code, output, "")
-    monkeypatch.setattr(chaos.subprocess, "run", lambda *_, **__: done)
-    result = chaos.same_events(SimpleNamespace(folder=tmp_path, environment={}))  # type: ignore[arg-type]
+    result = chaos.same_events(SimpleNamespace(folder=tmp_path, command=lambda *_: done))  # type: ignore[arg-type]
     assert differs in result
     assert bool(result) == bool(code)
