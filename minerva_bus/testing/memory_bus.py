@@ -69,19 +69,28 @@ class QueueTransport:
 
 
 class _Log(Sink):
-    """Writes the trace of a run, and keeps its frames and messages."""
+    """Keeps the stimuli, instructions, frames and messages of a run."""
 
     def __init__(self) -> None:
-        self.trace: list[str] = []
+        self._lines: list[str] = []
+        self._unwritten: list[tuple[s.Stimulus, Sequence[s.Instruction]]] = []
         self.records: list[m.FrameRecord] = []
         self.inputs: list[FrameInputs] = []
         self.said: list[str] = []
         self.is_ready = False
 
     def decided(self, stimulus: s.Stimulus, instructions: Sequence[s.Instruction]) -> None:
-        """Add a stimulus and its instructions to the trace."""
-        self.trace.append(f"> {trace_line(stimulus)}")
-        self.trace += [f"    {line}" for line in map(trace_line, instructions) if line]
+        """Keep a stimulus and its instructions for the trace."""
+        self._unwritten.append((stimulus, instructions))
+
+    @property
+    def trace(self) -> list[str]:
+        """Stimuli and instructions as lines, written on demand: few runs need their trace."""
+        for stimulus, instructions in self._unwritten:
+            self._lines.append(f"> {trace_line(stimulus)}")
+            self._lines += [f"    {line}" for line in map(trace_line, instructions) if line]
+        self._unwritten.clear()
+        return self._lines
 
     def frame_done(self, notice: s.FrameDone) -> None:
         """Keep the record and the inputs of a frame."""
@@ -259,6 +268,10 @@ class MemoryBus:
         self._runner.handle(stimulus)
 
     # --- results --------------------------------------------------------------------------------
+
+    def __repr__(self) -> str:
+        """The trace."""
+        return "\n".join(self.trace)
 
     @property
     def algorithm(self) -> FrameAlgorithm:

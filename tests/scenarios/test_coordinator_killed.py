@@ -20,7 +20,7 @@ def run(setting, kills):
     while bus.ended is None:
         links = bus.ready()
         assert links, (bus.stuck, bus.algorithm.waiting_for(), bus.trace[-12:])
-        bus.step(next((one for one in links if one != BEGIN), BEGIN))
+        bus.step(next((link for link in links if link != BEGIN), BEGIN))
         steps += 1
         if steps in kills:
             bus.kill_coordinator()
