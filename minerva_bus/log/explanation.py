@@ -148,7 +148,7 @@ def rejected_lines(rejected: Sequence[str]) -> list[str]:
         return []
     more = len(rejected) - MAX_REJECTED
     shown = [f"  {text}" for text in rejected[:MAX_REJECTED]]
-    return ["rejected lately:", *shown, *([f"  and {more} more"] if more > 0 else [])]
+    return ["recently rejected:", *shown, *([f"  and {more} more"] if more > 0 else [])]
 
 
 def short(text: str, longest: int = MAX_TEXT) -> str:
