@@ -76,12 +76,12 @@ def _extreme(operator: str) -> Any:
             for value, given in zip(arguments, signature.args, strict=True):
                 if not both:
                     leave_if_inexact(target, builder, value, given)
-            one, other = [
+            left, right = [
                 target.cast(builder, value, given, kind)
                 for value, given in zip(arguments, signature.args, strict=True)
             ]
             compare = builder.icmp_signed if both else builder.fcmp_ordered
-            return builder.select(compare(operator, other, one), other, one)
+            return builder.select(compare(operator, right, left), right, left)
 
         return kind(first, second), generate
 

@@ -132,9 +132,9 @@ class _Check:
     def _is_real(self, variable: Any) -> bool:
         return isinstance(self._kinds[variable.name], types.Float)
 
-    def _differs(self, one: Any, other: Any) -> bool:
+    def _differs(self, left: Any, right: Any) -> bool:
         """Whether two tuples have a real in another place."""
-        items = (each.types if isinstance(each, types.BaseTuple) else () for each in (one, other))
+        items = (each.types if isinstance(each, types.BaseTuple) else () for each in (left, right))
         return any(
             isinstance(a, types.Float) != isinstance(b, types.Float)
             for a, b in zip(*items, strict=False)

@@ -107,16 +107,16 @@ def _number(kind: Any) -> bool:
 def _plain(context: Any, function: Any, *args: Any) -> tuple[Any, Any]:
     """The signature of an operator of numba, and what makes its code."""
     kind = context.resolve_value_type(function)
-    found = context.resolve_function_type(kind, args, {})
+    resolved = context.resolve_function_type(kind, args, {})
 
     def generate(target: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         given = [
             target.cast(builder, value, *types_)
-            for value, *types_ in zip(arguments, args, found.args, strict=True)
+            for value, *types_ in zip(arguments, args, resolved.args, strict=True)
         ]
-        return target.get_function(kind, found)(builder, given)
+        return target.get_function(kind, resolved)(builder, given)
 
-    return found.return_type(*args), generate
+    return resolved.return_type(*args), generate
 
 
 def _with_overflow(function: Any, instruction: str) -> Any:
