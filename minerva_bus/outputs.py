@@ -73,7 +73,7 @@ def check_output(path: Path, kind: str = "output") -> None:
 def check_new(path: Path, kind: str = "output") -> None:
     """Raise MisuseError if `path` is an input, or exists without `--force`."""
     with contextlib.suppress(OSError):
-        if _identity(path.stat()) in _policy.read:
+        if _identity(_status(path)) in _policy.read:
             raise MisuseError(f"{kind}: {path} is an input of this run; choose another path")
     # A link counts as existing even if its target does not.
     if not _policy.forced and os.path.lexists(path):
@@ -91,7 +91,7 @@ def _check(path: Path, kind: str, *, inputs: bool) -> None:
     if _policy.forced:
         return
     try:
-        status = path.stat()
+        status = _status(path)
     except OSError:
         return  # It is missing, or the attempt to write it reports why it is unreachable.
     if stat.S_ISDIR(status.st_mode):
@@ -108,6 +108,13 @@ def _check(path: Path, kind: str, *, inputs: bool) -> None:
             f"{kind}: {path} exists and was not written by Minerva Bus, or has been edited; choose"
             " another path, move the file, or overwrite it with --force"
         )
+
+
+def _status(path: Path) -> os.stat_result:
+    """The status of the file that a path names once its missing folders are made."""
+    # In `new/../house.svg` the folder `new` may be missing when the file is checked, and be made
+    # before the file is written.
+    return Path(os.path.realpath(path)).stat()
 
 
 def write_output(path: Path, content: bytes, kind: str = "output") -> None:

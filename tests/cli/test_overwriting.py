@@ -59,6 +59,24 @@ def test_the_picture_beside_a_view_is_not_the_map(house, capfd):
     assert (house / "house.png").read_bytes() != before
 
 
+@pytest.mark.parametrize("path", [
+    "house.svg", "new/../house.svg", "./house.svg", "linked/house.svg", "linked/../{name}/house.svg",
+    "other.svg", "hard.svg", "deep/../new/../house.svg",
+])  # fmt: skip
+def test_no_other_name_of_the_map_is_overwritten(house, capfd, path):
+    (house / "linked").symlink_to(house)
+    (house / "deep").mkdir()
+    (house / "other.png").symlink_to("house.png")
+    (house / "hard.png").hardlink_to(house / "house.png")
+    before = (house / "house.png").read_bytes()
+    path = path.format(name=house.name)
+    assert run("--map", "house.yaml", "--view", f"svg:path={path},every=1") == 2
+    assert "--force" in capfd.readouterr().err
+    assert (house / "house.png").read_bytes() == before
+    # It is refused before the world starts, so no folder is made either.
+    assert not (house / "new").exists()
+
+
 def test_a_run_overwrites_what_an_earlier_run_wrote(house):
     for _ in range(2):
         assert run("--view", "svg:path=out.svg,every=1", "--record", "out.mcap") == 0
