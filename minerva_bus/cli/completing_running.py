@@ -35,6 +35,7 @@ def _client(ctx: typer.Context) -> Generator[Client]:
     from minerva_bus.runtime.endpoints import check_endpoint
 
     given = {key: str(ctx.params.get(key) or "") for key in ("connect", "keys", "world")}
+    given["world"] = given["world"] or str(ctx.params.get("name") or "")
     choose_keys(given["keys"])
     if given["connect"]:
         # A command waits for a world that may be restarting; Tab must not.

@@ -32,7 +32,8 @@ from minerva_bus.cli.options import examples_of
 from minerva_bus.cli.other_options import TAKES_OTHERS, OtherOptionsCommand
 from minerva_bus.cli.output import INTERRUPTED, WRONG, print_result
 from minerva_bus.cli.promised import promised
-from minerva_bus.cli.shells import Command, Group, adapted
+from minerva_bus.cli.shells import Group, adapted
+from minerva_bus.cli.world_first import WorldFirstCommand
 from minerva_bus.errors import MinervaError, MisuseError
 from minerva_bus.outputs import forget_inputs
 
@@ -126,7 +127,7 @@ def _make(name: str) -> Any:
     single = typer.Typer(rich_markup_mode=None, add_completion=False)
     single.command(
         name,
-        cls=OtherOptionsCommand if takes_others else Command,
+        cls=OtherOptionsCommand if takes_others else WorldFirstCommand,
         context_settings=TAKES_OTHERS if takes_others else None,
         epilog="\n".join(("\b", "Examples:", *(f"  {line}" for line in examples_of(function)))),
     )(function)

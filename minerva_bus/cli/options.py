@@ -11,6 +11,7 @@ from typing import Annotated, Any, Final, TypeVar, get_origin, get_type_hints
 import typer
 
 from minerva_bus.cli import completing, completing_running, completing_worlds
+from minerva_bus.cli.world_first import WORLD
 from minerva_bus.errors import MinervaError, MisuseError
 from minerva_bus.settings.overrides import OPTIONS, Overrides
 
@@ -122,12 +123,15 @@ class WorldTarget:
 
 @dataclass(frozen=True, slots=True)
 class NamedTarget(WorldTarget):
-    """A running world that may be named without --world. Raises MisuseError for two names."""
+    """A running world that may be named without --world: the name is the first word.
+
+    Raises MisuseError for two names.
+    """
 
     name: Annotated[
         str,
         typer.Argument(
-            metavar="[WORLD]", help="As --world.", autocompletion=completing_running.running
+            metavar=WORLD, help="As --world.", autocompletion=completing_running.running
         ),
     ] = ""
 
@@ -241,6 +245,12 @@ def _hints(cls: type[Any]) -> dict[str, Any]:
     return get_type_hints(cls, include_extras=True)
 
 
+def _names_world(parameter: Parameter) -> bool:
+    """Whether a parameter is the argument that is before all others."""
+    metadata = getattr(parameter.annotation, "__metadata__", ())
+    return any(getattr(each, "metavar", None) == WORLD for each in metadata)
+
+
 def _group(annotation: Any) -> Takes | _Fields | None:
     if get_origin(annotation) is Annotated and isinstance(annotation.__metadata__[0], Takes):
         return annotation.__metadata__[0]
@@ -264,6 +274,7 @@ def grouped(command: Callable[..., None]) -> Callable[..., None]:
         else:
             groups[name] = group
             parameters += group.parameters()
+    parameters.sort(key=lambda each: not _names_world(each))
 
     @wraps(command)
     def collected(**values: Any) -> None:

@@ -210,6 +210,8 @@ def test_a_running_world_completes_its_names(tmp_path):
         assert completed(tmp_path, "pub eWish ") == ["x=", "name="]
         assert completed(tmp_path, "pub eWish x=1 ") == ["name="]
         assert completed(tmp_path, f"pub --world {world.name} eWi") == ["eWish"]
+        assert completed(tmp_path, f"pub {world.name} eWi") == ["eWish"]
+        assert completed(tmp_path, f"pub {world.name} eWish x=1 ") == ["name="]
         # A world that does not answer does not block the shell.
         pid = world.coordinator()
         os.kill(pid, signal.SIGSTOP)

@@ -244,6 +244,15 @@ def test_two_worlds_are_listed_and_distinguished(tmp_path):
                 assert answer or done.stdout.startswith(second.name)
             done = here(tmp_path, command, first.name, "--world", second.name)
             assert (done.returncode, "which world" in done.stderr) == (2, True)
+        for line in (
+            "pub eNoise", "rate 50", "logs steps", "logs", "echo eStep --count 1",
+            "restart steps", "step 2", "resume",
+        ):  # fmt: skip
+            command, *words = line.split()
+            done = here(tmp_path, command, second.name, *words)
+            assert done.returncode == 0, (line, done.stderr)
+        done = here(tmp_path, "restart", "nowhere", "steps")
+        assert "no world 'nowhere' runs" in done.stderr
         assert here(tmp_path, "stop", "--world", second.name).returncode == 0
         assert second.ends() == 0
         assert first.members()

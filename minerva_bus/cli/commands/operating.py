@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from minerva_bus.cli import completing, completing_running
-from minerva_bus.cli.options import By, Json, NamedTarget, WorldTarget, examples, grouped
+from minerva_bus.cli.options import By, Json, NamedTarget, examples, grouped
 
 
 @examples(
@@ -28,7 +28,7 @@ def list_(json: Json = False, *, target: NamedTarget) -> None:
 
 @examples(
     "minerva echo eLaser --count 10",
-    "minerva echo ARobot --json",
+    "minerva echo robot ARobot --json",
 )
 @grouped
 def echo(
@@ -42,7 +42,7 @@ def echo(
     count: Annotated[int, typer.Option(help="Stop after this many; 0: no limit.")] = 0,
     json: Json = False,
     *,
-    target: WorldTarget,
+    target: NamedTarget,
 ) -> None:
     """Print events, agents or views of a running world, by type."""
     from minerva_bus.cli.asking import echo_type
@@ -52,7 +52,7 @@ def echo(
 
 @examples(
     "minerva pub eObjective marker=kitchen",
-    "minerva pub eSpeed speed=30cm/s --to r1",
+    "minerva pub robot eSpeed speed=30cm/s --to r1",
     "minerva pub eObjective marker=kitchen --as anna --wait",
 )
 @grouped
@@ -85,7 +85,7 @@ def pub(
     ] = 0.0,
     json: Json = False,
     *,
-    target: WorldTarget,
+    target: NamedTarget,
 ) -> None:
     """Send an event into a running world."""
     from minerva_bus.cli.publishing import OrderToSend, Waiting, publish
@@ -132,7 +132,7 @@ def resume(by: By = "", json: Json = False, *, target: NamedTarget) -> None:
 
 @examples(
     "minerva step",
-    "minerva step 10 --world robot",
+    "minerva step robot 10",
 )
 @grouped
 def step(
@@ -140,7 +140,7 @@ def step(
     by: By = "",
     json: Json = False,
     *,
-    target: WorldTarget,
+    target: NamedTarget,
 ) -> None:
     """Run a number of frames, then pause."""
     from minerva_bus.cli.operating import step_world
@@ -150,7 +150,7 @@ def step(
 
 @examples(
     "minerva rate 20",
-    "minerva rate 0 --world robot",
+    "minerva rate robot 0",
 )
 @grouped
 def rate(
@@ -158,7 +158,7 @@ def rate(
     by: By = "",
     json: Json = False,
     *,
-    target: WorldTarget,
+    target: NamedTarget,
 ) -> None:
     """Change the frame rate of a running world."""
     from minerva_bus.cli.operating import set_rate
@@ -168,7 +168,7 @@ def rate(
 
 @examples(
     "minerva restart physics",
-    "minerva restart hosts-2 --world robot",
+    "minerva restart robot hosts-2",
 )
 @grouped
 def restart(
@@ -181,7 +181,7 @@ def restart(
     by: By = "",
     json: Json = False,
     *,
-    target: WorldTarget,
+    target: NamedTarget,
 ) -> None:
     """Restart one process of a running world."""
     from minerva_bus.cli.operating import restart_member
@@ -191,7 +191,7 @@ def restart(
 
 @examples(
     "minerva drain hosts-1",
-    "minerva drain hosts-1 --world robot",
+    "minerva drain robot hosts-1",
 )
 @grouped
 def drain(
@@ -201,7 +201,7 @@ def drain(
     by: By = "",
     json: Json = False,
     *,
-    target: WorldTarget,
+    target: NamedTarget,
 ) -> None:
     """Move all agents of a host to other hosts.
 
@@ -214,14 +214,14 @@ def drain(
 
 @examples(
     "minerva seek 120",
-    "minerva seek 0 --world robot",
+    "minerva seek robot 0",
 )
 @grouped
 def seek(
     frame: Annotated[int, typer.Argument(help="The frame to continue with.", min=0)],
     json: Json = False,
     *,
-    target: WorldTarget,
+    target: NamedTarget,
 ) -> None:
     """Continue a replay at another frame."""
     from minerva_bus.cli.operating import seek_frame
@@ -231,7 +231,7 @@ def seek(
 
 @examples(
     "minerva logs --follow",
-    "minerva logs physics --json",
+    "minerva logs robot physics --json",
 )
 @grouped
 def logs(
@@ -242,7 +242,7 @@ def logs(
     follow: Annotated[bool, typer.Option("--follow", "-f", help="Wait for new lines.")] = False,
     json: Json = False,
     *,
-    target: WorldTarget,
+    target: NamedTarget,
 ) -> None:
     """Show the logs of a running world's members."""
     from minerva_bus.cli.operating import show_logs

@@ -1,0 +1,109 @@
+"""The name of a running world as the first word of a command: `minerva pub garden eRain`.
+
+It may be left out, so whether the first word is the world or the first argument of the command
+follows from the words themselves, and from the worlds that run here.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
+
+from minerva_bus.cli.shells import Command
+
+WORLD: Final = "WORLD"
+"""Metavar of the argument that is the name of the world; it is the first one."""
+
+_EVENT_TYPE: Final = re.compile(r"e[A-Z]\w*")
+
+
+class WorldFirstCommand(Command):
+    """A command that takes the name of a running world before its other arguments."""
+
+    def make_parser(self, ctx: Any) -> Any:
+        parser = super().make_parser(ctx)
+        arguments = [each for each in self.params if each.param_type_name == "argument"]
+        if len(arguments) < 2 or arguments[0].metavar != WORLD:
+            return parser
+        world, *others = arguments
+        parse = parser.parse_args
+
+        def parse_args(args: list[str]) -> tuple[dict[str, Any], list[str], list[Any]]:
+            values, rest, order = parse(args)
+            _place(values, world.name, others, asks=ctx.resilient_parsing)
+            return values, rest, order
+
+        parser.parse_args = parse_args
+        return parser
+
+
+def _place(values: dict[str, Any], world: str, others: Sequence[Any], *, asks: bool) -> None:
+    """Give the words, which the parser has assigned from left to right, to their arguments.
+
+    asks: a shell asks for the next word, so a world that is left out counts as given.
+    """
+    words = _words(values, [world, *(each.name for each in others)])
+    is_world = _is_expected_or_named(words) if asks else _names_world(words, others)
+    if is_world:
+        return
+    # An absent key is an argument that is not given.
+    values.pop(world, None)
+    if asks:
+        values[world] = ""
+    for each in others:
+        values.pop(each.name, None)
+        if each.nargs == -1:
+            values[each.name] = tuple(words)
+        elif words:
+            values[each.name] = words.pop(0)
+
+
+def _words(values: Mapping[str, Any], names: Sequence[str]) -> list[str]:
+    """All words that are no options, in their order."""
+    words: list[str] = []
+    for name in names:
+        value = values.get(name)
+        if isinstance(value, str):
+            words.append(value)
+        elif isinstance(value, tuple | list):
+            words += value
+    return words
+
+
+def _is_expected_or_named(words: Sequence[str]) -> bool:
+    """Whether a shell asks for the world, because several run, or for a word after it."""
+    running = _running()
+    return words[0] in running if words else len(running) > 1
+
+
+def _names_world(words: Sequence[str], others: Sequence[Any]) -> bool:
+    """Whether the first word is the world, and not the first of the other arguments."""
+    if not words:
+        return False
+    first, *rest = words
+    if any(each.nargs == -1 for each in others):
+        # Data follow without an end: a second word that is no KEY=VALUE is the event type.
+        is_data = not rest or "=" in rest[0]
+        return not is_data and (bool(_EVENT_TYPE.fullmatch(rest[0])) or first in _running())
+    # With a word too many the first one is the world, even if none of this name runs: the message
+    # is then about the world.
+    if len(words) > len(others):
+        return True
+    needed = sum(each.required for each in others)
+    return len(rest) >= needed and not _is_number(first) and first in _running()
+
+
+def _is_number(word: str) -> bool:
+    return word.replace(".", "", 1).isdigit()
+
+
+def _running() -> list[str]:
+    """The names of the worlds that run here; empty if they cannot be read."""
+    from minerva_bus.errors import MinervaError
+    from minerva_bus.launch.registry import running
+
+    try:
+        return [each.world for each in running()]
+    except MinervaError:
+        return []  # The command reports it when it looks for its world.
