@@ -6,7 +6,7 @@ import ast
 import inspect
 from collections.abc import Mapping
 from types import FunctionType
-from typing import Any
+from typing import Any, Final
 
 from minerva_bus.compiled.assignments import Assignments
 from minerva_bus.compiled.form import (
@@ -31,6 +31,8 @@ from minerva_bus.compiled.names import (
 )
 from minerva_bus.compiled.origin import Origin
 
+_VARIABLE: Final = inspect.CO_VARARGS | inspect.CO_VARKEYWORDS
+
 
 class HelperCalls(Assignments):
     """Checks the calls of user code in one function."""
@@ -42,6 +44,9 @@ class HelperCalls(Assignments):
     def helper(
         self, node: ast.Call, function: FunctionType, bound: tuple[Reference, ...]
     ) -> Expression:
+        if function.__code__.co_flags & _VARIABLE:
+            what = f"{function.__name__}, a function with * or **, as decorators make"
+            raise self.problem(node, what, "call a function with a parameter for each argument")
         arguments = [*bound, *(self._argument(argument) for argument in node.args)]
         named = {str(word.arg): self._argument(word.value) for word in node.keywords}
         try:

@@ -135,6 +135,10 @@ class References:
     def _frozen(self, node: ast.expr, value: Any) -> Expression:
         """A constant of the module or class."""
         constant = self.constant_of(value)
+        if type(value) is int and constant is None:
+            raise self.problem(
+                node, "an int of more than 64 bits", "write a real number, such as 1e20"
+            )
         if constant is None:
             raise self.problem(
                 node,

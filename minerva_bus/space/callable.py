@@ -152,7 +152,7 @@ def _instead(name: str, function: Any) -> str:
         return "write portable.power(x, y)"
     if _is_number_of_numpy(function):
         return "write int(...) or float(...)"
-    if last in _IN_MATH and name != f"math.{last}":
+    if last in _IN_MATH and _IN_MATH[last] != name:
         return f"write {_IN_MATH[last]}"
     if isinstance(function, FunctionType):
         return f"mark {name} with @kernel"

@@ -6,6 +6,7 @@ import ast
 import inspect
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from enum import Enum
 from types import FunctionType
 from typing import Any, Final, cast
 
@@ -20,7 +21,7 @@ from minerva_bus.space.definite import check_values
 from minerva_bus.space.guarded import MIXED
 from minerva_bus.space.kernels import Kernel, helpers
 
-_POSSIBLE: Final = (ast.List, ast.Tuple, ast.Slice, ast.Starred)
+_POSSIBLE: Final = (ast.List, ast.Tuple, ast.Slice)
 """Expressions that rules may use, but methods of agents not: numba has a type for them."""
 REFUSED: Final = {**STATEMENTS, **EXPRESSIONS}
 """Those of methods of agents."""
@@ -66,6 +67,13 @@ def check_rule(function: FunctionType, parameters: Mapping[str, ParameterAccess]
 
     """
     _check(function, parameters, set())
+    for each in Kernel(function).called:
+        if each in each.called:
+            raise Origin.of(each.function).problem(
+                Origin.of(each.function).tree,
+                f"{each.__name__}, which calls itself",
+                "write a loop",
+            )
 
 
 def uncompilable(rule: Kernel[..., Any], file: str, line: int, what: str) -> NotCompilable:
@@ -204,6 +212,12 @@ class _Body:
     def _check_name(self, node: ast.Attribute) -> None:
         """Names of tables exist, and a stream has none."""
         known, shown = self._of(node.value), ast.unparse(node.value)
+        owner: object = called(self._origin, node.value)
+        if isinstance(owner, type) and not issubclass(owner, Enum):
+            instead = (
+                f"define it at the top of the module: {node.attr.upper()} = {shown}.{node.attr}"
+            )
+            raise self._origin.problem(node, "an attribute of a class", instead)
         if known is not None and known.draws:
             named = node.attr in draws.__dict__
             instead = f"write {node.attr}({shown}, ...)" if named else _REMEDY

@@ -33,6 +33,19 @@ def listed(x):
 
 
 @kernel
+def again(x):
+    return again(x)
+
+
+class Limits:
+    MOST = 3
+
+
+LISTED = [1, 2]
+SHORT = np.zeros(3, np.int16)
+
+
+@kernel
 def leap(animals, row):
     animals.cell[row] = 0
 
@@ -76,6 +89,20 @@ REFUSED = {
     "rows": ("for k in sheep:\n    pass", "sheep", "sheep as a whole", "sheep.energy[k]"),
     "number of rows": ("x = len(sheep)", "sheep", "sheep as a whole", "sheep.energy"),
     "two indices": ("sheep.energy[0, 1] = 1", "sheep.energy[0, 1]", "not one number", "width"),
+    "itself": ("x = again(3)", "def again(x):", "calls itself", "write a loop"),
+    "unpacking": ("x, *y = (1, 2, 3)", "*y", "an argument with *", "each argument"),
+    "of a class": ("x = Limits.MOST", "Limits.MOST", "of a class", "MOST = Limits.MOST"),
+    "list of the module": ("x = LISTED[0]", "LISTED", "a list of the module", "a tuple"),
+    "short items": ("x = SHORT[0]", "SHORT", "a constant of int16", "int64"),
+    "array of short items": ("x = np.zeros(3, np.int8)", "np.int8", "an array of np.int8", "int"),
+    "method of an array": ("x = np.zeros(3).sum()", "np.zeros(3).sum()", "method sum", "for loop"),
+    "numpy's exp": ("x = np.exp(1.0)", "np.exp(1.0)", "np.exp", "write portable.exp"),
+    "number of numpy": ("x = np.int32(i)", "np.int32(i)", "np.int32", "write int(...)"),
+    "digits": ("x = round(1.25, 1)", "round(1.25, 1)", "digits", "round(100 * x) / 100"),
+    "least of a tuple": ("x = min((1, 2))", "min((1, 2))", "min of one value", "for loop"),
+    "large int": ("x = i + 9223372036854775808", "9223372036854775808", "64 bits", "real number"),
+    "item of draws": ("x = draws[0]", "draws[0]", "random stream", "random(draws)"),
+    "divmod": ("x = divmod(i, 2)", "divmod(i, 2)", "divmod", "a // b"),
     "branch": ("if i:\n    x = 1\nsheep.energy[i] = x", "x", "x may have no value", "assign x"),
     "loop": ("for k in range(i):\n    x = k\nx += 1", "x", "x may have no value", "assign x"),
     "loop variable": ("for k in range(i):\n    pass\nx = k", "k", "k may have no", "assign k"),
