@@ -1,6 +1,7 @@
 """Playback of recordings: due times, offsets, loops, and progress despite bad stamps."""
 
 import math
+import os
 import threading
 from itertools import pairwise
 
@@ -204,3 +205,9 @@ def test_skipped_messages_are_reported_once_and_counted(tmp_path, capsys):
 def test_a_missing_file_is_reported_at_once():
     with pytest.raises(MisuseError, match=r"file 'nothing.log' does not exist"):
         Deck("nothing.log", Tape())
+
+
+def test_a_pipe_is_no_recording(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(MisuseError, match="pipe' is a pipe or device; expected a recording"):
+        Deck(str(tmp_path / "pipe"), Tape())

@@ -189,6 +189,9 @@ class Playing(Bridge):
         self._time_offset = checked_offset(time_offset)
         if not Path(file).exists():
             raise MisuseError(f"file {file!r} does not exist; expected a recording, check the name")
+        # Opening a pipe would wait for a writer.
+        if not (Path(file).is_file() or Path(file).is_dir()):
+            raise MisuseError(f"file {file!r} is a pipe or device; expected a recording")
 
     @abstractmethod
     def recording(self) -> Recording:
