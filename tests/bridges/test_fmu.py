@@ -1,8 +1,10 @@
 """An FMU in a world: a room of FMI 3, heated by an agent."""
 
 import gc
+import os
 import sys
 import textwrap
+import zipfile
 
 import pytest
 
@@ -15,7 +17,7 @@ from minerva_services.bridges.fmu import Fmu
 
 eCelsius = EventType("eCelsius", celsius=float, steps=int)
 eControl = EventType("eControl", visual=True)
-PHeater = Primitive("PHeater", watts=float)
+PHeater = Primitive("PHeater", watts=float, plan=str, huge=float)
 
 ROOM = """
     from pythonfmu3 import Fmi3Causality, Fmi3Slave, Fmi3Variability, Float64, Int64
@@ -60,7 +62,7 @@ class Thermostat(Agent, symbol="AThermostat"):
 
     @view("eControl")
     def control(self, event):
-        return PHeater(self.watts)
+        return PHeater(self.watts, "x", 1e21)
 
 
 @pytest.fixture(scope="module")
@@ -117,14 +119,37 @@ def test_starts_are_set_before_the_first_step(room):
         ({"inputs": "wats=PHeater.watts"}, "no variable 'wats'"),
         ({"inputs": "watts=PHeater"}, "expected PRIMITIVE.PARAMETER"),
         ({"outputs": "celsius"}, "expected NAME=VALUE"),
+        ({"inputs": "watts=PHeater.wats"}, "PHeater has no wats; did you mean 'watts'"),
+        ({"inputs": "watts=PHeeter.watts"}, "no primitive PHeeter; did you mean 'PHeater'"),
+        ({"inputs": "steps=PHeater.plan"}, "steps is Int64, not 'x'"),
+        (
+            {"inputs": "steps=PHeater.huge"},
+            "steps is Int64, which cannot be 1000000000000000000000",
+        ),
         ({"starts": "capacity=much"}, "capacity is 'much'; expected a number"),
+        ({"starts": "capacity=nan"}, "capacity is 'nan'; expected a number"),
         ({"draws": ""}, "inputs need draws"),
         ({"path": "missing.fmu"}, "missing.fmu"),
     ],
 )
 def test_mistakes_are_explained(room, options, problem):
     with pytest.raises(MinervaError, match=problem):
-        run(world(room=options.pop("path", room), **options), frames=1)
+        run(world(room=options.pop("path", room), **options), frames=2)
+
+
+def test_files_that_are_no_models_are_one_line(tmp_path):
+    wrong = '<Float64 name="a" valueReference="x"/>' * 50
+    with zipfile.ZipFile(tmp_path / "wrong.fmu", "w") as file:
+        file.writestr(
+            "modelDescription.xml",
+            '<fmiModelDescription fmiVersion="3.0"><ModelVariables>'
+            f"{wrong}</ModelVariables></fmiModelDescription>",
+        )
+    os.mkfifo(tmp_path / "pipe.fmu")
+    for name, problem in (("wrong", "Failed to validate"), ("pipe", "is a pipe or device")):
+        with pytest.raises(MinervaError, match=problem) as caught:
+            run(world(str(tmp_path / f"{name}.fmu")), frames=1)
+        assert "\n" not in str(caught.value)
 
 
 def test_a_model_that_fails_ends_the_world_and_nothing_else(room):

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Mapping
+from math import isfinite
 from typing import Any, Protocol
 
-from minerva_bus.errors import MisuseError
+from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.scene import FigureNode, walk
 from minerva_bus.world.services import Device, Generator, Tick, View, WorldInfo
@@ -80,6 +81,7 @@ class SteppedModel(Device, Generator, coupled=True):
     def joined(self, world: WorldInfo) -> None:
         self._type = event_type(self._name, world, self._event)
         self._dt = world.dt
+        self._check_inputs(world)
         self._model = self.opened()
 
     def show(self, view: View) -> None:
@@ -118,6 +120,19 @@ class SteppedModel(Device, Generator, coupled=True):
                 )
         return {name.strip(): value.strip() for name, _, value in pairs}
 
+    def _check_inputs(self, world: WorldInfo) -> None:
+        """Raise MisuseError for an input from a primitive or a parameter that does not exist."""
+        primitives = world.vocabulary.primitives
+        for symbol, parameter in self.inputs.values():
+            known = [*primitives]
+            if symbol not in primitives:
+                near = nearest(symbol, known)
+                raise MisuseError(f"{self._name}: the world has no primitive {symbol}{near}")
+            names = primitives[symbol].fields.names
+            if parameter not in names:
+                near = nearest(parameter, [*names])
+                raise MisuseError(f"{self._name}: {symbol} has no {parameter}{near}")
+
     def _parameter(self, source: str) -> tuple[str, str]:
         symbol, _, parameter = source.partition(".")
         if not parameter:
@@ -127,11 +142,12 @@ class SteppedModel(Device, Generator, coupled=True):
     def number(self, name: str, text: str) -> float:
         """The number of a pair. Raises MisuseError."""
         try:
-            return float(text)
+            number = float(text)
         except ValueError:
-            raise MisuseError(
-                f"{self._name}: the value of {name} is {text!r}; expected a number"
-            ) from None
+            number = float("nan")
+        if not isfinite(number):
+            raise MisuseError(f"{self._name}: the value of {name} is {text!r}; expected a number")
+        return number
 
 
 __all__ = ["Model", "SteppedModel"]

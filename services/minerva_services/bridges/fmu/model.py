@@ -17,6 +17,9 @@ from minerva_bus.errors import MisuseError, nearest
 
 _TYPES: Final = {"Float64": float, "Int64": int, "Int32": int, "Boolean": bool, "String": str}
 """Types of variables that have a value in a string."""
+_BITS: Final = {"Int64": 64, "Int32": 32}
+_MAX_PROBLEM: Final = 300
+"""Characters of an error that FMPy explains in a line for each mistake in the model description."""
 _ERROR: Final = 3
 _FATAL: Final = 4
 """Statuses of calls, as in the standard."""
@@ -52,7 +55,8 @@ class FmuModel:
             raise
         except Exception as error:  # FMPy raises Exception itself
             self.close()
-            raise MisuseError(f"fmu: {path}: {error or type(error).__name__}") from None
+            problem = " ".join(str(error).split())[:_MAX_PROBLEM] or type(error).__name__
+            raise MisuseError(f"fmu: {path}: {problem}") from None
 
     def check(self, name: str) -> None:
         """Raise MisuseError if the FMU has no such variable, or one of an unknown type."""
@@ -67,7 +71,14 @@ class FmuModel:
     def set(self, name: str, value: Any) -> None:
         """Set a variable. Raises MisuseError if the FMU rejects it."""
         variable = self._variables[name]
-        converted = _TYPES[variable.type](value)
+        try:
+            converted = _TYPES[variable.type](value)
+        except (TypeError, ValueError):
+            raise MisuseError(f"fmu: {name} is {variable.type}, not {value!r:.60}") from None
+        bits = _BITS.get(variable.type)
+        # FMPy would drop the higher bits.
+        if bits is not None and not -(1 << bits - 1) <= converted < 1 << bits - 1:
+            raise MisuseError(f"fmu: {name} is {variable.type}, which cannot be {converted}")
         self._call(f"set{variable.type}", [variable.valueReference], [converted])
 
     def get(self, name: str) -> Any:
@@ -92,6 +103,9 @@ class FmuModel:
         shutil.rmtree(self._folder, ignore_errors=True)
 
     def _open(self, starts: Mapping[str, float]) -> None:
+        # Opening a pipe would wait for a writer.
+        if self._path.exists() and not (self._path.is_file() or self._path.is_dir()):
+            raise MisuseError(f"fmu: {self._path} is a pipe or device; expected a file")
         described: Any = fmpy.read_model_description(str(self._path))
         if described.fmiVersion != "3.0" or described.coSimulation is None:
             raise MisuseError(
