@@ -247,7 +247,8 @@ class _Reporter:
             coordinator.inbox.put(Printed("record", text, "warning"))
 
     def save(self) -> None:
-        """Save the rows that were collected up to the last frame."""
+        """Save what another successor could not repeat: record and rows up to the last frame."""
+        self.record.save()
         if self.collected is not None:
             self.collected.save()
 

@@ -95,6 +95,11 @@ class RunRecord:
         scene, checkpoint = self._algorithm.scene, self._algorithm.checkpoint
         self._recorder.frame(done, scene, self._seconds(), checkpoint=checkpoint)
 
+    def save(self) -> None:
+        """Write all frames up to the last one to the disk."""
+        if self._recorder is not None:
+            self._recorder.flush()
+
     def idle(self) -> None:
         """Do pending work while the caller of `frame` waits for members."""
         if self._recorder is not None:

@@ -93,14 +93,21 @@ class FrameQueue:
         self._flushed_count = self._taken_count
         self._has_flushed.set()
 
-    def wait_until_flushed(self) -> None:
-        """Wait until all items put are on the disk; an interrupt ends the wait, not the write."""
+    def wait_until_flushed(self, within: float | None = None) -> None:
+        """Wait until all items put are on the disk; an interrupt ends the wait, not the write.
+
+        `within`: seconds after which the wait ends; None: never.
+        """
+        until = None if within is None else time.monotonic() + within
         while self._flushed_count < self._put_count:
             self._has_flushed.clear()
             self._wake.set()
+            rest = None if until is None else until - time.monotonic()
+            if rest is not None and rest <= 0:
+                return
             # Checked again, because a flush may have ended just before the event was cleared.
             if self._flushed_count < self._put_count:
-                self._has_flushed.wait()
+                self._has_flushed.wait(rest)
 
 
 @dataclass(frozen=True, slots=True)

@@ -30,7 +30,7 @@ from minerva_bus.log.checkpoints import Kept
 from minerva_bus.log.description import Description
 from minerva_bus.log.errors import RecordError, check_installed
 from minerva_bus.log.mcap_file import open_for_record, part_of, take_name
-from minerva_bus.log.queues import Backlog, FrameQueue, Pending, Sensed
+from minerva_bus.log.queues import PATIENCE, Backlog, FrameQueue, Pending, Sensed
 from minerva_bus.log.reader import Record
 from minerva_bus.log.writer import RecordWriter
 from minerva_bus.world.operator import PersonOperation
@@ -158,6 +158,12 @@ class Recorder:
         if self._work.is_open:
             self._work.backlog.put(sensed)
 
+    def flush(self) -> None:
+        """Wait until all frames are on the disk, or until it is too slow."""
+        if self._work.is_open:
+            self._work.flush()
+        self._report_failure()
+
     def close(self) -> None:
         """Write the remaining data and the index. Further calls do nothing."""
         if self._work.is_closed:
@@ -249,6 +255,7 @@ class _RecordingThread:
         self._flush_at = time.monotonic() + self._flush_seconds
         self._writing = threading.Lock()
         self._is_light = True
+        self._is_urgent = False
         self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
         self._thread.start()
 
@@ -279,6 +286,11 @@ class _RecordingThread:
             finally:
                 self._writing.release()
 
+    def flush(self) -> None:
+        """Write all queued items, and wait for it."""
+        self._is_urgent = True
+        self.queue.wait_until_flushed(PATIENCE)
+
     def close(self) -> None:
         """Write all queued items, and end."""
         self.is_closed = True
@@ -308,7 +320,8 @@ class _RecordingThread:
             with self._writing:  # Released after each item, so that `help` can write too.
                 self._write_next()
                 self._carefully(self._write_sensed)
-                if time.monotonic() >= self._flush_at:
+                if self._is_urgent or time.monotonic() >= self._flush_at:
+                    self._is_urgent = False
                     self._carefully(self._writer.flush)
                     self.queue.mark_flushed()
                     self._flush_at = time.monotonic() + self._flush_seconds

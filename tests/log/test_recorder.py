@@ -138,6 +138,30 @@ def test_written_frames_are_flushed_after_a_while(tmp_path):
     recorder.close()
 
 
+def test_a_flush_leaves_all_frames_in_the_file(tmp_path):
+    path = tmp_path / "run.mcap"
+    file, frames = happened("meadow")
+    recorder = Recorder(path, description(file), flush_seconds=1000.0)
+    for record, string in frames[:4]:
+        recorder.frame(record, string, 0.0)
+    recorder.flush()
+    with Record(path) as so_far:
+        assert so_far.string(4) == frames[3][1]
+    recorder.close()
+
+
+def test_a_flush_ends_if_the_disk_stands_still(monkeypatch):
+    monkeypatch.setattr(module, "PATIENCE", 0.01)
+    disk = Disk()
+    recorder, _ = recorder_on(monkeypatch, disk)
+    disk.free.clear()
+    recorder.frame(*happened("meadow")[1][0], 0.0)
+    recorder.flush()
+    assert recorder.frames == 0
+    disk.free.set()
+    recorder.close()
+
+
 @pytest.mark.parametrize("durable", [False, True])
 @pytest.mark.parametrize("room", [9_000, 12_000, 20_000])
 def test_a_full_disk_is_reported_once_and_written_frames_are_readable(
