@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import pairwise
-from math import isfinite, prod
+from math import isfinite
 from pathlib import Path
 from typing import Any, Final, cast
 
@@ -15,10 +15,13 @@ from minerva_bus.launch.specs import load
 from minerva_bus.launch.table import Table
 from minerva_bus.launch.worldfile import Process, WorldFile
 from minerva_bus.regions.attached import beside, is_attached
-from minerva_bus.regions.partition import ByFunction, ById, ByPosition, Partition
+from minerva_bus.regions.partition import ByFunction, ById, ByPosition, ByTree, Partition, Split
 from minerva_bus.settings.tables import MAX_REGIONS, RegionSettings
 from minerva_bus.world.policy import Policy
 from minerva_bus.world.services import Device, Generator, Service
+
+_PARTS: Final = "below", "above"
+"""Keys of the parts of a split, beside the attribute."""
 
 _INSTEAD: Final = "run it with one coordinator (--regions 0); its string is the same"
 
@@ -30,10 +33,11 @@ def read_partition(top: Table, path: Path) -> Partition | None:
     """
     settings = top.read(RegionSettings)
     table = top.table("regions")
-    if settings.grid is not None and settings.function:
-        table.wrong("function", "and grid are both given; expected one of them")
-    if settings.grid is not None:
-        return _grid(top, table, cast("dict[str, Any]", settings.grid), settings.count)
+    given = [name for name in ("grid", "tree", "function") if getattr(settings, name)]
+    if len(given) > 1:
+        table.wrong(given[1], f"and {given[0]} are both given; expected one of them")
+    if settings.grid is not None or settings.tree is not None:
+        return _by_position(top, table, settings)
     if not settings.count:
         if settings.function and "count" not in table:
             table.wrong("function", "needs the number of regions: add count")
@@ -47,20 +51,41 @@ def read_partition(top: Table, path: Path) -> Partition | None:
     return ByFunction(settings.count, function)
 
 
-def _grid(top: Table, table: Table, grid: dict[str, Any], count: int) -> Partition | None:
-    if "regions" in top.overrides.values and not count:
+def _by_position(top: Table, table: Table, settings: RegionSettings) -> Partition | None:
+    if "regions" in top.overrides.values and not settings.count:
         return None  # --regions 0
+    name, partition = (
+        ("grid", _grid(table, cast("dict[str, Any]", settings.grid)))
+        if settings.grid is not None
+        else ("tree", ByTree(_split(table, settings.tree)))
+    )
+    cells = partition.count
+    if cells > MAX_REGIONS:
+        table.wrong(name, f"has {cells} cells; expected at most {MAX_REGIONS}")
+    if settings.count not in (0, cells):
+        what = f"the {name} has {cells} cells; omit it, or change the {name}"
+        top.wrong_setting(RegionSettings, "count", f"is {settings.count}, but {what}")
+    return partition
+
+
+def _grid(table: Table, grid: dict[str, Any]) -> ByPosition:
     if not 1 <= len(grid) <= 2:
         table.wrong("grid", "must have one or two attributes, such as { x = [8, 16], y = [7] }")
     borders = [_borders(table, name, values) for name, values in grid.items()]
-    cells = prod(len(each) + 1 for each in borders)
-    if cells > MAX_REGIONS:
-        table.wrong("grid", f"has {cells} cells; expected at most {MAX_REGIONS}")
-    if count not in (0, cells):
-        problem = f"is {count}, but the grid has {cells} cells; omit it, or change the grid"
-        top.wrong_setting(RegionSettings, "count", problem)
     names = [*grid, *grid][:2]
     return ByPosition(borders[0], *borders[1:], names=(names[0], names[1]))
+
+
+def _split(table: Table, value: object) -> Split:
+    """A split of a tree, read from its table."""
+    split = cast("dict[str, object]", value) if isinstance(value, dict) else {}
+    names = [name for name in split if name not in _PARTS]
+    at = split[names[0]] if len(names) == 1 else None
+    if type(at) not in (int, float) or not isfinite(cast("float", at)):
+        expected = "must split at a number of one attribute, such as { x = 8 }"
+        table.wrong("tree", f"{expected}, not {value!r:.60}")
+    below, above = (_split(table, split[part]) if part in split else None for part in _PARTS)
+    return Split(names[0], float(cast("float", at)), below, above)
 
 
 def _borders(table: Table, name: str, values: object) -> tuple[float, ...]:

@@ -446,7 +446,7 @@ class RegionSettings:
         whole(0, MAX_REGIONS),
         option="regions",
         more="The string is the same. See [Run a world as regions](howto/regions.md).",
-        shown="0, or the cells of `grid`",
+        shown="0, or the cells of `grid` or `tree`",
     )
     grid: object = setting(
         "regions",
@@ -455,6 +455,14 @@ class RegionSettings:
         TABLE,
         form="`{ x = [8, 16], y = [7] }`",
         shown="regions by id",
+    )
+    tree: object = setting(
+        "regions",
+        None,
+        "Rectangles that are split at a value of an attribute, any number of times.",
+        TABLE,
+        form="`{ x = 8, below = { y = 4 } }`",
+        shown="none",
     )
     function: str = setting(
         "regions",

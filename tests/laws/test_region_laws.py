@@ -17,7 +17,7 @@ from minerva_bus.frame.description import World
 from minerva_bus.frame.member import Member
 from minerva_bus.grammar.columns import packed
 from minerva_bus.grammar.scene import Scene
-from minerva_bus.regions.partition import ByFunction, ById, ByPosition
+from minerva_bus.regions.partition import ByFunction, ById, ByPosition, ByTree, Split
 from minerva_bus.regions.region import Region
 from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.testing.family import (
@@ -45,11 +45,17 @@ def restless(name, state):
     return crc32(f"{name}{state}".encode()) % 4
 
 
+TREE = Split(
+    "x",
+    0.0,
+    Split("energy", 2.0, Split("x", -1.0), Split("x", -2.0)),
+    Split("energy", 1.0, Split("x", 1.0), Split("x", 1.5, above=Split("energy", 2.0))),
+)
 PARTITIONS = {
     1: [ById(1)],
     2: [ById(2), ByPosition((0.5,))],
     4: [ById(4), ByPosition((0.5,), (2.5,), ("x", "energy")), ByFunction(4, restless)],
-    9: [ById(9), ByPosition((0.0, 1.0), (1.0, 2.0), ("x", "energy"))],
+    9: [ById(9), ByPosition((0.0, 1.0), (1.0, 2.0), ("x", "energy")), ByTree(TREE)],
     16: [ById(16), ByPosition((-1.0, 0.0, 1.0), (1.0, 2.0, 3.0), ("x", "energy"))],
 }
 strings = st.tuples(

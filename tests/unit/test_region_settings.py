@@ -4,19 +4,27 @@ import time
 from dataclasses import replace
 from pathlib import Path
 
+import hypothesis.strategies as st
 import pytest
+from hypothesis import given, settings
 
 from minerva_bus.errors import MisuseError, WorldFileError, WorldStopped
-from minerva_bus.grammar.scene import AgentNode
+from minerva_bus.grammar.columns import packed
+from minerva_bus.grammar.scene import AgentNode, Scene
 from minerva_bus.launch.console import Console
 from minerva_bus.launch.in_process import InProcessRun
 from minerva_bus.launch.installed import find_world
 from minerva_bus.launch.reading import read_world_file, read_world_text
 from minerva_bus.launch.region_run import RegionRun
 from minerva_bus.launch.region_settings import check_region_run, check_regions
+from minerva_bus.regions.partition import ById, ByPosition, ByTree, Split
 from minerva_bus.settings.overrides import Overrides
 from minerva_bus.world.norms import Norm
 
+# Also values on a border.
+numbers = st.one_of(
+    st.sampled_from([0.0, 0.5, 1.0, -0.0]), st.floats(-2, 2), st.sampled_from([float("inf")])
+)
 MEADOW = find_world("meadow")
 TEXT = MEADOW.read_text(encoding="utf-8")
 
@@ -41,6 +49,30 @@ def test_a_grid_may_have_one_attribute():
     assert [partition.region_of(rabbit(0.0, y)) for y in (6.9, 7.1)] == [0, 1]
 
 
+def test_a_tree_has_a_region_for_each_rectangle():
+    partition = read("tree = { x = 8, below = { y = 4 }, above = { x = 16, above = { y = 2 } } }")
+    partition = partition.partition
+    points = [(0.0, 3.9), (7.9, 4.0), (8.0, 9.0), (16.0, 1.0), (99.0, 2.0)]
+    assert partition.count == len(points)
+    agents = [rabbit(*point) for point in points]
+    assert [partition.region_of(agent) for agent in agents] == list(range(5))
+    no_place = AgentNode("ARabbit", "r", ("x",), (1.0,))
+    assert partition.region_of(no_place) == ById(5).region_of(no_place)
+
+
+@given(st.lists(st.tuples(numbers, numbers), min_size=32, max_size=40))
+@settings(max_examples=20, deadline=None)
+def test_agents_in_columns_have_the_regions_of_nodes(points):
+    nodes = tuple(
+        AgentNode("ARabbit", f"r{n}", ("x", "y"), point) for n, point in enumerate(points)
+    )
+    (columns,) = packed(Scene(nodes)).pieces
+    split = Split("x", 1.0, Split("y", 0.5, Split("x", 0.0)), Split("y", 1.0))
+    for partition in (ByTree(split), ByPosition((0.0, 1.0), (0.5,))):
+        regions = partition.regions_of(columns).tolist()
+        assert regions == [partition.region_of(node) for node in nodes]
+
+
 def test_the_command_line_replaces_the_number():
     assert read("count = 3", regions=5).partition.count == 5
     assert read("grid = { x = [8] }", regions=0).partition is None
@@ -55,6 +87,13 @@ def test_the_command_line_replaces_the_number():
         ("grid = { x = [nan] }", "grid must have a list of numbers for x"),
         ("grid = {}", "grid must have one or two attributes"),
         ("grid = { x = [8] }\ncount = 3", "count is 3, but the grid has 2 cells"),
+        ("tree = {}", "tree must split at a number of one attribute"),
+        ("tree = { x = 8, y = 3 }", "tree must split at a number of one attribute"),
+        ("tree = { x = 8, below = { y = nan } }", "such as { x = 8 }, not {'y': nan}"),
+        ("tree = { x = true }", "tree must split at a number"),
+        ("tree = { x = 8, below = 3 }", "not 3"),
+        ("tree = { x = 8 }\ncount = 3", "count is 3, but the tree has 2 cells"),
+        ("tree = { x = 8 }\ngrid = { x = [8] }", "tree and grid are both given"),
         ("count = 257", "count must be at most 256"),
         ("cuont = 2", "cuont is unknown"),
         ('function = "meadow:Rabbit"', "function needs the number of regions"),
