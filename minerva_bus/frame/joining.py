@@ -44,6 +44,7 @@ class MemberLifecycle:
         if member.state is not MemberState.JOINING or member.greeted:
             return
         reason = incompatibility(hello, algorithm.world.vocabulary)
+        reason = reason or algorithm.source.objection(hello)
         if reason:
             self._refuse(member, reason)
             return

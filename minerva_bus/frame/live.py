@@ -76,6 +76,10 @@ class FrameSource:
         """Accept a host's results for its fragments."""
         self._algorithm.members.get(reply.member).late += 1
 
+    def objection(self, hello: m.Hello) -> str:
+        """Reason why a member cannot take part in these frames, or an empty string."""
+        return ""
+
     def emitted(self, emitted: m.Emitted) -> None:
         """Accept events of a free-running generator."""
 

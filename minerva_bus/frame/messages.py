@@ -380,6 +380,17 @@ class Orders:
 
 
 @dataclass(frozen=True, slots=True)
+class Outside:
+    """Events of people and of generators that run freely, for a frame of a region."""
+
+    WIRE: ClassVar = Wire("outside", ("to",), "for a region: events from outside of all regions")
+
+    frame: int
+    events: Annotated[SentBy, Note("by source: the name of the generator or of the people")]
+    people: Annotated[tuple[str, ...], Note("the sources that stand for people, for norms")] = ()
+
+
+@dataclass(frozen=True, slots=True)
 class Repeat:
     """Request a publisher's last readings again, for a subscriber that has just joined."""
 
@@ -441,6 +452,7 @@ ToMember: TypeAlias = (
     | EvolveRequest
     | ViewShown
     | Orders
+    | Outside
     | Repeat
     | Stop
 )

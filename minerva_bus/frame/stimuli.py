@@ -164,6 +164,13 @@ class OrderJudged:
 
 
 @dataclass(frozen=True, slots=True)
+class Fixed:
+    """The events from outside of all regions are fixed for this frame, and not yet sent."""
+
+    frame: int
+
+
+@dataclass(frozen=True, slots=True)
 class Ready:
     """All required members are present, and no frame is in progress: send `Begin` when due."""
 
@@ -206,4 +213,6 @@ class Ended:
     figures: Figures
 
 
-Instruction: TypeAlias = Send | Show | Notify | OrderJudged | Ready | FrameDone | Stopping | Ended
+Instruction: TypeAlias = (
+    Send | Show | Notify | OrderJudged | Fixed | Ready | FrameDone | Stopping | Ended
+)

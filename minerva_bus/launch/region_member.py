@@ -12,6 +12,7 @@ from minerva_bus.errors import ProtocolError, SceneError, WorldStopped
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.collection import ORDERS
+from minerva_bus.frame.inbox import MAX_WAITING
 from minerva_bus.frame.member import Member, Outgoing
 from minerva_bus.launch.free_running import close_services
 from minerva_bus.launch.in_process import members_of
@@ -64,11 +65,13 @@ class RegionMember(Member):
         self._requests = RegionRequests()
         self._repeats = RegionRepeats()
         self._early: list[ParcelArrived] = []
-        self._handlers[m.Orders] = self._on_orders
+        self._handlers[m.Outside] = self._on_outside
 
     def _begin(self, region: Region) -> None:
         self.region = region
         region.services.send = self._parcels.send
+        # The coordinator has limited the events of each generator.
+        region.algorithm.inbox.max_single_events = MAX_WAITING
         self._runner = InProcessRunner(
             region.algorithm, self._members, self._observe, deliver=region.services.deliver
         )
@@ -131,7 +134,7 @@ class RegionMember(Member):
             [[each.target, encode(to_message(each))] for each in kept],
             [[each.source, encode(to_message(each))] for each in region.arrived],
             [encode(report) for _, report in sorted(self._requests.reports.items())],
-            [encode(orders) for orders in self._requests.orders],
+            [encode(events) for events in self._requests.outside],
             self._requests.last,
             self._parcels.sent_bytes,
         ]
@@ -141,7 +144,7 @@ class RegionMember(Member):
         """Continue from the state that a former process of this region has saved."""
         number, partition = self.region.number, self.region.partition
         self._begin(checkpoint.region(self._world, number, partition, self._members))
-        kept, arrived, reports, orders, self._requests.last, sent_bytes = checkpoint.messages
+        kept, arrived, reports, outside, self._requests.last, sent_bytes = checkpoint.messages
         self._parcels.sent_bytes = sent_bytes
         for target, data in kept:
             self._parcels.outbox.keep([from_message(self._decoder.parcel(data), number, target)])
@@ -151,7 +154,7 @@ class RegionMember(Member):
             report = self._decoder.from_member(self.name, data)
             assert isinstance(report, m.TickReply)
             self._requests.reports[report.frame] = report
-        for data in orders:
+        for data in outside:
             self._requests.note(self._decoder.to_member(data))
 
     # --- arrivals ---
@@ -199,10 +202,10 @@ class RegionMember(Member):
             self._repeats.note(received, self.region.frame - 1)
         return is_new
 
-    def _on_orders(self, orders: m.Orders) -> None:
-        if orders.frame > self._requests.last:
-            self._journal.write(ParcelArrived(COORDINATOR, encode(orders)))
-            self._requests.note(orders)
+    def _on_outside(self, events: m.Outside) -> None:
+        if events.frame > self._requests.last:
+            self._journal.write(ParcelArrived(COORDINATOR, encode(events)))
+            self._requests.note(events)
 
     def _on_tick(self, request: m.TickRequest) -> None:
         if request.frame in self._requests.reports:
@@ -260,8 +263,7 @@ class RegionMember(Member):
     def _run_frame(self) -> m.TickReply:
         region, self.frame = self.region, self.region.frame
         self._repeats.clear()
-        for event in self._requests.take_orders(self.frame):
-            region.algorithm.inbox.add_order(event)
+        region.give(self._requests.take(self.frame))
         self._runner.handle(s.Begin())
         report = self._report()
         for parcel in region.leave():

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -103,16 +103,16 @@ class RegionProcess(MemberProcess):
 
 @contextmanager
 def in_regions(file: WorldFile) -> Generator[WorldFile]:
-    """A world file whose processes are the regions of this one, and views of the whole.
+    """A world file whose processes are the regions of this one, and those outside of them.
 
     They run for as long as the block does. It is the same file for a world with one coordinator.
     """
     if file.partition is None:
         yield file
         return
-    observers = beside({each.name: each.participant().service for each in file.processes})
-    views = [each for each in file.processes if each.name in observers]
-    inside = tuple(each for each in file.processes if each.name not in observers)
+    names = outside_of(file.processes)
+    outside = [each for each in file.processes if each.name in names]
+    inside = tuple(each for each in file.processes if each.name not in names)
     classes = {agent: None for process in inside for agent in process.agents}
     with temporary_folder("regions") as folder:
         numbers = range(file.partition.count)
@@ -132,7 +132,17 @@ def in_regions(file: WorldFile) -> Generator[WorldFile]:
             )
             for number in numbers
         ]
-        yield _with(file, (*regions, *views))
+        yield _with(file, (*regions, *outside))
+
+
+def outside_of(processes: Iterable[Process]) -> frozenset[str]:
+    """The processes that are members of a world's coordinator, beside its regions.
+
+    What a command does is known only from its hello, which the coordinator may refuse.
+    """
+    known = [each for each in processes if not each.command]
+    names = beside({each.name: each.participant().service for each in known})
+    return names.union(each.name for each in processes if each.command)
 
 
 def _with(file: WorldFile, processes: Sequence[Process]) -> WorldFile:

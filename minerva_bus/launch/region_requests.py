@@ -5,14 +5,13 @@ from __future__ import annotations
 from typing import Final
 
 from minerva_bus.frame import messages as m
-from minerva_bus.grammar.batch import AnyEvent
 
 REPORTS_KEPT: Final = 2
 """Reports that the coordinator may request again: those of the frames that it may wait for."""
 
 
 class RegionRequests:
-    """Orders and frames that the coordinator has sent, and the reports that it may miss.
+    """Events and frames that the coordinator has sent, and the reports that it may miss.
 
     `last` is the number of the last requested frame. `reports` are those of the last frames.
     """
@@ -20,23 +19,23 @@ class RegionRequests:
     def __init__(self) -> None:
         self.last = -1
         self.reports: dict[int, m.TickReply] = {}
-        self._orders: dict[int, tuple[AnyEvent, ...]] = {}
+        self._outside: dict[int, m.Outside] = {}
 
     def note(self, message: m.ToMember) -> None:
-        """Note the orders of a frame, or the request to run it."""
-        if isinstance(message, m.Orders):
-            self._orders[message.frame] = message.events
+        """Note the outside events of a frame, or the request to run it."""
+        if isinstance(message, m.Outside):
+            self._outside[message.frame] = message
         elif isinstance(message, m.TickRequest):
             self.last = message.frame
 
     @property
-    def orders(self) -> list[m.Orders]:
-        """The orders of frames that have not begun."""
-        return [m.Orders(frame, events) for frame, events in sorted(self._orders.items())]
+    def outside(self) -> list[m.Outside]:
+        """The outside events of frames that have not begun."""
+        return [events for _, events in sorted(self._outside.items())]
 
-    def take_orders(self, frame: int) -> tuple[AnyEvent, ...]:
-        """Remove and return the orders of a frame."""
-        return self._orders.pop(frame, ())
+    def take(self, frame: int) -> m.Outside:
+        """Remove and return the outside events of a frame."""
+        return self._outside.pop(frame, m.Outside(frame, {}))
 
     def keep(self, report: m.TickReply) -> None:
         """Keep the report of a frame, instead of an earlier one."""

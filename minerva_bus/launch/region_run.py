@@ -8,18 +8,19 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 
 from minerva_bus.errors import WorldStopped
+from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.member import Member, Unready
 from minerva_bus.frame.pace import Pace
 from minerva_bus.launch.compiling import compile_agents
 from minerva_bus.launch.console import Console
 from minerva_bus.launch.failures import CodeFailure
-from minerva_bus.launch.free_running import close_services
-from minerva_bus.launch.in_process import members_of
+from minerva_bus.launch.free_running import FreeRunning, close_services
+from minerva_bus.launch.in_process import POLL_SECONDS, members_of
 from minerva_bus.launch.printed import MEMBERS, printed
 from minerva_bus.launch.summary import RunSummary
 from minerva_bus.launch.worldfile import WorldFile
-from minerva_bus.regions.attached import Replies
+from minerva_bus.regions.attached import HOME, Replies
 from minerva_bus.regions.merging import Units, merged
 from minerva_bus.regions.norms import total_figures
 from minerva_bus.regions.region import Region
@@ -34,6 +35,23 @@ class _Part:
     region: Region
     members: list[Member]
     runner: InProcessRunner
+
+
+class _AllRegions:
+    """Passes the output of services that run freely to all regions; they exist once, in `HOME`."""
+
+    def __init__(self, runners: Sequence[InProcessRunner]) -> None:
+        self.direct = runners[HOME].direct
+        self._runners = runners
+
+    def handle(self, stimulus: s.Stimulus) -> None:
+        """Let each region process a stimulus, so that it counts in the same frame in all."""
+        for runner in self._runners:
+            runner.handle(stimulus)
+
+    def publish(self, readings: m.Readings) -> None:
+        """Deliver readings to the services that are there, too."""
+        self._runners[HOME].publish(readings)
 
 
 class RegionRun:
@@ -56,6 +74,7 @@ class RegionRun:
         self._last_at = began
         self._reason = ""
         self._running: InProcessRunner | None = None
+        self._services: FreeRunning | None = None
 
     def run(self) -> RunSummary:
         """Run the world to its end. Raises WorldStopped if user code fails."""
@@ -69,6 +88,8 @@ class RegionRun:
             except KeyboardInterrupt:
                 self._reason = "interrupted"
             finally:
+                if self._services is not None:
+                    self._services.stop()
                 self._console.end()
                 for part in self._parts:
                     elsewhere = part.region.services.elsewhere
@@ -93,6 +114,11 @@ class RegionRun:
             self._running = part.runner
             part.runner.start()
         self._running = None
+        home = self._parts[HOME]
+        self._services = FreeRunning(
+            _AllRegions([each.runner for each in self._parts]), home.members
+        )
+        self._services.start()
         self._units = [part.region.units for part in self._parts]
 
     def _receive_replies(self, replies: Sequence[Replies]) -> None:
@@ -111,15 +137,28 @@ class RegionRun:
 
     def _wait(self) -> None:
         """Wait until the next frame is due; at rest, frames are as rare as with one coordinator."""
-        now = time.monotonic()
-        due = self._pace.due(now) or now
-        if all(part.region.algorithm.at_rest for part in self._parts):
-            due = max(due, self._pace.rest(self._last_at, float("inf")))
-        if due > now:
-            time.sleep(due - now)
+        due = self._pace.due(time.monotonic()) or 0.0
+        while not self._reason:
+            self._pass_on()
+            at_rest = all(part.region.algorithm.at_rest for part in self._parts)
+            rest = self._pace.rest(self._last_at, float("inf")) if at_rest else 0.0
+            remaining = max(due, rest) - time.monotonic()
+            if remaining <= 0:
+                return
+            time.sleep(min(remaining, POLL_SECONDS))
+
+    def _pass_on(self) -> None:
+        """Pass on what services that run freely have sent."""
+        assert self._services is not None
+        self._running = self._parts[HOME].runner
+        self._services.deliver()
+        self._services.pulse()
+        self._running = None
 
     def _advance(self) -> None:
         """Run one frame in all regions, or end the world."""
+        if self._reason:
+            return
         for part in self._parts:
             part.region.enter()
         over = self._parts[0].region.over

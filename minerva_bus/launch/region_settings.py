@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from itertools import pairwise
 from math import isfinite
 from pathlib import Path
@@ -106,14 +106,14 @@ def check_regions(file: WorldFile, members: Sequence[Member]) -> None:
         f'policy = "{world.policy.value}"': world.policy is not Policy.SEQUENTIAL,
         "[placement]": bool(world.placement.rules or world.placement.agents_per_host),
     }
-    observers = beside({each.name: each.service for each in members})
+    outside = beside({each.name: each.service for each in members})
     services = [
         f"{_unsupported_service(each.service)} ({each.name})"
         for each in members
-        if each.name not in observers
+        if each.name not in outside
     ]
     reasons = [what for what, is_used in unsupported.items() if is_used]
-    reasons += _unsupported_processes(file.processes)
+    reasons += _unsupported_processes(file.processes, outside)
     reasons += [reason for reason in services if not reason.startswith(" ")]
     _refuse(file, reasons)
 
@@ -133,9 +133,11 @@ def check_region_run(file: WorldFile, *, in_process: bool) -> None:
     }
     if in_process:
         services = {each.name: each.participant().service for each in file.processes}
+        commands = [each.name for each in file.processes if each.command or each.elsewhere]
         live = [name for name, service in services.items() if _is_in_real_time(service)]
         unsupported |= {
             f"views in real time ({', '.join(live)}) in one process": bool(live),
+            f"commands ({', '.join(commands)}) in one process": bool(commands),
             "records (--record) in one process": bool(file.record.path),
             "tables of collected data ([collect], --collect) in one process": bool(
                 file.collect.entries
@@ -150,12 +152,10 @@ def _refuse(file: WorldFile, reasons: Sequence[str]) -> None:
         raise WorldFileError(f"{file.path}: regions do not support {reasons[0]}; {_INSTEAD}")
 
 
-def _unsupported_processes(processes: Iterable[Process]) -> Iterator[str]:
+def _unsupported_processes(processes: Iterable[Process], outside: Collection[str]) -> Iterator[str]:
     for process in processes:
-        if process.command:
-            yield f"commands ({process.name})"
-        elif process.elsewhere:
-            yield f"processes elsewhere ({process.name})"
+        if process.elsewhere and not (process.command or process.name in outside):
+            yield f"agents and services in step elsewhere ({process.name})"
         elif process.speaks_for:
             yield f"generators that send in the name of agents ({process.name})"
 
@@ -169,9 +169,9 @@ def _is_in_real_time(service: Service | None) -> bool:
 def _unsupported_service(service: Service | None) -> str:
     """Why a service can run neither in each region with the same results nor in one; or ""."""
     if isinstance(service, Generator) and not service.lockstep:
-        return "generators that run freely"
+        return "generators that run freely and exchange sensor topics with services in step"
     if _is_in_real_time(service):
-        return "devices in real time that generate events or use sensor topics"
+        return "devices in real time that exchange sensor topics with services in step"
     if isinstance(service, Generator) and service.ahead and is_attached(service):
         return "generators that run ahead and have sensor topics or views"
     return ""

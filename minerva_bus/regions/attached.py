@@ -31,22 +31,34 @@ def is_attached(service: Service | None) -> bool:
     """Whether a service exists in one region only."""
     if service is None:
         return False
-    return isinstance(service, Device) or bool(service.topics or service.publishes)
+    is_free = isinstance(service, Generator) and not service.lockstep
+    return isinstance(service, Device) or is_free or bool(service.topics or service.publishes)
 
 
 def beside(services: Mapping[str, Service | None]) -> frozenset[str]:
-    """The services of a world, by name, that only show views: observers of the whole.
+    """The services of a world, by name, for which no frame waits: members of its coordinator.
 
-    Those that take sensor topics of other services are not among them, because topics do not leave
-    a region.
+    They show views of the whole, or generate events for the frames that begin next. Those that
+    exchange sensor topics with a service in a region are not among them, because topics do not
+    leave it.
     """
-    published = {topic for each in services.values() if each for topic in each.publishes}
-    return frozenset(
-        name
-        for name, service in services.items()
-        if isinstance(service, Device)
-        and not (isinstance(service, Generator) or service.coupled or service.publishes)
-        and published.isdisjoint(service.topics)
+    free = {name: each for name, each in services.items() if each and not _is_in_step(each)}
+    inside = [each for each in services.values() if each and _is_in_step(each)]
+    while linked := [name for name, each in free.items() if _exchange(each, inside)]:
+        inside += [free.pop(name) for name in linked]
+    return frozenset(free)
+
+
+def _is_in_step(service: Service) -> bool:
+    lockstep = isinstance(service, Generator) and service.lockstep
+    return lockstep or (isinstance(service, Device) and service.coupled)
+
+
+def _exchange(service: Service, others: Iterable[Service]) -> bool:
+    return any(
+        {*service.topics}.intersection(other.publishes)
+        or {*service.publishes}.intersection(other.topics)
+        for other in others
     )
 
 

@@ -44,12 +44,13 @@ class RegionNorms(Norms):
     """The norms of a world in one region.
 
     The events of agents are judged in the region of their sender, which knows its state, before
-    they are sent to others.
+    they are sent to others. `people` are the sources outside of all regions that represent people.
     """
 
     def __init__(self, world: World, composition: Composition, number: int) -> None:
         saved = world.past.saved.get(SOURCE, {})
         super().__init__(world.norms, composition, world.vocabulary, saved)
+        self.people = frozenset[str]()
         self._number = number
         self._judged_types = frozenset(name for norm in world.norms for name in norm.on)
         self._named = sorted(
@@ -70,7 +71,7 @@ class RegionNorms(Norms):
         """The permitted events of a frame, by source; those of agents have been judged already."""
         others = {name: events for name, events in sources.items() if name != AGENTS}
         broken, lines = dict(self._counts.broken), len(self._lines)
-        permitted = super().events(frame, others, people)
+        permitted = super().events(frame, others, self.people.union(people))
         if self._number != HOME:  # Generators are the same everywhere, and counted once.
             self._counts.broken = broken
             del self._lines[lines:]

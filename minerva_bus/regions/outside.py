@@ -1,66 +1,87 @@
-"""People's events for the frames of regions, as a coordinator and its successors send them."""
+"""Events from outside of all regions: of people, and of generators that run freely."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Final, TypeAlias
 
 from minerva_bus.frame.collection import HANDED_OVER, handed_over, is_handed_over, people_of
-from minerva_bus.frame.inbox import FrameInbox, Orders, is_people, source_of
+from minerva_bus.frame.inbox import FrameInbox, is_people
 from minerva_bus.grammar.batch import AnyEvent
 
+EventsBySource: TypeAlias = Mapping[str, Sequence[AnyEvent]]
 
-class RegionOrders:
-    """The orders of each frame; `current` are those of the frame in progress.
+_GENERATOR: Final = f"{HANDED_OVER}/"
+"""Prefix of the names of generators whose events a journal marks as handed over to regions."""
+
+
+class OutsideEvents:
+    """The outside events of each frame, by source; `current` are those of the frame in progress.
 
     When a coordinator dies, only a part of the regions may have begun its last frame. So its
-    successor repeats this frame with the same orders, which the journal marks as handed over, and
+    successor repeats this frame with the same events, which the journal marks as handed over, and
     those that arrive before it are for the next one.
     """
 
     def __init__(self, inbox: FrameInbox, *, succeeds: bool) -> None:
-        self.current: Orders = {}
+        self.current: EventsBySource = {}
         self._inbox = inbox
-        self._later: dict[str, list[AnyEvent]] = {}
-        self._repeats = succeeds
+        self._fixed: EventsBySource | None = None
+        if succeeds:
+            self._fix(inbox.events)
 
-    def add(self, event: AnyEvent, person: str) -> None:
-        """Add an event from a person, for the next frame whose orders are not fixed."""
-        waiting = self._later if self._repeats else self._inbox.events
-        waiting.setdefault(source_of(person), []).append(event)
+    def __bool__(self) -> bool:
+        """Whether a frame has to be repeated with events."""
+        return bool(self._fixed)
 
-    def take(self) -> Orders:
-        """The orders of the frame that begins, by source."""
-        self.current = self._inbox.take_orders(lambda _: True)
-        self._inbox.replace(self._later)
-        self._later, self._repeats = {}, False
+    def take(self) -> EventsBySource:
+        """The events of the frame that begins, by source; too many of a generator wait."""
+        if self._fixed is not None:
+            self.current, self._fixed = self._fixed, None
+            return self.current
+        later = self._inbox.hold_back()
+        self.current = self._inbox.take(lambda _: False)
+        self._inbox.put_back(later)
         return self.current
 
-    def load(
-        self, taken: Mapping[str, Sequence[AnyEvent]], waiting: Mapping[str, Sequence[AnyEvent]]
-    ) -> None:
+    def load(self, taken: EventsBySource, waiting: EventsBySource) -> None:
         """Continue with a frame of the journal: the events that count in it, and those after it."""
-        self.current = {source: sent for source, sent in taken.items() if is_people(source)}
-        self._inbox.replace(waiting)
+        self.current = {name: sent for name, sent in taken.items() if not is_handed_over(name)}
+        self._fix(waiting)
 
     def noted(self, *, in_frame: bool) -> dict[str, Sequence[AnyEvent]]:
-        """The events of people outside of all complete frames, for the journal."""
-        fixed: Mapping[str, Sequence[AnyEvent]] = self.current if in_frame else self._inbox.events
-        if not (in_frame or self._repeats):
-            return {**self._inbox.events}
-        waiting = self._inbox.events if in_frame else self._later
+        """The events outside of all complete frames, for the journal."""
+        fixed, waiting = self.current if in_frame else self._fixed, self._inbox.events
+        if fixed is None:
+            return {**waiting}
         if not (fixed or waiting):
             return {}
-        handed = {handed_over(source): sent for source, sent in fixed.items()}
         # Also without any, because waiting events would count in this frame otherwise.
-        return {HANDED_OVER: (), **handed, **waiting}
+        return {HANDED_OVER: (), **{_marked(name): sent for name, sent in fixed.items()}, **waiting}
 
-    def resume(self, noted: Mapping[str, Sequence[AnyEvent]]) -> None:
+    def resume(self, noted: EventsBySource) -> None:
         """Continue with what a predecessor has noted."""
-        if not any(map(is_handed_over, noted)):
-            self._inbox.replace(noted)
+        if not any(map(_is_marked, noted)):
+            self._fix(noted)
             return
-        fixed = {people_of(each): sent for each, sent in noted.items() if is_handed_over(each)}
-        self._inbox.replace({source: sent for source, sent in fixed.items() if sent})
-        self._later = {
-            source: list(sent) for source, sent in noted.items() if not is_handed_over(source)
-        }
+        marked = {_unmarked(name): sent for name, sent in noted.items() if _is_marked(name)}
+        self._fix({name: sent for name, sent in marked.items() if sent})
+        self._inbox.replace({name: sent for name, sent in noted.items() if not _is_marked(name)})
+
+    def _fix(self, events: EventsBySource) -> None:
+        """Repeat the frame that begins with these events."""
+        self._fixed = {name: tuple(sent) for name, sent in events.items()}
+        self._inbox.replace({})
+
+
+def _marked(source: str) -> str:
+    return handed_over(source) if is_people(source) else _GENERATOR + source
+
+
+def _is_marked(source: str) -> bool:
+    return is_handed_over(source) or source.startswith(_GENERATOR)
+
+
+def _unmarked(marked: str) -> str:
+    is_generator = marked.startswith(_GENERATOR)
+    return marked.removeprefix(_GENERATOR) if is_generator else people_of(marked)

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minerva_bus.errors import ProtocolError
+from minerva_bus.frame import messages as m
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.description import World
 from minerva_bus.frame.live import why_over
@@ -146,6 +147,12 @@ class Region:
                 self._norms.forget_judged()
             # Counts have changed since the last frame, by judging and by agents that have moved.
             self.algorithm.members.saved[SOURCE] = self._norms.saved()
+
+    def give(self, outside: m.Outside) -> None:
+        """Add events from outside of all regions to the frame that begins."""
+        self.algorithm.inbox.replace(outside.events)
+        if self._norms is not None:
+            self._norms.people = frozenset(outside.people)
 
     @property
     def norms(self) -> Parcel:

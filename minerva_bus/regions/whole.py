@@ -13,8 +13,15 @@ from typing import TYPE_CHECKING, Any, Final
 from minerva_bus.errors import ProtocolError, SceneError, VocabularyError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
-from minerva_bus.frame.collection import AGENTS, ORDERS, note_answer, visual_events
-from minerva_bus.frame.inbox import Orders, counting, is_people, name_of
+from minerva_bus.frame.collection import (
+    AGENTS,
+    ORDERS,
+    CollectionStep,
+    is_handed_over,
+    note_answer,
+    visual_events,
+)
+from minerva_bus.frame.inbox import counting, is_people, name_of
 from minerva_bus.frame.inputs import FrameInputs, RecordedFrame
 from minerva_bus.frame.live import why_over
 from minerva_bus.frame.members import MemberEntry
@@ -26,7 +33,7 @@ from minerva_bus.grammar.scene import Scene
 from minerva_bus.regions.dividing import NOTHING, cut
 from minerva_bus.regions.merging import Units, in_order, merged
 from minerva_bus.regions.messages import given_up_in
-from minerva_bus.regions.orders import RegionOrders
+from minerva_bus.regions.outside import OutsideEvents
 from minerva_bus.regions.parcel import NO_PROGRESS
 from minerva_bus.regions.part import PartCodec, PartMessage, PartReceiver, PartSender
 from minerva_bus.regions.partition import Partition
@@ -79,7 +86,8 @@ class WholeSource(RecordedSource):
         super().__init__(algorithm, cursor=self._whole, kinds=kinds)
         self._reports: dict[str, PartMessage] = {}
         self._replies: list[m.TickReply] = []
-        self._orders = RegionOrders(algorithm.inbox, succeeds=parts is not None)
+        self._outside = OutsideEvents(algorithm.inbox, succeeds=parts is not None)
+        self.emitted = CollectionStep(algorithm).emitted
 
     def _saved_parts(self, parts: Mapping[str, Any]) -> list[Units]:
         receivers = [PartReceiver(NOTHING) for _ in self._names]
@@ -105,32 +113,48 @@ class WholeSource(RecordedSource):
     @property
     def at_rest(self) -> bool:
         """Whether the next frame would change nothing in any region."""
-        return all(part.resting for part in self._whole.parts)
+        return not self._outside and all(part.resting for part in self._whole.parts)
 
     def begin(self) -> None:
-        """Request a frame of all regions, with the orders that count in it."""
+        """Request a frame of all regions, with the events from outside of them."""
         algorithm, logged = self._algorithm, self._algorithm.in_flight.logged
         if logged is not None:
-            self._orders.load(logged.taken, logged.waiting)
+            self._outside.load(logged.taken, logged.waiting)
             for reply in logged.reports:
                 self._accept(reply)
             return
         algorithm.in_flight.pending = set(self._names)
-        for name in self._names if self._orders.take() else ():
-            self._send_orders(name)
+        if self._outside.take():
+            algorithm.out.add(s.Fixed(algorithm.frame))
+        for name in self._names:
+            self._send_outside(name)
         algorithm.out.send(s.TICKED, m.TickRequest(algorithm.frame))
 
     def ask(self, member: MemberEntry) -> None:
         """Repeat the request to a region that has returned while the frame waits for it."""
-        self._send_orders(member.name)
+        self._send_outside(member.name)
         self._algorithm.out.send(member.name, m.TickRequest(self._algorithm.frame))
 
-    def _send_orders(self, region: str) -> None:
-        # In the order of their sources, because a region does not know the people.
-        orders = sorted(self._orders.current.items())
-        events = [event for _, sent in orders for event in sent]
-        if events:
-            self._algorithm.out.send(region, m.Orders(self._algorithm.frame, tuple(events)))
+    def objection(self, hello: m.Hello) -> str:
+        """Reason why a member, which is no region, cannot take part; or an empty string."""
+        if hello.member in self._names or not (hello.kinds or hello.ticks):
+            return ""
+        what = "hosts agents" if hello.kinds else "is in step with the frames"
+        return (
+            f"it {what}, and in a world with regions only they do so; run the world with one"
+            " coordinator (--regions 0), or send events freely"
+        )
+
+    def _send_outside(self, region: str) -> None:
+        frame, current = self._algorithm.frame, self._outside.current
+        if current:
+            events = {source: tuple(sent) for source, sent in sorted(current.items())}
+            self._algorithm.out.send(region, m.Outside(frame, events, self._people()))
+
+    def _people(self) -> tuple[str, ...]:
+        """The generators in this frame whose events count as sent by people."""
+        people = self._algorithm.members.standing_for_people()
+        return tuple(sorted(people.intersection(self._outside.current)))
 
     def tick_reply(self, reply: m.TickReply) -> None:
         """Accept the report of a region."""
@@ -163,21 +187,22 @@ class WholeSource(RecordedSource):
 
     def order(self, order: s.Publish) -> None:
         """Accept an event from a person for the next frame."""
-        self._orders.add(order.event, order.person)
+        self._algorithm.inbox.add_order(order.event, order.person)
 
     def ordered(self) -> Mapping[str, Sequence[AnyEvent]]:
-        """Events of people outside of all complete frames."""
-        return self._orders.noted(in_frame=self._algorithm.in_frame)
+        """Events outside of all complete frames."""
+        return self._outside.noted(in_frame=self._algorithm.in_frame)
 
     def wait_with(self, events: Mapping[str, Sequence[AnyEvent]]) -> None:
         """Continue with what a predecessor has noted as `ordered`."""
-        self._orders.resume(events)
+        self._outside.resume(events)
 
     def collect(self) -> None:
         """Steps 2 to 4: the events of all regions in the order of one coordinator."""
         algorithm, inbox = self._algorithm, self._algorithm.inbox
         inputs = self._generated
-        taken = _with_people(inputs.taken, self._orders.current)
+        # Orders that a generator takes do not count themselves.
+        taken = {name: sent for name, sent in inputs.taken.items() if not is_handed_over(name)}
         sources: dict[str, Sequence[AnyEvent]] = {**taken}
         if inbox.emitted:
             sources[AGENTS] = inbox.emitted
@@ -192,10 +217,17 @@ class WholeSource(RecordedSource):
         events = collect(algorithm.world.order, sources)
         waiting = {source: tuple(sent) for source, sent in inbox.events.items()}
         reports = tuple(self._replies)
-        logged = replace(inputs, due=due, taken=taken, waiting=waiting, reports=reports)
+        logged = replace(
+            inputs, due=due, waiting=waiting, reports=reports, people=self._people_of(inputs)
+        )
         self._whole.ahead = RecordedFrame(algorithm.frame, events, [], b"", 0.0, logged)
         self._log_orders()
         super().collect()
+
+    def _people_of(self, inputs: FrameInputs) -> tuple[str, ...]:
+        logged = self._algorithm.in_flight.logged
+        outside = self._people() if logged is None else logged.people
+        return tuple(sorted({*inputs.people, *outside}))
 
     def _due(self) -> tuple[str, ...]:
         """The views that observers of the whole request, and those in the journal."""
@@ -217,7 +249,7 @@ class WholeSource(RecordedSource):
         algorithm.inbox.emitted = in_order(
             event for part in self._whole.parts for event in part.sent
         )
-        self._reports, self._replies, self._orders.current = {}, [], {}
+        self._reports, self._replies, self._outside.current = {}, [], {}
         try:
             super().commit()
         except VocabularyError as error:
@@ -241,8 +273,8 @@ class WholeSource(RecordedSource):
 
     def _log_orders(self) -> None:
         frame, out = self._algorithm.frame, self._algorithm.out
-        for source, orders in sorted(self._orders.current.items()):
-            for event in orders:
+        for source in sorted(filter(is_people, self._outside.current)):
+            for event in self._outside.current[source]:
                 out.log(ORDERS, f"{counting(source, event)} in frame {frame}")
                 if isinstance(event, Event):
                     out.add(s.OrderJudged(event, name_of(source), frame))
@@ -265,16 +297,3 @@ class _Whole:
     def seek(self, number: int) -> Scene:
         """The present string."""
         return merged(part.units for part in self.parts).scene
-
-
-def _with_people(
-    taken: Mapping[str, Sequence[AnyEvent]], orders: Orders
-) -> dict[str, Sequence[AnyEvent]]:
-    """Events by source; regions do not know the people, whose events have the same types."""
-    # A generator may have taken orders, which then do not count themselves.
-    counted = {event.type for name, sent in taken.items() if is_people(name) for event in sent}
-    sources = {name: sent for name, sent in taken.items() if not is_people(name)}
-    for source, sent in orders.items():
-        if events := tuple(event for event in sent if event.type in counted):
-            sources[source] = events
-    return sources

@@ -301,6 +301,10 @@ class Coordinator(Sink):
         self.log.operated(operation)
         self.watchers.noted(operation)
 
+    def fixed(self, notice: s.Fixed) -> None:
+        """Write the outside events of a frame into the journal, before regions have them."""
+        self.watchers.operated()
+
     def frame_done(self, notice: s.FrameDone) -> None:
         """Pass a frame to the launcher, and to observers of the world."""
         self.transport.has_output = True

@@ -15,7 +15,9 @@ from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 
-Notice: TypeAlias = s.Notify | s.OrderJudged | s.Ready | s.FrameDone | s.Stopping | s.Ended
+Notice: TypeAlias = (
+    s.Notify | s.OrderJudged | s.Fixed | s.Ready | s.FrameDone | s.Stopping | s.Ended
+)
 """Instructions that deliver nothing and go to the sinks."""
 
 Hook: TypeAlias = Callable[[s.Stimulus], None]
@@ -69,6 +71,9 @@ class Sink:
     def order_judged(self, notice: s.OrderJudged) -> None:
         """Called when an order of a person counts in a frame, or a norm rejects it."""
 
+    def fixed(self, notice: s.Fixed) -> None:
+        """Called before the outside events of a frame are sent to regions."""
+
     def ready(self, notice: s.Ready) -> None:
         """Called when the next frame may begin."""
 
@@ -82,6 +87,7 @@ class Sink:
 _METHODS: Final[Mapping[type[Notice], str]] = {
     s.Notify: "notify",
     s.OrderJudged: "order_judged",
+    s.Fixed: "fixed",
     s.Ready: "ready",
     s.FrameDone: "frame_done",
     s.Stopping: "stopping",

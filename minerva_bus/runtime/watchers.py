@@ -56,6 +56,7 @@ class Watchers:
     idle: Callable[[], None] = field(default=lambda: None)
     """The coordinator is about to wait for members: deferred work may be done."""
     operated: Callable[[], None] = field(default=lambda: None)
+    """Events wait for a frame, or belong to it, which only this coordinator knows."""
     stopping: Callable[[str], None] = field(default=lambda _: None)
     """No frame follows; the argument is the reason."""
     restart: Callable[[str], str] = field(default=lambda _: "no launcher restarts its processes")

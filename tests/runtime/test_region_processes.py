@@ -40,6 +40,23 @@ class LoudSteps(Steps, events=("eStep",)):
 """
 
 
+BELL = """
+from yard import *
+
+class Bell(Generator, events=("eWish",), lockstep=False):
+    name = "bell"
+
+    def run(self, emit, stop):
+        number = 0
+        while not stop.wait(0.02):
+            number += 1
+            emit(eWish(float(number), self.name, receivers=["abcd"[number % 4]]))
+
+class Drum(Bell):
+    name = "drum"
+"""
+
+
 @pytest.fixture
 def path(tmp_path):
     (tmp_path / "loud.py").write_text(LOUD)
@@ -162,6 +179,37 @@ def test_links_that_are_cut_delay_a_world_and_nothing_else(path, monkeypatch):
                 for proxy in proxies:
                     proxy.restore()
             assert world.summary()["digest"] == alone(path, 100)["digest"]
+
+
+def test_generators_that_run_freely_and_commands_are_beside_the_regions(path):
+    """Their events count in the same frame in all regions, also if the coordinator is killed."""
+    folder = path.parent
+    (folder / "bell.py").write_text(BELL)
+    processes = """
+[process.bell]
+service = "bell:Bell"
+
+[process.drum]
+command = ["PYTHON", "-m", "minerva_bus.cli.main", "attach", "bell:Drum", "--name", "drum"]
+""".replace("PYTHON", sys.executable)
+    path.write_text(path.read_text().replace("[bus]", f"{processes}\n[bus]"))
+    words = "--rate", 20, "--frames", 60, "--regions", 2, "--record", "run.mcap", "--json"
+    with World(path, *words) as world:
+        world.runs("region-0", "region-1", "bell", "drum")
+        world.kill_coordinator()
+        ended = world.summary()
+    assert ended["members"] == 4
+    with Record(folder / "run.mcap") as record:
+        sent = [
+            (event.data["name"], event.data["x"])
+            for frame in record.frames()
+            for event in frame.events
+            if event.type == "eWish"
+        ]
+    assert {name for name, _ in sent} == {"bell", "drum"}
+    assert len(set(sent)) == len(sent)
+    done = here(folder, "replay", "run.mcap", path, "--recompute")
+    assert done.returncode == 0, done.stdout + done.stderr
 
 
 def test_views_are_beside_the_regions(path):

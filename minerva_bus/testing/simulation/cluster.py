@@ -84,9 +84,12 @@ class Cluster(Sink):
         self._path = next(iter(self.specs.values())).journal.with_name("coordinator")
         self._is_ready = False
         self._members: dict[str, RegionMember] = {}
+        others = [each for each in file.processes if each.name not in self.specs]
+        self._outside = {each.name: each.participant() for each in others}
         self._coordinate(FrameAlgorithm(file.world, source_of(file)))
         for name in self.specs:
             self.start(name)
+        self._greet_outside()
 
     def run(self) -> None:
         """Run the world to its end. Raises Hangs."""
@@ -95,7 +98,8 @@ class Cluster(Sink):
                 self._journal.rewrite()
             if self._disturb is not None:
                 self._disturb(self)
-            busy = [name for name in self.specs if self.links.down[name] or self.links.up[name]]
+            names = *self.specs, *self._outside
+            busy = [name for name in names if self.links.down[name] or self.links.up[name]]
             if self._is_ready and self.chance.random() < 0.5:
                 self._is_ready = False
                 self.runner.handle(s.Begin())
@@ -142,6 +146,14 @@ class Cluster(Sink):
                 self._members[name].receive(self.links.down[name].popleft())
             self.links.down[name].clear()
             self.runner.handle(s.Appeared(name))
+        self._greet_outside()
+
+    def _greet_outside(self) -> None:
+        """Let the members outside of all regions appear, as new ones."""
+        for name in self._outside:
+            self.links.down[name].clear()
+            self.links.up[name].clear()
+            self.runner.handle(s.Appeared(name))
 
     def _coordinate(self, algorithm: FrameAlgorithm) -> None:
         self.algorithm = algorithm
@@ -152,6 +164,12 @@ class Cluster(Sink):
         """Accept an order of a person, who gets a confirmation."""
         self.runner.handle(s.Publish(event, "anna"))
         self._journal.waiting(self.algorithm.ordered)
+
+    def emit(self, name: str, event: Event) -> None:
+        """Let a generator that runs freely emit an event, if it takes part in the world."""
+        member = self._outside[name]
+        if member.world is not None:
+            self.links.up[name].append(member.emitted(event))
 
     def repeat(self, name: str) -> None:
         """Request the present frame of a region again, as if its token had been lost for a moment.
@@ -172,7 +190,8 @@ class Cluster(Sink):
 
     def send(self, to: str, message: m.ToMember) -> tuple[()]:
         """Send a message of the coordinator."""
-        for name in self.specs if to in (s.EVERYONE, s.TICKED) else (to,):
+        names = {s.EVERYONE: (*self.specs, *self._outside), s.TICKED: self.specs}.get(to, (to,))
+        for name in names:
             self.links.down[name].append(message)
         return ()
 
@@ -182,7 +201,8 @@ class Cluster(Sink):
 
     def _pass_on(self, name: str) -> None:
         if self.links.down[name]:
-            self.links.up[name] += self._members[name].receive(self.links.down[name].popleft())
+            member = {**self._members, **self._outside}[name]
+            self.links.up[name] += member.receive(self.links.down[name].popleft())
             return
         message = self.links.up[name].popleft()
         assert not isinstance(message, m.Readings)
@@ -208,6 +228,10 @@ class Cluster(Sink):
             member.a_second_later()
 
     # --- notices ---
+
+    def fixed(self, notice: s.Fixed) -> None:
+        """Write the outside events of a frame into the journal."""
+        self._journal.waiting(self.algorithm.ordered)
 
     def ready(self, notice: s.Ready) -> None:
         """Note that the next frame may begin."""

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from itertools import count
 
+from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.member import Member
@@ -15,7 +16,7 @@ from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.testing.simulation.worlds import ORDERS, eCry, processes, world
 
 Orders = tuple[tuple[int, tuple[tuple[str, int], ...]], ...]
-"""Orders of people by frame: event types with their numbers."""
+"""Orders of people and cries of gulls by frame: event types with their numbers."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +48,12 @@ def undisturbed(frames: int, orders: Orders) -> Undisturbed:
     while runner.ended is None:
         # The number of finished frames is the number of the next one.
         for event_type, number in due.get(len(digests), ()):
-            runner.handle(s.Publish(ORDERS[event_type](number)))
+            is_cry = event_type == eCry.name
+            runner.handle(
+                m.Emitted("gulls", (eCry(number),))
+                if is_cry
+                else s.Publish(ORDERS[event_type](number))
+            )
         runner.handle(s.Begin())
     return Undisturbed(tuple(digests), tuple(events), shown)
 

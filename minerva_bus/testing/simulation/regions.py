@@ -1,7 +1,7 @@
 """Histories of a world in regions: processes die, links are cut, reports and orders are repeated.
 
-The world is the simulated one without its free-running generator and its screen, which have no part
-in regions. Time is counted in deliveries, because regions have no time-outs.
+The world is the simulated one without its screen, which has no part in regions. Time is counted in
+deliveries, because regions have no time-outs.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from minerva_bus.launch.region_process import in_regions, name_of_region
 from minerva_bus.regions.partition import ByPosition
 from minerva_bus.testing.simulation.cluster import Cluster, DoneFrame
 from minerva_bus.testing.simulation.history import Fault, History, Operation
-from minerva_bus.testing.simulation.reference import orders_in, undisturbed
-from minerva_bus.testing.simulation.worlds import ORDERS, world_file
+from minerva_bus.testing.simulation.reference import cries_in, orders_in, undisturbed
+from minerva_bus.testing.simulation.worlds import ORDERS, eCry, world_file
 from minerva_bus.wire.keys import COORDINATOR
 
 COUNTS: Final = 2, 4
@@ -32,9 +32,11 @@ SPAN: Final = 60
 BORDERS: Final = 0.0, 1.0, 2.0
 """Borders between regions along x; herons stride across them."""
 
-ABSENT: Final = "gulls", "screen"
-ELSEWHERE: Final = "eCry"
-"""Members of the simulated world that regions do not have, and the events of the gulls."""
+ABSENT: Final = "screen"
+"""The member of the simulated world that a history of regions does not have."""
+
+CRY: Final = "cry"
+"""The act of the generator that runs freely."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,8 +64,9 @@ def drawn_regions(seed: int) -> RegionHistory:
     chance = Random(f"regions {seed}")  # noqa: S311
     frames, count = chance.randint(*FRAMES), chance.randint(*COUNTS)
     faults = tuple([_fault(chance, frames, count) for _ in range(chance.randint(0, MAX_FAULTS))])
+    asks = [CRY, *(f"pub {name}" for name in ORDERS)]
     acts = [
-        Operation(chance.randint(0, SPAN), f"pub {chance.choice(tuple(ORDERS))}", number)
+        Operation(chance.randint(0, SPAN), chance.choice(asks), number)
         for number in range(1, chance.randint(0, 5) + 1)
     ]
     return RegionHistory(seed, frames, 0.0, 0.0, faults, tuple(acts), 0, count)
@@ -92,6 +95,7 @@ class RegionScript:
     _happened: set[int] = field(default_factory=set[int])
     _restore_at: int = 0
     _act_at: float = 0.0
+    _acted: int = 0
 
     def __call__(self, cluster: Cluster) -> None:
         """Do what is due before the next delivery."""
@@ -120,13 +124,17 @@ class RegionScript:
             self._restore_at = self._delivered + round(fault.seconds)
 
     def _act(self, cluster: Cluster) -> None:
-        acts = self.history.acts[len(self.confirmed) :]
-        if acts and self._delivered >= self._act_at + acts[0].wait:
-            self._act_at = self._delivered
-            event_type = acts[0].ask.partition(" ")[2]
-            self._note(cluster, f"{acts[0].ask} {acts[0].number}")
-            cluster.publish(ORDERS[event_type](acts[0].number))
-            self.confirmed.append((event_type, acts[0].number))
+        acts = self.history.acts[self._acted :]
+        if not acts or self._delivered < self._act_at + acts[0].wait:
+            return
+        self._acted, self._act_at = self._acted + 1, self._delivered
+        self._note(cluster, f"{acts[0].ask} {acts[0].number}")
+        if acts[0].ask == CRY:
+            cluster.emit("gulls", eCry(acts[0].number))
+            return
+        event_type = acts[0].ask.partition(" ")[2]
+        cluster.publish(ORDERS[event_type](acts[0].number))
+        self.confirmed.append((event_type, acts[0].number))
 
     def _note(self, cluster: Cluster, text: str) -> None:
         self.trace.append(f"frame {cluster.algorithm.frame}, delivery {self._delivered}: {text}")
@@ -151,7 +159,7 @@ class PlayedRegions:
 def play_regions(history: RegionHistory, folder: Path) -> PlayedRegions:
     """Play a history; journals are in a temporary folder."""
     file = world_file(history.frames, history.rate, folder, {})
-    processes = tuple(each for each in file.processes if each.name not in ABSENT)
+    processes = tuple(each for each in file.processes if each.name != ABSENT)
     partition = ByPosition(BORDERS[: history.count - 1])
     script, failure = RegionScript(history), ""
     with in_regions(replace(file, processes=processes, partition=partition)) as regions:
@@ -169,26 +177,33 @@ def wrong_regions(played: PlayedRegions) -> Iterator[str]:
     if played.failure:
         yield played.failure
     history = played.history
-    orders = [orders_in(single(frame.events)) for frame in played.done]
-    due = tuple((number, sent) for number, sent in enumerate(orders) if sent)
+    events = [[*single(frame.events)] for frame in played.done]
+    orders = [orders_in(iter(sent)) for sent in events]
+    cries = [tuple((eCry.name, n) for n in cries_in(iter(sent))) for sent in events]
+    outside = [(*a, *b) for a, b in zip(orders, cries, strict=True)]
+    due = tuple((number, sent) for number, sent in enumerate(outside) if sent)
     same = undisturbed(history.frames, due)
     if not played.failure and len(played.done) != len(same.digests):
         yield f"it ended after {len(played.done)} frames, not {len(same.digests)}"
     for number, frame in enumerate(played.done):
-        events = [str(event) for event in single(frame.events)]
-        wanted = [text for text in same.events[number] if not text.startswith(ELSEWHERE)]
-        if frame.number != number or events != wanted:
-            yield f"frame {number} has the events {events[:9]}, not {wanted[:9]}"
+        texts, wanted = [*map(str, events[number])], [*same.events[number]]
+        if frame.number != number or texts != wanted:
+            yield f"frame {number} has the events {texts[:9]}, not {wanted[:9]}"
         if frame.digest != same.digests[number]:
             yield f"frame {number} has another digest, {frame.digest[:8]}"
             return  # All later frames would differ as a consequence.
     yield from _wrong_orders(played, [order for sent in orders for order in sent])
+    yield from _repeated([cry for sent in cries for cry in sent])
+
+
+def _repeated(counted: list[tuple[str, int]]) -> Iterator[str]:
+    for (name, number), times in sorted(Counter(counted).items()):
+        if times > 1:
+            yield f"{name} {number} is in {times} frames"
 
 
 def _wrong_orders(played: PlayedRegions, counted: list[tuple[str, int]]) -> Iterator[str]:
     """An order counts once; those of the last frames may come too late for any."""
-    for (name, number), times in sorted(Counter(counted).items()):
-        if times > 1:
-            yield f"{name} {number} is in {times} frames"
+    yield from _repeated(counted)
     if sorted(counted, key=played.confirmed.index) != [*played.confirmed[: len(counted)]]:
         yield f"the orders {counted} count, of {played.confirmed}"
