@@ -388,6 +388,9 @@ class Outside:
     frame: int
     events: Annotated[SentBy, Note("by source: the name of the generator or of the people")]
     people: Annotated[tuple[str, ...], Note("the sources that stand for people, for norms")] = ()
+    borders: Annotated[
+        bytes, Note("between regions, for agents that move after the frame; empty: as before")
+    ] = b""
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,6 +12,7 @@ from minerva_bus.frame.description import World
 from minerva_bus.frame.member import Member
 from minerva_bus.log.checkpoints import Kept
 from minerva_bus.log.entries import EntryDecoder, encode_keyframe
+from minerva_bus.regions.balancing import borders_of, moved
 from minerva_bus.regions.dividing import NOTHING
 from minerva_bus.regions.merging import Units
 from minerva_bus.regions.messages import (
@@ -35,13 +36,15 @@ class RegionCheckpoint:
 
     `keyframe`: string and checkpoint, as in a record. `places`: of its nodes. `norms`: a parcel
     with what norms know of other regions. `views`: parcels with the latest views of each region.
-    `messages`: further plain data of the region's process.
+    `borders`: between regions, if they have moved. `messages`: further plain data of the region's
+    process.
     """
 
     keyframe: bytes
     places: bytes
     norms: bytes
     views: Sequence[Any]
+    borders: bytes
     messages: Sequence[Any]
 
     @staticmethod
@@ -60,13 +63,14 @@ class RegionCheckpoint:
             packed_places(units.places),
             encode(to_message(norms)),
             [[parcel.source, encode(to_message(parcel))] for parcel in views],
+            borders_of(region.partition),
             messages,
         )
 
     def encoded(self) -> bytes:
         """The checkpoint as bytes."""
         views, messages = list(self.views), list(self.messages)
-        return pack([self.keyframe, self.places, self.norms, views, messages])
+        return pack([self.keyframe, self.places, self.norms, views, self.borders, messages])
 
     @staticmethod
     def decoded(data: bytes) -> RegionCheckpoint:
@@ -91,7 +95,8 @@ class RegionCheckpoint:
             return parcel_of(message, source, number)
 
         received = parcel(number, self.norms).norms
-        region = Region(past, number, partition, members, Units(places, pieces), received)
+        own, present = Units(places, pieces), moved(partition, self.borders)
+        region = Region(past, number, present, members, own, received)
         views = [parcel(source, data) for source, data in self.views]
         for frame, parcels in groupby(views, lambda parcel: parcel.frame):
             region.services.take(frame, {each.source: each.views for each in parcels})

@@ -21,6 +21,7 @@ from minerva_bus.launch.printed import MEMBERS, printed
 from minerva_bus.launch.summary import RunSummary
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.regions.attached import HOME, Replies
+from minerva_bus.regions.balancing import balanced, is_due
 from minerva_bus.regions.merging import Units, merged
 from minerva_bus.regions.norms import total_figures
 from minerva_bus.regions.region import Region
@@ -165,6 +166,7 @@ class RegionRun:
         if over:
             self._end(over)
             return
+        self._balance()
         for part in self._parts:
             self._running = part.runner
             part.runner.handle(s.Begin())
@@ -179,6 +181,15 @@ class RegionRun:
         self._frame, self._units = self._parts[0].region.frame, units
         self._last_at = time.monotonic()
         self._first_at = self._last_at if self._first_at is None else self._first_at
+
+    def _balance(self) -> None:
+        """Move the borders, if that is due before this frame."""
+        partition = self._parts[0].region.partition
+        if is_due(partition, self._frame):
+            scene = merged(part.region.units for part in self._parts).scene
+            present = partition.moved(balanced(partition, scene))
+            for part in self._parts:
+                part.region.partition = present
 
     def _end(self, reason: str) -> None:
         self._reason = reason

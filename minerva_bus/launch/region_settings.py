@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Sequence
+from dataclasses import replace
 from itertools import pairwise
 from math import isfinite
 from pathlib import Path
@@ -38,6 +39,8 @@ def read_partition(top: Table, path: Path) -> Partition | None:
         table.wrong(given[1], f"and {given[0]} are both given; expected one of them")
     if settings.grid is not None or settings.tree is not None:
         return _by_position(top, table, settings)
+    if settings.balance:
+        table.wrong("balance", "moves the borders of regions by position: add grid or tree")
     if not settings.count:
         if settings.function and "count" not in table:
             table.wrong("function", "needs the number of regions: add count")
@@ -65,7 +68,7 @@ def _by_position(top: Table, table: Table, settings: RegionSettings) -> Partitio
     if settings.count not in (0, cells):
         what = f"the {name} has {cells} cells; omit it, or change the {name}"
         top.wrong_setting(RegionSettings, "count", f"is {settings.count}, but {what}")
-    return partition
+    return replace(partition, balance=settings.balance)
 
 
 def _grid(table: Table, grid: dict[str, Any]) -> ByPosition:

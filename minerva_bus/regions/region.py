@@ -8,7 +8,7 @@ parcels, which may arrive in any order and more than once.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
 
@@ -21,8 +21,10 @@ from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.description import World
 from minerva_bus.frame.live import why_over
 from minerva_bus.frame.member import Member
-from minerva_bus.grammar.scene import Piece, Scene, agents
+from minerva_bus.grammar.scene import Piece, agents
+from minerva_bus.regions.arriving import check_arriving
 from minerva_bus.regions.attached import HOME, AttachedServices, Replies
+from minerva_bus.regions.balancing import moved
 from minerva_bus.regions.dividing import NOTHING, cut, divided
 from minerva_bus.regions.inbox import ParcelInbox
 from minerva_bus.regions.merging import PlacedEvent, Units, in_order, merged
@@ -133,7 +135,7 @@ class Region:
         if self._has_entered:
             return
         parcels = self._inbox.enter(self.frame)
-        self._check_arriving(parcels)
+        check_arriving(parcels, self.partition, self.algorithm.composition)
         self.services.take(self.frame - 1, {parcel.source: parcel.views for parcel in parcels})
         self._join([parcel.units for parcel in parcels])
         events = in_order(event for parcel in parcels for event in parcel.events)
@@ -149,7 +151,11 @@ class Region:
             self.algorithm.members.saved[SOURCE] = self._norms.saved()
 
     def give(self, outside: m.Outside) -> None:
-        """Add events from outside of all regions to the frame that begins."""
+        """Begin a frame with events from outside of all regions, and perhaps with new borders.
+
+        Raises ProtocolError for borders of other regions.
+        """
+        self.partition = moved(self.partition, outside.borders)
         self.algorithm.inbox.replace(outside.events)
         if self._norms is not None:
             self._norms.people = frozenset(outside.people)
@@ -164,27 +170,6 @@ class Region:
     @property
     def _has_entered(self) -> bool:
         return self._inbox.entered > self.frame
-
-    def _check_arriving(self, parcels: Sequence[Parcel]) -> None:
-        """Raise ProtocolError for an agent of another region, or one that is here already."""
-        for parcel in parcels:
-            for piece in parcel.units.pieces:
-                regions = regions_of(self.partition, piece)
-                if regions is None or (regions != self.number).any():
-                    raise _wrong(parcel, f"has sent {piece.symbol}, which does not belong here")
-                present = next(self._present(piece), None)
-                if present is not None:
-                    raise _wrong(parcel, f"has sent #{present}, which is here already")
-
-    def _present(self, piece: Piece) -> Iterator[str]:
-        """The agents of a piece that are in this region already."""
-        composition = self.algorithm.composition
-        if piece.ids is not None:
-            rows = np.flatnonzero(composition.kinds(piece.ids) != "")
-            yield from piece.ids.take(rows).texts()
-        else:
-            names = (agent.id for agent in agents(Scene((piece,))))
-            yield from (name for name in names if composition.home(name) is not None)
 
     def _join(self, arriving: Sequence[Units]) -> None:
         remaining, self._remaining = self._remaining, None
@@ -294,7 +279,3 @@ class Region:
     def _regions_of(self, piece: Piece, own: NDArray[np.intp]) -> NDArray[np.intp]:
         regions = regions_of(self.partition, piece)
         return own if regions is None else regions
-
-
-def _wrong(parcel: Parcel, problem: str) -> ProtocolError:
-    return ProtocolError(f"region {parcel.source} {problem}, in its parcel of frame {parcel.frame}")

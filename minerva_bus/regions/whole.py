@@ -29,14 +29,15 @@ from minerva_bus.frame.replaying import RecordedSource
 from minerva_bus.frame.views import due_views
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.events import Event
-from minerva_bus.grammar.scene import Scene
+from minerva_bus.regions.balancing import balanced, is_due, packed_borders
 from minerva_bus.regions.dividing import NOTHING, cut
-from minerva_bus.regions.merging import Units, in_order, merged
+from minerva_bus.regions.merging import Units, in_order
 from minerva_bus.regions.messages import given_up_in
 from minerva_bus.regions.outside import OutsideEvents
 from minerva_bus.regions.parcel import NO_PROGRESS
 from minerva_bus.regions.part import PartCodec, PartMessage, PartReceiver, PartSender
 from minerva_bus.regions.partition import Partition
+from minerva_bus.regions.whole_string import WholeString
 from minerva_bus.world.kinds import Kinds
 from minerva_bus.world.order import collect
 
@@ -75,15 +76,16 @@ class WholeSource(RecordedSource):
         codec: PartCodec,
     ) -> None:
         """Raises ProtocolError if the parts in the journal are damaged."""
-        self._names, self._codec = names, codec
+        self._names, self._codec, self._partition = names, codec, partition
         parts = algorithm.members.saved.pop(PARTS, None)
         if parts is None:
             assert partition is not None
             units = cut(algorithm.world.scene, partition)
         else:
             units = self._saved_parts(parts)
-        self._whole = _Whole([PartReceiver(each) for each in units])
+        self._whole = WholeString([PartReceiver(each) for each in units])
         super().__init__(algorithm, cursor=self._whole, kinds=kinds)
+        self._borders = b""
         self._reports: dict[str, PartMessage] = {}
         self._replies: list[m.TickReply] = []
         self._outside = OutsideEvents(algorithm.inbox, succeeds=parts is not None)
@@ -126,6 +128,7 @@ class WholeSource(RecordedSource):
         algorithm.in_flight.pending = set(self._names)
         if self._outside.take():
             algorithm.out.add(s.Fixed(algorithm.frame))
+        self._borders = _borders_of(self._partition, algorithm)
         for name in self._names:
             self._send_outside(name)
         algorithm.out.send(s.TICKED, m.TickRequest(algorithm.frame))
@@ -146,10 +149,11 @@ class WholeSource(RecordedSource):
         )
 
     def _send_outside(self, region: str) -> None:
-        frame, current = self._algorithm.frame, self._outside.current
-        if current:
+        current = self._outside.current
+        if current or self._borders:
             events = {source: tuple(sent) for source, sent in sorted(current.items())}
-            self._algorithm.out.send(region, m.Outside(frame, events, self._people()))
+            outside = m.Outside(self._algorithm.frame, events, self._people(), self._borders)
+            self._algorithm.out.send(region, outside)
 
     def _people(self) -> tuple[str, ...]:
         """The generators in this frame whose events count as sent by people."""
@@ -280,20 +284,10 @@ class WholeSource(RecordedSource):
                     out.add(s.OrderJudged(event, name_of(source), frame))
 
 
-class _Whole:
-    """The string of all parts, as the cursor of a run whose last frame is the present one."""
+def _borders_of(partition: Partition | None, algorithm: FrameAlgorithm) -> bytes:
+    """The borders that begin with a frame, if they move.
 
-    end = 0
-
-    def __init__(self, parts: list[PartReceiver]) -> None:
-        self.parts = parts
-        self.ahead: RecordedFrame | None = None
-
-    def advance(self) -> Scene:
-        """The string after the frame that all regions have reported."""
-        self.ahead = None
-        return merged(part.units for part in self.parts).scene
-
-    def seek(self, number: int) -> Scene:
-        """The present string."""
-        return merged(part.units for part in self.parts).scene
+    A function of the string, so a successor that repeats the frame sends the same ones.
+    """
+    frame, scene = algorithm.frame, algorithm.scene
+    return packed_borders(balanced(partition, scene)) if is_due(partition, frame) else b""

@@ -464,6 +464,13 @@ class RegionSettings:
         form="`{ x = 8, below = { y = 4 } }`",
         shown="none",
     )
+    balance: int = setting(
+        "regions",
+        0,
+        "Frames after which the borders of a grid or tree move, so that regions have about equally"
+        " many agents; 0: never.",
+        whole(0),
+    )
     function: str = setting(
         "regions",
         "",

@@ -192,8 +192,9 @@ service = "bell:Bell"
 [process.drum]
 command = ["PYTHON", "-m", "minerva_bus.cli.main", "attach", "bell:Drum", "--name", "drum"]
 """.replace("PYTHON", sys.executable)
-    path.write_text(path.read_text().replace("[bus]", f"{processes}\n[bus]"))
-    words = "--rate", 20, "--frames", 60, "--regions", 2, "--record", "run.mcap", "--json"
+    regions = "[regions]\ngrid = { x = [1.5] }\nbalance = 7"
+    path.write_text(path.read_text().replace("[bus]", f"{processes}\n{regions}\n[bus]"))
+    words = "--rate", 20, "--frames", 60, "--record", "run.mcap", "--json"
     with World(path, *words) as world:
         world.runs("region-0", "region-1", "bell", "drum")
         world.kill_coordinator()

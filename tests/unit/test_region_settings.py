@@ -92,6 +92,7 @@ def test_the_command_line_replaces_the_number():
         ("tree = { x = 8, below = { y = nan } }", "such as { x = 8 }, not {'y': nan}"),
         ("tree = { x = true }", "tree must split at a number"),
         ("tree = { x = 8, below = 3 }", "not 3"),
+        ("count = 3\nbalance = 5", "balance moves the borders of regions by position: add grid"),
         ("tree = { x = 8 }\ncount = 3", "count is 3, but the tree has 2 cells"),
         ("tree = { x = 8 }\ngrid = { x = [8] }", "tree and grid are both given"),
         ("count = 257", "count must be at most 256"),
@@ -120,9 +121,10 @@ def test_a_record_in_one_process_is_refused(tmp_path: Path):
         check_region_run(file, in_process=True)
 
 
-def test_a_world_has_the_digest_of_one_coordinator():
+@pytest.mark.parametrize("balance", [0, 7])
+def test_a_world_has_the_digest_of_one_coordinator(balance):
     run = {"frames": 30, "rate": 0.0}
-    file = read("grid = { x = [8, 16], y = [7] }", **run)
+    file = read(f"grid = {{ x = [8, 16], y = [7] }}\nbalance = {balance}", **run)
     console = Console(quiet=True)
     regions = RegionRun(file, console, time.monotonic()).run().plain()
     single = InProcessRun(file, console, time.monotonic()).run().plain()

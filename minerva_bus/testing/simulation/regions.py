@@ -29,6 +29,9 @@ MAX_FAULTS: Final = 8
 SPAN: Final = 60
 """Deliveries after the begin of a frame within which its faults occur."""
 
+MOST_BALANCED: Final = 4
+"""A history moves the borders after fewer frames than this, or never."""
+
 BORDERS: Final = 0.0, 1.0, 2.0
 """Borders between regions along x; herons stride across them."""
 
@@ -160,7 +163,7 @@ def play_regions(history: RegionHistory, folder: Path) -> PlayedRegions:
     """Play a history; journals are in a temporary folder."""
     file = world_file(history.frames, history.rate, folder, {})
     processes = tuple(each for each in file.processes if each.name != ABSENT)
-    partition = ByPosition(BORDERS[: history.count - 1])
+    partition = ByPosition(BORDERS[: history.count - 1], balance=history.seed % MOST_BALANCED)
     script, failure = RegionScript(history), ""
     with in_regions(replace(file, processes=processes, partition=partition)) as regions:
         cluster = Cluster(regions, Random(f"deliveries {history.seed}"), script)  # noqa: S311
