@@ -107,9 +107,12 @@ def check_regions(file: WorldFile, members: Sequence[Member]) -> None:
         **{f"norms on events that name other agents ({name})": True for name in _naming(world)},
         # Each region has the events that concern its agents; other policies count all of them.
         f'policy = "{world.policy.value}"': world.policy is not Policy.SEQUENTIAL,
-        "[placement]": bool(world.placement.rules or world.placement.agents_per_host),
+        "agents_per_host in [placement]": bool(world.placement.agents_per_host),
     }
     outside = beside({each.name: each.service for each in members})
+    apart = outside.union(each.name for each in file.processes if each.command)
+    near = sorted(world.placement.neighbours & apart)
+    unsupported[f"[placement] near a process outside of regions ({', '.join(near)})"] = bool(near)
     services = [
         f"{_unsupported_service(each.service)} ({each.name})"
         for each in members

@@ -115,6 +115,32 @@ def test_a_norm_on_events_that_names_another_agent_is_refused():
         check_regions(file, ())
 
 
+def test_rules_for_placement_apply_in_each_region():
+    rules = '\n[placement]\nAFox = "nobody"\n'
+    run = {"frames": 20, "rate": 0.0}
+    file = read_world_text(f"{TEXT}{rules}[regions]\ncount = 3", MEADOW, Overrides(**run))
+    regions, single = (
+        each(file, Console(quiet=True), time.monotonic()).run()
+        for each in (RegionRun, InProcessRun)
+    )
+    assert regions.digest == single.digest
+    free = InProcessRun(read("", **run), Console(quiet=True), time.monotonic()).run()
+    assert regions.digest != free.digest
+
+
+@pytest.mark.parametrize(
+    ("rule", "problem"),
+    [
+        ("agents_per_host = 9", "agents_per_host in .placement.; run it with one coordinator"),
+        ('AFox = { near = "bell" }', "near a process outside of regions .bell."),
+    ],
+)
+def test_placement_that_regions_cannot_keep_is_refused(rule, problem):
+    bell = '[process.bell]\ncommand = ["true"]\n[placement]\n'
+    with pytest.raises(WorldFileError, match=problem):
+        read_world_text(f"{TEXT}\n{bell}{rule}\n[regions]\ncount = 2", MEADOW, Overrides())
+
+
 def test_a_record_in_one_process_is_refused(tmp_path: Path):
     file = read("count = 2", record=str(tmp_path / "run.mcap"))
     with pytest.raises(WorldFileError, match="records"):
