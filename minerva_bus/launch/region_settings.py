@@ -16,7 +16,8 @@ from minerva_bus.launch.specs import load
 from minerva_bus.launch.table import Table
 from minerva_bus.launch.worldfile import Process, WorldFile
 from minerva_bus.regions.attached import beside, is_attached
-from minerva_bus.regions.partition import ByFunction, ById, ByPosition, ByTree, Partition, Split
+from minerva_bus.regions.partition import ByFunction, ById, ByPosition, Partition
+from minerva_bus.regions.tree import ByTree, Split
 from minerva_bus.settings.tables import MAX_REGIONS, RegionSettings
 from minerva_bus.world.policy import Policy
 from minerva_bus.world.services import Device, Generator, Service
@@ -41,6 +42,8 @@ def read_partition(top: Table, path: Path) -> Partition | None:
         return _by_position(top, table, settings)
     if settings.balance:
         table.wrong("balance", "moves the borders of regions by position: add grid or tree")
+    if settings.reach != "everywhere":
+        table.wrong("reach", "is about conditions on positions: add grid or tree")
     if not settings.count:
         if settings.function and "count" not in table:
             table.wrong("function", "needs the number of regions: add count")
@@ -68,7 +71,8 @@ def _by_position(top: Table, table: Table, settings: RegionSettings) -> Partitio
     if settings.count not in (0, cells):
         what = f"the {name} has {cells} cells; omit it, or change the {name}"
         top.wrong_setting(RegionSettings, "count", f"is {settings.count}, but {what}")
-    return replace(partition, balance=settings.balance)
+    by_condition = settings.reach == "condition"
+    return replace(partition, balance=settings.balance, by_condition=by_condition)
 
 
 def _grid(table: Table, grid: dict[str, Any]) -> ByPosition:

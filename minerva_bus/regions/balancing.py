@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from minerva_bus.errors import ProtocolError
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.scene import AgentNode, Piece, Scene, agents
-from minerva_bus.regions.partition import ByPosition, ByTree, Partition, Split
+from minerva_bus.regions.partition import ByPosition, Partition, is_coordinate
+from minerva_bus.regions.tree import ByTree, Split
 
 _BORDER: Final = np.dtype("<f8")
 
@@ -111,5 +112,5 @@ def _points(pieces: Sequence[Piece], names: Sequence[str]) -> list[NDArray[np.fl
 
 def _values(agent: AgentNode, names: Sequence[str]) -> list[float] | None:
     values = [agent.state.get(name) for name in names]
-    numbers = [float(value) for value in values if type(value) in (int, float)]
+    numbers = [float(value) for value in values if is_coordinate(value)]
     return numbers if len(numbers) == len(values) else None

@@ -31,6 +31,7 @@ from minerva_bus.regions.merging import PlacedEvent, Units, in_order, merged
 from minerva_bus.regions.norms import NO_NORMS, NormPart, RegionNorms
 from minerva_bus.regions.parcel import Parcel, Progress
 from minerva_bus.regions.partition import Partition, regions_of
+from minerva_bus.regions.reach import check_reach
 from minerva_bus.regions.routing import Routing
 from minerva_bus.regions.source import RegionSource
 from minerva_bus.regions.views import NO_VIEWS
@@ -205,11 +206,12 @@ class Region:
     def leave(self) -> list[Parcel]:
         """The parcels after a frame, one for each region, itself included."""
         frame, composition = self.frame - 1, self.algorithm.composition
+        check_reach(self.partition, composition)
         leaving = self._leaving()
         moving = {
             agent.id: region for region, units in leaving.items() for agent in agents(units.scene)
         }
-        routing = Routing(self.number, self.partition.count, composition, moving)
+        routing = Routing(self.number, self.partition, composition, moving)
         routed = routing.route(self._source.sent)
         progress = self.progress()
         views = {HOME: self._source.shown} if self.services.shows else {}

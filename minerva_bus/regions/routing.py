@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Final
 
 import numpy as np
@@ -12,6 +12,9 @@ from minerva_bus.frame.composition import Composition
 from minerva_bus.grammar.batch import AnyEvent, Events
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.regions.merging import PlacedEvent
+from minerva_bus.regions.partition import ByPosition, Partition
+from minerva_bus.regions.reach import Reach
+from minerva_bus.regions.tree import ByTree
 
 ELSEWHERE: Final = -1
 
@@ -19,17 +22,24 @@ ELSEWHERE: Final = -1
 class Routing:
     """Routes the events of one frame.
 
-    An event without receivers goes to all regions. One for an agent of this region stays here, or
-    follows the agent. One for an agent that is elsewhere goes to all regions: only the region that
-    has an agent can find it, and the agent may be on its way to this region.
+    An event without receivers goes to all regions, or to those where its condition can hold. One
+    for an agent of this region stays here, or follows the agent. One for an agent that is elsewhere
+    goes to all regions: only the region that has an agent can find it, and the agent may be on its
+    way to this region.
     """
 
     def __init__(
-        self, number: int, count: int, composition: Composition, moving: Mapping[str, int]
+        self,
+        number: int,
+        partition: Partition,
+        composition: Composition,
+        moving: Mapping[str, int],
     ) -> None:
         """`composition` includes the agents `moving`, which have the region to which they go."""
         self._number = number
-        self._regions = range(count)
+        self._regions = range(partition.count)
+        narrows = isinstance(partition, ByPosition | ByTree) and partition.by_condition
+        self._reach = Reach(partition) if narrows else None
         self._composition = composition
         self._moving = moving
         self._moving_ids = Ids.of(list(moving)) if moving else None
@@ -43,10 +53,13 @@ class Routing:
             if isinstance(event, Events) and event.receivers is not None:
                 self._divide(each, event.receivers, routed)
                 continue
-            regions = self._regions_of(event) if event.receivers else self._regions
+            regions = self._regions_of(event) if event.receivers else self._reached(event)
             for region in regions:
                 routed[region].append(each)
         return routed
+
+    def _reached(self, event: AnyEvent) -> Sequence[int]:
+        return self._regions if self._reach is None else self._reach.regions_for(event.condition)
 
     def _regions_of(self, event: AnyEvent) -> set[int]:
         regions = set[int]()

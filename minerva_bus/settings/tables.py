@@ -471,6 +471,13 @@ class RegionSettings:
         " many agents; 0: never.",
         whole(0),
     )
+    reach: str = setting(
+        "regions",
+        "everywhere",
+        "Which regions get the events without receivers of agents in other ones: all of them, or"
+        " those where the event's condition can hold.",
+        choice("everywhere", "condition"),
+    )
     function: str = setting(
         "regions",
         "",

@@ -17,8 +17,9 @@ from minerva_bus.frame.description import World
 from minerva_bus.frame.member import Member
 from minerva_bus.grammar.columns import packed
 from minerva_bus.grammar.scene import Scene
-from minerva_bus.regions.partition import ByFunction, ById, ByPosition, ByTree, Split
+from minerva_bus.regions.partition import ByFunction, ById, ByPosition
 from minerva_bus.regions.region import Region
+from minerva_bus.regions.tree import ByTree, Split
 from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.testing.family import (
     FAMILY,
@@ -96,6 +97,30 @@ def test_regions_keep_births_deaths_calls_and_migration_in_order(count, seed):
     regions = Regions(world, FRAMES, PARTITIONS[count], Random(seed), nomad_hosts, 0.005)
     assert regions.digests() == nomads_of_one(seed)
     assert regions.ahead == (count > 1)
+
+
+@pytest.mark.parametrize(
+    "partition",
+    [
+        ByPosition((-1.0, 0.0, 1.0), by_condition=True),
+        ByTree(Split("x", 0.0, Split("x", -1.0), Split("x", 1.0)), by_condition=True),
+    ],
+)
+def test_events_reach_only_the_regions_where_their_condition_can_hold(partition):
+    settlers = [
+        node for n in range(60) for node in nomads.Settler(f"s{n}", x=n % 9 - 4.0).string.nodes
+    ]
+    world = World("w", packed(Scene(tuple(settlers))), nomads.VOCABULARY, seed=3)
+    regions = Regions(world, FRAMES, [partition], Random(0), nomad_hosts)
+    assert regions.digests() == digests_of_one(world, FRAMES, nomad_hosts)
+
+
+def test_reach_by_condition_finds_no_agents_within_others():
+    world = World("w", nomads.string(), nomads.VOCABULARY)
+    partition = ByPosition((0.0,), by_condition=True)
+    regions = Regions(world, FRAMES, [partition], Random(0), nomad_hosts)
+    with pytest.raises(WorldStopped, match='expected a string without them, or reach = "every'):
+        regions.digests()
 
 
 NORMS = (

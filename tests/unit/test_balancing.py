@@ -6,7 +6,8 @@ from minerva_bus.errors import ProtocolError
 from minerva_bus.grammar.columns import packed
 from minerva_bus.grammar.scene import AgentNode, Scene
 from minerva_bus.regions.balancing import balanced, borders_of, is_due, moved
-from minerva_bus.regions.partition import ById, ByPosition, ByTree, Split
+from minerva_bus.regions.partition import ById, ByPosition
+from minerva_bus.regions.tree import ByTree, Split
 
 
 def crowd(*points, columns=False):
@@ -35,7 +36,8 @@ def test_regions_have_equally_many_agents_afterwards(partition, columns):
     after = partition.moved(balanced(partition, scene))
     assert after.count == partition.count
     spread = max(loads(after, scene)) - min(loads(after, scene))
-    assert spread <= 2
+    # Columns and rows of a grid are balanced, not each of its cells.
+    assert spread <= (4 if len(after.attributes) > 1 else 1)
     assert spread < max(loads(partition, scene)) - min(loads(partition, scene))
 
 

@@ -17,7 +17,8 @@ from minerva_bus.launch.installed import find_world
 from minerva_bus.launch.reading import read_world_file, read_world_text
 from minerva_bus.launch.region_run import RegionRun
 from minerva_bus.launch.region_settings import check_region_run, check_regions
-from minerva_bus.regions.partition import ById, ByPosition, ByTree, Split
+from minerva_bus.regions.partition import ById, ByPosition
+from minerva_bus.regions.tree import ByTree, Split
 from minerva_bus.settings.overrides import Overrides
 from minerva_bus.world.norms import Norm
 
