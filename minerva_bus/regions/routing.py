@@ -38,8 +38,9 @@ class Routing:
         """`composition` includes the agents `moving`, which have the region to which they go."""
         self._number = number
         self._regions = range(partition.count)
-        narrows = isinstance(partition, ByPosition | ByTree) and partition.by_condition
-        self._reach = Reach(partition) if narrows else None
+        self._reach: Reach | None = None
+        if isinstance(partition, ByPosition | ByTree) and partition.by_condition:
+            self._reach = Reach(partition)
         self._composition = composition
         self._moving = moving
         self._moving_ids = Ids.of(list(moving)) if moving else None
