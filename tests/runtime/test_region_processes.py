@@ -14,6 +14,7 @@ import running
 from region_proxy import SCRIPT, Proxy
 from running import (
     MEMBERS,
+    Run,
     World,
     alive,
     children,
@@ -181,23 +182,23 @@ def test_links_that_are_cut_delay_a_world_and_nothing_else(path, monkeypatch):
             assert world.summary()["digest"] == alone(path, 100)["digest"]
 
 
-def test_generators_that_run_freely_and_commands_are_beside_the_regions(path):
+def test_generators_that_run_freely_are_beside_the_regions(path):
     """Their events count in the same frame in all regions, also if the coordinator is killed."""
     folder = path.parent
     (folder / "bell.py").write_text(BELL)
-    processes = """
-[process.bell]
-service = "bell:Bell"
-
-[process.drum]
-command = ["PYTHON", "-m", "minerva_bus.cli.main", "attach", "bell:Drum", "--name", "drum"]
-""".replace("PYTHON", sys.executable)
+    processes = '[process.bell]\nservice = "bell:Bell"\n'
     regions = "[regions]\ngrid = { x = [1.5] }\nbalance = 7"
     path.write_text(path.read_text().replace("[bus]", f"{processes}\n{regions}\n[bus]"))
-    words = "--rate", 20, "--frames", 60, "--record", "run.mcap", "--json"
+    words = "--rate", 20, "--frames", 0, "--record", "run.mcap", "--json"
     with World(path, *words) as world:
-        world.runs("region-0", "region-1", "bell", "drum")
-        world.kill_coordinator()
+        world.runs("region-0", "region-1", "bell")
+        with Run(folder, "attach", "bell:Drum", "--name", "drum"):
+            world.runs("drum")
+            world.kill_coordinator()
+            world.runs("bell", "drum")
+            frame = world.frame
+            eventually(lambda: world.members() and world.frame > frame + 10, "more frames")
+        assert here(folder, "stop").returncode == 0
         ended = world.summary()
     assert ended["members"] == 4
     with Record(folder / "run.mcap") as record:
