@@ -14,7 +14,7 @@ from minerva_agents.robot.maps import load_map
 from minerva_agents.robot.parcel import AParcel
 from minerva_agents.robot.placing import spread
 from minerva_agents.robot.robot import ARobot
-from minerva_agents.robot.world import defaults, scene, vocabulary
+from minerva_agents.robot.world import defaults, notes, scene, vocabulary
 from minerva_bus import EMPTY, MinervaError
 from minerva_bus.grammar.scene import agents
 
@@ -227,3 +227,20 @@ def test_as_many_markers_as_there_is_room_for(tmp_path):
     assert 0 < len(robot.markers) < 6
     with pytest.raises(MapError, match=f"room for {len(robot.markers)} places"):
         spread(load_map(tmp_path / "small.pgm"), 6, 0.18, (0.75, 0.35, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("place", "is_hidden"),
+    [
+        ((0.05, 0.5), True),  # in the wall of 0.1 m around the hall
+        ((0.097, 0.5), True),
+        ((0.0995, 0.5), False),  # on its surface, as a sign hangs on a wall
+        ((0.2, 0.5), False),
+    ],
+)
+def test_a_run_warns_of_markers_inside_obstacles(hall, place, is_hidden):
+    along, across = place
+    cos, sin = math.cos(math.radians(30)), math.sin(math.radians(30))
+    sign = [2.0 + cos * along - sin * across, -1.0 + sin * along + cos * across]
+    lines = notes({"map": hall, "markers": {"sign": sign, "table": [3.0, 1.0]}})
+    assert ["no robot can find sign:" in line for line in lines] == [True] * is_hidden

@@ -80,9 +80,14 @@ class RobotOptions:
     @cached_property
     def places(self) -> tuple[Marker, ...]:
         """The markers: from the options, the map, or spread over the floor."""
+        return self.given_places or self._spread()
+
+    @property
+    def given_places(self) -> tuple[Marker, ...]:
+        """The markers that the options or the map place; none if they are spread."""
         if self.markers:
             return tuple([self._marker(name, *at) for name, at in self.markers.items()])
-        return self.floor.markers or self._spread()
+        return self.floor.markers
 
     @cached_property
     def starts(self) -> tuple[MapPose, ...]:

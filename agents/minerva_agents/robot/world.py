@@ -32,9 +32,10 @@ import numpy as np
 
 from minerva_agents.robot import vocabulary as words
 from minerva_agents.robot.grids import MapError
+from minerva_agents.robot.knowledge import holds
 from minerva_agents.robot.localising import ALocalisingRobot
 from minerva_agents.robot.narrows import passable_width
-from minerva_agents.robot.occupancy import MapPose, Marker, OccupancyMap
+from minerva_agents.robot.occupancy import OCCUPIED, MapPose, Marker, OccupancyMap
 from minerva_agents.robot.options import RobotOptions
 from minerva_agents.robot.parcel import AParcel
 from minerva_agents.robot.robot import ARobot
@@ -100,6 +101,9 @@ _PARCEL_FAN: Final = 140.0
 """Angle between the outermost parcels in degrees."""
 _DOOR_WIDTH: Final = 0.7
 """Width in metres of a narrow but common door."""
+_SURFACE: Final = 2e-3
+"""Depth in metres up to which a marker counts as on the surface of an obstacle."""
+
 _CELL_DIVISORS: Final = (2, 4, 8)
 _GOLDEN_RATIO: Final = (math.sqrt(5.0) - 1.0) / 2.0
 
@@ -134,8 +138,13 @@ def defaults(options: Mapping[str, Any]) -> Mapping[str, Any]:
 
 
 def notes(options: Mapping[str, Any]) -> Sequence[str]:
-    """A hint if robots cannot pass doors of common width, with a cell size that would help."""
+    """Hints about doors that are too narrow for the cells, and markers that no camera sees."""
     chosen = RobotOptions.read(options)
+    return (*_doors(chosen), *_hidden(chosen))
+
+
+def _doors(chosen: RobotOptions) -> Sequence[str]:
+    """A hint if robots cannot pass doors of common width, with a cell size that would help."""
     limit = passable_width(chosen.radius, chosen.cell)
     sizes = [round(chosen.cell / part, 9) for part in _CELL_DIVISORS]
     better = [size for size in sizes if passable_width(chosen.radius, size) <= _DOOR_WIDTH]
@@ -146,6 +155,27 @@ def notes(options: Mapping[str, Any]) -> Sequence[str]:
         f" {chosen.cell:g} m wide; with --cell {better[0]:g} the limit is"
         f" {passable_width(chosen.radius, better[0]):.2f} m",
     )
+
+
+def _hidden(chosen: RobotOptions) -> Sequence[str]:
+    """A hint if there are markers inside obstacles."""
+    names = [marker.name for marker in chosen.given_places if _is_inside(marker, chosen.floor)]
+    if not names:
+        return ()
+    return (
+        f"no robot can find {', '.join(names)}: the map has an obstacle there, which hides the"
+        " marker from cameras; move it to a free cell",
+    )
+
+
+def _is_inside(marker: Marker, floor: OccupancyMap) -> bool:
+    """Whether a marker is deeper in an obstacle than on its surface, where cameras see it."""
+    cells = [
+        floor.cell_at(marker.x + down, marker.y + across)
+        for down in (-_SURFACE, _SURFACE)
+        for across in (-_SURFACE, _SURFACE)
+    ]
+    return all(holds(floor.cells, cell) and floor.cells[cell] == OCCUPIED for cell in cells)
 
 
 def _robot(name: str, start: MapPose, grid: _Grid, chosen: RobotOptions) -> ARobot:
