@@ -320,8 +320,9 @@ class _RecordingThread:
             with self._writing:  # Released after each item, so that `help` can write too.
                 self._write_next()
                 self._carefully(self._write_sensed)
-                if self._is_urgent or time.monotonic() >= self._flush_at:
-                    self._is_urgent = False
+                is_last = self._is_urgent and not self.queue
+                if is_last or time.monotonic() >= self._flush_at:
+                    self._is_urgent = self._is_urgent and not is_last
                     self._carefully(self._writer.flush)
                     self.queue.mark_flushed()
                     self._flush_at = time.monotonic() + self._flush_seconds
