@@ -62,7 +62,8 @@ def canvas_of(extent: MapExtent, cell: float) -> Canvas:
     if extent.low_x > extent.high_x and extent.unposed:
         raise RecordingError(
             f"the recording gives no pose for any of its {extent.unposed} scans; a map needs"
-            " odometry or a pose in each scan"
+            " odometry or a pose in each scan, or --poses matched, which estimates the poses by"
+            " the scans"
         )
     if extent.low_x > extent.high_x:
         raise RecordingError("the recording has no scans to draw a map from")
