@@ -16,6 +16,7 @@ from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.grammar.arrays import fit_array, is_array, repeated
 from minerva_bus.grammar.column import Column
 from minerva_bus.grammar.digest import same_values
+from minerva_bus.grammar.fitting import INT_END
 from minerva_bus.grammar.scene import Value
 from minerva_bus.grammar.types import Type, Unfit, type_of
 
@@ -126,6 +127,8 @@ class Fields:
             value  # The most frequent cases, without calls of ours.
             if (plain is float and type(value) is float and isfinite(value))
             or (plain is str and type(value) is str and value.isascii())
+            or (plain is int and type(value) is int and -INT_END <= value < INT_END)
+            or (plain is bool and type(value) is bool)
             else self.fit(owner, parameter, value)
             for parameter, plain, value in zip(self.all, self._plain, values, strict=True)
         ]
@@ -213,7 +216,10 @@ class Fields:
 
 
 def _plain_type(wanted: Type) -> type | None:
-    """The type of which every finite float, or every ASCII text, is a value as it is."""
-    if wanted.kind == "real" and wanted.range is None:
-        return float
-    return str if wanted.kind == "text" and not wanted.words else None
+    """The type of which finite floats, ASCII texts, bools and ints of 64 bits are values as is."""
+    if wanted.range is not None or wanted.words:
+        return None
+    return _PLAIN.get(wanted.kind)
+
+
+_PLAIN: Final = {"real": float, "text": str, "int": int, "bool": bool}

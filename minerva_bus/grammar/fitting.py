@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from typing import Any, TypeVar, cast
+from typing import Any, Final, TypeVar, cast
+from weakref import WeakValueDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,9 @@ from minerva_bus.errors import MinervaError
 from minerva_bus.grammar.literals import DEPTH, MATRIX_CELLS
 from minerva_bus.grammar.scene import Array, Scene, Value, walk
 from minerva_bus.grammar.units import Quantity
+
+INT_END: Final = 1 << 63
+"""The first whole number above those of 64 bits."""
 
 
 class Unfit(MinervaError):
@@ -43,7 +47,7 @@ def to_int(value: Any) -> int:
     if isinstance(value, bool) or not isinstance(value, int | np.integer):
         raise Unfit(f"a whole number, not {shown(value)}")
     number = int(cast("int", value))
-    if not -(1 << 63) <= number < 1 << 63:
+    if not -INT_END <= number < INT_END:
         raise Unfit("a whole number of at most 64 bits")
     return number
 
@@ -77,7 +81,7 @@ def are_plain(kind: str, items: tuple[Any, ...]) -> bool:
     if kind == "text":
         return types <= {str} and all(map(str.isascii, items))
     if kind == "int":
-        return types == {int} and min(items) >= -(1 << 63) and max(items) < 1 << 63
+        return types == {int} and min(items) >= -INT_END and max(items) < INT_END
     return kind == "real" and types == {float} and all(map(math.isfinite, items))
 
 
@@ -127,11 +131,19 @@ def to_cells(value: Any) -> Array:
 
 def to_reals(value: Any) -> Array:
     """A read-only float64 matrix. Raises Unfit."""
+    if _finite.get(id(value)) is value and not value.flags.writeable:
+        return cast("Array", value)
     matrix = _matrix(value, "iubf", "a matrix of numbers")
     reals = matrix if matrix.dtype == np.float64 else matrix.astype(np.float64)
     if not np.isfinite(reals).all():
         raise Unfit("a matrix of finite numbers")
-    return _frozen(reals)
+    frozen = _frozen(reals)
+    _finite[id(frozen)] = frozen
+    return frozen
+
+
+_finite: WeakValueDictionary[int, Array] = WeakValueDictionary()
+"""Read-only matrices by their address: a frame checks each several times."""
 
 
 def _matrix(value: Any, kinds: str, wanted: str) -> NDArray[Any]:

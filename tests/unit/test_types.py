@@ -8,6 +8,7 @@ import pytest
 
 from minerva_bus import Cells, Degrees, Metres, Reals, Scene, parse
 from minerva_bus.errors import MisuseError
+from minerva_bus.grammar.fields import Fields
 from minerva_bus.grammar.fitting import Unfit
 from minerva_bus.grammar.limits import Range
 from minerva_bus.grammar.types import Type, parse_type, type_of
@@ -164,6 +165,27 @@ def test_a_read_only_view_of_what_can_be_written_is_copied():
     fitted = fit(Cells, window)
     mine[1, 0] = 7
     assert fitted[0, 0] == 0
+
+
+def test_a_matrix_that_is_writable_again_is_checked_again():
+    matrix = fit(Reals, np.ones((2, 2)))
+    assert fit(Reals, matrix) is matrix
+    matrix.flags.writeable = True
+    matrix[0, 0] = math.nan
+    with pytest.raises(Unfit, match="finite"):
+        fit(Reals, matrix)
+
+
+@pytest.mark.parametrize(
+    ("annotation", "wrong"),
+    [(bool, (1, 1.5, None)), (int, (True, 1 << 63, -(1 << 63) - 1, 1.5))],
+)
+def test_fields_refuse_ints_for_bools_and_bools_for_ints(annotation, wrong):
+    fields = Fields.of({"number": annotation})
+    assert fields.fitted("P", [annotation(1)]) == [annotation(1)]
+    for value in wrong:
+        with pytest.raises(Unfit, match="number must be"):
+            fields.fitted("P", [value])
 
 
 @pytest.mark.parametrize(
