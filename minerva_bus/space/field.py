@@ -5,10 +5,13 @@ from __future__ import annotations
 import math
 from typing import Any, Final, NamedTuple
 
+from minerva_bus.space.guarded import unchecked
 from minerva_bus.space.kernels import kernel
 from minerva_bus.space.occupancy import FIRST, FOUND, LATER, NEXT, move_to
 
 MARGIN: Final = 1e-9
+FAR: Final = 1e15
+"""A number of cells beyond which reals are not exact enough for the cells of a search."""
 
 
 class FieldGrid(NamedTuple):
@@ -76,28 +79,32 @@ def near(table: Any, x: float, y: float, radius: float, other_than: int) -> int:
     top, rows = cells_between(y - radius, y + radius, field.height, field.down, field.periodic)
     count = 0
     table.counts[FOUND] = table.values.shape[1]
+    # Unchecked, because these cells exist, and each has rows that no other one has.
+    starts, order = unchecked(table.starts), unchecked(table.sorted)
+    sorted_x, sorted_y = unchecked(table.sorted_x), unchecked(table.sorted_y)
+    firsts, following = unchecked(table.places[FIRST]), unchecked(table.links[NEXT])
+    row_x, row_y = unchecked(table.x), unchecked(table.y)
     for _ in range(columns):
         if len(table.starts):
             # Two parts if the cells continue at the other edge.
             first, beyond = u * field.down, max(top + rows - field.down, 0)
-            k, end = table.starts[first + top], table.starts[first + top + rows - beyond]
+            k, end = starts[first + top], starts[first + top + rows - beyond]
             while True:
                 while k < end:
-                    j = table.sorted[k]
-                    dx, dy = table.sorted_x[k] - x, table.sorted_y[k] - y
-                    count += meet(table, count, j, dx, dy, radius, other_than)
+                    dx, dy = sorted_x[k] - x, sorted_y[k] - y
+                    count += meet(table, count, order[k], dx, dy, radius, other_than)
                     k += 1
                 if not beyond:
                     break
-                k, end, beyond = table.starts[first], table.starts[first + beyond], 0
+                k, end, beyond = starts[first], starts[first + beyond], 0
         else:
             v = top
             for _ in range(rows):
-                j = table.places[FIRST, u * field.down + v]
+                j = firsts[u * field.down + v]
                 while j >= 0:
-                    dx, dy = table.x[j] - x, table.y[j] - y
+                    dx, dy = row_x[j] - x, row_y[j] - y
                     count += meet(table, count, j, dx, dy, radius, other_than)
-                    j = table.links[NEXT, j]
+                    j = following[j]
                 v = v + 1 if v + 1 < field.down else 0
         u = u + 1 if u + 1 < field.across else 0
     table.counts[FOUND] = count
@@ -113,7 +120,8 @@ def meet(
     if field.periodic:
         dx, dy = shortest(dx, field.width), shortest(dy, field.height)
     # Without a branch, because a processor cannot foresee which of the rows are near.
-    table.nearby[count], table.dx[count], table.dy[count] = j, dx, dy
+    nearby, apart_x, apart_y = unchecked(table.nearby), unchecked(table.dx), unchecked(table.dy)
+    nearby[count], apart_x[count], apart_y[count] = j, dx, dy
     return int(j != other_than) & int(dx * dx + dy * dy <= radius * radius)
 
 
@@ -132,11 +140,13 @@ def cells_between(
     low: float, high: float, size: float, cells: int, periodic: bool
 ) -> tuple[int, int]:
     """The first of the cells that an interval of coordinates meets, and their number."""
-    first = math.floor(low / size * cells - MARGIN)
-    last = math.floor(high / size * cells + MARGIN)
+    below, above = low / size * cells - MARGIN, high / size * cells + MARGIN
+    if not (below > -FAR and above < FAR):  # also without a number
+        return 0, cells
+    first, last = math.floor(below), math.floor(above)
     if periodic:
         start = first if 0 <= first < cells else first % cells
-        return start, min(last - first + 1, cells)
+        return start, min(max(last - first + 1, 0), cells)
     # Positions outside the field are in the cells at its edge.
     first, last = min(max(first, 0), cells - 1), min(max(last, 0), cells - 1)
-    return first, last - first + 1
+    return first, max(last - first + 1, 0)

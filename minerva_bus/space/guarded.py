@@ -14,8 +14,12 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from minerva_bus.space.kernels import Kernel
+
 ALL: Final = -1
 """In place of an item of `counts`: all items of the array may be used."""
+UNCHECKED: Final = -2
+"""In place of an item of `counts`: indices are not compared."""
 
 NO_INT: Final = "a rule has one int as index; write int(...) for a real"
 FAULT: Final = "machine code has no result for these numbers"
@@ -89,3 +93,25 @@ class Guard:
     def key(self) -> str:
         """What machine code with it depends on."""
         return str(self.slot)
+
+
+class _Unchecked(Kernel[[Any], Any]):
+    """A kernel whose machine code is not compiled from its function."""
+
+    @property
+    def compiled(self) -> Any:
+        """The same for machine code. Raises ImportError without numba."""
+        from minerva_bus.space import machine
+
+        return machine.unchecked
+
+
+def _same(array: Any) -> Any:
+    """An array without checks of its indices, in kernels that know that there are such items.
+
+    In rules that run as Python it is the same array, which checks them.
+    """
+    return array
+
+
+unchecked: Final = _Unchecked(_same)

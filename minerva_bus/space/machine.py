@@ -33,7 +33,7 @@ from numba.extending import (
     types,
 )
 
-from minerva_bus.space.guarded import ALL, NO_INT, REAL_IN_CELLS
+from minerva_bus.space.guarded import ALL, NO_INT, REAL_IN_CELLS, UNCHECKED
 
 _OUTSIDE: Final = "an index of a rule is outside of its array"
 _TOO_LARGE: Final = "a number is too large for a cell"
@@ -72,6 +72,25 @@ def guard(slot: int) -> Any:
         return GuardedType(values, counts, slot)(values, counts), generate
 
     return guarded
+
+
+@intrinsic
+def unchecked(_: Any, array: Any) -> Any:
+    """An array, guarded or not, as a guarded one whose indices are not compared."""
+    guarded = isinstance(array, GuardedType)
+    parts = (array.array, array.counts) if guarded else (array, array)
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        kind = signature.return_type
+        made = cgutils.create_struct_proxy(kind)(context, builder)
+        if not guarded:
+            made.values = made.counts = arguments[0]
+        else:
+            given = _struct(context, builder, array, arguments[0])
+            made.values, made.counts = given.values, given.counts
+        return imputils.impl_ret_borrowed(context, builder, kind, made._getvalue())
+
+    return GuardedType(*parts, UNCHECKED)(array), generate
 
 
 @infer_global(operator.getitem)
@@ -144,9 +163,10 @@ def _place(
     """The address of an item; leaves the function with an IndexError if it does not exist."""
     struct = _struct(context, builder, kind, array)
     position = context.cast(builder, position, index, types.intp)
-    outside = builder.icmp_unsigned(">=", position, _limit(context, builder, kind, struct))
-    with cgutils.if_unlikely(builder, outside):
-        context.call_conv.return_user_exc(builder, IndexError, (_OUTSIDE,))
+    if kind.slot != UNCHECKED:
+        outside = builder.icmp_unsigned(">=", position, _limit(context, builder, kind, struct))
+        with cgutils.if_unlikely(builder, outside):
+            context.call_conv.return_user_exc(builder, IndexError, (_OUTSIDE,))
     values = context.make_array(kind.array)(context, builder, struct.values)
     return cgutils.gep_inbounds(builder, values.data, position)
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 from typing import Any
 
 from minerva_bus.space.draws import Draws, integers
+from minerva_bus.space.guarded import unchecked
 from minerva_bus.space.kernels import kernel
 from minerva_bus.space.lattice import NO_CELL, inside, row_of
 
@@ -137,12 +138,16 @@ def within(table: Any, cell: int, radius: int) -> int:
     x = cell - y * lattice.width
     left, right = span(x, radius, lattice.width, lattice.periodic)
     top, bottom = span(y, radius, lattice.height, lattice.periodic)
+    # Unchecked, because these cells exist, and each has rows that no other one has.
+    firsts, following = unchecked(table.places[FIRST]), unchecked(table.links[NEXT])
+    nearby = unchecked(table.nearby)
     for v in range(top, bottom):
+        line = connected(v, lattice.height) * lattice.width
         for u in range(left, right):
-            j = table.places[FIRST, v % lattice.height * lattice.width + u % lattice.width]
+            j = firsts[line + connected(u, lattice.width)]
             while j >= 0:
-                table.nearby[count] = j
-                count, j = count + 1, table.links[NEXT, j]
+                nearby[count] = j
+                count, j = count + 1, following[j]
     table.counts[FOUND] = count
     return count
 
@@ -154,3 +159,12 @@ def span(middle: int, radius: int, size: int, periodic: bool) -> tuple[int, int]
         return max(middle - radius, 0), min(middle + radius + 1, size)
     width = min(2 * radius + 1, size)
     return middle - width // 2, middle - width // 2 + width
+
+
+@kernel
+def connected(number: int, size: int) -> int:
+    """A column or row less than one size beyond an edge, as the one on the other side."""
+    # A remainder takes several times as long as these comparisons.
+    if number < 0:
+        return number + size
+    return number - size if number >= size else number

@@ -309,6 +309,21 @@ def test_near_finds_the_rows_that_all_pairs_give(as_python, periodic, width, hei
         np.testing.assert_allclose(birds.sum_y, (dy * close).sum(axis=1), atol=1e-9)
 
 
+@rule(ORDERED, births=0)
+def count_around(i: int, birds: Bird, x: float, radius: float):
+    birds.seen[i] = near(birds, x, 0.0, radius, -1)
+
+
+@pytest.mark.parametrize("periodic", [True, False])
+@pytest.mark.parametrize(
+    ("x", "radius", "seen"), [(0.0, 1e300, 40), (1e300, 4.0, 0), (0.0, -4.0, 0)]
+)
+def test_a_search_takes_any_position_and_distance(as_python, periodic, x, radius, seen):
+    space = flock(40, periodic=periodic)
+    space.run(moment(), count_around, x=x, radius=radius)
+    assert set(Bird.read(space.birds).seen) == {seen}
+
+
 @pytest.mark.parametrize("periodic", [True, False])
 @pytest.mark.parametrize("radius", [1, 2, 3, 6])
 def test_within_finds_the_rows_that_all_pairs_give(as_python, periodic, radius):
