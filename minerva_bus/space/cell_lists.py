@@ -35,43 +35,54 @@ class CellLists(NamedTuple):
 
 @kernel
 def enter(values: Column, cell: Rows, links: Rows, places: Rows, counts: Rows, births: Rows) -> int:
-    """Build the lists of all cells; the rows of a cell are in the order of the table.
+    """Admit all rows of a lattice, and build the lists of its cells.
 
     Returns ENTERED, UNBORN if an id is not below `births`, or OUTSIDE if a cell does not exist.
     """
-    cells = places.shape[1]
     for i in range(counts[ROWS]):
         if values[0, i] >= births[0]:
             return UNBORN
-        if cell[i] < 0 or cell[i] >= cells:
+        if cell[i] < 0 or cell[i] >= places.shape[1]:
             return OUTSIDE
-    for place in range(cells):
+        links[ALIVE, i] = 1
+    enlist(cell, links, places, counts)
+    return ENTERED
+
+
+@kernel
+def locate(
+    values: Column, cell: Rows, links: Rows, births: Rows, x: Column, y: Column,
+    width: float, height: float, across: int, down: int,
+) -> int:  # fmt: skip
+    """Admit all rows of a field, whose cells are those of their positions; ENTERED or UNBORN."""
+    field = FieldGrid(width, height, False, across, down)
+    for i in range(len(x)):
+        if values[0, i] >= births[0]:
+            return UNBORN
+        cell[i] = cell_of(field, x[i], y[i])
+        links[ALIVE, i] = 1
+    return ENTERED
+
+
+@kernel
+def enlist(cell: Rows, links: Rows, places: Rows, counts: Rows) -> None:
+    """Build the lists of all cells; the rows of a cell are in the order of the table."""
+    for place in range(places.shape[1]):
         places[FIRST, place] = -1
     for i in range(counts[ROWS] - 1, -1, -1):
         other = places[FIRST, cell[i]]
-        links[NEXT, i], links[PREVIOUS, i], links[ALIVE, i] = other, -1, 1
+        links[NEXT, i], links[PREVIOUS, i] = other, -1
         places[FIRST, cell[i]] = i
         if other >= 0:
             links[PREVIOUS, other] = i
     if counts[VACANT] == UNCOUNTED:
-        return ENTERED
+        return
     vacant = 0
     for place in range(places.shape[1]):
         if places[FIRST, place] < 0:
             places[FREE, vacant], places[SLOT, place] = place, vacant
             vacant += 1
     counts[VACANT] = vacant
-    return ENTERED
-
-
-@kernel
-def locate(
-    cell: Rows, x: Column, y: Column, width: float, height: float, across: int, down: int
-) -> None:
-    """The cell of each position in a field."""
-    field = FieldGrid(width, height, False, across, down)
-    for i in range(len(x)):
-        cell[i] = cell_of(field, x[i], y[i])
 
 
 @kernel
@@ -105,29 +116,44 @@ def sort_by_cell(
     starts[places.shape[1]] = count
 
 
+@kernel
+def sort_by_number(
+    cell: Rows, x: Column, y: Column,
+    starts: Rows, rows: Rows, sorted_x: Column, sorted_y: Column,
+) -> None:  # fmt: skip
+    """The same for rows in no lists yet, whose order in these would be that of the table."""
+    starts[:] = 0
+    for i in range(len(x)):
+        starts[cell[i] + 1] += 1
+    for place in range(1, len(starts)):
+        starts[place] += starts[place - 1]
+    for i in range(len(x)):
+        k = starts[cell[i]]
+        rows[k], sorted_x[k], sorted_y[k] = i, x[i], y[i]
+        starts[cell[i]] = k + 1
+    for place in range(len(starts) - 1, 0, -1):  # each was the end of its cell
+        starts[place] = starts[place - 1]
+    starts[0] = 0
+
+
 _INTS: Final = "int64[::1]"
 _TABLE: Final = "int64[:, ::1]"
 _REALS: Final = "float64[::1]"
+_MATRIX: Final = "float64[:, ::1]"
+_SIDES: Final = ("float64", "float64")
+_CELLS: Final = ("int64", "int64")
+_SORTED: Final = (_INTS, _INTS, _REALS, _REALS)
 ENTERING: Final = ("values", "cell", "links", "places", "counts", "births")
 """The arrays of a table that ENTER takes."""
-ENTER: Final = around(
-    enter, ("float64[:, ::1]", _INTS, _TABLE, _TABLE, _INTS, _INTS), result="int64"
+LOCATING: Final = ("values", "cell", "links", "births")
+"""The first ones that LOCATE takes."""
+ENTER: Final = around(enter, (_MATRIX, _INTS, _TABLE, _TABLE, _INTS, _INTS), result="int64")
+LOCATE: Final = around(
+    locate, (_MATRIX, _INTS, _TABLE, _INTS, _REALS, _REALS, *_SIDES, *_CELLS), result="int64"
 )
-SORT: Final = around(sort_by_cell, (_TABLE, _TABLE, _REALS, _REALS, _INTS, _INTS, _REALS, _REALS))
+ENLIST: Final = around(enlist, (_INTS, _TABLE, _TABLE, _INTS))
 SETTLE: Final = around(
-    settle,
-    (
-        _INTS,
-        _TABLE,
-        _TABLE,
-        _INTS,
-        _REALS,
-        _REALS,
-        "float64",
-        "float64",
-        "boolean",
-        "int64",
-        "int64",
-    ),
+    settle, (_INTS, _TABLE, _TABLE, _INTS, _REALS, _REALS, *_SIDES, "boolean", *_CELLS)
 )
-LOCATE: Final = around(locate, (_INTS, _REALS, _REALS, "float64", "float64", "int64", "int64"))
+SORT: Final = around(sort_by_cell, (_TABLE, _TABLE, _REALS, _REALS, *_SORTED))
+SORT_BY_NUMBER: Final = around(sort_by_number, (_INTS, _REALS, _REALS, *_SORTED))

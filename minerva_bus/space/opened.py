@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from dataclasses import field as dataclass_field
 from typing import Any, Final
 
 import numpy as np
@@ -11,12 +12,15 @@ from numpy.typing import NDArray
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.types import Reals
 from minerva_bus.space.cell_lists import (
+    ENLIST,
     ENTER,
     ENTERING,
     LOCATE,
+    LOCATING,
     OUTSIDE,
     SETTLE,
     SORT,
+    SORT_BY_NUMBER,
     UNBORN,
     CellLists,
 )
@@ -44,18 +48,22 @@ _UNSORTED: Final = dict(
 )
 """Of a table whose rows move."""
 
-_SEARCHED: Final = ("nearby", "apart")
-"""What searches write."""
-
 
 @dataclass(slots=True)
 class Opened:
-    """The arrays of one table during a frame; `old` is its matrix in the string."""
+    """The arrays of one table during a frame; `old` is its matrix in the string.
+
+    `listed` is whether its rows are in the lists of their cells, which many rules do not need, and
+    `moved` whether rows have moved since they were entered. `passed` are the arguments of rules.
+    """
 
     kind: type[Inhabitants]
     old: Reals
     arrays: dict[str, NDArray[Any]]
     shape: CellGrid | FieldGrid
+    listed: bool = False
+    moved: bool = False
+    passed: list[Any] = dataclass_field(default_factory=list[Any])
 
     @staticmethod
     def of(
@@ -107,16 +115,17 @@ class Opened:
         }
 
     def _enter(self) -> None:
-        arrays, count = self.arrays, self.old.shape[1]
-        cells = arrays["cell"][:count]
+        arrays, cells = self.arrays, self.arrays["cell"]
         if isinstance(self.shape, FieldGrid):
-            field = self.shape
-            LOCATE(cells, *self._places(), field.width, field.height, field.across, field.down)
+            field, given = self.shape, [arrays[name] for name in LOCATING]
+            size = field.width, field.height, field.across, field.down
+            entered = LOCATE(*given, *self._places(), *size)
         else:
-            cells[:] = self.old[1]
-        entered = ENTER(*[arrays[name] for name in ENTERING])
+            cells[: self.old.shape[1]] = self.old[1]
+            entered = ENTER(*[arrays[name] for name in ENTERING])
+            self.listed = True
         if entered == UNBORN:
-            largest, births = self.old[0].max(), arrays["births"][0]
+            largest, births, count = self.old[0].max(), arrays["births"][0], self.old.shape[1]
             raise MisuseError(
                 f"{self.kind.__name__}: the id {largest:.0f} is not below the space's `births`"
                 f" ({births:.0f}), from which newborns get their ids; set births={count} or more"
@@ -138,24 +147,28 @@ class Opened:
             wide = np.empty((*old.shape[:-1], capacity), old.dtype)
             wide[..., :count] = old[..., :count]
             self.arrays[name] = wide
+        self.passed = []
 
     def snapshot(self) -> Opened:
         """A copy of the current state, which does not change."""
         if isinstance(self.shape, CellGrid):
             arrays = {name: array.copy() for name, array in self.arrays.items()}
-            return replace(self, arrays=arrays)
+            return replace(self, arrays=arrays, passed=[])
         arrays = {name: self.arrays[name].copy() for name in ("values", "cell", "counts", "births")}
         # Its rows are sorted instead of in lists.
         arrays |= {"links": np.empty((3, 0), np.int64), "places": np.empty((3, 0), np.int64)}
-        return replace(self, arrays=arrays | self._sorted())
+        return replace(self, arrays=arrays | self._sorted(), passed=[])
 
     def _sorted(self) -> dict[str, NDArray[Any]]:
         """The rows of each cell in the order of its list."""
-        places, links = self.arrays["places"], self.arrays["links"]
-        count = int(self.arrays["counts"][ROWS])
+        places, count = self.arrays["places"], int(self.arrays["counts"][ROWS])
         starts, rows = np.empty(places.shape[1] + 1, np.int64), np.empty(count, np.int64)
         at = np.empty((2, count))
-        SORT(places, links, *self._places(), starts, rows, *at)
+        if self.listed or self.moved:
+            self.enlist()
+            SORT(places, self.arrays["links"], *self._places(), starts, rows, *at)
+        else:
+            SORT_BY_NUMBER(self.arrays["cell"][:count], *self._places(), starts, rows, *at)
         return dict(zip(self.kind.sorted_rows, (starts, rows, *at), strict=True))
 
     def _places(self) -> tuple[Column, Column]:
@@ -164,35 +177,42 @@ class Opened:
         x, y = self.arrays["values"][row : row + 2, :count]
         return x, y
 
-    def settle(self) -> None:
-        """Enter the rows that threads have moved in a field into the lists of their cells."""
+    def enlist(self) -> None:
+        """Enter all rows into the lists of the cells where they are."""
+        if self.listed and not self.moved:
+            return
         lists = [self.arrays[name] for name in CellLists._fields]
-        SETTLE(*lists, *self._places(), *self.shape)
+        if not self.listed:
+            ENLIST(*lists)
+            self.listed = True
+        if self.moved:
+            SETTLE(*lists, *self._places(), *self.shape)
+            self.moved = False
 
     def arguments(self, *, shared: bool = False) -> list[Any]:
         """The arrays and numbers of the kind's tuple, in the order of its fields.
 
-        With `shared`, for one of several threads, what searches write is its own, and rows that
-        move are entered by `settle`.
+        With `shared`, for a thread, what searches write is its own, and rows that move are entered
+        into lists by `enlist`.
         """
         if shared:
-            arrays = {name: each for name, each in self.arrays.items() if name not in _SEARCHED}
-            arrays["counts"] = arrays["counts"].copy()
-            arrays["counts"][LATER] = 1
-            return replace(self, arrays=arrays).arguments()
-        arrays, names = self.arrays, self.kind.names
-        values = arrays["values"]
-        rows = [values[names.index(name)] for name in columns_of(self.kind)]
-        return [*[arrays[name] for name in INDEX], *rows, *self._extra()]
+            counts = self.arrays["counts"].copy()
+            counts[LATER] = 1
+            return replace(self, arrays={**self.arrays, "counts": counts}, passed=[]).arguments()
+        if not self.passed:
+            arrays, names = self.arrays, self.kind.names
+            values = arrays["values"]
+            rows = [values[names.index(name)] for name in columns_of(self.kind)]
+            self.passed = [*[arrays[name] for name in INDEX], *rows, *self._extra()]
+        return self.passed
 
     def _extra(self) -> list[Any]:
-        arrays, capacity = self.arrays, len(self.arrays["cell"])
-        if "nearby" not in arrays or len(arrays["nearby"]) != capacity:
-            arrays |= {"nearby": np.empty(capacity, np.int64), "apart": np.empty((2, capacity))}
+        capacity = len(self.arrays["cell"])
+        nearby = np.empty(capacity, np.int64)
         if isinstance(self.shape, CellGrid):
-            return [arrays["nearby"], *self.shape]
-        sorted_rows = [arrays.get(name, none) for name, none in _UNSORTED.items()]
-        return [arrays["nearby"], *arrays["apart"], *sorted_rows, *self.shape]
+            return [nearby, *self.shape]
+        sorted_rows = [self.arrays.get(name, none) for name, none in _UNSORTED.items()]
+        return [nearby, *np.empty((2, capacity)), *sorted_rows, *self.shape]
 
     def close(self) -> Reals:
         """The matrix of the remaining rows and of newborns, in their order; ends its use here."""
@@ -237,13 +257,16 @@ def _field(extent: tuple[float, float], periodic: bool, x: Column, y: Column) ->
 def _sharing(columns: Column, rows: Column, down: int) -> float:
     """About how many others an inhabitant shares its cell with, from a sample."""
     step = max(1, len(columns) // _SAMPLE)
-    cells = np.floor(columns[::step]) * down + np.floor(rows[::step])
-    _, together = np.unique(cells, return_counts=True)
+    cells = np.sort(np.floor(columns[::step]) * down + np.floor(rows[::step]))
+    ends = np.flatnonzero(cells[1:] != cells[:-1])
+    borders = np.concatenate(([-1], ends, [len(cells) - 1]))
+    together = borders[1:] - borders[:-1]
     pairs = len(cells) * (len(cells) - 1)
-    shared = int(np.sum(together * (together - 1)))
+    shared = int(together @ together) - len(cells)
     return len(columns) * shared / pairs if pairs else 0.0
 
 
 def loops_of_table(kind: type[Inhabitants]) -> tuple[RuleLoop, ...]:
     """The loops that open a table."""
-    return (LOCATE, ENTER, SORT, SETTLE) if issubclass(kind, InField) else (ENTER,)
+    in_field = LOCATE, ENLIST, SETTLE, SORT, SORT_BY_NUMBER
+    return in_field if issubclass(kind, InField) else (ENTER,)

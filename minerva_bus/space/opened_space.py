@@ -119,16 +119,15 @@ class OpenedSpace:
     def _apply(self, rule: SpaceRule, end: int | None) -> _Started:
         """Run a rule for the rows that exist at its start, or for those before a place."""
         started = self._start(rule)
-        parts = parts_of(started.count)
-        alone = parts == 1 or end is not None or interpreting()
-        if alone or not rule.independence.independent:
+        in_turn = end is not None or interpreting() or not rule.independence.independent
+        if in_turn:
             self._activate(started, 0, started.count if end is None else end)
         else:
-            self._share(started, parts)
+            self._share(started, parts_of(started.count))
         return started
 
     def _share(self, started: _Started, parts: int) -> None:
-        """Run an independent rule in several threads; raises the error of the first row."""
+        """Run an independent rule in threads; raises the error of the first row."""
         subject = started.rule.subject
         for parameter in started.rule.parameters:
             if parameter.table is not None and parameter.name != BEFORE:
@@ -144,7 +143,7 @@ class OpenedSpace:
             self._progress[0], error = failed
             raise error
         if started.rule.independence.moves:
-            self._table(subject).settle()
+            self._table(subject).moved = True
 
     def _start(self, rule: SpaceRule) -> _Started:
         subject = rule.subject
@@ -181,22 +180,26 @@ class OpenedSpace:
         return [argument.copy() for argument in self._arguments(subject)]
 
     def _all_arguments(self, started: _Started, *, shared: bool = False) -> list[Any]:
-        """The arguments of a rule after its draws; `shared` by a thread with others."""
+        """The arguments of a rule after its draws; `shared` for a thread of an independent one."""
         arguments: list[Any] = []
+        subject = started.rule.subject
         for parameter in started.rule.parameters:
-            if parameter.name == BEFORE and isinstance(started.before, list):
-                arguments += started.before
+            if parameter.name == BEFORE:
+                before = started.before
+                arguments += before if isinstance(before, list) else before.arguments(shared=shared)
             elif parameter.table is not None:
-                known = parameter.name == BEFORE
-                table = started.before if known else self._table(parameter)
-                arguments += cast("Opened", table).arguments(shared=shared)
+                table = self._table(parameter)
+                # An independent rule does not read the lists of its subject.
+                if not (shared and parameter is subject):
+                    table.enlist()
+                arguments += table.arguments(shared=shared)
             else:
                 arguments += self._arguments(parameter)
         return arguments
 
     def _arguments(self, parameter: RuleParameter) -> list[Any]:
         """The arguments for a parameter that is no table."""
-        if parameter.type == Draws:
+        if parameter.draws:
             return [self._draws]
         if parameter.type is CellGrid:
             return [*self._lattice]

@@ -24,7 +24,8 @@ class Part(Protocol):
 
 def parts_of(rows: int) -> int:
     """The number of threads for this many rows."""
-    return max(1, min(_most(), rows // _ROWS))
+    enough = rows // _ROWS
+    return min(_most(), enough) if enough > 1 else 1
 
 
 def run_parts(run: Part, rows: int, parts: int) -> tuple[int, Exception] | None:
@@ -39,6 +40,8 @@ def run_parts(run: Part, rows: int, parts: int) -> tuple[int, Exception] | None:
             return int(progress[0]), error
         return None
 
+    if parts == 1:
+        return run_part(0)
     with ThreadPoolExecutor(parts) as threads:
         failures = list(threads.map(run_part, range(parts)))
     return next((failed for failed in failures if failed is not None), None)

@@ -80,6 +80,11 @@ class RuleParameter:
         """Whether it is a matrix, of which a rule sees the cells in one dimension."""
         return any(self.type == matrix for matrix, _ in _MATRICES)
 
+    @cached_property
+    def draws(self) -> bool:
+        """Whether it is the random stream."""
+        return self.type == Draws
+
     @property
     def checked(self) -> ParameterAccess | None:
         """What a rule may do with it; None for numbers."""
@@ -87,7 +92,7 @@ class RuleParameter:
         if self.table is not None:
             changed = [] if before else [n for n in self.table.names if n not in self.table.fixed]
             return ParameterAccess(self.table.type._fields, tuple(changed), before)
-        if self.type == Draws:
+        if self.draws:
             return ParameterAccess(draws=True)
         return ParameterAccess(before=before) if self.matrix else None
 
@@ -100,7 +105,7 @@ class RuleParameter:
             extra = _IN_FIELD if field else _ON_LATTICE
             shape = _SHAPES[FieldGrid if field else CellGrid]
             return [*_INDEX_TYPES, *columns, *extra, *shape]
-        if self.type == Draws:
+        if self.draws:
             return ["uint64[::1]"]
         if self.type is CellGrid or self.type is Edges:
             return [*_SHAPES[self.type]]
@@ -137,7 +142,7 @@ class SpaceRule:
     @cached_property
     def independence(self) -> Independence:
         """Whether its activations may run in several threads, with the same result."""
-        if self.order is SHUFFLED or any(p.type == Draws for p in self.parameters):
+        if self.order is SHUFFLED or any(p.draws for p in self.parameters):
             return Independence(independent=False)
         return independence(self.kernel.function)
 
