@@ -20,7 +20,7 @@ pytest.importorskip("numba")
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
-from minerva_bus import MinervaError, evolve
+from minerva_bus import MinervaError, World, each, evolve, run
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.space import interpreted
 from minerva_bus.world.context import Frame
@@ -222,6 +222,10 @@ def check(seed, folder):
     for whole, *parts in zip(expected, *apart, strict=False):
         nodes = tuple([node for part in parts for node in part.nodes])
         assert str(whole) == str(Scene(nodes))
+    if problem is None:
+        hosts = {"north": [module.Place], "south": [module.Place]}
+        world = World(both, agents=hosts, services=[each(module.eStep)], name="law", seed=5)
+        assert run(world, frames=3).digest == expected[-1].digest.hex()
     return problem
 
 
