@@ -5,7 +5,7 @@ from __future__ import annotations
 import signal
 import sys
 from contextlib import nullcontext, redirect_stdout
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import FrameType
 from typing import Final
@@ -15,19 +15,23 @@ from minerva_bus.cli.answers import MemberLeft
 from minerva_bus.cli.options import JoinOptions
 from minerva_bus.cli.output import FAILED, print_json, print_message
 from minerva_bus.cli.places import identity, place
-from minerva_bus.errors import KeysError, UnknownOption, WorldFileError, nearest
+from minerva_bus.errors import KeysError, MisuseError, UnknownOption, WorldFileError, nearest
 from minerva_bus.frame.member import Member, WorldRestarted
 from minerva_bus.launch.compiling import compile_agents, compile_classes, no_progress
 from minerva_bus.launch.installed import find_world
 from minerva_bus.launch.interrupts import end_signals
 from minerva_bus.launch.reading import read_world_file
+from minerva_bus.launch.region_layout import RegionSpec, region_elsewhere
+from minerva_bus.launch.region_process import RegionProcess
 from minerva_bus.launch.specs import bind, described, find_agent, find_service, names_agents
 from minerva_bus.launch.typed import typed_options
+from minerva_bus.runtime.arrival import ARRIVAL
 from minerva_bus.runtime.diagnosis import check_reachable
 from minerva_bus.runtime.endpoints import check_endpoint
 from minerva_bus.runtime.member import BACK_WITHIN, MemberProcess
 from minerva_bus.runtime.session import CONNECT_SECONDS, end_at_once
 from minerva_bus.settings.overrides import Overrides
+from minerva_bus.wire.keys import number_of_region
 from minerva_bus.world.services import Device
 
 RECONNECT_SECONDS: Final = 600.0
@@ -36,31 +40,51 @@ endpoint, so for it BACK_WITHIN is enough.
 """
 
 
-def attach_member(spec: str, join: JoinOptions, options: dict[str, str], process: str = "") -> int:
+@dataclass(frozen=True, slots=True)
+class FromFile:
+    """The part of a world file that a member is.
+
+    `process`: its process, or one of its `regions`, which others reach at the endpoint `link`.
+    """
+
+    process: str = ""
+    regions: int | None = None
+    link: str = ""
+
+
+def attach_member(
+    spec: str, join: JoinOptions, options: dict[str, str], part: FromFile = FromFile()
+) -> int:
     """Run a member until the world, its source or the user ends it; returns the exit code.
 
     Without a name in `join`, the member has the name in its certificate.
     """
     # A remote world takes the name from the certificate, so a generated one would be rejected.
+    process = part.process
     shown = identity() if join.connect and not join.name and not process else None
     name = join.name if shown is None else shown.name
     while True:
         # A new participant for each attempt, so that its service begins in its initial state.
-        if process:
+        region = _region_of_file(spec, part, options)
+        if region is not None:
+            participant = region.participant()
+        elif process:
             participant = _of_file(spec, process, name, options)
         else:
             participant = _participant(spec, name, options)
         try:
-            return _attached(participant, join)
+            return _attached(participant, join, region)
         except WorldRestarted as restarted:
             print_message(f"{participant.name}: {restarted}; joining again")
 
 
-def _attached(participant: Member, join: JoinOptions) -> int:
+def _attached(participant: Member, join: JoinOptions, region: RegionSpec | None) -> int:
     own = identity(participant.name) if join.connect else None
     if own is not None and own.name != participant.name:
         raise KeysError(f"the certificate is of {own.name}: attach with --name {own.name}")
     endpoint, world = place(join, own)
+    if region is not None:
+        region = region.at(world, secured=own is not None)
     there = check_endpoint(endpoint)
     if not there.local:  # Before Ctrl-C is handled as leaving, because this can take long.
         check_reachable(there, CONNECT_SECONDS)
@@ -70,8 +94,14 @@ def _attached(participant: Member, join: JoinOptions) -> int:
     within = join.keep_trying
     if within is None:
         within = BACK_WITHIN if there.local else RECONNECT_SECONDS
-    member = MemberProcess(
-        participant, world, endpoint, print_message, own=own, ends=ends, back_within=within
+    member = (
+        MemberProcess(
+            participant, world, endpoint, print_message, own=own, ends=ends, back_within=within
+        )
+        if region is None
+        else RegionProcess(
+            region, endpoint, print_message, own=own, back_within=within, arrival=ARRIVAL
+        )
     )
     leave_on_signals(member)
     print_message(f"{participant.name}: joining {world} at {endpoint}; Ctrl-C leaves")
@@ -131,6 +161,30 @@ def _participant(spec: str, name: str, options: dict[str, str]) -> Member:
         if known and f"--{key}" not in known:
             raise UnknownOption(spec, f"--{key}", known)
     return Member(name, bind(service, typed_options(service, options), name)())
+
+
+def _region_of_file(spec: str, part: FromFile, options: dict[str, str]) -> RegionSpec | None:
+    """The region of a world file that is named; None if it is something else.
+
+    Raises WorldFileError. `options` are those of the world, as texts.
+    """
+    name = part.process
+    if number_of_region(name) is None:
+        if part.link:
+            raise MisuseError("--link is for regions: --process region-0")
+        return None
+    file = read_world_file(find_world(spec), Overrides(options=options, regions=part.regions))
+    region = region_elsewhere(file, name, part.link)
+    if region is not None:
+        compile_agents(region.world_file.processes, no_progress)
+        return region
+    if any(each.name == name for each in file.processes):
+        return None
+    count = 0 if file.partition is None else file.partition.count
+    there = f"regions are region-0 to region-{count - 1}" if count else "it has no regions"
+    raise WorldFileError(
+        f"{file.path}: there is no {name}: {there}; give their number as for the world, --regions N"
+    )
 
 
 def _of_file(spec: str, process: str, name: str, options: dict[str, str]) -> Member:

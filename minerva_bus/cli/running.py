@@ -16,7 +16,7 @@ from minerva_bus.launch.installed import find_world
 from minerva_bus.launch.interrupts import end_signals
 from minerva_bus.launch.profiling import NOTHING, Profiling
 from minerva_bus.launch.reading import read_world_file
-from minerva_bus.launch.region_process import in_regions
+from minerva_bus.launch.region_layout import in_regions
 from minerva_bus.launch.region_run import RegionRun
 from minerva_bus.launch.region_settings import check_region_run
 from minerva_bus.launch.summary import RunSummary

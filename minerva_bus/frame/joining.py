@@ -84,7 +84,7 @@ class MemberLifecycle:
         # A newcomer has not shown the string, so the world is not at
         # rest even if nothing has changed.
         member.last_reply = algorithm.views.last_change = algorithm.frame
-        saved = algorithm.members.saved.get(member.name)
+        saved = algorithm.source.saved_for(member.name)
         # The welcome is first, because a member ignores all messages that need a world before it.
         algorithm.out.send(
             member.name,

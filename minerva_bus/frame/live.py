@@ -113,6 +113,10 @@ class FrameSource:
         """Plain data beside a checkpoint that only a successor of this coordinator needs."""
         return {}
 
+    def saved_for(self, member: str) -> Mapping[str, Any] | None:
+        """What a predecessor of a member that joins has saved last."""
+        return self._algorithm.members.saved.get(member)
+
     def seek(self, frame: int) -> None:
         """Continue with another frame, if the source can."""
 

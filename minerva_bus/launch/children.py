@@ -18,7 +18,8 @@ from minerva_bus.launch.journaling import RunJournal, find_past, next_epoch
 from minerva_bus.launch.pipes import LineBuffer, ReportPipe
 from minerva_bus.launch.profiling import Profiling, profile_path, sampled
 from minerva_bus.launch.recording import RunRecord, recording
-from minerva_bus.launch.region_process import RegionProcess, RegionSpec, source_of
+from minerva_bus.launch.region_layout import RegionSpec, source_of
+from minerva_bus.launch.region_process import RegionProcess
 from minerva_bus.launch.sizes import check_sizes
 from minerva_bus.launch.worldfile import Process, WorldFile
 from minerva_bus.log.journaled import resume_from

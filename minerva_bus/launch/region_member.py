@@ -7,22 +7,25 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
+from itertools import chain
 
 from minerva_bus.errors import ProtocolError, SceneError, WorldStopped
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.collection import ORDERS
 from minerva_bus.frame.inbox import MAX_WAITING
-from minerva_bus.frame.member import Member, Outgoing
+from minerva_bus.frame.member import Member, Outgoing, WorldRestarted
 from minerva_bus.launch.free_running import close_services
 from minerva_bus.launch.in_process import members_of
 from minerva_bus.launch.region_checkpoint import RegionCheckpoint
-from minerva_bus.launch.region_journal import CHECKPOINT, COORDINATOR, MAX_BYTES, RegionJournal
+from minerva_bus.launch.region_journal import MAX_BYTES, RegionJournal
 from minerva_bus.launch.region_repeats import RegionRepeats
 from minerva_bus.launch.region_requests import RegionRequests
 from minerva_bus.launch.region_sending import ParcelSender
+from minerva_bus.launch.region_terms import agreed
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.log.entries import encode_inputs
+from minerva_bus.regions.journal import CHECKPOINT, COORDINATOR, JOURNAL
 from minerva_bus.regions.messages import from_message, to_message
 from minerva_bus.regions.norms import violations
 from minerva_bus.regions.parcel import Parcel
@@ -54,7 +57,7 @@ class RegionMember(Member):
         super().__init__(name)
         assert file.partition is not None
         self._parcels = ParcelSender(send)
-        self._world = file.world
+        self._file = file
         self._members = members_of(file)
         self._begin(Region(file.world, number, file.partition, self._members))
         self._decoder = Decoder(file.world.vocabulary, file.access.limits)
@@ -90,16 +93,21 @@ class RegionMember(Member):
     # --- messages ---
 
     def _on_welcome(self, welcome: m.Welcome) -> None:
-        joins = self.world is None
+        joins, saved = self.world is None, welcome.saved or {}
+        region, file = self.region, agreed(self._file, self.name, saved)
+        if not joins and (file is not self._file or welcome.frame + 1 < region.frame):
+            raise WorldRestarted(f"the world has restarted, at frame {welcome.frame}")
+        if file is not self._file:
+            self._file = file
+            self._begin(Region(file.world, region.number, region.partition, self._members))
         super()._on_welcome(welcome)
         if not joins:
             return
+        self._journal.continue_from(saved.get(JOURNAL))
         self._repeat(welcome.frame)
         for arrived in self._early:
             self._out += self.parcel(arrived)
-        # Those that the former process may not have sent.
-        own, count = self.region.number, self.region.partition.count
-        self.send_again(number for number in range(count) if number != own)
+        self.send_again(range(self.region.partition.count))
 
     def _repeat(self, frame: int) -> None:
         """Run the frames of the process before this one again; others have what it sent."""
@@ -107,18 +115,17 @@ class RegionMember(Member):
             lost = f"its journal was longer than {MAX_BYTES >> 20} MiB"
             raise WorldStopped(f"a new process cannot repeat {frame} frames: {lost}")
         self._parcels.repeats = True
-        entries = list(self._journal.read())
-        if entries and entries[0].source == CHECKPOINT:
-            self._restore(RegionCheckpoint.decoded(entries.pop(0).data))
+        # One by one, because the report of a repeated frame has the entries up to it.
+        entries = self._journal.read()
+        first = next(entries, None)
+        if first is not None and first.source == CHECKPOINT:
+            self._restore(RegionCheckpoint.decoded(first.data))
         self._runner.start()
-        # A checkpoint is before a frame that was requested.
-        for _ in self._advance():
-            pass
-        for entry in entries:
-            if entry.source != COORDINATOR:
-                self._accept(entry)
-            else:
+        for entry in () if first is None else chain([first], entries):
+            if entry.source == COORDINATOR:
                 self._requests.note(self._decoder.to_member(entry.data))
+            elif entry.source != CHECKPOINT:
+                self._accept(entry)
             for _ in self._advance():
                 pass
         self._parcels.repeats = False
@@ -143,7 +150,7 @@ class RegionMember(Member):
     def _restore(self, checkpoint: RegionCheckpoint) -> None:
         """Continue from the state that a former process of this region has saved."""
         number, partition = self.region.number, self.region.partition
-        self._begin(checkpoint.region(self._world, number, partition, self._members))
+        self._begin(checkpoint.region(self._file.world, number, partition, self._members))
         kept, arrived, reports, outside, self._requests.last, sent_bytes = checkpoint.messages
         self._parcels.sent_bytes = sent_bytes
         for target, data in kept:
@@ -199,7 +206,7 @@ class RegionMember(Member):
         if isinstance(received, Parcel):
             self._parcels.outbox.acknowledge(received)
         if not is_new:
-            self._repeats.note(received, self.region.frame - 1)
+            self._repeats.note(received)
         return is_new
 
     def _on_outside(self, events: m.Outside) -> None:
@@ -229,11 +236,9 @@ class RegionMember(Member):
 
     def _last_figures(self) -> m.Figures:
         count, frames, ended = self.region.partition.count, self.region.frame, self._runner.ended
-        figures: dict[str, int] = {}
-        if frames and count > 1:  # The coordinator adds them up to the mean over all regions.
-            figures["parcel_bytes"] = round(
-                self._parcels.sent_bytes / (frames * count * (count - 1))
-            )
+        figures, sent = dict[str, int](), frames * count * (count - 1)
+        if sent:  # The coordinator adds them up to the mean over all regions.
+            figures["parcel_bytes"] = round(self._parcels.sent_bytes / sent)
         if ended is None:
             return figures
         # The members of one region report the figures of all, because generators are equal.
@@ -278,14 +283,11 @@ class RegionMember(Member):
         region, done = self.region, self._done
         assert done is not None
         inputs = done.inputs if region.number == FIRST else None
-        message = self._sender.message(
-            self.frame,
-            region.units,
-            region.sent,
-            region.progress(),
-            b"" if inputs is None else encode_inputs(inputs.without_replies),
-        )
-        return m.TickReply(self.name, self.frame, (), {PART: encode(message)})
+        entry = b"" if inputs is None else encode_inputs(inputs.without_replies)
+        units, sent, progress = region.units, region.sent, region.progress()
+        message = self._sender.message(self.frame, units, sent, progress, entry)
+        saved = {PART: encode(message), JOURNAL: self._journal.unreported()}
+        return m.TickReply(self.name, self.frame, (), saved)
 
     def _observe(self, notice: Notice) -> None:
         if isinstance(notice, s.FrameDone):

@@ -21,16 +21,14 @@ class RegionRepeats:
     """
 
     def __init__(self) -> None:
-        self._lacking: set[int] = set()
-        self._repeating: set[int] = set()
+        self._latest: dict[int, int] = {}
         self._seconds: Counter[int] = Counter()
 
-    def note(self, repeated: Parcel | Replies, latest: int) -> None:
-        """Note a message that had arrived before; `latest` is the last completed frame here."""
-        self._repeating.add(repeated.source)
-        # Its own next parcel would have acknowledged that of this region.
-        if repeated.frame < latest:
-            self._lacking.add(repeated.source)
+    def note(self, repeated: Parcel | Replies) -> None:
+        """Note a message that had arrived before."""
+        # A region repeats several frames, and only the latest shows how far it is.
+        source = repeated.source
+        self._latest[source] = max(repeated.frame, self._latest.get(source, repeated.frame))
 
     def a_second_later(self, awaited: Collection[int], frame: int) -> list[int]:
         """The regions to send parcels to again; `awaited` are those needed for `frame`.
@@ -38,9 +36,11 @@ class RegionRepeats:
         Raises WorldStopped for a region that repeats itself and never sends what is needed: without
         that this region would wait for ever.
         """
-        self._seconds.update(self._repeating.intersection(awaited))
-        again = sorted(self._lacking.union(awaited))
-        self._lacking, self._repeating = set(), set()
+        self._seconds.update(self._latest.keys() & set(awaited))
+        # Its own next parcel would have acknowledged the last one of this region.
+        lacking = [region for region, latest in self._latest.items() if latest < frame - 1]
+        again = sorted({*lacking, *awaited})
+        self._latest = {}
         for region, seconds in sorted(self._seconds.items()):
             if seconds > MAX_SECONDS:
                 raise WorldStopped(

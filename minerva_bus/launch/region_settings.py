@@ -139,7 +139,6 @@ def check_region_run(file: WorldFile, *, in_process: bool) -> None:
     """Raise WorldFileError if a run as regions cannot have its settings."""
     unsupported = {
         "--resume": bool(file.world.past.frame),
-        "journals (--journal)": bool(file.bus.journal),
     }
     if in_process:
         services = {each.name: each.participant().service for each in file.processes}
@@ -163,10 +162,13 @@ def _refuse(file: WorldFile, reasons: Sequence[str]) -> None:
 
 
 def _unsupported_processes(processes: Iterable[Process], outside: Collection[str]) -> Iterator[str]:
+    inside = [each for each in processes if not (each.command or each.name in outside)]
+    # If all of them are elsewhere, so are the regions.
+    elsewhere = [each.name for each in inside if each.elsewhere]
+    if len(elsewhere) not in (0, len(inside)):
+        yield f"agents and services in step of which only some are elsewhere ({elsewhere[0]})"
     for process in processes:
-        if process.elsewhere and not (process.command or process.name in outside):
-            yield f"agents and services in step elsewhere ({process.name})"
-        elif process.speaks_for:
+        if process.speaks_for:
             yield f"generators that send in the name of agents ({process.name})"
 
 

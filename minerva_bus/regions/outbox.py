@@ -11,11 +11,12 @@ from minerva_bus.regions.parcel import Parcel
 class Outbox:
     """The last messages for each other region.
 
-    They are of at most two frames, because no region is further ahead.
+    They are of at most three frames, because no region is further ahead.
 
-    A parcel of frame t from a region shows that it has everything that it needed in frame t. No
-    other acknowledgement is needed. The latest parcel is kept: repeated, it shows that this region
-    waits.
+    A parcel of frame t from a region shows that the coordinator has requested frame t, hence that
+    it has that region's report of frame t-1, with everything that the region needed until then. A
+    process on another machine can continue from there. No other acknowledgement is needed. The
+    latest parcel is always among the messages: repeated, it shows that this region waits.
     """
 
     def __init__(self) -> None:
@@ -28,16 +29,14 @@ class Outbox:
             self._kept[message.target] = [*self._needed(message.target), message]
 
     def acknowledge(self, received: Parcel) -> None:
-        """Drop what the sender of a received parcel has, except the latest parcel."""
+        """Drop what the sender of a received parcel does not need any more."""
         region = received.source
         self._acknowledged[region] = max(received.frame, self._acknowledged.get(region, -1))
-        kept = self._kept.get(region, ())
-        latest = next((each for each in reversed(kept) if isinstance(each, Parcel)), None)
-        self._kept[region] = self._needed(region) or [each for each in kept if each is latest]
+        self._kept[region] = self._needed(region)
 
     def _needed(self, region: int) -> list[Parcel | Replies]:
         acknowledged = self._acknowledged.get(region, -1)
-        return [each for each in self._kept.get(region, ()) if each.needed_in > acknowledged]
+        return [each for each in self._kept.get(region, ()) if each.needed_in >= acknowledged]
 
     def kept_for(self, region: int) -> tuple[Parcel | Replies, ...]:
         """The messages that a region may not have, in the order of their frames."""

@@ -30,14 +30,14 @@ from minerva_bus.frame.views import due_views
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.events import Event
 from minerva_bus.regions.balancing import balanced, is_due, packed_borders
-from minerva_bus.regions.dividing import NOTHING, cut
-from minerva_bus.regions.merging import Units, in_order
+from minerva_bus.regions.dividing import cut
+from minerva_bus.regions.journal import JOURNAL, KeptJournals
+from minerva_bus.regions.merging import in_order
 from minerva_bus.regions.messages import given_up_in
 from minerva_bus.regions.outside import OutsideEvents
-from minerva_bus.regions.parcel import NO_PROGRESS
-from minerva_bus.regions.part import PartCodec, PartMessage, PartReceiver, PartSender
+from minerva_bus.regions.part import PartCodec, PartMessage
 from minerva_bus.regions.partition import Partition
-from minerva_bus.regions.whole_string import WholeString
+from minerva_bus.regions.whole_string import WholeString, saved_parts
 from minerva_bus.world.kinds import Kinds
 from minerva_bus.world.order import collect
 
@@ -51,15 +51,17 @@ FIRST = 0
 """The region that reports the events of generators, which are equal in all regions."""
 
 PARTS: Final = "~parts"
-"""Key in the saved data of a journal for the parts of all regions; no member can have this name."""
+JOURNALS: Final = "~journals"
+"""Keys in the saved data of a journal for the parts of all regions, and for the journals that the
+coordinator keeps for them; no member can have these names."""
 
 
 class WholeSource(RecordedSource):
     """The frames of a world whose agents evolve in regions.
 
-    `names` are the members that are the regions, by number; `kinds` make the views. A successor
-    continues with the parts in its journal instead of a `partition`, and repeats the frame that
-    regions may have begun.
+    `names` are the members that are the regions, by number; `kinds` make the views; regions that
+    join get the `terms`, as saved data. A successor continues with the parts in its journal instead
+    of a `partition`, and repeats the frame that regions may have begun.
     """
 
     # Other regions may wait for the parcels of one that has returned after its report.
@@ -74,16 +76,19 @@ class WholeSource(RecordedSource):
         names: Sequence[str],
         kinds: Kinds,
         codec: PartCodec,
+        terms: Mapping[str, Any] | None = None,
     ) -> None:
         """Raises ProtocolError if the parts in the journal are damaged."""
         self._names, self._codec, self._partition = names, codec, partition
-        parts = algorithm.members.saved.pop(PARTS, None)
+        self._terms = terms or {}
+        saved = algorithm.members.saved
+        self._journals = KeptJournals(saved.pop(JOURNALS, {}))
+        parts = saved.pop(PARTS, None)
         if parts is None:
             assert partition is not None
-            units = cut(algorithm.world.scene, partition)
+            self._whole = WholeString(cut(algorithm.world.scene, partition))
         else:
-            units = self._saved_parts(parts)
-        self._whole = WholeString([PartReceiver(each) for each in units])
+            self._whole = WholeString(saved_parts(parts, names, codec))
         super().__init__(algorithm, cursor=self._whole, kinds=kinds)
         self._borders = b""
         self._reports: dict[str, PartMessage] = {}
@@ -91,20 +96,17 @@ class WholeSource(RecordedSource):
         self._outside = OutsideEvents(algorithm.inbox, succeeds=parts is not None)
         self.emitted = CollectionStep(algorithm).emitted
 
-    def _saved_parts(self, parts: Mapping[str, Any]) -> list[Units]:
-        receivers = [PartReceiver(NOTHING) for _ in self._names]
-        for name, receiver in zip(self._names, receivers, strict=True):
-            receiver.apply(self._codec.saved(parts[name]))
-        return [receiver.units for receiver in receivers]
-
     def journaled(self) -> Mapping[str, Mapping[str, Any]]:
-        """The parts of all regions, as reports of regions that had nothing before."""
-        frame = self._algorithm.frame
-        messages = [
-            PartSender().message(frame, part.units, part.sent, NO_PROGRESS, b"")
-            for part in self._whole.parts
-        ]
-        return {PARTS: dict(zip(self._names, map(self._codec.encode, messages), strict=True))}
+        """The parts of all regions, as reports of regions that had nothing before; journals."""
+        parts = self._whole.saved(self._algorithm.frame, self._names, self._codec)
+        return {PARTS: parts, JOURNALS: self._journals.all()}
+
+    def saved_for(self, member: str) -> Mapping[str, Any] | None:
+        """The terms and the kept journal of a region, or what another member has saved."""
+        if member not in self._names:
+            return super().saved_for(member)
+        journal = self._journals.of(member)
+        return {**self._terms, **({} if journal is None else {JOURNAL: journal})}
 
     # --- a frame ---
 
@@ -186,6 +188,9 @@ class WholeSource(RecordedSource):
         if reply.member == self._names[FIRST]:
             self._generated = self._codec.inputs(message.inputs)
         self._whole.parts[self._names.index(reply.member)].apply(message)
+        received = (reply.saved or {}).get(JOURNAL)
+        if isinstance(received, bytes) and received:
+            self._journals.add(reply.member, received)
         self._reports[reply.member] = message
         self._replies.append(reply)
 

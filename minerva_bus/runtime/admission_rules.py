@@ -12,7 +12,15 @@ from collections.abc import Callable, Mapping
 from typing import Final
 
 from minerva_bus.frame.messages import Hello
-from minerva_bus.security.credentials import AGENT, GENERATOR, OPERATOR, VIEW, Rights, rights_of
+from minerva_bus.security.credentials import (
+    AGENT,
+    GENERATOR,
+    OPERATOR,
+    REGION,
+    VIEW,
+    Rights,
+    rights_of,
+)
 from minerva_bus.wire.limits import DEFAULT, Limits
 from minerva_bus.wire.weighing import values_in
 
@@ -177,7 +185,9 @@ class AdmissionRules:
             return ""
         if own.revoked:
             return self.shut_out(hello.member)
-        makes = hello.generates or hello.publishes or hello.orders or hello.ticks
+        makes = hello.generates or hello.publishes or hello.orders
+        # A region is in step, and generates nothing itself.
+        makes = makes or (hello.ticks and not own.may(REGION))
         kinds = [kind.name for kind in hello.kinds]
         faces = ((AGENT, kinds), (GENERATOR, makes), (VIEW, hello.draws))
         for role, shown in faces:

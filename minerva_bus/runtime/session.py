@@ -152,11 +152,11 @@ def open_hub(
     return session, listening_at(session, listen) if secured is None else secured.local
 
 
-def listening_at(session: zenoh.Session, listen: str) -> str:
-    """The endpoint of a session, with the actual port instead of 0."""
+def listening_at(session: zenoh.Session, listen: str, mode: str = "router") -> str:
+    """The endpoint of a session in a mode, with the actual port instead of 0."""
     if not listen.endswith(":0"):
         return listen
-    for reply in session.get(f"@/{session.zid()}/router", timeout=5.0):
+    for reply in session.get(f"@/{session.zid()}/{mode}", timeout=5.0):
         if reply.ok is not None:
             locators: list[str] = json.loads(reply.ok.payload.to_string())["locators"]
             kind = listen.split("/", 1)[0]

@@ -16,13 +16,21 @@ from minerva_bus.security.credentials import (
     GENERATOR,
     HUB,
     OPERATOR,
+    REGION,
     ROUTER,
     SECURED,
     VIEW,
     Rights,
     family_start,
 )
-from minerva_bus.wire.keys import ANY_WORLD, COORDINATOR, Keys, asking_key, control_key
+from minerva_bus.wire.keys import (
+    ANY_WORLD,
+    COORDINATOR,
+    Keys,
+    asking_key,
+    control_key,
+    name_of_region,
+)
 
 _PUT: Final = ("put", "delete")
 _SUBSCRIBE: Final = ("declare_subscriber",)
@@ -87,11 +95,15 @@ def _rules(keys: Keys, holder: Rights) -> list[Rule]:
         asked.append(control_key(ANY_WORLD, own))
     # A member needs its own token to check that its name is free, and the coordinator's to detect
     # that it is gone; the names of other members stay hidden.
-    tokens = [keys.alive(COORDINATOR), keys.alive(own)]
+    tokens, declared = [keys.alive(COORDINATOR), keys.alive(own)], [keys.alive(own)]
+    if holder.may(REGION):
+        # Regions learn from each other where they receive parcels.
+        tokens.append(keys.link())
+        declared.append(keys.link(own))
     sent = [keys.sent_by("*"), f"{keys.base}/topic/*/*"]
     return [
         _rule(f"{name} publishes", (_IN,), _PUT, _sent(keys, holder, own)),
-        _rule(f"{name} declares its token", (_IN,), _TOKEN, [keys.alive(own)]),
+        _rule(f"{name} declares its token", (_IN,), _TOKEN, declared),
         _rule(f"{name} watches tokens", (_IN,), _LIVELINESS, tokens),
         _rule(f"{name} receives tokens", (_OUT,), _TOKEN, tokens),
         _rule(f"{name} subscribes", (_IN,), _SUBSCRIBE, received),
@@ -101,6 +113,30 @@ def _rules(keys: Keys, holder: Rights) -> list[Rule]:
         _rule(f"{name} asks", (_IN,), ("query",), asked),
         _rule(f"{name} receives answers", (_OUT,), ("reply",), asked),
     ]
+
+
+def region_access(keys: Keys, number: int, others: Iterable[int]) -> dict[str, Any]:
+    """Zenoh's `access_control` for the links of a region: others may send it their own parcels."""
+    own, rules, subjects, policies = number, list[Rule](), list[Any](), list[Any]()
+    for other in others:
+        name = name_of_region(other)
+        of_other = [
+            _rule(f"{name} sends", (_IN,), _PUT, [keys.parcel(other, own)]),
+            _rule(f"{name} is sent", (_OUT,), _PUT, [keys.parcel(own, other)]),
+            _rule(f"{name} subscribes", (_IN,), _SUBSCRIBE, [keys.parcel("*", other)]),
+            _rule(f"{name} is subscribed to", (_OUT,), _SUBSCRIBE, [keys.parcel("*", own)]),
+        ]
+        rules += of_other
+        subject = {"id": name, "cert_common_names": [name], "link_protocols": list(SECURED)}
+        subjects.append(subject)
+        policies.append({"rules": [rule["id"] for rule in of_other], "subjects": [name]})
+    return {
+        "enabled": True,
+        "default_permission": "deny",
+        "rules": rules,
+        "subjects": subjects,
+        "policies": policies,
+    }
 
 
 def _own_chunk(holder: Rights) -> str:
@@ -118,7 +154,7 @@ def _sent(keys: Keys, holder: Rights, own: str) -> list[str]:
 def _received(keys: Keys, holder: Rights, own: str) -> list[str]:
     by_roles = (
         ((AGENT,), keys.evolve),
-        ((GENERATOR,), keys.tick),
+        ((GENERATOR, REGION), keys.tick),
         ((GENERATOR, VIEW), f"{keys.base}/topic/*/*"),
         ((VIEW,), keys.view("*")),
         ((VIEW, OPERATOR), keys.record),

@@ -32,6 +32,7 @@ from minerva_bus.security.certificates import (
 from minerva_bus.security.credentials import (
     FAMILY,
     HUB,
+    REGION,
     ROLES,
     SERVERS,
     Credentials,
@@ -40,7 +41,7 @@ from minerva_bus.security.credentials import (
     family_start,
     overlap,
 )
-from minerva_bus.wire.keys import COORDINATOR, checked_name, is_name
+from minerva_bus.wire.keys import COORDINATOR, checked_name, is_name, number_of_region
 
 AUTHORITY_DAYS: Final = 3650
 _AUTHORITY, _REVOKED = "ca", "crl"
@@ -271,6 +272,11 @@ class KeyFolder:
             raise KeysError(f"--role is missing; roles are {', '.join(ROLES)}")
         if (name == COORDINATOR) != (HUB in wanted.roles) or name in (_AUTHORITY, _REVOKED):
             raise KeysError(f"{name} cannot be {', '.join(wanted.roles)}: choose another name")
+        if REGION in wanted.roles and number_of_region(name) is None:
+            raise KeysError(
+                f"{name} cannot be a {REGION}: certificates of regions are named"
+                " region-0, region-1 and so on"
+            )
         if wanted.family and not SERVERS.isdisjoint(wanted.roles):
             raise KeysError(f"{', '.join(wanted.roles)}: this role cannot have a family")
         if wanted.family and not is_name(f"{name}-a"):

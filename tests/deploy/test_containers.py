@@ -8,15 +8,16 @@ import sys
 import pytest
 
 from tests.deploy.commands import DEPLOY
-from tests.deploy.deployed import COMPOSE, DOCKERFILE, README
+from tests.deploy.deployed import COMPOSE, COMPOSED_REGIONS, DOCKERFILE, README
 from tools.dependencies import IMAGE_EXTRAS, project
 
 
-def test_compose_is_of_the_compose_specification():
+@pytest.mark.parametrize("name", ["compose.yaml", "regions.yaml"])
+def test_compose_is_of_the_compose_specification(name):
     pytest.importorskip("check_jsonschema")
     done = subprocess.run(
         [sys.executable, "-m", "check_jsonschema", "--builtin-schema", "vendor.compose-spec",
-         str(DEPLOY / "docker" / "compose.yaml")],
+         str(DEPLOY / "docker" / name)],
         capture_output=True, text=True,
     )  # fmt: skip
     assert done.returncode == 0, done.stdout
@@ -38,14 +39,14 @@ def test_references_of_containers_exist():
 
 
 def test_each_member_has_its_own_key_and_no_other():
-    for name, one in COMPOSE["services"].items():
+    for name, one in (COMPOSED_REGIONS["services"] | COMPOSE["services"]).items():
         if "attach" in one.get("command", ()):
             assert [s["source"] for s in one["secrets"]] == ["ca.pem", f"{name}.pem", f"{name}.key"]
 
 
-@pytest.mark.parametrize("name", COMPOSE["services"])
+@pytest.mark.parametrize("name", COMPOSED_REGIONS["services"] | COMPOSE["services"])
 def test_containers_may_do_little(name):
-    one = COMPOSE["services"][name]
+    one = (COMPOSED_REGIONS["services"] | COMPOSE["services"])[name]
     assert one["cap_drop"] == ["ALL"]
     assert one["security_opt"] == ["no-new-privileges:true"]
     assert not {"privileged", "pid", "network_mode"} & one.keys()

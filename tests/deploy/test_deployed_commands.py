@@ -7,13 +7,13 @@ import pytest
 from minerva_bus.launch.installed import WORLDS, entries, find_world
 from minerva_bus.launch.reading import read_world_file
 from tests.deploy.commands import in_markdown, wrong_with
-from tests.deploy.deployed import COMPOSE, CONTAINERS, FLEET, README, UNITS
+from tests.deploy.deployed import COMPOSE, COMPOSED_REGIONS, CONTAINERS, FLEET, README, UNITS
 
 
 def commands():
     yield from in_markdown(README)
     yield from in_markdown(FLEET)
-    for name, service in COMPOSE["services"].items():
+    for name, service in (COMPOSED_REGIONS["services"] | COMPOSE["services"]).items():
         if service["image"].startswith("minerva-bus:"):
             yield [*service["command"], f"#{name}"]
     for container in CONTAINERS:

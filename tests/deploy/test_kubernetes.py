@@ -11,13 +11,13 @@ from minerva_bus.security.credentials import covers
 from minerva_bus.security.keys import KeyFolder
 from minerva_bus.wire.keys import is_name
 from tests.deploy.commands import DEPLOY, in_markdown
-from tests.deploy.deployed import CONTAINERS, MANIFESTS, PODS, README, SETS, manifests
+from tests.deploy.deployed import CONTAINERS, MANIFESTS, OF_REGIONS, PODS, README, SETS, manifests
 from tests.runtime.running import here
 
 
 def test_manifests_are_of_their_schemas():
     validate = pytest.importorskip("kubernetes_validate")
-    for one in manifests():
+    for one in [*manifests(), *manifests("kubernetes/regions")]:
         validate.validate(one, validate.latest_version(), strict=True)
 
 
@@ -49,7 +49,7 @@ def test_references_of_pods_exist(name):
     labels = whole["spec"]["template"]["metadata"]["labels"]
     assert whole["spec"]["selector"]["matchLabels"].items() <= labels.items()
     if whole["kind"] == "StatefulSet":
-        service = MANIFESTS["Service", whole["spec"]["serviceName"]]
+        service = (OF_REGIONS | MANIFESTS)["Service", whole["spec"]["serviceName"]]
         assert service["spec"]["selector"].items() <= labels.items()
 
 
@@ -109,6 +109,41 @@ def test_only_permitted_agents_communicate():
     }
     ports = {one["containerPort"] for one in PODS["coordinator"]["containers"][0]["ports"]}
     assert open_ports == ports
+
+
+def test_pods_of_regions_are_named_like_regions_and_link_by_their_names():
+    """A pod of a StatefulSet has the name of the set and a number."""
+    regions, coordinator = (
+        OF_REGIONS["StatefulSet", "region"],
+        OF_REGIONS["StatefulSet", "coordinator"],
+    )
+    count = f"--regions={regions['spec']['replicas']}"
+    (region,), (world,) = (
+        each["spec"]["template"]["spec"]["containers"] for each in (regions, coordinator)
+    )
+    (name,) = region["env"]
+    assert name["valueFrom"]["fieldRef"]["fieldPath"] == "metadata.name"
+    assert count in region["args"]
+    assert count in world["args"]
+    assert f"--process=$({name['name']})" in region["args"]
+    (port,) = region["ports"]
+    service = regions["spec"]["serviceName"]
+    assert f"--link=tls/$({name['name']}).{service}:{port['containerPort']}" in region["args"]
+    hosts = re.findall(r"keys issue (region-\d) --role region --host (\S+)", README)
+    assert [host for host, _ in hosts] == [f"region-{n}" for n in range(4)]
+    assert all(f"{host}.{service}" in names.split(",") for host, names in hosts)
+
+
+def test_regions_may_link_to_each_other_and_to_the_coordinator():
+    policy = OF_REGIONS["NetworkPolicy", "region"]["spec"]
+    ports = {
+        (port["port"], rule["to"][0]["podSelector"]["matchLabels"]["app.kubernetes.io/name"])
+        for rule in policy["egress"]
+        if "namespaceSelector" not in rule["to"][0]
+        for port in rule["ports"]
+    }
+    assert ports == {(7447, "coordinator"), (7450, "region")}
+    assert policy["ingress"][0]["ports"] == [{"protocol": "TCP", "port": 7450}]
 
 
 def test_kustomize_puts_it_together():

@@ -10,12 +10,12 @@ from minerva_bus.runtime.region_links import RegionLinks
 
 
 class Proxied(RegionLinks):
-    def __init__(self, keys, number, endpoints, arrivals):
+    def __init__(self, keys, number, endpoints, arrivals, **more):
         through = {
             region: at if region == number else at.replace(".sock", ".proxy")
             for region, at in endpoints.items()
         }
-        super().__init__(keys, number, through, arrivals)
+        super().__init__(keys, number, through, arrivals, **more)
 
 
 region_process.RegionLinks = Proxied

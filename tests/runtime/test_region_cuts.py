@@ -1,5 +1,6 @@
 """Regions, their coordinator and the links between them in one process: losses, cuts and deaths."""
 
+from dataclasses import replace
 from random import Random
 
 import msgpack
@@ -13,8 +14,8 @@ from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.launch import region_journal
 from minerva_bus.launch.in_process import members_of
 from minerva_bus.launch.reading import read_world_file
-from minerva_bus.launch.region_journal import RegionJournal
-from minerva_bus.launch.region_process import in_regions
+from minerva_bus.launch.region_layout import in_regions
+from minerva_bus.regions.journal import CHECKPOINT, JOURNAL, entries
 from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.settings.overrides import Overrides
 from minerva_bus.testing.simulation.cluster import Cluster
@@ -67,15 +68,22 @@ def test_a_cut_link_delays_regions_and_nothing_else(file, seconds):
         cluster = Cluster(regions, Random(1), disturb)
         cluster.run()
     assert digests(cluster) == digests_of_one(file, {})
-    # In each direction two parcels at most are kept, which are repeated once a second.
-    assert 4 <= cluster.links.lost <= 4 * 2 * (seconds + 1)
+    # In each direction three parcels at most are kept, which are repeated once a second.
+    assert 4 <= cluster.links.lost <= 4 * 3 * (seconds + 1)
 
 
-@pytest.mark.parametrize(("seed", "frames"), [(1, 200), (2, 3)])
-def test_orders_count_once_whatever_dies_or_is_cut(file, seed, frames, monkeypatch):
-    """A process that continues runs all frames again, or those since a checkpoint."""
+@pytest.mark.parametrize(
+    ("seed", "frames", "kept"), [(1, 200, False), (2, 3, False), (3, 200, True), (4, 3, True)]
+)
+def test_orders_count_once_whatever_dies_or_is_cut(file, seed, frames, kept, tmp_path, monkeypatch):
+    """A process that continues runs all frames again, or those since a checkpoint.
+
+    A region has a file for its journal, or the coordinator keeps it: then the region also lacks
+    what the report of its last frame had.
+    """
     monkeypatch.setattr(region_journal, "CHECKPOINT_FRAMES", frames)
     chance, orders = Random(seed), []
+    file = replace(file, bus=replace(file.bus, journal=str(tmp_path) if kept else ""))
 
     def disturb(cluster):
         if cluster.algorithm.in_frame and chance.random() < 0.02:
@@ -93,10 +101,14 @@ def test_orders_count_once_whatever_dies_or_is_cut(file, seed, frames, monkeypat
     with in_regions(file) as regions:
         cluster = Cluster(regions, Random(1), disturb)
         cluster.run()
-        entries = [next(RegionJournal(each.journal).read()) for each in regions.processes]
+        saved = cluster.algorithm.source.saved_for
+        journals = [
+            saved(each.name)[JOURNAL] if kept else each.journal.read_bytes()
+            for each in regions.processes
+        ]
     assert len(cluster.deaths) > 1
     assert len(cluster.successions) > 1
-    checkpoints = [entry.source == region_journal.CHECKPOINT for entry in entries]
+    checkpoints = [next(entries(journal))[0] == CHECKPOINT for journal in journals]
     assert checkpoints == [frames < FRAMES] * 3
     counted = [event for events in orders_of(cluster).values() for event in events]
     assert counted == orders[: len(counted)]

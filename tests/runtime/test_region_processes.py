@@ -25,7 +25,7 @@ from running import (
     write_world,
 )
 
-from minerva_bus.launch.region_journal import RegionJournal
+from minerva_bus.launch.region_journal import FileJournal
 from minerva_bus.log.comparison import compare
 from minerva_bus.log.reader import Record
 from minerva_bus.runtime.region_links import ParcelArrived
@@ -158,6 +158,21 @@ def test_a_coordinator_that_is_killed_is_followed_and_regions_stay(path):
     assert digests(folder / "run.mcap") == digests(folder / "one.mcap")
 
 
+def test_a_run_that_was_killed_continues_from_its_journal(path):
+    words = "--rate", 20, "--frames", 40, "--regions", 2, "--journal", "journal", "--json"
+    with World(path, *words) as world:
+        world.runs("region-0", "region-1")
+        eventually(lambda: world.members() and world.frame > 10, "frames")
+        world.kill()
+        world.ends()
+        world.gone()
+    with World(path, *words) as world:
+        ended = world.summary()
+    assert "continuing from frame" in world.text
+    assert ended["frames"] == 40
+    assert ended["digest"] == alone(path, 40)["digest"]
+
+
 @pytest.mark.slow
 def test_links_that_are_cut_delay_a_world_and_nothing_else(path, monkeypatch):
     """For longer than a lease, after which Zenoh closes a link and dials again, and for less."""
@@ -252,11 +267,11 @@ def test_an_error_in_code_stops_all_regions(path):
 
 def test_a_journal_omits_an_entry_that_was_cut_off(tmp_path):
     path, parcels = tmp_path / "journal", [ParcelArrived(n, bytes(n)) for n in (2, 0, 1)]
-    journal = RegionJournal(path)
+    journal = FileJournal(path)
     journal.open()
     for parcel in parcels:
         journal.write(parcel)
     os.truncate(path, path.stat().st_size - 1)
-    assert list(RegionJournal(path).read()) == parcels[:2]
+    assert list(FileJournal(path).read()) == parcels[:2]
     journal.write(parcels[2])
-    assert list(RegionJournal(path).read()) == parcels
+    assert list(FileJournal(path).read()) == parcels

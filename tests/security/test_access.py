@@ -4,7 +4,7 @@ import zenoh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from minerva_bus.security.access import access_control
+from minerva_bus.security.access import access_control, region_access
 from minerva_bus.security.credentials import HUB, ROLES, ROUTER, Rights
 from minerva_bus.wire.keys import COORDINATOR, Keys, asking_key, control_key
 
@@ -50,6 +50,8 @@ def test_a_message_in_another_name_is_rejected(many):
             assert not may(access, one.name, "ingress", "put", KEYS.sent_by(other))
             assert not may(access, one.name, "ingress", "liveliness_token", KEYS.alive(other))
             assert not may(access, one.name, "ingress", "put", KEYS.topic("scan", other))
+            link = KEYS.link(other, "tls/a:1")
+            assert not may(access, one.name, "ingress", "liveliness_token", link)
             for key in (control_key("w", other), asking_key("w", other), control_key("w")):
                 assert not may(access, one.name, "ingress", "query", key)
         for key in (
@@ -82,7 +84,10 @@ def test_every_member_does_what_its_roles_allow(many):
             ("egress", "put", KEYS.all, there),
             ("egress", "declare_subscriber", KEYS.sent_by("*"), there),
             ("ingress", "put", topic, has("generator") and confined),
-            ("ingress", "declare_subscriber", KEYS.tick, has("generator")),
+            ("ingress", "declare_subscriber", KEYS.tick, has("generator", "region")),
+            ("ingress", "liveliness_token", KEYS.link(name, "tls/a:1"), has("region")),
+            ("ingress", "declare_liveliness_subscriber", KEYS.link(), has("region")),
+            ("egress", "liveliness_token", KEYS.link("region-9", "tls/a:1"), has("region")),
             ("egress", "put", KEYS.evolve, has("agent")),
             ("egress", "put", KEYS.view("eShow"), has("view")),
             ("egress", "put", KEYS.record, has("view", "operator")),
@@ -92,6 +97,24 @@ def test_every_member_does_what_its_roles_allow(many):
         ]
         for flow, message, key, allowed in expected:
             assert may(access, name, flow, message, key) == allowed, (flow, message, key)
+
+
+def test_a_region_accepts_only_what_its_neighbours_may_send():
+    access = region_access(KEYS, 1, [0, 2])
+    for key, allowed in (
+        (KEYS.parcel(0, 1), True),
+        (KEYS.parcel(2, 1), False),
+        (KEYS.parcel(0, 2), False),
+        (KEYS.sent_by("region-0"), False),
+        (KEYS.tick, False),
+        ("**", False),
+    ):
+        assert may(access, "region-0", "ingress", "put", key) == allowed
+        assert not may(access, "region-3", "ingress", "put", key)
+    assert may(access, "region-0", "egress", "put", KEYS.parcel(1, 0))
+    assert not may(access, "region-0", "egress", "put", KEYS.parcel(1, 2))
+    assert not may(access, "region-0", "ingress", "declare_subscriber", KEYS.parcel("*", 2))
+    zenoh.Config().insert_json5("access_control", str(access).replace("True", "true"))
 
 
 @given(MANY, st.booleans())

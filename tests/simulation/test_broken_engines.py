@@ -8,7 +8,7 @@ from minerva_bus.frame.collection import CollectionStep
 from minerva_bus.frame.evolution import EvolutionStep
 from minerva_bus.frame.generating import GeneratorSide
 from minerva_bus.frame.pace import Pace
-from minerva_bus.launch.region_journal import RegionJournal
+from minerva_bus.launch.region_journal import FileJournal
 from minerva_bus.launch.region_member import RegionMember
 from minerva_bus.log.journal import Journal
 from minerva_bus.regions.outbox import Outbox
@@ -83,13 +83,13 @@ ENGINES = [
 
 def lose_parcels(patch):
     """Omit the parcels of one region in the journals of the others."""
-    whole = RegionJournal.write
+    whole = FileJournal.write
 
     def write(journal, arrived):
         if arrived.source != 1:
             whole(journal, arrived)
 
-    patch.setattr(RegionJournal, "write", write)
+    patch.setattr(FileJournal, "write", write)
 
 
 def send_nothing_again(patch):

@@ -15,7 +15,7 @@ from minerva_bus.frame.member import Member
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.symbols import EventType
 from minerva_bus.launch.console import Console
-from minerva_bus.launch.region_process import outside_of
+from minerva_bus.launch.region_layout import outside_of
 from minerva_bus.launch.region_run import RegionRun
 from minerva_bus.launch.worldfile import Process, WorldFile
 from minerva_bus.log.entries import part_codec

@@ -59,7 +59,7 @@ def issue(
     role: Annotated[
         list[str] | None,
         typer.Option(
-            help="agent, generator, view, operator, coordinator or router; may be repeated."
+            help="agent, generator, view, operator, region, coordinator or router; may be repeated."
         ),
     ] = None,
     dir: Dir = _HERE,

@@ -170,6 +170,7 @@ def graph(
 @grouped
 def attach(
     context: typer.Context,
+    overrides: Annotated[Overrides, Takes("regions")],
     spec: Annotated[
         str,
         typer.Argument(
@@ -178,17 +179,24 @@ def attach(
     ],
     join: JoinOptions,
     process: Annotated[
-        str, typer.Option(help="Run this process of the world file SPEC, under its name.")
+        str, typer.Option(help="Run this process or region of the world file SPEC.")
+    ] = "",
+    link: Annotated[
+        str, typer.Option(help="Endpoint where other regions reach this one: tls/HOST:PORT.")
     ] = "",
 ) -> None:
-    """Attach agents, a generator or a view to a running world.
+    """Attach agents, a generator, a view or a region to a running world.
 
     It stays until Ctrl-C. Other options are passed to the service: `attach svg --every 5`. With
     --process they are options of the world: `attach robot --process physics --map house.yaml`.
+    A region needs their number and the options of the world: `attach meadow --process region-0
+    --regions 2`.
     """
-    from minerva_bus.cli.attaching import attach_member
+    from minerva_bus.cli.attaching import FromFile, attach_member
 
-    raise typer.Exit(attach_member(spec, join, options_of(context.args), process))
+    regions = overrides.values.get("regions")
+    part = FromFile(process, None if regions is None else int(regions), link)
+    raise typer.Exit(attach_member(spec, join, options_of(context.args), part))
 
 
 @examples(

@@ -16,14 +16,15 @@ from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.member import Outgoing
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.events import Event
-from minerva_bus.launch.region_journal import RegionJournal
+from minerva_bus.launch.journaling import journal_path
+from minerva_bus.launch.region_layout import RegionSpec, source_of
 from minerva_bus.launch.region_member import RegionMember
-from minerva_bus.launch.region_process import RegionSpec, name_of_region, source_of
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.log.journal import Journal
 from minerva_bus.log.journaled import read_journal, resume_from
 from minerva_bus.runtime.region_links import ParcelArrived
 from minerva_bus.runtime.runner import Runner, Sink
+from minerva_bus.wire.keys import name_of_region
 
 MAX_SECONDS: Final = 1000
 """Simulated seconds within which a world must have ended."""
@@ -81,7 +82,8 @@ class Cluster(Sink):
         self.successions: list[int] = []
         self._file = file
         self._disturb = disturb
-        self._path = next(iter(self.specs.values())).journal.with_name("coordinator")
+        beside = next(iter(self.specs.values())).journal
+        self._path = journal_path(file) if beside is None else beside.with_name("coordinator")
         self._is_ready = False
         self._members: dict[str, RegionMember] = {}
         others = [each for each in file.processes if each.name not in self.specs]
@@ -123,7 +125,7 @@ class Cluster(Sink):
         self.links.down[name].clear()
         self.links.up[name].clear()
         self.links.parcels = [parcel for parcel in self.links.parcels if parcel[1] != spec.number]
-        send, journal = partial(self._send_parcel, spec.number), RegionJournal(spec.journal)
+        send, journal = partial(self._send_parcel, spec.number), spec.make_journal()
         self._members[name] = RegionMember(
             name, spec.world_file, spec.number, journal, send, lambda line: None
         )

@@ -15,13 +15,13 @@ from typing import Final
 
 from minerva_bus.errors import MinervaError
 from minerva_bus.grammar.batch import single
-from minerva_bus.launch.region_process import in_regions, name_of_region
+from minerva_bus.launch.region_layout import in_regions
 from minerva_bus.regions.partition import ByPosition
 from minerva_bus.testing.simulation.cluster import Cluster, DoneFrame
 from minerva_bus.testing.simulation.history import Fault, History, Operation
 from minerva_bus.testing.simulation.reference import cries_in, orders_in, undisturbed
 from minerva_bus.testing.simulation.worlds import ORDERS, eCry, world_file
-from minerva_bus.wire.keys import COORDINATOR
+from minerva_bus.wire.keys import COORDINATOR, name_of_region
 
 COUNTS: Final = 2, 4
 FRAMES: Final = 3, 12
@@ -160,8 +160,13 @@ class PlayedRegions:
 
 
 def play_regions(history: RegionHistory, folder: Path) -> PlayedRegions:
-    """Play a history; journals are in a temporary folder."""
+    """Play a history; journals are in a temporary folder.
+
+    In histories with an odd seed, the coordinator keeps those of regions.
+    """
     file = world_file(history.frames, history.rate, folder, {})
+    if history.seed % 2:
+        file = replace(file, bus=replace(file.bus, journal=str(folder)))
     processes = tuple(each for each in file.processes if each.name != ABSENT)
     partition = ByPosition(BORDERS[: history.count - 1], balance=history.seed % MOST_BALANCED)
     script, failure = RegionScript(history), ""

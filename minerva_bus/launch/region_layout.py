@@ -1,0 +1,168 @@
+"""The regions of a world as processes: here, where they are started, or on other machines."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from functools import partial
+from pathlib import Path
+from typing import Final
+
+from minerva_bus.errors import BusError
+from minerva_bus.frame.algorithm import FrameAlgorithm
+from minerva_bus.frame.live import FrameSource
+from minerva_bus.launch.region_journal import FileJournal, RegionJournal, ReportedJournal
+from minerva_bus.launch.region_terms import TERMS, terms_of
+from minerva_bus.launch.temporary_folder import temporary_folder
+from minerva_bus.launch.worldfile import Process, WorldFile
+from minerva_bus.log.entries import part_codec
+from minerva_bus.regions.attached import beside
+from minerva_bus.regions.whole import WholeSource
+from minerva_bus.runtime.endpoints import check_endpoint
+from minerva_bus.runtime.session import LOOPBACK
+from minerva_bus.runtime.waiting import Patience
+from minerva_bus.wire.keys import name_of_region, number_of_region
+from minerva_bus.world.kinds import kinds_of
+
+MAX_RESTARTS: Final = 1000
+"""Processes of a region that may be killed, without much work between, before the world stops."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RegionSpec(Process):
+    """A region as a process of its world: its number and files, and the endpoints of all regions.
+
+    `world_file` is that of the whole world. Without a file for its `journal`, the coordinator of
+    the world keeps it.
+    """
+
+    world_file: WorldFile
+    number: int
+    endpoints: Mapping[int, str] = field(default_factory=dict[int, str])
+    journal: Path | None = None
+
+    def make_journal(self) -> RegionJournal:
+        """The journal of a process that begins."""
+        return ReportedJournal() if self.journal is None else FileJournal(self.journal)
+
+    def at(self, world: str, *, secured: bool) -> RegionSpec:
+        """The same region of a running world, with the endpoint where it receives parcels.
+
+        Raises BusError if others cannot reach it there.
+        """
+        own = self.endpoints[self.number]
+        example = "--link tls/HOST:PORT, with a host in its certificate"
+        if secured and not own:
+            raise BusError(f"{self.name} needs an endpoint for other regions: {example}")
+        at = check_endpoint(own or LOOPBACK)
+        if secured and not at.secured:
+            raise BusError(f"{own} has no certificates, and the world has: {example}")
+        if not (secured or at.local):
+            raise BusError(f"{own} would admit anyone who can reach it; the world has no keys")
+        file = self.world_file
+        named = replace(file, world=replace(file.world, name=world))
+        return replace(self, world_file=named, endpoints={self.number: at.text})
+
+    @property
+    def announces(self) -> bool:
+        """Whether regions are on several machines, and learn from each other where they are."""
+        partition = self.world_file.partition
+        return partition is not None and len(self.endpoints) < partition.count
+
+
+@contextmanager
+def in_regions(file: WorldFile) -> Generator[WorldFile]:
+    """A world file whose processes are the regions of this one, and those outside of them.
+
+    They run for as long as the block does. It is the same file for a world with one coordinator.
+    """
+    if file.partition is None:
+        yield file
+        return
+    names = outside_of(file.processes)
+    outside = [each for each in file.processes if each.name in names]
+    inside = tuple(each for each in file.processes if each.name not in names)
+    classes = {agent: None for process in inside for agent in process.agents}
+    # Processes elsewhere are those of regions elsewhere.
+    away = all(each.elsewhere for each in inside)
+    with temporary_folder("regions") as folder:
+        numbers = range(file.partition.count)
+        endpoints = {n: f"unixsock-stream/{folder}/{n}.sock" for n in numbers}
+        regions = [
+            RegionSpec(
+                name_of_region(number),
+                agents=tuple(classes),
+                # A region that is killed repeatedly loses no more than time.
+                restarts=MAX_RESTARTS,
+                # It may wait for another region, so a time-out would not find the late one.
+                patience=Patience(then="wait"),
+                world_file=_with(file, inside),
+                number=number,
+                endpoints=endpoints,
+                # A later run with the same journal has no temporary files, nor has another machine.
+                journal=None if file.bus.journal or away else folder / f"{number}.journal",
+                elsewhere=away,
+            )
+            for number in numbers
+        ]
+        yield _with(file, (*regions, *outside))
+
+
+def outside_of(processes: Iterable[Process]) -> frozenset[str]:
+    """The processes that are members of a world's coordinator, beside its regions.
+
+    What a command does is known only from its hello, which the coordinator may refuse.
+    """
+    known = [each for each in processes if not each.command]
+    names = beside({each.name: each.participant().service for each in known})
+    return names.union(each.name for each in processes if each.command)
+
+
+def _with(file: WorldFile, processes: Sequence[Process]) -> WorldFile:
+    """The world file with these processes, for which the world waits."""
+    names = frozenset(process.name for process in processes)
+    limits = file.access.limits
+    # The report of a region may have its whole part, like the reply of a host.
+    limits = replace(limits, tick_bytes=max(limits.tick_bytes, limits.message_bytes))
+    return replace(
+        file,
+        processes=tuple(processes),
+        world=replace(file.world, expected=names),
+        access=replace(file.access, limits=limits),
+    )
+
+
+def region_elsewhere(file: WorldFile, name: str, listen: str) -> RegionSpec | None:
+    """The region of a world file with this name, to run on another machine than the world.
+
+    It receives parcels at the endpoint `listen`. None: the file has no such region.
+    """
+    number = number_of_region(name)
+    if file.partition is None or number is None or not number < file.partition.count:
+        return None
+    names = outside_of(file.processes)
+    inside = [replace(each, elsewhere=False) for each in file.processes if each.name not in names]
+    agents = tuple(dict.fromkeys(agent for process in inside for agent in process.agents))
+    return RegionSpec(
+        name,
+        agents=agents,
+        world_file=_with(file, inside),
+        number=number,
+        endpoints={number: listen},
+    )
+
+
+def source_of(file: WorldFile) -> Callable[[FrameAlgorithm], FrameSource] | None:
+    """The source of the frames of a world: its regions, or None for its members."""
+    regions = [process for process in file.processes if isinstance(process, RegionSpec)]
+    if not regions or file.partition is None:
+        return None
+    return partial(
+        WholeSource,
+        partition=file.partition,
+        names=[region.name for region in regions],
+        kinds=kinds_of(regions[0].agents),
+        codec=part_codec(file.world.vocabulary, file.access.limits),
+        terms={TERMS: terms_of(regions[0].world_file)},
+    )
