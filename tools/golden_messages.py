@@ -218,6 +218,8 @@ MESSAGES: Mapping[str, m.Message] = {
     ),
     "orders.empty": m.Orders(0, ()),
     "orders.full": m.Orders(8, (*EVENTS, MIXED)),
+    "outside.empty": m.Outside(0, {}),
+    "outside.full": m.Outside(8, {"gulls": EVENTS, "~order:anna": (MIXED,)}, NAMES, bytes(8)),
     "repeat.empty": m.Repeat(""),
     "repeat.full": m.Repeat("scan"),
     "stop.empty": m.Stop(""),

@@ -104,13 +104,13 @@ def acknowledge_early(patch):
 
 def obey_repeated_orders(patch):
     """Let orders of the frame before count again."""
-    whole = RegionMember._on_orders
+    whole = RegionMember._on_outside
 
-    def on_orders(region, orders):
-        whole(region, orders)
-        region._requests.note(replace(orders, frame=orders.frame + 1))
+    def on_outside(region, events):
+        whole(region, events)
+        region._requests.note(replace(events, frame=events.frame + 1))
 
-    patch.setattr(RegionMember, "_on_orders", on_orders)
+    patch.setattr(RegionMember, "_on_outside", on_outside)
 
 
 def take_stale_reports(patch):
