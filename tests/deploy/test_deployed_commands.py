@@ -24,6 +24,8 @@ def commands():
         yield line.split()
     for args in re.findall(r"^.*MINERVA_ARGS=(--listen.*?)'? >", README, re.M):
         yield ["run", *args.split()]
+    for args in re.findall(r"^MINERVA_ARGS=(--process region.*)$", README, re.M):
+        yield ["attach", "meadow", *args.split()]
 
 
 @pytest.mark.parametrize("words", list(commands()), ids=" ".join)
