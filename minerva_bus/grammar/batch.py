@@ -156,19 +156,23 @@ class Events:
 
     def distinct(self) -> Events:
         """Each event once, at its first occurrence (equation 6)."""
+        kept = self.first_occurrences()
+        return self if kept.all() else self.take(np.flatnonzero(kept))
+
+    def first_occurrences(self) -> NDArray[np.bool_]:
+        """Which events equal no earlier one, shape (count,)."""
+        kept = np.ones(self.count, np.bool_)
         if self.count < 2 or any(map(_distinct, (self.senders, self.receivers))):
-            return self
+            return kept
         # Equal hashes select candidates with one sort of integers; only these are compared in full.
         hashes = self._hashes()
         order = np.argsort(hashes, kind="stable")
         same = np.concatenate(([False], hashes[order[1:]] == hashes[order[:-1]], [False]))
         # Events whose hash occurs more than once, in their order.
         doubtful = np.sort(order[same[1:] | same[:-1]])
-        if not len(doubtful):
-            return self
-        kept = np.ones(self.count, np.bool_)
-        kept[doubtful[self.take(doubtful)._again()]] = False
-        return self if kept.all() else self.take(np.flatnonzero(kept))
+        if len(doubtful):
+            kept[doubtful[self.take(doubtful)._again()]] = False
+        return kept
 
     def _again(self) -> NDArray[np.bool_]:
         """Which events equal an earlier one, shape (count,)."""

@@ -7,6 +7,7 @@ which it is published. Messages are declared in minerva_bus.frame.messages.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any, Final, get_args
 
 from minerva_bus.errors import ProtocolError, SceneError
@@ -70,6 +71,8 @@ class Decoder:
 
     def __init__(self, vocabulary: Vocabulary = _EMPTY, limits: Limits = DEFAULT) -> None:
         self._reader = Reader(vocabulary, limits)
+        # A frame has the events of all members, each of which may send as many as the limit allows.
+        self._reader_of_all = Reader(vocabulary, replace(limits, events=limits.rows))
         self._limits = limits
         self._light = lightest(limits)
 
@@ -117,7 +120,8 @@ class Decoder:
             if weighed and len(data) > self._light:
                 check_weight(data, declaration(data), self._limits)
             with uncollected(len(data)):
-                return self._message(codecs, key, data)
+                reader = self._reader if weighed else self._reader_of_all
+                return self._message(codecs, key, data, reader)
         except (ProtocolError, SceneError):
             raise
         except Exception as error:  # Invalid data must raise nothing else.
@@ -125,7 +129,11 @@ class Decoder:
             raise ProtocolError(f"it cannot be decoded: {kind}: {error}"[:200]) from error
 
     def _message(
-        self, codecs: Mapping[str, MessageCodec], key: tuple[str, ...], data: bytes
+        self,
+        codecs: Mapping[str, MessageCodec],
+        key: tuple[str, ...],
+        data: bytes,
+        reader: Reader,
     ) -> Any:
         plain = as_list(unpack(data, self._limits), "a message")
         name = as_text(plain[0] if plain else None, "a message's name")
@@ -138,5 +146,5 @@ class Decoder:
         # length (PROTOCOL.md, section 16).
         if len(plain) - 1 != codec.size:
             raise ProtocolError(f"{name} has {codec.size} items, not {len(plain) - 1}")
-        self._reader.columns.rows = self._limits.rows  # The budget is per message.
-        return codec.decode(self._reader, key, plain)
+        reader.columns.rows = self._limits.rows  # The budget is per message.
+        return codec.decode(reader, key, plain)

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from itertools import groupby
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from minerva_bus import EventType
+from minerva_bus import Agent, EventType, Generator, World, on, service
+from minerva_bus import run as run_world
 from minerva_bus.grammar.batch import Events, single
 from minerva_bus.world.order import Order, collect
 
@@ -83,12 +85,64 @@ def test_packable_agents_return_to_columns():
     assert alone == eAlone()
 
 
-def test_agents_of_different_shapes_stay_single():
+def test_events_of_different_forms_stay_in_their_batches():
+    """One event of another form would otherwise make an object of each event of a batch."""
     columns = Events.of([eFirst(1), eFirst(2)])
-    mixed = collect(ORDER, {"x": [columns], "y": [eFirst(2), eFirst(3, receivers=["a", "b"])]})
-    assert mixed == (eFirst(1), eFirst(2), eFirst(3, receivers=["a", "b"]))
-    other = Events.of([eFirst(1, condition="x > 1")])
-    assert collect(ORDER, {"x": [columns], "y": [other]}) == (*columns, *other)
+    to_both = eFirst(3, receivers=["a", "b"])
+    to_a = Events.of([eFirst(2, receivers=["a"]), eFirst(1, receivers=["a"])])
+    sources = {"x": [columns, to_both, to_a], "y": [to_both, columns, eFirst(4), to_a.event(0)]}
+    collected = collect(ORDER, sources)
+    assert list(single(collected)) == [*columns, to_both, *to_a, eFirst(4)]
+    assert [len(part) for part in collected if isinstance(part, Events)] == [2, 2, 1]
+
+
+class Mixed(Generator, events=("eFirst",)):
+    """Events of several forms, in batches or as single ones."""
+
+    def __init__(self, batches: bool = True) -> None:
+        self.batches = batches
+
+    def generate(self, tick):
+        sent = [
+            *[eFirst(n, receivers=[f"f{n % 7}"]) for n in range(20)],
+            eFirst(50),
+            *[eFirst(n, receivers=[f"f{n % 3}"]) for n in range(15, 30)],
+            eFirst(60, receivers=["f1", "f2"]),
+            eFirst(50),
+        ]
+        return in_columns(sent, lambda at: at // 10) if self.batches else sent
+
+
+class Adder(Agent, symbol="AAdder"):
+    total: int = 0
+    calls: int = 0
+
+    @on("eFirst")
+    def add(self, event, moment):
+        self.total = 3 * self.total + event.n + int(moment.random.integers(5))
+        self.total %= 1_000_003
+
+
+class Crowd(Agent, symbol="ACrowd"):
+    total: int = 0
+
+    @on("eFirst", population=True)
+    def add(crowd, event, moment):
+        crowd.total = (3 * crowd.total + event.n) % 1_000_003
+
+
+@pytest.mark.parametrize("kind", [Adder, Crowd])
+@pytest.mark.parametrize(
+    "string", ["{}#f1 · {}#f2 · {}#g", " · ".join(f"{{0}}#f{n}" for n in range(40))]
+)
+def test_agents_evolve_equally_by_batches_of_several_forms(kind, string):
+    text = string.replace("{0}", "{}").replace("{}", kind.kind.name)
+    digests = set()
+    for batches in (False, True):
+        services = [service(Mixed, batches=batches)]
+        world = World(text, agents=[kind], services=services, symbols=[eFirst], name="mixed")
+        digests.add(run_world(world, frames=3).digest)
+    assert len(digests) == 1
 
 
 def test_columns_of_one_row_lose_nothing():

@@ -231,3 +231,12 @@ def test_reading_in_slices_gives_the_same_message(plain, cut, more):
             if wrong != data:
                 with pytest.raises(ProtocolError, match="this is no msgpack"):
                     unpack(wrong)
+
+
+def test_a_frame_has_the_events_of_all_members():
+    """Each member may send as many as the limit allows; a host must not fail because of the sum."""
+    batches = [
+        Decoder(VOCABULARY, SMALL).from_member("m", pack(["emitted", [many(30)]])).events
+    ] * 2
+    request = encode(m.EvolveRequest(7, ("host",), (*batches[0], *batches[1])))
+    assert sum(map(len, Decoder(VOCABULARY, SMALL).to_member(request).events)) == 60
