@@ -2,6 +2,7 @@
 
 import os
 import signal
+import sys
 import tempfile
 
 import pytest
@@ -21,6 +22,10 @@ settings.load_profile("minerva")
 
 WORLDS = pytest.StashKey[tempfile.TemporaryDirectory[str]]()
 """Folder of the worlds that run in one test process."""
+
+# Each worker imports all test modules, and jsonschema compiles a grammar of this optional package,
+# which takes 2 s; no test checks IRIs.
+sys.modules["rfc3987_syntax"] = None
 
 pytest_plugins = ["tests.flaky", "tests.quick", "tests.starts"]
 

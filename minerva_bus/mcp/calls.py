@@ -8,7 +8,6 @@ import logging
 from collections.abc import Iterable, Mapping
 from typing import Any, Final, cast
 
-import jsonschema
 import mcp_types as types
 
 from minerva_bus.errors import MinervaError, nearest
@@ -67,6 +66,9 @@ def _oversized(arguments: Mapping[str, Any]) -> str:
 
 def _invalid_arguments(tool: Tool, arguments: Mapping[str, Any]) -> str:
     """What is wrong with arguments; empty if they fit the schema of the tool."""
+    # Late: beside JupyterLab, jsonschema compiles a grammar of IRIs for 2 s when it is imported.
+    import jsonschema
+
     validator: Any = jsonschema.Draft202012Validator(tool.schema)
     try:
         errors = sorted(

@@ -33,7 +33,7 @@ main()
 """
 """A command that is interrupted at the n-th module search after that of its own package."""
 
-MODULES = [*range(1, 9), *range(10, 50, 5), *range(50, 210, 20), *range(210, 690, 30)]
+MODULES = [*range(1, 9), *range(10, 50, 5), *range(50, 210, 20), *range(210, 690, 60)]
 
 
 @pytest.mark.parametrize("begin", range(4))

@@ -4,15 +4,16 @@ import shutil
 import tomllib
 from html import escape
 from importlib.metadata import entry_points
+from importlib.util import find_spec
 from itertools import chain
 from typing import Any
 
-import nbformat
 import pytest
 import typer
 
-pytest.importorskip("sphinx")
-pytest.importorskip("myst_nb")
+# Not importorskip: other processes import them, and the import takes 1 s in each test worker.
+if not (find_spec("sphinx") and find_spec("myst_nb")):
+    pytest.skip("the extra docs installs Sphinx", allow_module_level=True)
 
 from pages import ROOT
 from site_links import broken, broken_in_markdown, build, page
@@ -110,6 +111,8 @@ def test_the_gallery_shows_every_world_with_a_small_film(site):
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 def test_the_page_of_a_notebook_shows_the_outputs_of_its_run(site, path):
+    import nbformat  # late: each worker imports all test modules
+
     shown = page(site / "notebooks" / f"{path.stem}.html")
     code = "\n".join(
         cell.source for cell in nbformat.read(path, as_version=4).cells if cell.cell_type == "code"

@@ -8,9 +8,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-import nbformat
 import pytest
-from nbconvert import PythonExporter
 
 PAGES = sorted((Path(__file__).parents[2] / "docs" / "notebooks").glob("*.ipynb"))
 
@@ -22,6 +20,8 @@ def own_runtime_folder(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("path", PAGES, ids=lambda path: path.stem)
 def test_a_notebook_is_stored_without_outputs(path):
+    import nbformat  # late: each worker imports all test modules
+
     notebook = nbformat.read(path, as_version=4)
     nbformat.validate(notebook)
     for cell in notebook.cells:
@@ -31,6 +31,8 @@ def test_a_notebook_is_stored_without_outputs(path):
 
 @pytest.mark.parametrize("path", PAGES, ids=lambda path: path.stem)
 def test_a_notebook_runs_as_a_script(path, tmp_path):
+    from nbconvert import PythonExporter  # late, too
+
     code, _ = PythonExporter().from_filename(str(path))
     script = tmp_path / f"{path.stem}.py"
     script.write_text(code, encoding="utf-8")
