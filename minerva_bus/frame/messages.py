@@ -380,7 +380,7 @@ class Orders:
 
 
 @dataclass(frozen=True, slots=True)
-class Outside:
+class RegionInputs:
     """Events of people and of generators that run freely, for a frame of a region."""
 
     WIRE: ClassVar = Wire("outside", ("to",), "for a region: events from outside of all regions")
@@ -455,7 +455,7 @@ ToMember: TypeAlias = (
     | EvolveRequest
     | ViewShown
     | Orders
-    | Outside
+    | RegionInputs
     | Repeat
     | Stop
 )

@@ -68,7 +68,7 @@ class RegionMember(Member):
         self._requests = RegionRequests()
         self._repeats = RegionRepeats()
         self._early: list[ParcelArrived] = []
-        self._handlers[m.Outside] = self._on_outside
+        self._handlers[m.RegionInputs] = self._on_outside
 
     def _begin(self, region: Region) -> None:
         self.region = region
@@ -209,7 +209,7 @@ class RegionMember(Member):
             self._repeats.note(received)
         return is_new
 
-    def _on_outside(self, events: m.Outside) -> None:
+    def _on_outside(self, events: m.RegionInputs) -> None:
         if events.frame > self._requests.last:
             self._journal.write(ParcelArrived(COORDINATOR, encode(events)))
             self._requests.note(events)

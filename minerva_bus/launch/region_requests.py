@@ -19,23 +19,23 @@ class RegionRequests:
     def __init__(self) -> None:
         self.last = -1
         self.reports: dict[int, m.TickReply] = {}
-        self._outside: dict[int, m.Outside] = {}
+        self._outside: dict[int, m.RegionInputs] = {}
 
     def note(self, message: m.ToMember) -> None:
         """Note the outside events of a frame, or the request to run it."""
-        if isinstance(message, m.Outside):
+        if isinstance(message, m.RegionInputs):
             self._outside[message.frame] = message
         elif isinstance(message, m.TickRequest):
             self.last = message.frame
 
     @property
-    def outside(self) -> list[m.Outside]:
+    def outside(self) -> list[m.RegionInputs]:
         """The outside events of frames that have not begun."""
         return [events for _, events in sorted(self._outside.items())]
 
-    def take(self, frame: int) -> m.Outside:
+    def take(self, frame: int) -> m.RegionInputs:
         """Remove and return the outside events of a frame."""
-        return self._outside.pop(frame, m.Outside(frame, {}))
+        return self._outside.pop(frame, m.RegionInputs(frame, {}))
 
     def keep(self, report: m.TickReply) -> None:
         """Keep the report of a frame, instead of an earlier one."""

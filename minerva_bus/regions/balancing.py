@@ -74,7 +74,7 @@ def _of_split(split: Split, points: NDArray[np.float64], names: Sequence[str]) -
     """The borders of a split and its parts, in their order."""
     values = points[:, names.index(split.name)]
     parts = [(split.below, 1), (split.above, 1)]
-    leaves = [one if part is None else part.leaves for part, one in parts]
+    leaves = [leaf if part is None else part.leaves for part, leaf in parts]
     (at,) = _quantiles(values, leaves) if len(values) else [split.at]
     borders = [at]
     for part, inside in ((split.below, values < at), (split.above, values >= at)):

@@ -151,7 +151,7 @@ class Region:
             # Counts have changed since the last frame, by judging and by agents that have moved.
             self.algorithm.members.saved[SOURCE] = self._norms.saved()
 
-    def give(self, outside: m.Outside) -> None:
+    def give(self, outside: m.RegionInputs) -> None:
         """Begin a frame with events from outside of all regions, and perhaps with new borders.
 
         Raises ProtocolError for borders of other regions.

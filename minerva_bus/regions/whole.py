@@ -154,7 +154,7 @@ class WholeSource(RecordedSource):
         current = self._outside.current
         if current or self._borders:
             events = {source: tuple(sent) for source, sent in sorted(current.items())}
-            outside = m.Outside(self._algorithm.frame, events, self._people(), self._borders)
+            outside = m.RegionInputs(self._algorithm.frame, events, self._people(), self._borders)
             self._algorithm.out.send(region, outside)
 
     def _people(self) -> tuple[str, ...]:
