@@ -131,7 +131,9 @@ class NamedTarget(WorldTarget):
     name: Annotated[
         str,
         typer.Argument(
-            metavar=WORLD, help="As --world.", autocompletion=completing_running.running
+            metavar=WORLD,
+            help="Name of the world, if several run; like --world.",
+            autocompletion=completing_running.running,
         ),
     ] = ""
 
