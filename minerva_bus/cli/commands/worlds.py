@@ -185,7 +185,7 @@ def attach(
         str, typer.Option(help="Endpoint where other regions reach this one: tls/HOST:PORT.")
     ] = "",
 ) -> None:
-    """Attach agents, a generator, a view or a region to a running world.
+    """Attach agents, a service, a view or a region to a world.
 
     It stays until Ctrl-C. Other options are passed to the service: `attach svg --every 5`. With
     --process they are options of the world: `attach robot --process physics --map house.yaml`.
