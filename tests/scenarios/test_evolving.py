@@ -7,6 +7,7 @@ from pond import VOCABULARY, Minnow
 from minerva_bus import EMPTY, Frame, evolve
 from minerva_bus.errors import MisuseError
 from minerva_bus.world import evolution
+from minerva_bus.world.policy import Policy
 
 
 def test_a_string_without_columns_sends_no_batches():
@@ -21,6 +22,6 @@ def test_columns_of_other_kinds_do_not_change():
 def test_copies_of_agents_side_by_side_add_up():
     two = VOCABULARY.read("ACounter#a · ACounter#b")
     half = evolution.MOST_COPIES // 2
-    evolution._check_few(two, half, Frame())
+    evolution._check_few(two, half, Frame(), Policy.LITERAL)
     with pytest.raises(MisuseError, match="literal"):
-        evolution._check_few(two, half + 1, Frame())
+        evolution._check_few(two, half + 1, Frame(), Policy.LITERAL)
