@@ -159,7 +159,7 @@ def test_a_coordinator_that_is_killed_is_followed_and_regions_stay(path):
 
 
 def test_a_run_that_was_killed_continues_from_its_journal(path):
-    words = "--rate", 20, "--frames", 40, "--regions", 2, "--journal", "journal", "--json"
+    words = "--rate", 20, "--frames", 40, "--regions", 2, "--journal", "journal"
     with World(path, *words) as world:
         world.runs("region-0", "region-1")
         eventually(lambda: world.members() and world.frame > 10, "frames")
@@ -167,10 +167,9 @@ def test_a_run_that_was_killed_continues_from_its_journal(path):
         world.ends()
         world.gone()
     with World(path, *words) as world:
-        ended = world.summary()
+        assert world.ends() == 0, world.text
     assert "continuing from frame" in world.text
-    assert ended["frames"] == 40
-    assert ended["digest"] == alone(path, 40)["digest"]
+    assert alone(path, 40)["digest"] in "\n".join(world.output)
 
 
 @pytest.mark.slow
