@@ -22,6 +22,8 @@ FRAGMENT = "~AFox.1"
 
 eStep = EventType("eStep", by=float)
 eNear = EventType("eNear", distance=float, text=str)
+eList = EventType("eList", items=tuple[float, ...])
+eLists = EventType("eLists", items=tuple[tuple[float, ...], ...])
 eShow = EventType("eShow", visual=True)
 
 
@@ -43,7 +45,7 @@ class Steps(Generator, events=("eStep",)):
         return eStep(1.0)
 
 
-VOCABULARY = Vocabulary.of(eStep, eNear, eShow, Fox)
+VOCABULARY = Vocabulary.of(eStep, eNear, eList, eLists, eShow, Fox)
 
 
 Flood = Callable[[zenoh.Session, Keys, bytes, float], None]
@@ -110,12 +112,14 @@ def columns(name: str) -> Message:
 
 def values(name: str, value: Any, count: int) -> Message:
     """A message with one event that has a list of values."""
-    return sent_as(name, [["eNear", [0.0, [value] * count]]])
+    kind = "eLists" if isinstance(value, list) else "eList"
+    return sent_as(name, [[kind, [[value] * count]]])
 
 
 def hello(**more: Any) -> dict[str, Any]:
     return {
-        "version": PROTOCOL_VERSION, "service": "", "kinds": [], "generates": ["eNear", "eStep"],
+        "version": PROTOCOL_VERSION, "service": "", "kinds": [],
+        "generates": ["eList", "eLists", "eNear", "eStep"],
         "lockstep": False, "orders": [], "draws": [], "coupled": False, "every": 0, "topics": [],
         "publishes": [], "pid": 0, "host": "", **more,
     }  # fmt: skip
@@ -194,7 +198,7 @@ CASES = {
     "emitted, text": Case(
         {}, lambda: sent_as("emitted", [["eNear", [0.0, "x" * (DEFAULT.emitted_bytes - 100)]]])
     ),
-    "emitted, values": Case({}, lambda: values("emitted", 0, DEFAULT.values - 20)),
+    "emitted, values": Case({}, lambda: values("emitted", 0.0, DEFAULT.values - 20)),
     "emitted, nested values": Case({}, lambda: values("emitted", [], DEFAULT.values - 20)),
     "evolved, events": Case(HOST, lambda: evolved(AGENTS, DEFAULT.host_events), "evolve"),
     "evolved, 4,000 agents": Case(HOST, lambda: evolved(4_000, 0), "evolve"),
