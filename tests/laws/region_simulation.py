@@ -194,5 +194,5 @@ class Regions:
 
     def send_again(self, source, target):
         kept = source.outbox.kept_for(target.region.number)
-        assert len(kept) <= 4
+        assert len(kept) <= 6
         self.messages += kept
