@@ -3,14 +3,17 @@
     python -m benchmarks.comparison --size small large --systems minerva mesa mason agents.jl
         --models wolf_sheep flocking schelling forest_fire [--runs 100] [--turns 4]
         [--mason CLONE/mason.22.jar] [--plot FILE] [--json]
-    python -m benchmarks.comparison --size crowd --systems minerva mesa mesa-frames
+    python -m benchmarks.comparison --size crowd --systems minerva mesa mesa-frames amber
         --models wolf_sheep flocking_at_once wealth --runs 3 [--mesa-frames PYTHON]
+    python -m benchmarks.comparison --size small --systems minerva mesa agentpy amber
+        --models wealth flocking --runs 5 [--agentpy PYTHON] [--amber PYTHON]
 
 The models and parameters are those of JuliaDynamics/ABMFrameworksComparison: 100 steps (Schelling:
 20), and the median time of seeded runs. The systems that run here take turns, so they share the
 load of the machine. `mason` needs Java and the path of its jar in a clone of that repository,
-which has the sources of the models beside it; the jar is not part of this project. mesa-frames
-may need other versions of libraries: give the interpreter of an environment that has it. Agents.jl,
+which has the sources of the models beside it; the jar is not part of this project. AgentPy, AMBER
+and mesa-frames may need other versions of libraries: give the interpreter of an environment that
+has one of them. They have few models, and the others are left out. Agents.jl,
 Ark.jl and NetLogo do not run here: their rows have the published time relative to Agents.jl and
 are marked `published`.
 
@@ -35,7 +38,7 @@ from benchmarks.comparison.published import LINES, TIMES
 from benchmarks.comparison.systems import System, Unavailable, system
 from benchmarks.plot import Line, plotted
 
-MEASURED: Final = ("minerva", "mesa", "mason", "mesa-frames")
+MEASURED: Final = ("minerva", "mesa", "mason", "mesa-frames", "agentpy", "amber")
 PUBLISHED: Final = ("agents.jl", "ark.jl", "netlogo")
 COLUMNS: Final = {
     "system": "<11", "model": "<16", "size": "<6", "source": "<10", "runs": ">5", "ms": ">10.1f",
@@ -140,10 +143,17 @@ def main() -> None:
         turns=Option(4, "in which the systems alternate"),
         mason=Option(Path, "its jar in a clone of the comparison"),
         mesa_frames=Option(Path, "the interpreter of an environment that has it"),
+        agentpy=Option(Path, "the same for AgentPy"),
+        amber=Option(Path, "the same for AMBER"),
         plot=PLOT,
     )
     table, rows = Table(COLUMNS, as_json=arguments.json), list[Row]()
-    paths = {"mason": arguments.mason, "mesa-frames": arguments.mesa_frames}
+    paths = {
+        "mason": arguments.mason,
+        "mesa-frames": arguments.mesa_frames,
+        "agentpy": arguments.agentpy,
+        "amber": arguments.amber,
+    }
     running = [name for name in arguments.systems if name in MEASURED]
     for model in arguments.models:
         for size in [size for size in arguments.size if (model, size) in PARAMETERS]:

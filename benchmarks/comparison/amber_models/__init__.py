@@ -1,0 +1,1 @@
+"""Models for AMBER, with its columns."""
