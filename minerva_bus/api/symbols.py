@@ -237,7 +237,8 @@ def _variable_of(symbol: Any) -> str:
         # main program under a second name.
         if name.partition(".")[0] not in (_OWN, "__mp_main__")
         and not name.startswith("minerva_world_")
-        for variable, value in vars(module).copy().items()
+        # Any object may stand in `sys.modules`.
+        for variable, value in getattr(module, "__dict__", {}).copy().items()
         if value is symbol
     ]
     # Another module than the main program, which other processes cannot import.
