@@ -9,7 +9,7 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.compatibility import PROTOCOL_VERSION
 from minerva_bus.frame.description import World
-from minerva_bus.grammar.batch import Events
+from minerva_bus.grammar.batch import Events, single
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.launch.reading import read_world_file
 from minerva_bus.log.description import Description, decode_description, encode_description
@@ -38,7 +38,7 @@ def said(out):
 
 def happened(world):
     (done,) = [one for one in world.receive(s.Begin()) if isinstance(one, s.FrameDone)]
-    return [str(event) for event in done.record.events]
+    return [str(event) for event in single(done.record.events)]
 
 
 FORGED = {
