@@ -75,13 +75,7 @@ def access_control(
             policies.append({"rules": [rule["id"] for rule in own], "subjects": [holder.name]})
     if open_to:
         policies.append({"rules": [_OPEN], "subjects": [subject["id"] for subject in open_to]})
-    return {
-        "enabled": True,
-        "default_permission": "deny",
-        "rules": rules,
-        "subjects": subjects,
-        "policies": policies,
-    }
+    return _denied_otherwise(rules, subjects, policies)
 
 
 def _rules(keys: Keys, holder: Rights) -> list[Rule]:
@@ -130,13 +124,7 @@ def region_access(keys: Keys, number: int, others: Iterable[int]) -> dict[str, A
         subject = {"id": name, "cert_common_names": [name], "link_protocols": list(SECURED)}
         subjects.append(subject)
         policies.append({"rules": [rule["id"] for rule in of_other], "subjects": [name]})
-    return {
-        "enabled": True,
-        "default_permission": "deny",
-        "rules": rules,
-        "subjects": subjects,
-        "policies": policies,
-    }
+    return _denied_otherwise(rules, subjects, policies)
 
 
 def _own_chunk(holder: Rights) -> str:
@@ -161,6 +149,19 @@ def _received(keys: Keys, holder: Rights, own: str) -> list[str]:
     )
     own_keys = [f"{keys.base}/to/{own}", keys.all]
     return own_keys + [key for roles, key in by_roles if holder.may(*roles)]
+
+
+def _denied_otherwise(
+    rules: list[Rule], subjects: list[dict[str, Any]], policies: list[dict[str, Any]]
+) -> dict[str, Any]:
+    """Zenoh's access control with these rules; what none of them allows is denied."""
+    return {
+        "enabled": True,
+        "default_permission": "deny",
+        "rules": rules,
+        "subjects": subjects,
+        "policies": policies,
+    }
 
 
 def _rule(id: str, flows: tuple[str, ...], messages: tuple[str, ...], keys: list[str]) -> Rule:
