@@ -146,10 +146,14 @@ def forkable(arguments):
 
 
 def interpreter_settings(environment):
-    """Variables that an interpreter reads when it starts."""
+    """Variables that an interpreter reads when it starts, and that a fork cannot apply.
+
+    OpenCV sets LD_LIBRARY_PATH when it is imported, which a test module does during collection.
+    The command receives the variable as any other.
+    """
     read = ("PYTHON", "LC_", "LANG", "LD_")
     return {
         key: value
         for key, value in environment.items()
-        if key.startswith(read) and key != "PYTHONUNBUFFERED"
+        if key.startswith(read) and key not in ("PYTHONUNBUFFERED", "LD_LIBRARY_PATH")
     }

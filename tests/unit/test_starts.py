@@ -43,11 +43,6 @@ def forked(request, monkeypatch, tmp_path):
     plugin = request.config.pluginmanager.getplugin("starts")
     if plugin is None:
         pytest.skip("this run starts new interpreters only")
-    # Libraries that earlier tests have imported set such variables: OpenCV sets LD_LIBRARY_PATH.
-    for key in starts.interpreter_settings(os.environ):
-        monkeypatch.delenv(key)
-    for key, value in starts.interpreter_settings(starts.INITIAL).items():
-        monkeypatch.setenv(key, value)
     monkeypatch.setattr(starts, "PROGRAMS", (["-m", "probe"],))
     (tmp_path / "probe.py").write_text(PROBE)
     original, forks = plugin.fork, []
@@ -87,6 +82,15 @@ def test_a_fork_sees_what_a_new_interpreter_sees(
 def test_the_exit_of_a_fork_is_that_of_a_process(tmp_path, forked):
     said = subprocess.run([*WORDS, "dies"], cwd=tmp_path, capture_output=True, text=True)
     assert (forked, said.returncode) == ([True], -signal.SIGKILL)
+
+
+def test_libraries_that_a_test_module_imports_do_not_prevent_forks(tmp_path, forked):
+    """OpenCV sets LD_LIBRARY_PATH; all commands of a full run would start new interpreters."""
+    cv2 = pytest.importorskip("cv2")
+    assert cv2.__file__
+    assert starts.interpreter_settings(os.environ) == starts.interpreter_settings(starts.INITIAL)
+    subprocess.run(WORDS, cwd=tmp_path, capture_output=True, stdin=subprocess.DEVNULL)
+    assert forked == [True]
 
 
 def test_output_that_is_not_redirected_is_that_of_this_process(tmp_path, forked, capfd):
