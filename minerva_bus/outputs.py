@@ -61,6 +61,15 @@ def note_read(path: str | Path) -> None:
         _policy.read.add(_identity(Path(path).stat()))
 
 
+def is_stream(path: str | Path) -> bool:
+    """Whether a path is a pipe, a socket or a device: to read it may wait, or never end."""
+    try:
+        mode = Path(path).stat().st_mode
+    except OSError:
+        return False  # Who opens it reports the reason.
+    return not (stat.S_ISREG(mode) or stat.S_ISDIR(mode))
+
+
 def check_output(path: Path, kind: str = "output") -> None:
     """Raise MisuseError if writing `path` would destroy an input or a user's file.
 

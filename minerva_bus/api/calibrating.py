@@ -14,9 +14,9 @@ import numpy as np
 from minerva_bus.api.branching import Branches
 from minerva_bus.api.requests import request_of
 from minerva_bus.api.studies import sent_world, sweep_of, table_of_study
-from minerva_bus.api.study_tables import collected_of, typed_column
+from minerva_bus.api.study_tables import collected_of
 from minerva_bus.api.world import World, world_of
-from minerva_bus.collect.table import SEED, DataTable, needed
+from minerva_bus.collect.table import SEED, DataTable, needed, typed_column
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.launch.collecting import Collecting
@@ -220,7 +220,7 @@ class _Search:
             key: [params[key] for params, _ in self._done] for key in self._distributions
         }
         columns["value"] = [value for _, value in self._done]
-        typed = {key: typed_column(values) for key, values in columns.items()}
+        typed = {key: typed_column(values, option_text) for key, values in columns.items()}
         types = {key: kind for key, (kind, _) in typed.items()}
         arrays = {key: array for key, (_, array) in typed.items()}
         best = self._study.best_trial

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any, Final
 
-import numpy as np
 from numpy.typing import NDArray
 
 from minerva_bus.api.world import World
 from minerva_bus.collect.plans import Entries, TablePlan, plans_of, read_entries
 from minerva_bus.collect.reading import plain_value
-from minerva_bus.collect.table import ARRAY_TYPES, DataTable, Gathered
+from minerva_bus.collect.table import DataTable, Gathered, typed_column
 from minerva_bus.collect.writers import path_of, read_columns
 from minerva_bus.launch.resuming import option_text
 from minerva_bus.study.grid import Combination, Grid
@@ -54,7 +53,7 @@ def data_table(name: str, results: ResultTable) -> DataTable:
     types: dict[str, str] = {}
     columns: dict[str, NDArray[Any]] = {}
     for column in results.columns:
-        types[column], columns[column] = typed_column(results.column(column))
+        types[column], columns[column] = typed_column(results.column(column), option_text)
     return DataTable(name, types, columns)
 
 
@@ -66,21 +65,6 @@ def with_keys(names: Sequence[str], keys: Sequence[Combination], table: DataTabl
         # An option may have the name of a collected column.
         own = f"{name}_" if name in table.columns else name
         types[own], columns[own] = typed_column(
-            [plain_value(combination[at], _BOOLS) for combination in keys]
+            [plain_value(combination[at], _BOOLS) for combination in keys], option_text
         )
     return DataTable(table.name, types | table.types, columns | table.to_dict())
-
-
-def typed_column(values: Sequence[Any]) -> tuple[str, NDArray[Any]]:
-    """Values of one column with its type: int64, float64, bool, or otherwise text."""
-    kinds: set[type[Any]] = {type(value) for value in values}
-    known: Mapping[type[Any], str] = {int: "int64", float: "float64", bool: "bool", str: "text"}
-    kind = known.get(kinds.pop(), "text") if len(kinds) == 1 else "text"
-    # A figure that some runs lack is nan for them.
-    if kinds <= {int, float, type(None)} and len(kinds) > 1:
-        values = [np.nan if value is None else float(value) for value in values]
-        kind = "float64"
-    texts: Callable[[Any], Any] = lambda value: "" if value is None else option_text(value)  # noqa: E731
-    made = np.empty(len(values), ARRAY_TYPES[kind])
-    made[:] = [texts(value) for value in values] if kind == "text" else list(values)
-    return kind, made

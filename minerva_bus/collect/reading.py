@@ -7,11 +7,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
-import numpy as np
-
-from minerva_bus.collect.table import ARRAY_TYPES, DataTable, needed
+from minerva_bus.collect.table import DataTable, needed, typed_column
 from minerva_bus.errors import MisuseError
-from minerva_bus.outputs import note_read
+from minerva_bus.outputs import is_stream, note_read
 
 _WORDS: Final = {"True": True, "False": False, "true": True, "false": False, "": None}
 
@@ -19,14 +17,16 @@ _WORDS: Final = {"True": True, "False": False, "true": True, "false": False, "":
 def read_table(path: Path) -> DataTable:
     """The table in a file. Raises MisuseError if it cannot be read."""
     try:
+        if is_stream(path):
+            raise ValueError("it is a pipe or device; expected a file")
         note_read(path)
         columns = _csv(path) if path.suffix == ".csv" else _parquet(path)
     except (OSError, ValueError, csv.Error) as error:
         why = getattr(error, "strerror", None) or str(error).split("\n", 1)[0]
         raise MisuseError(f"{path}: no table can be read: {why}") from None
-    types = {name: _type_of(values) for name, values in columns.items()}
-    arrays = {name: _array(values, types[name]) for name, values in columns.items()}
-    return DataTable(path.stem, types, arrays)
+    typed = {name: typed_column(values) for name, values in columns.items()}
+    types = {name: kind for name, (kind, _) in typed.items()}
+    return DataTable(path.stem, types, {name: array for name, (_, array) in typed.items()})
 
 
 def _csv(path: Path) -> dict[str, list[Any]]:
@@ -57,22 +57,3 @@ def plain_value(text: str, words: Mapping[str, Any]) -> Any:
 def _parquet(path: Path) -> dict[str, list[Any]]:
     table = needed("pyarrow.parquet", "parquet").read_table(path)
     return {name: table.column(name).to_pylist() for name in table.column_names}
-
-
-def _type_of(values: list[Any]) -> str:
-    kinds: set[type[Any]] = {type(value) for value in values}
-    if kinds == {bool}:
-        return "bool"
-    if kinds == {int} and all(abs(value) < 1 << 63 for value in values):
-        return "int64"
-    return "float64" if kinds and kinds <= {int, float, type(None)} else "text"
-
-
-def _array(values: list[Any], kind: str) -> Any:
-    made = np.empty(len(values), ARRAY_TYPES[kind])
-    if kind == "float64":
-        values = [np.nan if value is None else value for value in values]
-    elif kind == "text":
-        values = ["" if value is None else str(value) for value in values]
-    made[:] = values
-    return made

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import html
-from collections.abc import Iterator, Mapping
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from importlib import import_module
 from itertools import islice
 from pathlib import Path
@@ -206,6 +207,38 @@ def columns_of(rows: list[Mapping[str, Any]], types: Mapping[str, str]) -> dict[
         # Assigned, because numpy would make texts an array of fixed width.
         made[column][:] = [row[column] for row in rows]
     return made
+
+
+def typed_column(
+    values: Sequence[Any], text: Callable[[Any], str] = str
+) -> tuple[str, NDArray[Any]]:
+    """The type of plain values, and an array of them: bool, int64, float64, or otherwise text.
+
+    Args:
+        values: a missing value is None; it becomes nan among numbers, else "".
+        text: writes a value of a column of texts.
+
+    """
+    kind = _type_of(values)
+    made = np.empty(len(values), ARRAY_TYPES[kind])
+    if kind == "float64":
+        values = [np.nan if value is None else float(value) for value in values]
+    elif kind == "text":
+        values = ["" if value is None else text(value) for value in values]
+    made[:] = values
+    return kind, made
+
+
+def _type_of(values: Sequence[Any]) -> str:
+    kinds: set[type[Any]] = {type(value) for value in values}
+    if kinds == {bool}:
+        return "bool"
+    if not kinds & {int, float} or not kinds <= {int, float, type(None)}:
+        return "text"
+    largest = max([abs(value) for value in values if type(value) is int], default=0)
+    if kinds == {int} and largest < 1 << 63:
+        return "int64"
+    return "float64" if largest <= sys.float_info.max else "text"
 
 
 def needed(library: str, extra: str) -> Any:

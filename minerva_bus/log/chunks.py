@@ -6,7 +6,6 @@ declared size, or beyond the limits of a record.
 
 from __future__ import annotations
 
-import stat
 import struct
 import zlib
 from bisect import bisect
@@ -28,7 +27,7 @@ from minerva_bus.log.scanning import (
     scan,
     split,
 )
-from minerva_bus.outputs import note_read
+from minerva_bus.outputs import is_stream, note_read
 
 _MESSAGE_BEGIN: Final = struct.Struct("<HIQQ")
 FEWEST_MESSAGES: Final = 100
@@ -59,13 +58,11 @@ class Chunks:
         check_installed()
         self.path = path
         try:
-            status = path.stat()
-            # A pipe would be opened when something writes to it, and a device may have no end.
-            if not (stat.S_ISREG(status.st_mode) or stat.S_ISDIR(status.st_mode)):
+            self.size = path.stat().st_size
+            if is_stream(path):
                 raise RecordError(f"{path}: a pipe or device; expected a regular file")
             self._file = path.open("rb")
             note_read(path)
-            self.size = status.st_size
         except OSError as error:
             raise RecordError(f"{path}: {error.strerror}") from None
         except ValueError as error:  # The name contains a null character.

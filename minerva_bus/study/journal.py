@@ -16,6 +16,7 @@ from types import TracebackType
 from typing import Any, Final, Self, cast
 
 from minerva_bus.errors import MisuseError
+from minerva_bus.outputs import is_stream
 from minerva_bus.study.code_digests import differences
 
 FLUSH_SECONDS: Final = 0.5
@@ -27,6 +28,9 @@ class StudyJournal:
     def __init__(self, path: Path, study: Mapping[str, Any]) -> None:
         self.path = path
         self._flushed = 0.0
+        # Neither a pipe nor a device keeps what was written.
+        if is_stream(path):
+            raise MisuseError(f"{path}: a pipe or device; expected a file")
         try:
             self._file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
         except OSError as error:
@@ -86,7 +90,7 @@ class StudyJournal:
     def _parsed(self, number: int, line: bytes) -> dict[str, Any]:
         try:
             entry = json.loads(line)
-        except ValueError:
+        except (ValueError, RecursionError):
             entry = None
         if not isinstance(entry, dict):
             raise invalid_line(self.path, number)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import csv
 import io
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -144,10 +145,11 @@ def _typed(values: list[Any]) -> tuple[list[Any], Any]:
 
     arrow: Any = pa
     kinds: set[type[Any]] = {type(value) for value in values if value is not None}
-    if kinds == {int} and all(abs(value) < 1 << 63 for value in values if value is not None):
+    largest = max([abs(value) for value in values if type(value) is int], default=0)
+    if kinds == {int} and largest < 1 << 63:
         return values, arrow.int64()
     if kinds == {bool}:
         return values, arrow.bool_()
-    if kinds and kinds <= {int, float}:
+    if kinds and kinds <= {int, float} and largest <= sys.float_info.max:
         return [None if value is None else float(value) for value in values], arrow.float64()
     return [None if value is None else option_text(value) for value in values], arrow.string()

@@ -12,7 +12,8 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from hashlib import blake2b
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, cast
+from zlib import crc32
 
 from minerva_bus.launch.collecting import Collecting
 from minerva_bus.launch.in_process import never
@@ -112,13 +113,19 @@ class Sweep:
         return [c for c in self.grid if c not in self.rows or self.rows[c].error]
 
     def recall(self, journal: StudyJournal) -> None:
-        """Take over the rows of a journal. Raises MisuseError for an invalid line."""
+        """Take over the rows of a journal. Raises MisuseError for an invalid line.
+
+        A run whose files are missing or damaged, as after a power cut, is left to be repeated.
+        """
+        wanted = set(self.grid)  # The journal of a search has those of its earlier grids, too.
         # Line 1 describes the study.
         for number, line in enumerate(journal.lines, 2):
             try:
-                row = _row(line)
-                self.rows[row.combination] = row
-            except (KeyError, TypeError, ValueError):
+                row = _row(line, len(self.grid.keys))
+                is_wanted = row.combination in wanted
+                if is_wanted and line.get("parts", {}) == self._checksums(row.combination):
+                    self.rows[row.combination] = row
+            except (KeyError, TypeError, ValueError, OverflowError):
                 raise invalid_line(journal.path, number) from None
 
     def check(self) -> None:
@@ -134,15 +141,25 @@ class Sweep:
             seconds, values = round(result.seconds, 3), dict(result.values)
             for name, content in values.pop(COLLECTED, {}).items():
                 self._keep(left[number], name, content)
-            own = {"error": result.error, "seconds": seconds}
+            own: dict[str, Any] = {"error": result.error, "seconds": seconds}
+            if parts := self._checksums(left[number]):
+                own["parts"] = parts
             line = {"set": list(left[number]), **values, **own}
             # The journal first: a run that it has is not repeated after a crash.
             journal.add(line)
-            row = self.rows[left[number]] = _row(line)
+            row = self.rows[left[number]] = _row(line, len(self.grid.keys))
             on_row(row)
 
         self._remove_parts(left)
         pool.run([self._trial(combination) for combination in left], on_result)
+
+    def _checksums(self, combination: Combination) -> dict[str, int]:
+        """The checksums of the files of what was collected of a run, by their names."""
+        if not self.collect.entries:
+            return {}
+        part = self.part(combination)
+        paths = part.parent.glob(f"{part.stem}*{part.suffix}")
+        return {path.name: crc32(path.read_bytes()) for path in paths if path.is_file()}
 
     def _remove_parts(self, combinations: Sequence[Combination]) -> None:
         """Remove what runs of these combinations have collected before they were killed."""
@@ -150,7 +167,7 @@ class Sweep:
             stems = {self.part(combination).stem for combination in combinations}
             for path in Path(self.collect.into).iterdir():
                 # Each table has a file of its own.
-                if path.stem.partition("-")[0] in stems:
+                if path.stem.partition("-")[0] in stems and not path.is_dir():
                     path.unlink()
 
     def _trial(self, combination: Combination) -> SweepTrial:
@@ -194,11 +211,22 @@ class Sweep:
         return [self.rows[combination] for combination in self.grid if combination in self.rows]
 
 
-def _row(line: Mapping[str, Any]) -> Row:
-    return Row(
-        tuple(line["set"]),
-        line.get("outcome", {}),
-        line.get("figures", {}),
-        str(line["error"]),
-        float(line["seconds"]),
+_TYPES: Final = {"frames": int, "digest": str, "ended": str, "reached": bool}
+"""Types of the values in an outcome; a run that failed has none."""
+
+
+def _row(line: Mapping[str, Any], keys: int) -> Row:
+    """The row of a line in a journal. Raises KeyError, TypeError, ValueError and OverflowError."""
+    combination, figures = (
+        cast("list[str]", line["set"]),
+        cast("dict[str, Any]", line.get("figures", {})),
     )
+    outcome: dict[str, object] = dict(line.get("outcome", {}))
+    error, seconds = line["error"], line["seconds"]
+    texts = all(isinstance(value, str) for value in (*combination, error))
+    kinds = {name: type(value) for name, value in outcome.items()}
+    whole = kinds == ({} if error else _TYPES)
+    listed = type(combination) is list and len(combination) == keys
+    if not (texts and whole and listed and type(figures) is dict):
+        raise TypeError("not a row")
+    return Row(tuple(combination), outcome, figures, error, float(seconds))

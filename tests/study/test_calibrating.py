@@ -80,6 +80,10 @@ def test_finished_runs_are_not_repeated(calibrated):
     lines = (folder / "runs.journal").read_text().splitlines()
     # An interrupted search: its last runs are missing.
     (folder / "runs.journal").write_text("\n".join(lines[:15]) + "\n")
+    # A power cut: the rows of two finished runs are incomplete or missing.
+    first, second = (next(iter(json.loads(line)["parts"])) for line in lines[1:3])
+    (folder / first).write_bytes(b"")
+    (folder / second).unlink()
     again = found(folder=folder)
     assert list(again.trials.rows()) == list(result.trials.rows())
     assert (folder / "runs.journal").read_text().splitlines()[:15] == lines[:15]

@@ -1,16 +1,19 @@
 """Plots of tables: series with the spread over seeds, histograms, and wrong input."""
 
+import os
 import sys
 
 import numpy as np
 import pytest
 
+from minerva_bus.api.study_tables import data_table
 from minerva_bus.cli.main import app
 from minerva_bus.collect import series_plot
 from minerva_bus.collect.reading import read_table
 from minerva_bus.collect.series_plot import PlotOptions, plot_table
 from minerva_bus.collect.table import DataTable
 from minerva_bus.errors import MinervaError, MisuseError
+from minerva_bus.study.results import ResultTable, write
 
 pytest.importorskip("matplotlib", reason="pip install 'minerva-bus[plot]'")
 
@@ -102,6 +105,23 @@ def test_tables_are_read_from_files_as_they_were_written(tmp_path, ending):
     assert found.types == swept().types
     for name in found.columns:
         np.testing.assert_array_equal(found[name], swept()[name])
+
+
+def test_numbers_beyond_a_float_are_texts(tmp_path):
+    (tmp_path / "t.csv").write_text(f"n,m,k\n{10**400},{2**64},1\n1,,2\n")
+    found = read_table(tmp_path / "t.csv")
+    assert found.types == {"n": "text", "m": "float64", "k": "int64"}
+    results = ResultTable(("n",), ("n",), ((10**400,), (1,)))
+    assert data_table("t", results).types == {"n": "text"}
+    pytest.importorskip("pyarrow")
+    write(results, tmp_path / "t.parquet")
+    assert read_table(tmp_path / "t.parquet")["n"].tolist() == [str(10**400), "1"]
+
+
+def test_a_pipe_is_no_table(tmp_path):
+    os.mkfifo(tmp_path / "t.csv")
+    with pytest.raises(MisuseError, match=r"t\.csv: no table can be read: it is a pipe"):
+        read_table(tmp_path / "t.csv")
 
 
 @pytest.mark.parametrize("content", [b"", b"a,a\n1,2\n", b"a,b\n1\n", b"\xff\xfe\x00"])

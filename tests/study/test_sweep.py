@@ -130,7 +130,14 @@ def test_a_journal_of_another_study_or_process_is_refused(tmp_path):
 
 def test_a_line_that_no_sweep_has_written_is_named(tmp_path):
     found, path = Sweep(pond(tmp_path), parse_grid(["seed=0:2"]), Overrides()), tmp_path / "j"
-    for line in ({}, {"set": 1}, {"set": [[]]}, {"set": ["0"], "error": "", "seconds": "x"}):
+    good = {"set": ["0"], "error": "", "seconds": 1.0, "outcome": OUTCOME, "figures": {}}
+    wrong = [
+        {}, {"set": 1}, {"set": [[]]}, {"set": []}, {"set": "0"}, {"seconds": "x"},
+        {"seconds": 10**400}, {"outcome": None}, {"outcome": {}}, {"outcome": {**OUTCOME, "frames": "5"}},
+        {"figures": []}, {"error": None}, {"error": "failed"},
+    ]  # fmt: skip
+    for change in wrong:
+        line = {**good, **change} if change else {}
         path.unlink(missing_ok=True)
         with StudyJournal(path, found.description) as journal:
             journal.add(line)
@@ -141,7 +148,19 @@ def test_a_line_that_no_sweep_has_written_is_named(tmp_path):
             found.recall(journal)
 
 
+def test_a_journal_that_no_study_can_have_written_is_refused(tmp_path):
+    path = tmp_path / "j"
+    path.write_text("[" * 100_000 + "\n")
+    with pytest.raises(MisuseError, match="j:1: not a line"):
+        StudyJournal(path, {"world": "w"})
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(MisuseError, match="pipe: a pipe or device"):
+        StudyJournal(tmp_path / "pipe", {"world": "w"})
+
+
 # --- tables ---
+
+OUTCOME = {"frames": 5, "digest": "12e4", "ended": "the frames are over", "reached": True}
 
 ROWS = [
     Row(("1", "oak"), {"frames": 5, "digest": "12e4", "reached": True}, {"x": 1}, "", 1.0),

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import ClassVar, Final
 
 from minerva_bus.errors import MisuseError
+from minerva_bus.outputs import is_stream
 from minerva_bus.world.compensation import Compensator
 from minerva_bus.world.readings import Mount
 from minerva_bus.world.recordings import Recorded, Recording, RecordingError
@@ -189,8 +190,7 @@ class Playing(Bridge):
         self._time_offset = checked_offset(time_offset)
         if not Path(file).exists():
             raise MisuseError(f"file {file!r} does not exist; expected a recording, check the name")
-        # Opening a pipe would wait for a writer.
-        if not (Path(file).is_file() or Path(file).is_dir()):
+        if is_stream(file):
             raise MisuseError(f"file {file!r} is a pipe or device; expected a recording")
 
     @abstractmethod

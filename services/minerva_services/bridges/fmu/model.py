@@ -14,6 +14,7 @@ from fmpy.fmi1 import FMICallException  # pyright: ignore[reportMissingTypeStubs
 from fmpy.fmi3 import FMU3Slave  # pyright: ignore[reportMissingTypeStubs]
 
 from minerva_bus.errors import MisuseError, nearest
+from minerva_bus.outputs import is_stream
 
 _TYPES: Final = {"Float64": float, "Int64": int, "Int32": int, "Boolean": bool, "String": str}
 """Types of variables that have a value in a string."""
@@ -103,8 +104,7 @@ class FmuModel:
         shutil.rmtree(self._folder, ignore_errors=True)
 
     def _open(self, starts: Mapping[str, float]) -> None:
-        # Opening a pipe would wait for a writer.
-        if self._path.exists() and not (self._path.is_file() or self._path.is_dir()):
+        if is_stream(self._path):
             raise MisuseError(f"fmu: {self._path} is a pipe or device; expected a file")
         described: Any = fmpy.read_model_description(str(self._path))
         if described.fmiVersion != "3.0" or described.coSimulation is None:
