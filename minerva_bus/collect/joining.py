@@ -7,6 +7,7 @@ parts have rows of the same frames. These rows are equal, and only those of one 
 from __future__ import annotations
 
 import csv
+import io
 import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -45,41 +46,59 @@ def join_parts(parts: Sequence[JoinedPart], into: Path, types: Mapping[str, str]
 
 def _join_bytes(parts: Sequence[JoinedPart], into: Path, types: Mapping[str, str]) -> None:
     """Copy the parts one after the other; those of .csv files begin with the column names."""
+    header = _csv_header(types) if into.suffix == ".csv" else b""
     with into.open("wb") as whole:
-        for number, part in enumerate(parts):
+        whole.write(header)
+        for part in parts:
             path, is_copy = part.path, False
             if _begins(part, types) < part.begin:
                 path, is_copy = _shortened(part, into, types), True
             with path.open("rb") as file:
-                # Names of columns are identifiers, so they have no line break.
-                names = file.readline() if into.suffix == ".csv" else b""
-                whole.write(b"" if number else names)
+                if file.read(len(header)) not in (header, b""):
+                    raise MisuseError(f"{path}: it is damaged: its first line names other columns")
                 shutil.copyfileobj(file, whole)
             if is_copy:
                 path.unlink()
 
 
 def _begins(part: JoinedPart, types: Mapping[str, str]) -> int:
-    """The first frame of a part."""
+    """The first frame of a part. Raises MisuseError if it is damaged."""
     if part.path.suffix == ".csv":
-        with part.path.open(encoding="utf-8", newline="") as lines:
-            return next((int(row["frame"]) for row in csv.DictReader(lines)), part.begin)
+        return next((frame for frame, _ in _csv_rows(part.path, types)), part.begin)
     with part.path.open("rb") as file:
         return next((int(chunk["frame"][0]) for chunk in chunks_in(file, types)), part.begin)
+
+
+def _csv_header(types: Mapping[str, str]) -> bytes:
+    """The first line of a .csv file."""
+    line = io.StringIO()
+    csv.writer(line, lineterminator="\n").writerow(types)
+    return line.getvalue().encode()
+
+
+def _csv_rows(path: Path, types: Mapping[str, str]) -> Iterator[tuple[int, list[str]]]:
+    """The rows of a .csv part with their frames. Raises MisuseError if it is damaged."""
+    place = list(types).index("frame")
+    with path.open(encoding="utf-8", newline="") as lines:
+        rows = csv.reader(lines)
+        try:
+            next(rows, None)
+            for row in rows:
+                if len(row) != len(types):
+                    raise ValueError(f"line {rows.line_num} has {len(row)} values")
+                yield int(row[place]), row
+        except (ValueError, csv.Error) as error:
+            raise MisuseError(f"{path}: it is damaged: {error!s:.100}") from None
 
 
 def _shortened(part: JoinedPart, into: Path, types: Mapping[str, str]) -> Path:
     """A copy of a part beside a file, without the rows before its beginning."""
     path = into.with_name(f".short{into.suffix}")
     if into.suffix == ".csv":
-        place = list(types).index("frame")
-        with (
-            part.path.open(encoding="utf-8", newline="") as lines,
-            path.open("w", encoding="utf-8", newline="") as copy,
-        ):
-            rows, writer = csv.reader(lines), csv.writer(copy, lineterminator="\n")
-            writer.writerow(next(rows))
-            writer.writerows(row for row in rows if int(row[place]) >= part.begin)
+        with path.open("w", encoding="utf-8", newline="") as copy:
+            writer, rows = csv.writer(copy, lineterminator="\n"), _csv_rows(part.path, types)
+            writer.writerow(types)
+            writer.writerows(row for frame, row in rows if frame >= part.begin)
         return path
     writer = create_writer(path, types)
     with part.path.open("rb") as file:

@@ -28,6 +28,7 @@ from typing import Any, Final, cast
 from minerva_bus.collect.joining import JoinedPart, join_parts, part_ending
 from minerva_bus.collect.plans import TablePlan
 from minerva_bus.collect.rows import Data
+from minerva_bus.collect.table import ARRAY_TYPES
 from minerva_bus.collect.writers import FileWriter, create_writer, path_of
 from minerva_bus.errors import MisuseError
 from minerva_bus.outputs import check_output, is_forced, replacing
@@ -244,9 +245,22 @@ def _about(folder: Path) -> dict[str, dict[str, str]] | None:
     """The tables in a folder of parts; None if it is none."""
     try:
         tables = json.loads((folder / _ABOUT).read_bytes())
-    except (OSError, ValueError):
+    except (OSError, ValueError, RecursionError):
         return None
-    return cast("dict[str, dict[str, str]]", tables) if isinstance(tables, dict) else None
+    return cast("dict[str, dict[str, str]]", tables) if _are_tables(tables) else None
+
+
+def _are_tables(tables: Any) -> bool:
+    """Whether these are tables with names that are safe in paths, and columns of known types."""
+    if not isinstance(tables, dict) or not tables:
+        return False
+    known = cast("dict[str, Any]", tables)
+    if not all(name.isidentifier() and isinstance(known[name], dict) for name in known):
+        return False
+    types = [cast("dict[str, Any]", known[name]) for name in known]
+    return all(
+        "frame" in kinds and set(map(str, kinds.values())) <= {*ARRAY_TYPES} for kinds in types
+    )
 
 
 def has_parts(path: Path, tables: Mapping[str, Mapping[str, str]] | None = None) -> bool:

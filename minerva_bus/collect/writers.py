@@ -222,11 +222,14 @@ def chunks_in(file: IO[bytes], types: Mapping[str, str]) -> Iterator[dict[str, N
     while file.peek(1):  # pyright: ignore[reportAttributeAccessIssue, reportUnknownMemberType]
         chunk: dict[str, NDArray[Any]] = {}
         for name, kind in types.items():
-            array = np.load(file, allow_pickle=False)
-            if kind == "text":
-                decoded = [text.removesuffix(_END).decode() for text in array.tolist()]
-                # The None keeps numpy from making a fixed-width text array.
-                array = np.array([*decoded, None], object)[:-1]
+            try:
+                array = np.load(file, allow_pickle=False)
+                if kind == "text":
+                    decoded = [text.removesuffix(_END).decode() for text in array.tolist()]
+                    # The None keeps numpy from making a fixed-width text array.
+                    array = np.array([*decoded, None], object)[:-1]
+            except Exception as error:  # numpy raises various exceptions for damaged files
+                raise MisuseError(f"{file.name}: it is damaged: {error!s:.100}") from None
             chunk[name] = array
         yield chunk
 

@@ -109,6 +109,30 @@ def test_a_damaged_part_is_named(tmp_path, damaged, number):
         join_parts(parts, tmp_path / "joined.parquet", TYPES)
 
 
+@pytest.mark.parametrize("ending", [".csv", ".columns"])
+@pytest.mark.parametrize("damage", [b"\xff" * 100, b"x,y\n1,2\n", b"frame,on\n0,true\n"])
+def test_a_damaged_part_of_another_format_is_named(tmp_path, ending, damage):
+    parts = [JoinedPart(written(tmp_path / f"{n}{ending}", [rows(n)]), n) for n in range(2)]
+    parts[1].path.write_bytes(damage)
+    with pytest.raises(MisuseError, match=rf"1\{ending}: it is damaged"):
+        join_parts(parts, tmp_path / f"joined{ending}", TYPES)
+
+
+@pytest.mark.parametrize(
+    "about",
+    [
+        "[" * 100_000, "[]", "{}", '{"x": 1}', '{"x": {"n": "int64"}}', '{"x": {"frame": "int9"}}',
+        '{"../x": {"frame": "int64"}, "y": {"frame": "int64"}}', '{"x": {"frame": {}}}',
+    ],
+)  # fmt: skip
+def test_a_description_of_parts_that_no_run_has_written_is_refused(tmp_path, about):
+    folder = tmp_path / "out.csv.parts"
+    folder.mkdir()
+    (folder / "tables.json").write_text(about)
+    with pytest.raises(MisuseError, match="no folder with the parts of tables"):
+        read_parts(folder)
+
+
 def test_the_table_of_an_undisturbed_run_is_not_joined(tmp_path, monkeypatch):
     pytest.importorskip("pyarrow")
     monkeypatch.setattr("minerva_bus.collect.parts.join_parts", None)
