@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Final
 
 from minerva_bus.errors import KeysError
+from minerva_bus.outputs import is_stream
 from minerva_bus.security.credentials import FAMILY, SERVERS, Rights
 from minerva_bus.wording import install
 
@@ -165,7 +166,7 @@ def certificate_pem(certificate: x509.Certificate) -> bytes:
 def read_key(path: Path) -> ec.EllipticCurvePrivateKey:
     """The authority's key. Raises KeysError."""
     try:
-        key = serialization.load_pem_private_key(path.read_bytes(), None)
+        key = serialization.load_pem_private_key(_content(path), None)
     except (OSError, ValueError, TypeError) as error:
         raise KeysError(
             f"{path} cannot be read: {error}; issue and revoke where the authority was made"
@@ -178,9 +179,20 @@ def read_key(path: Path) -> ec.EllipticCurvePrivateKey:
 def read_certificate(path: Path) -> x509.Certificate:
     """A certificate. Raises KeysError."""
     try:
-        return x509.load_pem_x509_certificate(path.read_bytes())
+        return x509.load_pem_x509_certificate(_content(path))
     except (OSError, ValueError) as error:
         raise KeysError(f"{path} is no certificate: {error}") from None
+
+
+def check_pair(certificate: Path, key: Path) -> None:
+    """Check that a key is that of a certificate. Raises KeysError."""
+    otherwise = f"copy both files from where {certificate.stem} was issued"
+    try:
+        private = serialization.load_pem_private_key(_content(key), None)
+    except (OSError, ValueError, TypeError) as error:
+        raise KeysError(f"{key} cannot be read: {error}; {otherwise}") from None
+    if private.public_key() != read_certificate(certificate).public_key():
+        raise KeysError(f"{key} is not the key to {certificate}; {otherwise}")
 
 
 def read_revoked(path: Path, authority: x509.Certificate) -> frozenset[int]:
@@ -189,7 +201,7 @@ def read_revoked(path: Path, authority: x509.Certificate) -> frozenset[int]:
     if not isinstance(key, ec.EllipticCurvePublicKey):
         raise KeysError(f"{path.parent} has an authority without a key of an elliptic curve")
     try:
-        revocations = x509.load_pem_x509_crl(path.read_bytes())
+        revocations = x509.load_pem_x509_crl(_content(path))
         # Serial numbers are unique only per authority.
         signed = revocations.is_signature_valid(key)
     except (OSError, ValueError, TypeError) as error:
@@ -223,6 +235,12 @@ def read_issued(path: Path, authority: x509.Certificate, revoked: frozenset[int]
 
 
 # --- parts ---
+
+
+def _content(path: Path) -> bytes:
+    if is_stream(path):
+        raise ValueError("it is a pipe or device")
+    return path.read_bytes()
 
 
 def _builder(

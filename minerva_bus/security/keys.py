@@ -22,6 +22,7 @@ from minerva_bus.security.certificates import (
     Issued,
     Wanted,
     certificate_pem,
+    check_pair,
     key_pem,
     now,
     read_certificate,
@@ -167,6 +168,7 @@ class KeyFolder:
             raise KeysError(
                 f"{pem} is for the family {start}*, not for {name}; use --name {start}{name}"
             )
+        check_pair(pem, key)
         own = (name or f"{start}{os.getpid()}") if start else bearer
         return Credentials(own, self._path(_AUTHORITY, "pem"), pem, key, issued.rights.roles)
 

@@ -1,6 +1,7 @@
 """The certificate authority: files, contents of certificates, and invalid certificates."""
 
 import json
+import os
 import ssl
 import stat
 import sys
@@ -172,6 +173,24 @@ def test_a_member_s_folder_has_only_its_own(keys, tmp_path):
         KeyFolder(mine).issue("other", Wanted(("view",)))
     with pytest.raises(KeysError, match="expected one; choose with"):
         keys.credentials()
+
+
+def test_a_key_that_does_not_belong_to_its_certificate_is_named(keys, tmp_path):
+    mine = tmp_path / "mine"
+    mine.mkdir()
+    for name in ("ca.pem", "sensor.pem"):
+        (mine / name).write_bytes((keys.folder / name).read_bytes())
+    key = mine / "sensor.key"
+    key.write_bytes((keys.folder / "coordinator.key").read_bytes())
+    with pytest.raises(KeysError, match=r"sensor\.key is not the key to .*sensor\.pem"):
+        KeyFolder(mine).credentials()
+    key.write_text("junk")
+    with pytest.raises(KeysError, match=r"sensor\.key cannot be read"):
+        KeyFolder(mine).credentials("sensor")
+    key.unlink()
+    os.mkfifo(key)
+    with pytest.raises(KeysError, match=r"sensor\.key cannot be read: it is a pipe"):
+        KeyFolder(mine).credentials()
 
 
 def test_a_renewed_certificate_keeps_all_that_is_not_overridden(keys):
