@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import sys
 import tomllib
 from collections.abc import Mapping
 from typing import Any, Final, cast
@@ -21,6 +22,8 @@ _PART: Final = r"[ \t]*+\.[ \t]*+[\w-]++"
 _LONG_KEY: Final = re.compile(rf"(?<![\w-])[\w-]++(?:{_PART}){{{MAX_KEY_PARTS},}}")
 
 
+_MAX_DIGITS: Final = sys.int_info.default_max_str_digits
+_LONG_NUMBER: Final = re.compile(rf"(?<![\w.])[+-]?\d(?:_?\d){{{_MAX_DIGITS},}}")
 _POSITION: Final = re.compile(r" \((?:at line (\d+), column (\d+)|at end of document)\)$")
 
 _EXPECTED: Final = {
@@ -51,8 +54,14 @@ def read_toml(text: str) -> dict[str, Any]:
         return tomllib.loads(text)
     except RecursionError:
         raise TomlError("arrays or tables are nested too deeply") from None
-    except ValueError as error:  # Invalid TOML, or a number with thousands of digits.
+    except tomllib.TOMLDecodeError as error:
         raise _located(str(error), text) from None
+    except ValueError:  # Python's limit of the digits of a whole number.
+        # A text or comment with as many digits keeps its length, so that the offset is right.
+        blank = _STRINGS.sub(lambda match: " " * len(match[0]), text)
+        match = _LONG_NUMBER.search(blank)
+        problem = f"a whole number has more than {_MAX_DIGITS} digits"
+        raise TomlError(problem, match.start() if match else -1) from None
 
 
 def _located(message: str, text: str) -> TomlError:

@@ -35,6 +35,7 @@ def test_an_unreadable_file_is_rejected_with_a_reason(text, problem):
         (["frames = = 5"], 1, 10),
         (["[world]", "", "scene = dots:scene", "x = 1"], 3, 9),
         (["[world]", "frames = [1, 2", "", ""], 2, 15),
+        (["[world]", "# " + "9" * 5000, f"seed = {'9' * 5000}"], 3, 8),
     ],
 )
 def test_an_error_has_the_offset_of_its_character(lines, line, column, newline):
