@@ -18,6 +18,7 @@ from minerva_bus.log.description import Description, decode_description
 from minerva_bus.log.entries import EntryDecoder, EventsBySource, Keyframe, entry_number, unpacked
 from minerva_bus.log.errors import RecordError
 from minerva_bus.log.journal import FORMATS, HEAD, key_of
+from minerva_bus.outputs import is_stream
 from minerva_bus.wire.plain import as_int, as_number, as_text, as_texts, pack
 
 DESCRIPTION_AT: Final = 2
@@ -100,6 +101,8 @@ def read_described(path: Path, begin: int = 0) -> tuple[Description, Journaled]:
 
 
 def _bytes(path: Path) -> bytes:
+    if is_stream(path):
+        raise RecordError(f"{path}: a pipe or device; expected a journal")
     try:
         return path.read_bytes()
     except FileNotFoundError:

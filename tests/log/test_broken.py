@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from minerva_bus.log.errors import RecordError
+from minerva_bus.log.journaled import keyframes_in
 from minerva_bus.log.mcap_file import open_for_record
 from minerva_bus.log.reader import Record
 from tests.log.recorded_runs import bytes_of, record_of, strings_of
@@ -157,3 +158,5 @@ def test_a_pipe_or_device_is_no_record(tmp_path):
     for path in (tmp_path / "pipe.mcap", Path("/dev/zero")):
         with pytest.raises(RecordError, match="a pipe or device; expected a regular file"):
             Record(path)
+        with pytest.raises(RecordError, match="a pipe or device; expected a journal"):
+            keyframes_in(path)
