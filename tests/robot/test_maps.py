@@ -211,7 +211,10 @@ def test_a_missing_key_is_named(write, key):
         *(("free_thresh", value) for value in (-0.1, 0.7, [0.1])),
         *(("mode", value) for value in ("colour", 3, ["raw"])),
         *(("markers", value) for value in ([1, 2], "desk", {"": [0, 0]})),
-        *(("markers", {"a": value}) for value in ([1], [1, 2, 3], "b", [9, 9], [math.nan, 0])),
+        *(
+            ("markers", {"a": value})
+            for value in ([1], [1, 2, 3], "b", [9, 9], [math.nan, 0], [1e308, 1])
+        ),
         *(("start", value) for value in ([0.1, 0.1], [9, 9, 0], "here", [0.1, 0.1, math.inf])),
     ],
 )

@@ -69,15 +69,14 @@ class OccupancyMap:
 
     def holds(self, x: float, y: float) -> bool:
         """True if a world position in metres lies on the map."""
-        row, column = self.cell_at(x, y)
+        # Not by `cell_at`: a finite position may be infinitely many cells away.
+        row, column = self._cells_to(x, y)
         return 0 <= row < self.cells.shape[0] and 0 <= column < self.cells.shape[1]
 
     def cell_at(self, x: float, y: float) -> tuple[int, int]:
         """Cell of a world position in metres; it may lie outside the map."""
-        cos, sin = self._heading()
-        east, north = x - self.x, y - self.y
-        along, across = cos * east + sin * north, cos * north - sin * east
-        return math.floor(along / self.resolution), math.floor(across / self.resolution)
+        row, column = self._cells_to(x, y)
+        return math.floor(row), math.floor(column)
 
     def centre_of(self, cell: tuple[int, int]) -> Point:
         """World position of a cell's centre, in metres."""
@@ -86,6 +85,13 @@ class OccupancyMap:
     def corner_of(self, cell: tuple[int, int]) -> Point:
         """World position of the corner of a cell nearest to cell (0, 0), in metres."""
         return self._point(cell[0], cell[1])
+
+    def _cells_to(self, x: float, y: float) -> Point:
+        """The rows and columns from the origin of the map to a world position, as fractions."""
+        cos, sin = self._heading()
+        east, north = x - self.x, y - self.y
+        along, across = cos * east + sin * north, cos * north - sin * east
+        return along / self.resolution, across / self.resolution
 
     def _point(self, row: float, column: float) -> Point:
         cos, sin = self._heading()
