@@ -19,7 +19,6 @@ from minerva_bus.launch.free_running import close_services
 from minerva_bus.launch.in_process import members_of
 from minerva_bus.launch.region_checkpoint import RegionCheckpoint
 from minerva_bus.launch.region_journal import MAX_BYTES, RegionJournal
-from minerva_bus.launch.region_repeats import RegionRepeats
 from minerva_bus.launch.region_requests import RegionRequests
 from minerva_bus.launch.region_sending import ParcelSender
 from minerva_bus.launch.region_terms import agreed
@@ -28,7 +27,6 @@ from minerva_bus.log.entries import encode_inputs
 from minerva_bus.regions.journal import CHECKPOINT, COORDINATOR, JOURNAL
 from minerva_bus.regions.messages import from_message, to_message
 from minerva_bus.regions.norms import violations
-from minerva_bus.regions.parcel import Parcel
 from minerva_bus.regions.part import PartSender
 from minerva_bus.regions.region import Region
 from minerva_bus.regions.whole import FIRST, PART
@@ -66,7 +64,6 @@ class RegionMember(Member):
         self._sender = PartSender()
         self._done: s.FrameDone | None = None
         self._requests = RegionRequests()
-        self._repeats = RegionRepeats()
         self._early: list[ParcelArrived] = []
         self._handlers[m.RegionInputs] = self._on_outside
 
@@ -188,7 +185,7 @@ class RegionMember(Member):
 
         Called once a second.
         """
-        self.send_again(self._repeats.a_second_later(self.awaited, self.region.frame))
+        self._parcels.a_second_later(self.awaited, self.region.frame)
 
     @property
     def awaited(self) -> list[int]:
@@ -203,10 +200,7 @@ class RegionMember(Member):
         except (ProtocolError, SceneError) as error:
             text = f"region {arrived.source} has sent an invalid parcel: {error}"
             raise WorldStopped(text) from None
-        if isinstance(received, Parcel):
-            self._parcels.outbox.acknowledge(received)
-        if not is_new:
-            self._repeats.note(received)
+        self._parcels.received(received, is_new=is_new)
         return is_new
 
     def _on_outside(self, events: m.RegionInputs) -> None:
@@ -267,7 +261,7 @@ class RegionMember(Member):
 
     def _run_frame(self) -> m.TickReply:
         region, self.frame = self.region, self.region.frame
-        self._repeats.clear()
+        self._parcels.frame_begun()
         region.give(self._requests.take(self.frame))
         self._runner.handle(s.Begin())
         report = self._report()

@@ -1,9 +1,10 @@
-"""Sends parcels to other regions, and keeps them until they have arrived."""
+"""Sends parcels to other regions, and keeps and repeats them until they have arrived."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 
+from minerva_bus.launch.region_repeats import RegionRepeats
 from minerva_bus.regions.attached import Replies
 from minerva_bus.regions.messages import to_message
 from minerva_bus.regions.outbox import Outbox
@@ -23,6 +24,7 @@ class ParcelSender:
         self.repeats = False
         self.sent_bytes: int = 0
         self._send = send
+        self._repeats = RegionRepeats()
 
     def send(self, messages: Sequence[Parcel | Replies]) -> None:
         """Send parcels for the first time."""
@@ -38,3 +40,21 @@ class ParcelSender:
         for region in regions:
             for message in self.outbox.kept_for(region):
                 self._send(region, encode(to_message(message)))
+
+    def received(self, message: Parcel | Replies, *, is_new: bool) -> None:
+        """Note what a message of another region shows: what has arrived there, and what has not."""
+        if isinstance(message, Parcel):
+            self.outbox.acknowledge(message)
+        if not is_new:
+            self._repeats.note(message)
+
+    def a_second_later(self, awaited: Collection[int], frame: int) -> None:
+        """Send again what may have been lost; `awaited` are the regions needed for `frame`.
+
+        Called once a second. Raises WorldStopped if a region sends nothing valid.
+        """
+        self.again(self._repeats.a_second_later(awaited, frame))
+
+    def frame_begun(self) -> None:
+        """Note that everything needed for a frame has arrived."""
+        self._repeats.clear()

@@ -65,8 +65,8 @@ def test_a_cut_link_delays_regions_and_nothing_else(file, seconds):
             cluster.links.cuts = {frozenset((0, 1)), frozenset((1, 2))}
 
     with in_regions(file) as regions:
-        cluster = Cluster(regions, Random(1), disturb)
-        cluster.run()
+        cluster = Cluster(regions, Random(1))
+        cluster.run(disturb)
     assert digests(cluster) == digests_of_one(file, {})
     # In each direction three parcels at most are kept, which are repeated once a second.
     assert 4 <= cluster.links.lost <= 4 * 3 * (seconds + 1)
@@ -99,8 +99,8 @@ def test_orders_count_once_whatever_dies_or_is_cut(file, seed, frames, kept, tmp
             cluster.publish(orders[-1])
 
     with in_regions(file) as regions:
-        cluster = Cluster(regions, Random(1), disturb)
-        cluster.run()
+        cluster = Cluster(regions, Random(1))
+        cluster.run(disturb)
         saved = cluster.algorithm.source.saved_for
         journals = [
             saved(each.name)[JOURNAL] if kept else each.journal.read_bytes()

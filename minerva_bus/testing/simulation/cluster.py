@@ -65,14 +65,11 @@ class SimulatedLinks:
 class Cluster(Sink):
     """Runs the world of a file of `in_regions`; messages of different links arrive in any order.
 
-    `disturb` is called before each delivery. `seconds` counts the simulated ones. `done` has the
-    finished frames, `deaths` and `successions` the frames in which a region's process, or the
-    coordinator's, died.
+    `seconds` counts the simulated ones. `done` has the finished frames, `deaths` and `successions`
+    the frames in which a region's process, or the coordinator's, died.
     """
 
-    def __init__(
-        self, file: WorldFile, chance: Random, disturb: Callable[[Cluster], None] | None = None
-    ) -> None:
+    def __init__(self, file: WorldFile, chance: Random) -> None:
         self.chance = chance
         self.links = SimulatedLinks()
         self.seconds: int = 0
@@ -81,7 +78,6 @@ class Cluster(Sink):
         self.specs = {each.name: each for each in file.processes if isinstance(each, RegionSpec)}
         self.successions: list[int] = []
         self._file = file
-        self._disturb = disturb
         beside = next(iter(self.specs.values())).journal
         self._path = journal_path(file) if beside is None else beside.with_name("coordinator")
         self._is_ready = False
@@ -93,13 +89,13 @@ class Cluster(Sink):
             self.start(name)
         self._greet_outside()
 
-    def run(self) -> None:
-        """Run the world to its end. Raises Hangs."""
+    def run(self, disturb: Callable[[Cluster], None] | None = None) -> None:
+        """Run the world to its end; `disturb` is called before each delivery. Raises Hangs."""
         while self.runner.ended is None:
             if not self.algorithm.in_frame and self.chance.random() < REWRITTEN:
                 self._journal.rewrite()
-            if self._disturb is not None:
-                self._disturb(self)
+            if disturb is not None:
+                disturb(self)
             names = *self.specs, *self._outside
             busy = [name for name in names if self.links.down[name] or self.links.up[name]]
             if self._is_ready and self.chance.random() < 0.5:

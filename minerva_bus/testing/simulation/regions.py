@@ -171,9 +171,9 @@ def play_regions(history: RegionHistory, folder: Path) -> PlayedRegions:
     partition = ByPosition(BORDERS[: history.count - 1], balance=history.seed % MOST_BALANCED)
     script, failure = RegionScript(history), ""
     with in_regions(replace(file, processes=processes, partition=partition)) as regions:
-        cluster = Cluster(regions, Random(f"deliveries {history.seed}"), script)  # noqa: S311
+        cluster = Cluster(regions, Random(f"deliveries {history.seed}"))  # noqa: S311
         try:
-            cluster.run()
+            cluster.run(script)
         except MinervaError as error:
             failure = f"{type(error).__name__}: {error}"
     done = tuple(cluster.done)
