@@ -131,6 +131,8 @@ class Member:
 
     def _on_welcome(self, welcome: m.Welcome) -> None:
         """Join a world, or rejoin it after the coordinator has lost this member."""
+        if self.host.kinds:
+            self._check_policy(welcome.policy)
         rejoins = self.world is not None and self._is_same_run(self.world, welcome)
         self.world = welcome
         # The coordinator that sent this may be a successor, which repeats the frame in progress.
@@ -146,6 +148,14 @@ class Member:
             return
         self._join(self.service, welcome)
         self._generating.join(welcome.saved)
+
+    def _check_policy(self, policy: str) -> None:
+        known = [each.value for each in Policy]
+        if policy not in known:
+            raise Unready(
+                f'{self.name} cannot take part: the world has policy = "{policy}", and this host'
+                f" knows {' and '.join(known)} only; install the version of the coordinator"
+            )
 
     def _join(self, service: Service, welcome: m.Welcome) -> None:
         info = WorldInfo(

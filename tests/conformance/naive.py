@@ -439,6 +439,8 @@ class Host(Role):
 
     def welcome(self, welcome: dict, again: bool) -> None:
         self.fragments, self.shown, self.evolved = {}, {}, set()
+        if welcome["policy"] not in ("sequential", "literal"):
+            raise ValueError(f"the world's policy is {welcome['policy']!r}")
         self.literal = welcome["policy"] == "literal"
 
     def on_fragments(self, given: dict, dropped: list) -> None:

@@ -34,6 +34,8 @@ function plainKind({ symbol, fields, on, views }) {
   return [symbol, attributes, subscribed, Object.keys(views), []];
 }
 
+const POLICIES = ["sequential", "literal"];
+
 /** Whether a fragment is part of a population. */
 const isPart = (name) => name.startsWith("~");
 const idsOf = (nodes) => nodes.map(({ id }) => id);
@@ -56,6 +58,9 @@ class Host {
 
   welcome({ policy }) {
     for (const known of [this.fragments, this.shown, this.evolved]) known.clear();
+    if (!POLICIES.includes(policy)) {
+      throw new Error(`the world has policy = "${policy}", but this host knows ${POLICIES.join(" and ")} only`);
+    }
     this.isLiteral = policy === "literal";
   }
 

@@ -353,6 +353,9 @@ class _Player:
         self._join(frame)
 
     def _await_end(self, failed: bool | None) -> None:
+        # If it vanished at once, a member that has to fail might notice that first.
+        if failed:
+            self.link.exit_code()
         # A member may keep its session until the coordinator has gone.
         self.link.stage.vanish()
         code = self.link.exit_code()

@@ -28,7 +28,7 @@ from minerva_bus.testing.conformance.cases.scripts import (
     key_view,
     tick,
 )
-from minerva_bus.testing.conformance.world import MEMBER, eAdd
+from minerva_bus.testing.conformance.world import DT, MEMBER, SEED, VOCABULARY, eAdd
 from minerva_bus.wire.codec import encode
 
 _case: Final = CaseGroup("join.", tier=Tier.JOINS, joined=False).case
@@ -36,6 +36,7 @@ _case: Final = CaseGroup("join.", tier=Tier.JOINS, joined=False).case
 
 _TICK: Final = encode(m.TickRequest(0))
 _EVOLVE: Final = encode(m.EvolveRequest(0, (MEMBER,)))
+_OTHER_POLICY: Final = m.Welcome("world", VOCABULARY, SEED, DT, 0, "newest")
 
 JOINING: Final = (
     _case("token", "declares its token", "P6.5"),
@@ -58,6 +59,10 @@ JOINING: Final = (
     _case(
         "expelled", "ends if it is refused later", "P6.10",
         Deliver(m.Refused("a violation")), AwaitEnd(failed=True), joined=True,
+    ),
+    _case(
+        "policy", "takes no part under a policy that it does not know", "P9.32",
+        GREET, Deliver(_OTHER_POLICY), AwaitEnd(failed=True), roles=HOST,
     ),
     _case("stop", "answers stop with its report, and ends", "P6.23", *END, joined=True),
     _case(
