@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from minerva_bus.collect.table import DataTable
+from minerva_bus.errors import WorldStopped
 from minerva_bus.frame.description import World as Description
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.launch.in_process import InProcessRun
@@ -18,6 +19,7 @@ class Here:
         self.name, self.vocabulary = world.name, world.vocabulary
         self.operator = AskingOperator(run.ask)
         self._run = run
+        self._failure: WorldStopped | None = None
 
     @property
     def frame(self) -> int:
@@ -36,6 +38,8 @@ class Here:
         return {} if self._run.collected is None else self._run.collected.tables
 
     def step(self, frames: int, stop: Callable[[], bool], by: str) -> None:
+        if self._failure is not None:
+            raise self._failure
         if self.ended:
             return
         try:
@@ -44,6 +48,8 @@ class Here:
             # The interrupt may have come in the middle of a frame, so the world cannot continue.
             if isinstance(error, KeyboardInterrupt):
                 self._run.end("interrupted")
+            elif isinstance(error, WorldStopped):
+                self._failure = error
             self._run.close()
             raise
 

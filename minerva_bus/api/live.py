@@ -89,7 +89,7 @@ class Live:
             The number of the next frame.
 
         Raises:
-            WorldStopped: code of the world failed.
+            WorldStopped: code of the world failed, in this step or before it.
             KeyboardInterrupt: after Ctrl-C; the world in this process has ended then.
 
         """

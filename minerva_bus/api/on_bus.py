@@ -80,11 +80,9 @@ class OnBus:
         return False
 
     def step(self, frames: int, stop: Callable[[], bool], by: str) -> None:
-        if self.ended:
-            return
         operator = self.operator.named(by)
         # Paused first, so that the frame counted from is the one with which the step begins.
-        status = self._pause(operator)
+        status = None if self.ended else self._pause(operator)
         if status is not None and not stop():
             target = status.frame + frames
             operator.step(frames)
@@ -96,7 +94,7 @@ class OnBus:
                 if status.paused and status.phase == BETWEEN_FRAMES:
                     operator.step(target - status.frame)
                 time.sleep(POLL_SECONDS)
-        if status is None and self._launched is not None:
+        if status is None and self._launched is not None and not self._opened.closed:
             failure = self._launched.result()["failure"]
             if failure:
                 raise WorldStopped(failure)
@@ -153,6 +151,11 @@ class _Opened:
         while not self._closed.wait(EXIT_SECONDS):
             if self._owner() is None or not threading.main_thread().is_alive():
                 self.close()
+
+    @property
+    def closed(self) -> bool:
+        """Whether `close` was called, which ends the world without a failure."""
+        return self._closed.is_set()
 
     def close(self) -> None:
         # The lock makes each caller wait until all is closed.
