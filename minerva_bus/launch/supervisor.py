@@ -297,6 +297,10 @@ class Supervisor:
     def _on_last_line(self, line: str) -> None:
         # Until it listens, the last line is the error that ends the run, which the summary names.
         listens = bool(self._context.endpoint)
+        if listens and line.startswith(" "):
+            # It continues the error before it, with a line of the world's code.
+            self._console.log(COORDINATOR, line)
+            return
         shown, self._last_line = line if listens else self._last_line, line
         if shown:
             self._console.log(COORDINATOR, shown)

@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import pytest
 from running import PATIENCE, write_world
@@ -17,6 +18,7 @@ from minerva_bus.launch.process_table import (
     MIN_RESTART_SECONDS,
     SupervisedProcess,
 )
+from minerva_bus.launch.supervisor import Supervisor
 from minerva_bus.launch.worldfile import Process
 
 FAILING = """
@@ -177,3 +179,15 @@ def test_a_line_reader_finishes_with_an_unterminated_line_although_the_pipe_stay
     assert not reader.open
     os.close(write)
     pipes.close()
+
+
+def test_the_reason_of_a_coordinator_is_the_first_line_of_its_last_error():
+    """Views of regions are made by the coordinator, so the report of an error may be its output."""
+    supervisor, shown = object.__new__(Supervisor), []
+    supervisor._last_line, supervisor._context = "", SimpleNamespace(endpoint="tcp/127.0.0.1:1")
+    supervisor._console = SimpleNamespace(log=lambda _, line: shown.append(line))
+    lines = ["at first", "Goat.picture: ZeroDivisionError", "  goat.py:28", "    1 / 0"]
+    for line in lines:
+        supervisor._on_last_line(line)
+    assert shown == lines
+    assert supervisor._last_line == "Goat.picture: ZeroDivisionError"
