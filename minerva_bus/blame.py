@@ -10,7 +10,7 @@ import builtins
 import traceback
 from collections.abc import Callable, Iterable, Iterator
 from types import TracebackType
-from typing import Any, Final
+from typing import Any, Final, cast
 
 from minerva_bus.errors import (
     MinervaError,
@@ -25,7 +25,10 @@ from minerva_bus.errors import (
 from minerva_bus.source import LINE_LENGTH, SourceLine, assignments, defined, handler_name, place_of
 
 MESSAGE_LINES: Final = 3
-"""Lines of an exception's text to show: an error in a string has an excerpt and a caret."""
+"""Lines of an exception's text to show."""
+
+OWN_LINES: Final = 6
+"""Lines of an error of ours: it may have an excerpt, a caret, and what to write instead."""
 
 TRACEBACK_LENGTH: Final = 60_000
 
@@ -56,8 +59,9 @@ def described(error: BaseException) -> str:
     if isinstance(error, SystemExit):
         text += "; code of a world must not exit: raise another exception, or return"
     lines = text.split("\n")
-    if len(lines) > MESSAGE_LINES:
-        lines = [*lines[: MESSAGE_LINES - 1], f"… ({len(lines) - MESSAGE_LINES + 1} more lines)"]
+    most = OWN_LINES if isinstance(error, MinervaError) else MESSAGE_LINES
+    if len(lines) > most:
+        lines = [*lines[: most - 1], f"… ({len(lines) - most + 1} more lines)"]
     cut = [line if len(line) <= LINE_LENGTH else line[: LINE_LENGTH - 1] + "…" for line in lines]
     return "\n".join(cut) + _suggestion(error)
 
@@ -117,6 +121,10 @@ def _causes(error: BaseException) -> Iterator[BaseException]:
 
 
 def _cause(error: BaseException) -> BaseException | None:
+    if isinstance(error, BaseExceptionGroup):
+        # The group has its own line only where it was put together, in a TaskGroup's `async with`.
+        parts = cast("tuple[BaseException, ...]", error.exceptions)  # pyright: ignore[reportUnknownMemberType]
+        return parts[0]
     # The rule by which Python prints tracebacks.
     explicit = error.__suppress_context__ or error.__cause__ is not None
     return error.__cause__ if explicit else error.__context__
@@ -124,8 +132,12 @@ def _cause(error: BaseException) -> BaseException | None:
 
 def _root(error: BaseException) -> BaseException | None:
     """The first cause of an exception that involves user code."""
-    own = [cause for cause in _causes(error) if place_of(cause) is not None]
-    return own[-1] if own else None
+    causes = list(_causes(error))
+    own = [cause for cause in causes if place_of(cause) is not None]
+    if own:
+        return own[-1]
+    # The exceptions of a group may never have been raised.
+    return causes[-1] if causes and isinstance(error, BaseExceptionGroup) else None
 
 
 def _caused_by(root: BaseException, shown: SourceLine | None) -> Iterable[str]:

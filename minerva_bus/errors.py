@@ -37,7 +37,7 @@ where, what was expected and what to do next.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Final
 
 
 class MinervaError(Exception):
@@ -153,12 +153,19 @@ class UserCodeError(MinervaError):
         return self.where if cause is None else f"{self.where}: {_named(cause)}"
 
 
+_ESCAPED: Final = {
+    code: f"\\x{code:02x}" for code in (*range(32), *range(127, 160)) if chr(code) not in "\n\t"
+}
+"""Escapes of control characters, which would move a terminal's cursor or change its colours."""
+
+
 def text_of(error: BaseException) -> str:
     """The text of an exception of any class, also of one whose `__str__` raises."""
     try:
-        return sendable(str(error.msg if isinstance(error, SyntaxError) else error))
+        text = sendable(str(error.msg if isinstance(error, SyntaxError) else error))
     except Exception as failure:
         return f"its __str__ raises {type(failure).__name__}"
+    return text.replace("\r\n", "\n").translate(_ESCAPED)
 
 
 def sendable(text: str) -> str:

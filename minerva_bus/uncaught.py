@@ -11,6 +11,7 @@ import sys
 
 TYPE_CHECKING = False  # Instead of typing.TYPE_CHECKING, because importing typing takes time.
 if TYPE_CHECKING:
+    from threading import ExceptHookArgs
     from types import TracebackType
     from typing import Final
 
@@ -27,6 +28,13 @@ def install() -> None:
         sys.excepthook = _print
 
 
+def report_threads() -> None:
+    """Print errors that end threads of a world's code as reports, in a process of Minerva Bus."""
+    import threading  # which a fast command such as `--help` does not need
+
+    threading.excepthook = _print_of_thread
+
+
 def rendered(error: BaseException) -> str:
     """The text to show of an error of Minerva Bus."""
     from minerva_bus.blame import report, whole  # which import all error classes
@@ -34,6 +42,20 @@ def rendered(error: BaseException) -> str:
     if os.environ.get(VARIABLE):
         return whole(error)
     return f"{type(error).__name__}: {report(error)}"
+
+
+def _print_of_thread(uncaught: ExceptHookArgs) -> None:
+    import threading
+
+    from minerva_bus.blame import report
+    from minerva_bus.source import place_of
+
+    error, thread = uncaught.exc_value, uncaught.thread
+    usual = isinstance(error, SystemExit) or bool(os.environ.get(VARIABLE))
+    if usual or error is None or thread is None or sys.stderr is None or place_of(error) is None:
+        threading.__excepthook__(uncaught)
+        return
+    sys.stderr.write(f"thread {thread.name!r} has ended: {report(error)}\n")
 
 
 def _print(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:

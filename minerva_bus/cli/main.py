@@ -36,6 +36,7 @@ from minerva_bus.cli.shells import Group, adapted
 from minerva_bus.cli.world_first import WorldFirstCommand
 from minerva_bus.errors import MinervaError, MisuseError
 from minerva_bus.outputs import forget_inputs
+from minerva_bus.uncaught import report_threads
 
 GROUPS: Final = {
     "Run": ("run", "worlds", "check", "graph", "attach", "bridge"),
@@ -167,6 +168,7 @@ def main() -> None:
         # A process may run several commands, as tests do; the inputs of one are not those of the
         # next.
         forget_inputs()
+        report_threads()
         with adapted(), promised(sys.argv[1:]):
             _refuse_null_characters(sys.argv[1:])
             app()

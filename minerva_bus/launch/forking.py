@@ -20,6 +20,7 @@ from minerva_bus.blame import report
 from minerva_bus.errors import MinervaError, UserCodeError
 from minerva_bus.frame.member import Unready
 from minerva_bus.launch import traces
+from minerva_bus.uncaught import report_threads
 
 FAILED: Final = os.EX_SOFTWARE
 """The exit code of a child that ended by an exception that is not a MinervaError."""
@@ -58,6 +59,7 @@ def fork(body: Callable[[], int], keep: Collection[int], lifeline: int) -> Child
     try:
         _become_child(write, {*keep, lifeline})
         _die_with(lifeline)
+        report_threads()
         # After standard error has become the pipe, since the handler keeps the file that it is
         # given.
         traces.register()

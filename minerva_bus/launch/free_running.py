@@ -107,8 +107,6 @@ class FreeRunning:
             self._outlets[member.name] = outlet
             # The main thread raises an error in `deliver`; in this thread it would be lost.
             service.run(outlet, self._stop)
-        except KeyboardInterrupt:
-            raise
         except BaseException as error:
             failure = UserCodeError(handler_name(service.run), service.run)
             failure.__cause__ = error

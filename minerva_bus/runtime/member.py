@@ -11,7 +11,7 @@ from typing import Any, Final
 import zenoh
 
 from minerva_bus.blame import blamed, report, whole
-from minerva_bus.errors import BusError
+from minerva_bus.errors import BusError, UserCodeError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame.member import Member, Refusal
 from minerva_bus.grammar.batch import AnyEvent, Events
@@ -250,6 +250,11 @@ class MemberProcess:
             raise
         except Exception as error:
             return self._report_failure(error)
+        except KeyboardInterrupt as error:
+            # Signals have other handlers, so code of the world has raised it.
+            failure = UserCodeError("code of the world")
+            failure.__cause__ = error
+            return self._report_failure(failure)
         finally:
             self._greeting.cancel()
         return 0

@@ -134,9 +134,8 @@ class OwnThreads:
                 self._put(Leave())
         except MinervaError as error:
             self._put(MinervaError(f"{self._name} cannot continue: {error}"))
-        except KeyboardInterrupt:
-            raise
-        # Raised in the main thread, which reports failures. SystemExit would end only this thread.
+        # Raised in the main thread, which reports failures. SystemExit would end only this thread,
+        # and so would a KeyboardInterrupt, which no signal raises here.
         except BaseException as error:
             failure = UserCodeError(handler_name(service.run), service.run)
             failure.__cause__ = error

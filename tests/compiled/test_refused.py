@@ -7,6 +7,7 @@ from importlib import import_module
 
 import pytest
 
+from minerva_bus.blame import described
 from minerva_bus.compiled.origin import NotCompilable
 
 HEAD = """
@@ -146,6 +147,7 @@ def test_it_is_refused_with_its_place_and_an_alternative(case, tmp_path, monkeyp
     assert shown[begin:].startswith(marked.split("\n")[0]), message
     assert advice.startswith("  instead: ")
     assert instead in advice
+    assert advice in described(raised.value)
 
 
 def test_a_source_that_is_not_available(monkeypatch):

@@ -158,6 +158,9 @@ MISTAKES = (
             "        class Broken(Exception):\n            def __str__(self):\n                return self.text\n\n"
             "        raise Broken  #!\n", _says("Broken", "__str__ raises AttributeError")),
     Mistake("exception that is no Exception", GROW, "        import asyncio\n        raise asyncio.CancelledError  #!\n", _says("CancelledError")),
+    Mistake("group of exceptions with control characters", GROW,
+            "        raise ExceptionGroup('dry\\a', [ValueError('no \\x1b[3mwater')])  #!\n",
+            _says("ExceptionGroup: dry\\x07", "caused by ValueError: no \\x1b[3mwater")),
     Mistake("exits", GROW, "        raise SystemExit(3)  #!\n", _says("SystemExit")),
     Mistake("calls sys.exit", GROW, "        import sys\n        sys.exit()  #!\n", _says("SystemExit")),
     Mistake("recursion without end", GROW,
@@ -200,6 +203,9 @@ MISTAKES = (
     # --- devices ---
     Mistake("exception in a device", SHOW, "        self.last = shown.number  #!\n", _says("watch", "Watch.show", "number")),
     # --- constructors ---
+    Mistake("exception in a thread", SHINE,
+            SHINE + "\n    def joined(self, world):\n        import threading\n        threading.Thread(target=lambda: 1 / 0).start()  #!\n",
+            _says("thread", "has ended: ZeroDivisionError: division by zero"), goes_on=True),
     Mistake("exception in close", SHINE, SHINE + "\n    def close(self):\n        self.file.close()  #!\n", _says("Sun.close", "file", "5 frames"), goes_on=True),
 
     Mistake("exception in a constructor", MAKE, "        self.strength = {}['strength']  #!\n", _says("[process.sun]", "KeyError")),
@@ -253,6 +259,9 @@ MISTAKES = (
             _says("norm.tall.when", "a text in double quotes"), at=False, in_file=True),
     Mistake("no TOML", "[process.sun]", "[process.sun", _says("garden.toml"), at=False, in_file=True),
 )  # fmt: skip
+
+INTERRUPTS = Mistake("keyboard interrupt", GROW, "        raise KeyboardInterrupt  #!\n", _says("code of the world: KeyboardInterrupt"))  # fmt: skip
+"""Within one process, this is Ctrl-C."""
 
 HARMLESS = (
     Mistake("generate returns one event", SHINE, "        return eSun(light=self.strength)\n"),
