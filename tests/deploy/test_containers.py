@@ -96,6 +96,11 @@ def test_files_copied_by_the_image_exist():
         for source in words[:-1]:
             assert (DEPLOY.parent / source).exists(), source
             assert f"!{source}" in ignore
+    # All that a wheel is made of: without them the image cannot be built.
+    wheel = project()["tool"]["hatch"]["build"]["targets"]["wheel"]
+    sources = {source for words in copied for source in words[:-1]}
+    for needed in (*wheel["packages"], *wheel["force-include"]):
+        assert {needed, needed.partition("/")[0]} & sources, needed
 
 
 def test_the_image_has_the_extras_that_the_page_installs():
