@@ -155,6 +155,10 @@ def _options(
     """Run virtual worlds: strings of a grammar, distributed over processes on Zenoh."""
 
 
+_FULL = (errno.ENOSPC, errno.EDQUOT)
+"""Errors of writing that no code of ours can have caused."""
+
+
 def _refuse_null_characters(words: Sequence[str]) -> None:
     # A shell cannot pass them, but a program that calls `main` can; no file name contains them.
     for word in words:
@@ -184,6 +188,10 @@ def main() -> None:
         if error.errno == errno.ENAMETOOLONG:
             name = str(error.filename)
             print(f"minerva: the file name {name[:60]!r}... is too long", file=sys.stderr)  # noqa: T201
+            sys.exit(WRONG)
+        if error.errno in _FULL:
+            what = error.filename or "the output"
+            print(f"minerva: {what} cannot be written: {error.strerror}", file=sys.stderr)  # noqa: T201
             sys.exit(WRONG)
         if error.errno != errno.EIO:
             raise

@@ -16,6 +16,9 @@ from minerva_bus.wording import counted
 BASE_FILES: Final = 256
 """Maximum number of open files of the launcher and coordinator, besides one per process."""
 
+LEAST_FILES: Final = 24
+"""The same for few processes; 21 were measured with a record, a journal and a picture."""
+
 THREADS_PER_PROCESS: Final = 10
 """Main thread, lifeline and Zenoh's threads; 8 were measured."""
 
@@ -23,7 +26,7 @@ BYTES_PER_PROCESS: Final = 8 << 20
 """Private memory of an idle process; 7.3 MB were measured."""
 
 MIN_CHECKED: Final = 32
-"""Number of processes from which resources are checked; fewer fit on any machine."""
+"""Number of processes from which threads and memory are checked; fewer fit on any machine."""
 
 _GROUPS: Final = Path("/sys/fs/cgroup")
 
@@ -40,9 +43,9 @@ class Headroom:
     bytes: int | None = None
 
 
-def shortage(processes: int, free: Headroom) -> str:
+def shortage(processes: int, free: Headroom, base_files: int = BASE_FILES) -> str:
     """Missing resource for this number of processes, with advice; empty if they fit."""
-    files, threads = processes + BASE_FILES, processes * THREADS_PER_PROCESS
+    files, threads = processes + base_files, processes * THREADS_PER_PROCESS
     if free.files is not None and files > free.files:
         return (
             f"{files} open files in one process, and {free.files} are allowed:"
@@ -64,9 +67,10 @@ def check_capacity(processes: int) -> None:
 
     Raises the soft limit of open files if necessary, which needs no privileges.
     """
-    if processes < MIN_CHECKED:
-        return
-    problem = shortage(processes, _this_machine())
+    hard = _limit(resource.getrlimit(resource.RLIMIT_NOFILE)[1])
+    few = processes < MIN_CHECKED
+    free = Headroom(hard) if few else _this_machine()
+    problem = shortage(processes, free, LEAST_FILES if few else BASE_FILES)
     if problem:
         raise MisuseError(
             f"{counted(processes, 'process')} cannot start here: they need {problem}."
@@ -75,8 +79,9 @@ def check_capacity(processes: int) -> None:
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     needed = processes + BASE_FILES
     if soft != resource.RLIM_INFINITY and soft < needed:
-        # `shortage` has compared it with the hard limit.
-        resource.setrlimit(resource.RLIMIT_NOFILE, (needed, hard))
+        # The hard limit suffices by `shortage`, but may leave few processes less than this.
+        most = needed if hard == resource.RLIM_INFINITY else min(needed, hard)
+        resource.setrlimit(resource.RLIMIT_NOFILE, (most, hard))
 
 
 def cores() -> int:

@@ -1,11 +1,15 @@
 """Output of members becomes log lines, also for members without a process of their own."""
 
+import contextlib
 import json
+import subprocess
 import sys
 import threading
+from pathlib import Path
 
 import pytest
 
+from minerva_bus.cli.main import main
 from minerva_bus.launch.printed import printed
 from tests.runtime.running import MEMBERS, here, minerva, write_world
 
@@ -80,3 +84,25 @@ def test_lines_arrive_complete_and_the_last_one_needs_no_end():
         "one", "two three four", "five", "", "six", "seven",
     ]  # fmt: skip
     assert "".join(told).count("x" * 50) == 8
+
+
+def test_standard_files_that_are_closed_are_opened():
+    code = (
+        "import os, sys\nfrom minerva_bus.__main__ import open_standard_files\n"
+        "open_standard_files()\nprint('lost', flush=True)\nsys.exit(os.open('/dev/null', 0))"
+    )
+    words = ["bash", "-c", f'exec "{sys.executable}" -c "{code}" <&- >&-']
+    done = subprocess.run(words, capture_output=True, text=True)
+    assert (done.returncode, done.stdout, done.stderr) == (3, "", "")
+
+
+def test_output_on_a_full_disk_is_an_error(monkeypatch, capsys):
+    monkeypatch.setattr(sys, "argv", ["minerva", "--version"])
+    full = Path("/dev/full").open("w")  # noqa: SIM115
+    monkeypatch.setattr(sys, "stdout", full)
+    with pytest.raises(SystemExit) as ended:
+        main()
+    with contextlib.suppress(OSError):
+        full.close()
+    assert ended.value.code == 2
+    assert "minerva: the output cannot be written: No space left" in capsys.readouterr().err
