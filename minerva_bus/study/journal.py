@@ -58,7 +58,20 @@ class StudyJournal:
         os.close(self._file)
 
     def add(self, line: Mapping[str, Any]) -> None:
-        """Append a line; it survives this process at once, and a power cut soon."""
+        """Append a line; it survives this process at once, and a power cut soon.
+
+        Raises MisuseError if it cannot be written; the lines so far remain.
+        """
+        try:
+            self._append(line)
+        except OSError as error:
+            raise MisuseError(
+                f"{self.path}: cannot be written: {error.strerror}; the same command continues with"
+                " the runs that it has"
+            ) from None
+        self.lines.append(dict(line))
+
+    def _append(self, line: Mapping[str, Any]) -> None:
         data = json.dumps(line, ensure_ascii=False).encode() + b"\n"
         while data:
             data = data[os.write(self._file, data) :]
@@ -66,7 +79,6 @@ class StudyJournal:
         if time.monotonic() - self._flushed >= FLUSH_SECONDS:
             os.fsync(self._file)
             self._flushed = time.monotonic()
-        self.lines.append(dict(line))
 
     def _read(self, study: Mapping[str, Any]) -> list[dict[str, Any]]:
         data = self.path.read_bytes()

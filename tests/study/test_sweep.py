@@ -148,11 +148,19 @@ def test_a_line_that_no_sweep_has_written_is_named(tmp_path):
             found.recall(journal)
 
 
-def test_a_journal_that_no_study_can_have_written_is_refused(tmp_path):
+def test_a_journal_that_cannot_be_used_is_named(tmp_path, monkeypatch):
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
     path = tmp_path / "j"
     path.write_text("[" * 100_000 + "\n")
     with pytest.raises(MisuseError, match="j:1: not a line"):
         StudyJournal(path, {"world": "w"})
+    path.unlink()
+    with StudyJournal(path, {"world": "w"}) as journal, monkeypatch.context() as patched:
+        patched.setattr(os, "write", full)
+        with pytest.raises(MisuseError, match="j: cannot be written: No space left"):
+            journal.add({"set": ["1"]})
     os.mkfifo(tmp_path / "pipe")
     with pytest.raises(MisuseError, match="pipe: a pipe or device"):
         StudyJournal(tmp_path / "pipe", {"world": "w"})
