@@ -9,6 +9,7 @@ The child has the arguments, environment, folder, standard files and parent of a
 requesting process has started itself, and imports the command line again.
 """
 
+import fcntl
 import gc
 import io
 import json
@@ -17,6 +18,7 @@ import runpy
 import signal
 import socket
 import sys
+import termios
 import time
 from pathlib import Path
 
@@ -74,6 +76,8 @@ def become(request, files):
         os.setsid()
     for number, file in enumerate(files):
         os.dup2(file, number)
+    if request["terminal"]:
+        fcntl.ioctl(0, termios.TIOCSCTTY, 0)
     os.closerange(3, os.sysconf("SC_OPEN_MAX"))
     os.environ.clear()
     os.environ.update(request["environment"])
@@ -92,7 +96,7 @@ def text_file(former, number, mode, unbuffered, by_line=False):
     raw.name = former.name
     file = io.TextIOWrapper(
         buffer, encoding=former.encoding, errors=former.errors, newline=None if mode == "r" else "\n",
-        line_buffering=by_line or raw.isatty(), write_through=unbuffered,
+        line_buffering=by_line or (raw.isatty() and not unbuffered), write_through=unbuffered,
     )  # fmt: skip
     file.mode = mode
     return file

@@ -6,12 +6,14 @@ arguments concern the interpreter: PYTHONPATH and the like, limits, users, other
 """
 
 import ctypes
+import fcntl
 import inspect
 import json
 import os
 import socket
 import subprocess
 import sys
+import termios
 import threading
 from itertools import cycle
 from pathlib import Path
@@ -33,11 +35,16 @@ different ones: if a result depends on the order of a set, their results differ.
 SET_CHILD_SUBREAPER = 36
 """The number of PR_SET_CHILD_SUBREAPER in Linux."""
 FIXED = {
-    "executable": None, "preexec_fn": None, "close_fds": True, "pass_fds": (), "shell": False,
+    "executable": None, "close_fds": True, "pass_fds": (), "shell": False,
     "restore_signals": True, "gid": None, "gids": None, "uid": None, "umask": -1,
     "process_group": -1,
 }  # fmt: skip
 """Arguments of a start, each with the only value that a fork of a server can have."""
+
+
+def take_terminal():
+    """Make the standard input the terminal of a new session: the `preexec_fn` that a fork knows."""
+    fcntl.ioctl(0, termios.TIOCSCTTY, 0)
 
 
 def pytest_addoption(parser):
@@ -55,14 +62,20 @@ def pytest_configure(config):
 
 
 class Server:
-    """The requesting end of a fork server's socket."""
+    """The requesting end of the socket of a fork server in a network namespace.
 
-    def __init__(self):
+    Args:
+        inside: the words before a command that runs in the namespace: of `nsenter`, or none.
+        environment: the environment of the server.
+
+    """
+
+    def __init__(self, inside, environment):
         self.socket, remote = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         with remote:
             self.process = subprocess.Popen(
-                [sys.executable, SERVER, str(remote.fileno())], pass_fds=[remote.fileno()],
-                stdin=subprocess.DEVNULL, env=INITIAL,
+                [*inside, sys.executable, SERVER, str(remote.fileno())],
+                pass_fds=[remote.fileno()], stdin=subprocess.DEVNULL, env=environment,
             )  # fmt: skip
 
     def start(self, request, files):
@@ -86,8 +99,7 @@ class Starts:
     def __init__(self):
         self.original = subprocess.Popen._execute_child
         self.signature = inspect.signature(self.original)
-        self.servers = []
-        self.turns = None
+        self.servers = {}
         self.lock = threading.Lock()
 
     def pytest_sessionstart(self):
@@ -99,21 +111,39 @@ class Starts:
 
     def pytest_unconfigure(self):
         subprocess.Popen._execute_child = self.original
-        for server in self.servers:
+        for inside in [*self.servers]:
+            self.close(inside)
+
+    def close(self, inside):
+        """End the servers in a network namespace, which would keep it."""
+        _, servers, _ = self.servers.pop(inside, ({}, (), None))
+        for server in servers:
             server.close()
+
+    def turns(self, inside, environment):
+        """The servers in a network namespace that have the interpreter settings of an environment."""
+        if inside not in self.servers:
+            begun = environment if inside else INITIAL
+            servers = [Server(inside, begun) for _ in range(SERVERS)]
+            self.servers[inside] = interpreter_settings(begun), servers, cycle(servers)
+        settings, _, turns = self.servers[inside]
+        return turns if interpreter_settings(environment) == settings else None
 
     def fork(self, process, arguments):
         """Start a process by a fork; returns whether that was possible."""
-        request = forkable(arguments)
+        inside, request = forkable(arguments)
         if request is None:
+            return False
+        data = json.dumps(request).encode()
+        if len(data) >= LARGEST:
             return False
         pipes = [arguments[name] for name in ("p2cread", "c2pwrite", "errwrite")]
         files = [number if pipe == -1 else pipe for number, pipe in enumerate(pipes)]
         with self.lock:
-            if self.turns is None:
-                self.servers = [Server() for _ in range(SERVERS)]
-                self.turns = cycle(self.servers)
-            process.pid = next(self.turns).start(request, files)
+            turns = self.turns(inside, request["environment"])
+            if turns is None:
+                return False
+            process.pid = next(turns).start(data, files)
         process._child_created = True
         ends = ("p2cread", "p2cwrite", "c2pread", "c2pwrite", "errread", "errwrite")
         process._close_pipe_fds(*(arguments[end] for end in ends))
@@ -121,28 +151,31 @@ class Starts:
 
 
 def forkable(arguments):
-    """The request for a start to a fork server; None if it needs a new interpreter."""
+    """The network namespace of a start and its request; None: it needs a new interpreter."""
     words = arguments["args"]
     if isinstance(words, (str, bytes, os.PathLike)):
-        return None
+        return (), None
     words = [*map(os.fspath, words)]
+    begin = words.index(sys.executable) if sys.executable in words else 0
+    inside, words = tuple(words[:begin]), words[begin:]
+    if inside[-2:-1] == ("--chdir",):  # `nsenter` leaves the folder, and `env --chdir` returns.
+        inside = inside[:-3]
     program = next((p for p in PROGRAMS if words[: len(p) + 1] == [sys.executable, *p]), None)
-    if program is None:
-        return None
+    if program is None or inside[:1] not in ((), ("nsenter",)):
+        return (), None
     if any(arguments.get(name, value) != value for name, value in FIXED.items()):
-        return None
-    environment = dict(os.environ if arguments["env"] is None else arguments["env"])
+        return (), None
+    if arguments.get("preexec_fn") not in (None, take_terminal):
+        return (), None
     folder = str(Path(arguments["cwd"] or ".").absolute())
-    if interpreter_settings(environment) != interpreter_settings(INITIAL):
-        return None
     if not os.access(folder, os.X_OK):
-        return None
-    request = {
-        "program": program, "arguments": words[len(program) + 1 :], "environment": environment,
+        return (), None
+    return inside, {
+        "program": program, "arguments": words[len(program) + 1 :],
+        "environment": dict(os.environ if arguments["env"] is None else arguments["env"]),
         "folder": folder, "session": arguments["start_new_session"],
+        "terminal": arguments.get("preexec_fn") is take_terminal,
     }  # fmt: skip
-    data = json.dumps(request).encode()
-    return data if len(data) < LARGEST else None
 
 
 def interpreter_settings(environment):

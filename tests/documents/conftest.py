@@ -5,7 +5,9 @@ from terminal import Island
 
 
 @pytest.fixture(scope="module")
-def island(tmp_path_factory):
+def island(request, tmp_path_factory):
     island = Island(tmp_path_factory.mktemp("island"))
     yield island
+    if (starts := request.config.pluginmanager.get_plugin("starts")) and island.inside:
+        starts.close(tuple(island.inside))
     island.close()

@@ -126,8 +126,9 @@ class Reader:
             self.is_interrupted(line, shown)
         else:
             self.ends_well(line, output)
-            if line == "minerva stop" and self.staying is not None:
-                self.staying.ends()
+            stopped = self.staying or self.world
+            if line == "minerva stop" and stopped is not None:
+                stopped.ends()
 
     def runs_on(self, line, *shown):
         """Start a command that goes on while the reader uses another terminal."""

@@ -2,24 +2,27 @@
 
 from __future__ import annotations
 
-import fcntl
 import os
 import pty
 import re
+import shlex
 import shutil
 import signal
 import subprocess
 import sys
-import termios
 import threading
 import time
 from pathlib import Path
 
 from pages import stable
 
+from tests.starts import take_terminal
+
 PATIENCE = 150.0
 """Time limit in seconds for a command to end or to print; far more than it needs."""
 
+PLAIN = re.compile(r"""minerva( |[\w./:,=@%+#-]|'[^'\n]*'|"[^"$`\\\n]*")*""")
+"""Commands that need no shell: tests/starts.py starts them without the time of their imports."""
 NAMES = "127.0.0.1 localhost lab.example server server.local router.example coordinator\n"
 
 
@@ -57,13 +60,15 @@ class Island:
 class Running:
     """A command in the foreground of its own terminal."""
 
-    def __init__(self, line: str, words: list[str], environment: dict[str, str]) -> None:
+    def __init__(
+        self, line: str, words: list[str], environment: dict[str, str], folder: Path
+    ) -> None:
         self.line = line
         self.output = ""
         self._screen, side = pty.openpty()
         self._process = subprocess.Popen(
-            words, stdin=side, stdout=side, stderr=side, env=environment, start_new_session=True,
-            preexec_fn=lambda: fcntl.ioctl(0, termios.TIOCSCTTY, 0),
+            words, stdin=side, stdout=side, stderr=side, env=environment, cwd=folder,
+            start_new_session=True, preexec_fn=take_terminal,
         )  # fmt: skip
         os.close(side)
         self._over = False
@@ -151,9 +156,13 @@ class Terminal:
 
     def start(self, line: str) -> Running:
         """Start a command and leave it running."""
-        compound = re.search(r"[;|&\n<>]|^for ", line)
-        script = f"cd {self.place} && {'' if compound else 'exec '}{line}"
-        running = Running(line, [*self._inside, "bash", "-c", script], self.environment)
+        if PLAIN.fullmatch(line):
+            words = [sys.executable, "-m", "minerva_bus.cli.main", *shlex.split(line)[1:]]
+        else:
+            compound = re.search(r"[;|&\n<>]|^for ", line)
+            words = ["bash", "-c", f"{'' if compound else 'exec '}{line}"]
+        place = ["env", "--chdir", str(self.place)]  # `nsenter` leaves the folder.
+        running = Running(line, [*self._inside, *place, *words], self.environment, self.place)
         self._started.append(running)
         return running
 

@@ -2,6 +2,7 @@
 
 import json
 import os
+import pty
 import signal
 import subprocess
 import sys
@@ -25,6 +26,8 @@ print(json.dumps({
     "open": sorted(os.listdir("/proc/self/fd")),
     "parent": os.getppid(),
     "leads": os.getsid(0) == os.getpid(),
+    "foreground": os.isatty(0) and os.tcgetpgrp(0) == os.getpid(),
+    "network": os.readlink("/proc/self/ns/net"),
     "interrupt": signal.getsignal(signal.SIGINT) is signal.default_int_handler,
     "pipe": signal.getsignal(signal.SIGPIPE) is signal.SIG_IGN,
     "line": "minerva_bus.cli" in sys.modules,
@@ -77,6 +80,35 @@ def test_a_fork_sees_what_a_new_interpreter_sees(
     assert forked == [True, False]
     assert fork == new
     assert fork["parent"] == os.getpid()
+
+
+@pytest.mark.parametrize("inside", [[], ["nsenter", "--target", str(os.getpid()), "--net"]])
+def test_a_fork_has_the_terminal_and_the_network_of_a_new_interpreter(
+    request, tmp_path, monkeypatch, forked, inside
+):
+    place = [*inside, "env", "--chdir", str(tmp_path)]
+    if subprocess.run([*place, "true"], stderr=subprocess.DEVNULL).returncode:
+        pytest.skip("only root enters a network namespace")
+
+    def typed():
+        screen, side = pty.openpty()
+        os.write(screen, b"a line\n\x04")
+        done = subprocess.run(
+            [*place, *WORDS, "a"], stdin=side, capture_output=True, text=True, cwd=tmp_path,
+            start_new_session=True, preexec_fn=starts.take_terminal, env=dict(os.environ),
+        )  # fmt: skip
+        os.close(screen)
+        os.close(side)
+        return result(done)
+
+    fork = typed()
+    monkeypatch.setattr(starts, "PROGRAMS", ())
+    new = typed()
+    request.config.pluginmanager.get_plugin("starts").close(tuple(inside))
+    assert forked[0]
+    assert not forked[-1]
+    assert (fork["foreground"], fork["input"]) == (True, "a line\n")
+    assert fork == new
 
 
 def test_the_exit_of_a_fork_is_that_of_a_process(tmp_path, forked):
