@@ -5,6 +5,7 @@ from __future__ import annotations
 import platform
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any, Final
 
@@ -46,11 +47,17 @@ def versions() -> dict[str, str]:
         "platform": f"{platform.system()} {platform.machine()}",
     }
     for package in ("eclipse-zenoh", "msgpack", "numpy", "pymunk", "mcap"):
-        try:
-            installed[package] = version(package)
-        except PackageNotFoundError:
-            continue
+        if (number := _installed_version(package)) is not None:
+            installed[package] = number
     return installed
+
+
+@cache  # Each call reads and parses a file, and several parts of a process describe its world.
+def _installed_version(package: str) -> str | None:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return None
 
 
 @dataclass(frozen=True, slots=True)
