@@ -1,6 +1,7 @@
-"""The notebooks of the documentation run as scripts.
+"""The notebooks of the documentation have no outputs; on demand, they run as scripts.
 
-tests/documents/test_site.py runs them in clean kernels, test_jupyterlab.py in JupyterLab.
+tests/documents/test_site.py runs each in a clean kernel, and a cell that fails ends its build;
+test_jupyterlab.py runs notebooks in JupyterLab.
 """
 
 import os
@@ -29,6 +30,7 @@ def test_a_notebook_is_stored_without_outputs(path):
             assert (cell.outputs, cell.execution_count) == ([], None)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", PAGES, ids=lambda path: path.stem)
 def test_a_notebook_runs_as_a_script(path, tmp_path):
     from nbconvert import PythonExporter  # late, too
