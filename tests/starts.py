@@ -26,9 +26,10 @@ SERVER = Path(__file__).with_name("fork_server.py")
 PROGRAMS = (
     ["-m", "minerva_bus"],
     ["-m", "minerva_bus.cli.main"],
+    ["-m", "minerva_bus.api.child"],
     [str(Path(sys.executable).with_name("minerva"))],
 )
-"""The words after the interpreter that start the command line."""
+"""The words after the interpreter that start the command line, or a world of the Python interface."""
 SERVERS = 2
 """Number of servers that take turns. Each has a hash seed, so two successive commands have
 different ones: if a result depends on the order of a set, their results differ."""

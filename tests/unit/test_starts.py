@@ -111,6 +111,17 @@ def test_a_fork_has_the_terminal_and_the_network_of_a_new_interpreter(
     assert fork == new
 
 
+@pytest.mark.parametrize("length", [1, 300])
+def test_a_fork_is_listed_with_its_words(tmp_path, forked, length):
+    (tmp_path / "probe.py").write_text(
+        "import os, subprocess\n"
+        "subprocess.run(['ps', '-ww', '-o', 'args=', '-p', str(os.getpid())], check=True)\n"
+    )
+    words = [*WORDS, "x" * length]
+    listed = subprocess.check_output(words, cwd=tmp_path, text=True)
+    assert (forked, listed.split()) == ([True], words)
+
+
 def test_the_exit_of_a_fork_is_that_of_a_process(tmp_path, forked):
     said = subprocess.run([*WORDS, "dies"], cwd=tmp_path, capture_output=True, text=True)
     assert (forked, said.returncode) == ([True], -signal.SIGKILL)
