@@ -218,8 +218,10 @@ MESSAGES: Mapping[str, m.Message] = {
     ),
     "orders.empty": m.Orders(0, ()),
     "orders.full": m.Orders(8, (*EVENTS, MIXED)),
-    "outside.empty": m.RegionInputs(0, {}),
-    "outside.full": m.RegionInputs(8, {"gulls": EVENTS, "~order:anna": (MIXED,)}, NAMES, bytes(8)),
+    "advance.empty": m.RegionRequest(0),
+    "advance.full": m.RegionRequest(
+        8, bytes(8), {"gulls": EVENTS, "~order:anna": (MIXED,)}, NAMES, bytes(8)
+    ),
     "repeat.empty": m.Repeat(""),
     "repeat.full": m.Repeat("scan"),
     "stop.empty": m.Stop(""),

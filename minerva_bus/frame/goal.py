@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterable, Mapping
 from typing import Any, Final
 
@@ -48,32 +47,23 @@ class WorldGoal:
     @property
     def finished(self) -> str:
         """Reason for the end if every agent has sent `until` or given up, otherwise empty."""
+        return self.finished_in((self._composition,))
+
+    def finished_in(self, parts: Iterable[Composition]) -> str:
+        """Reason for the end if every agent of these parts of the string has sent either."""
         done = self.reached.union(self.given_up)
         # Kinds count once one of their agents has sent an event. Before that no agent strives for
         # the goal, and the empty set would seem complete.
-        if not (self._until and done and done.issuperset(self._striving_agents())):
+        if not (self._until and done and all(map(done.issuperset, map(self._striving, parts)))):
             return ""
-        return self.reason()
-
-    def reason(self) -> str:
-        """Reason for an end that has been reached."""
         given_up = self.given_up
         reasons = [f"#{agent} has given up: {given_up[agent]}" for agent in sorted(given_up)]
         over = len(reasons) - _MAX_REASONS
         more = [f"and {over} more"] if over > 0 else []
         return "; ".join([*reasons[:_MAX_REASONS], *more]) or all_sent(self._until)
 
-    def _striving_agents(self) -> Iterable[str]:
-        kind = self._composition.kind
-        return (agent for agent in self._composition.agents() if kind(agent) in self.striving)
-
-    def left(self) -> Mapping[str, int]:
-        """The number of agents of each kind that have not sent `until` or given up."""
-        kind, left = self._composition.kind, Counter[str]()
-        if self._until:
-            done = self.reached.union(self.given_up)
-            left.update(map(kind, (a for a in self._composition.agents() if a not in done)))
-        return left
+    def _striving(self, part: Composition) -> Iterable[str]:
+        return (agent for agent in part.agents() if part.kind(agent) in self.striving)
 
     @property
     def given_up(self) -> Mapping[str, Any]:
@@ -83,16 +73,19 @@ class WorldGoal:
     def learn(
         self, reached: Iterable[str], striving: Iterable[str], given_up: Mapping[str, Any]
     ) -> None:
-        """Note what agents of a region have sent in a frame.
-
-        `given_up` is what has changed in the attribute of this name: "" for agents that have sent
-        `until` since.
-        """
+        """Note what agents of a region have sent in a frame, as this goal notes it."""
         self.reached = self.reached.union(reached)
         self.striving = self.striving.union(striving)
-        if given_up:
-            known = {**self.given_up, **given_up}
-            self._saved[GIVEN_UP] = {who: why for who, why in known.items() if why}
+        if self.given_up or given_up:
+            # Reaching the goal later supersedes giving up, perhaps in another region.
+            done = frozenset(reached)
+            before = {who: why for who, why in self.given_up.items() if who not in done}
+            self._saved[GIVEN_UP] = {**before, **given_up}
+
+    def forget(self) -> None:
+        """Forget what has been noted; the agents of a region are known to its coordinator."""
+        self.reached, self.striving = frozenset[str](), frozenset[str]()
+        self._saved.pop(GIVEN_UP, None)
 
     def note(self, sent: Mapping[str, tuple[AnyEvent, ...]], out: Instructions) -> None:
         """Note the agents that have sent `until` or `give_up`; `sent` is by agent or fragment.

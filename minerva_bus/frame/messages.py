@@ -380,13 +380,20 @@ class Orders:
 
 
 @dataclass(frozen=True, slots=True)
-class RegionInputs:
-    """Events of people and of generators that run freely, for a frame of a region."""
+class RegionRequest:
+    """For regions: request a frame, with the events of people and of free generators for it."""
 
-    WIRE: ClassVar = Wire("outside", ("to",), "for a region: events from outside of all regions")
+    WIRE: ClassVar = Wire("advance", ("tick", "to"), "requests the frame of regions")
 
     frame: int
-    events: Annotated[SentBy, Note("by source: the name of the generator or of the people")]
+    parcels: Annotated[
+        bytes,
+        Note("of the frame before: source and target of each, as uint16, little-endian"),
+    ] = b""
+    events: Annotated[
+        SentBy,
+        Note("from outside of all regions, by source: the name of the generator or of the people"),
+    ] = field(default_factory=dict[str, tuple[AnyEvent, ...]])
     people: Annotated[tuple[str, ...], Note("the sources that stand for people, for norms")] = ()
     borders: Annotated[
         bytes, Note("between regions, for agents that move after the frame; empty: as before")
@@ -455,7 +462,7 @@ ToMember: TypeAlias = (
     | EvolveRequest
     | ViewShown
     | Orders
-    | RegionInputs
+    | RegionRequest
     | Repeat
     | Stop
 )

@@ -52,9 +52,9 @@ class RegionCheckpoint:
         """The state of a region. Raises TypeError if a generator saves data that are not plain."""
         units, checkpoint = region.units, region.algorithm.checkpoint
         keyframe = encode_keyframe(region.frame, units.scene, Kept.of(checkpoint))
-        norms, number, progress = region.norms, region.number, region.progress()
+        norms, number = region.norms, region.number
         views = [
-            Parcel(frame, source, number, NOTHING, (), progress, part)
+            Parcel(frame, source, number, NOTHING, (), part)
             for frame, parts in region.services.shown.items()
             for source, part in parts.items()
         ]

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
+from functools import partial
 from itertools import chain
 
 from minerva_bus.errors import ProtocolError, SceneError, WorldStopped
@@ -25,9 +26,9 @@ from minerva_bus.launch.region_terms import agreed
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.log.entries import encode_inputs
 from minerva_bus.regions.journal import CHECKPOINT, COORDINATOR, JOURNAL
-from minerva_bus.regions.messages import from_message, to_message
+from minerva_bus.regions.messages import AgainMessage, from_message, sources_in, to_message
 from minerva_bus.regions.norms import violations
-from minerva_bus.regions.part import PartSender
+from minerva_bus.regions.part import PartMessage, PartSender
 from minerva_bus.regions.region import Region
 from minerva_bus.regions.whole import FIRST, PART
 from minerva_bus.runtime.direct import InProcessRunner
@@ -65,7 +66,7 @@ class RegionMember(Member):
         self._done: s.FrameDone | None = None
         self._requests = RegionRequests()
         self._early: list[ParcelArrived] = []
-        self._handlers[m.RegionInputs] = self._on_outside
+        self._handlers[m.RegionRequest] = self._on_request
 
     def _begin(self, region: Region) -> None:
         self.region = region
@@ -120,7 +121,7 @@ class RegionMember(Member):
         self._runner.start()
         for entry in () if first is None else chain([first], entries):
             if entry.source == COORDINATOR:
-                self._requests.note(self._decoder.to_member(entry.data))
+                self._note(self._decoder.to_member(entry.data))
             elif entry.source != CHECKPOINT:
                 self._accept(entry)
             for _ in self._advance():
@@ -138,8 +139,7 @@ class RegionMember(Member):
             [[each.target, encode(to_message(each))] for each in kept],
             [[each.source, encode(to_message(each))] for each in region.arrived],
             [encode(report) for _, report in sorted(self._requests.reports.items())],
-            [encode(events) for events in self._requests.outside],
-            self._requests.last,
+            [encode(request) for request in self._requests.waiting],
             self._parcels.sent_bytes,
         ]
         self._journal.begin_again(RegionCheckpoint.of(region, messages).encoded())
@@ -148,7 +148,7 @@ class RegionMember(Member):
         """Continue from the state that a former process of this region has saved."""
         number, partition = self.region.number, self.region.partition
         self._begin(checkpoint.region(self._file.world, number, partition, self._members))
-        kept, arrived, reports, outside, self._requests.last, sent_bytes = checkpoint.messages
+        kept, arrived, reports, requests, sent_bytes = checkpoint.messages
         self._parcels.sent_bytes = sent_bytes
         for target, data in kept:
             self._parcels.outbox.keep([from_message(self._decoder.parcel(data), number, target)])
@@ -158,8 +158,8 @@ class RegionMember(Member):
             report = self._decoder.from_member(self.name, data)
             assert isinstance(report, m.TickReply)
             self._requests.reports[report.frame] = report
-        for data in outside:
-            self._requests.note(self._decoder.to_member(data))
+        for data in requests:
+            self._note(self._decoder.to_member(data))
 
     # --- arrivals ---
 
@@ -181,7 +181,7 @@ class RegionMember(Member):
         self._parcels.again(regions)
 
     def a_second_later(self) -> None:
-        """Send again what may have been lost. Raises WorldStopped if a region sends nothing valid.
+        """Request what may have been lost. Raises WorldStopped if a region sends nothing valid.
 
         Called once a second.
         """
@@ -190,11 +190,14 @@ class RegionMember(Member):
     @property
     def awaited(self) -> list[int]:
         """The regions whose messages a requested frame needs."""
-        return self.region.missing if self.region.frame <= self._requests.last else []
+        return [] if self._requests.of(self.region.frame) is None else self.region.missing
 
     def _accept(self, arrived: ParcelArrived) -> bool:
         try:
             message = self._decoder.parcel(arrived.data)
+            if isinstance(message, AgainMessage):
+                self.send_again([arrived.source])
+                return False
             received = from_message(message, arrived.source, self.region.number)
             is_new = self.region.receive(received)
         except (ProtocolError, SceneError) as error:
@@ -203,21 +206,22 @@ class RegionMember(Member):
         self._parcels.received(received, is_new=is_new)
         return is_new
 
-    def _on_outside(self, events: m.RegionInputs) -> None:
-        if events.frame > self._requests.last:
-            self._journal.write(ParcelArrived(COORDINATOR, encode(events)))
-            self._requests.note(events)
-
-    def _on_tick(self, request: m.TickRequest) -> None:
+    def _on_request(self, request: m.RegionRequest) -> None:
         if request.frame in self._requests.reports:
             self._out.append(self._requests.reports[request.frame])
         elif request.frame > self._requests.last:
             self._journal.write(ParcelArrived(COORDINATOR, encode(request)))
-            self._requests.note(request)
+            self._note(request)
         self._out.extend(self._advance())
+
+    def _note(self, request: m.ToMember) -> None:
+        assert isinstance(request, m.RegionRequest)
+        self._requests.note(request)
+        self._parcels.outbox.acknowledge(request.frame)
 
     def _on_stop(self, stop: m.Stop) -> None:
         self.stopped = stop.reason or "the world has ended"
+        self.region.end()
         self._runner.handle(s.End(stop.reason))
         elsewhere = self.region.services.elsewhere
         members = (each for each in self._members if not elsewhere(each))
@@ -245,42 +249,40 @@ class RegionMember(Member):
     def _advance(self) -> Iterator[m.TickReply]:
         """Run the requested frames for which everything has arrived."""
         region = self.region
-        while region.frame <= self._requests.last and not region.missing:
-            region.enter()
-            if region.over:
-                # For the same reason the coordinator would have ended the world before this frame.
-                raise WorldStopped(
-                    f"the parcels of frame {region.frame - 1} end the world ({region.over}), but"
-                    f" the coordinator has requested frame {region.frame}: one of them is wrong"
-                )
+        while (request := self._requests.of(region.frame)) is not None:
+            region.expect(sources_in(request.parcels, region.number))
+            if region.missing:
+                return
+            try:
+                region.enter()
+            except ProtocolError as error:
+                raise WorldStopped(f"region {region.number}: {error}") from None
             # Services in another region may still have to answer for this frame.
-            if not region.missing:
-                if self._journal.is_due():
-                    self._save()
-                yield self._run_frame()
+            if region.missing:
+                return
+            if self._journal.is_due():
+                self._save()
+            yield self._run_frame()
 
     def _run_frame(self) -> m.TickReply:
         region, self.frame = self.region, self.region.frame
         self._parcels.frame_begun()
         region.give(self._requests.take(self.frame))
         self._runner.handle(s.Begin())
-        report = self._report()
-        for parcel in region.leave():
-            if parcel.target == region.number:
-                region.receive(parcel)
-            else:
-                self._parcels.send([parcel])
+        # Parcels lead to the state of the next frame, and the report is of this one.
+        state = region.units, region.sent, region.progress()
+        parcels = [parcel for parcel in region.leave() if not region.keeps(parcel)]
+        self._parcels.send(parcels)
+        targets = [parcel.target for parcel in parcels]
+        report = self._report(partial(self._sender.message, self.frame, *state, targets))
         self._requests.keep(report)
         return report
 
-    def _report(self) -> m.TickReply:
-        region, done = self.region, self._done
-        assert done is not None
-        inputs = done.inputs if region.number == FIRST else None
+    def _report(self, message: Callable[[bytes], PartMessage]) -> m.TickReply:
+        assert self._done is not None
+        inputs = self._done.inputs if self.region.number == FIRST else None
         entry = b"" if inputs is None else encode_inputs(inputs.without_replies)
-        units, sent, progress = region.units, region.sent, region.progress()
-        message = self._sender.message(self.frame, units, sent, progress, entry)
-        saved = {PART: encode(message), JOURNAL: self._journal.unreported()}
+        saved = {PART: encode(message(entry)), JOURNAL: self._journal.unreported()}
         return m.TickReply(self.name, self.frame, (), saved)
 
     def _observe(self, notice: Notice) -> None:

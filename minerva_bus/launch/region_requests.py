@@ -11,7 +11,7 @@ REPORTS_KEPT: Final = 2
 
 
 class RegionRequests:
-    """Events and frames that the coordinator has sent, and the reports that it may miss.
+    """Frames that the coordinator has requested, and the reports that it may miss.
 
     `last` is the number of the last requested frame. `reports` are those of the last frames.
     """
@@ -19,23 +19,25 @@ class RegionRequests:
     def __init__(self) -> None:
         self.last = -1
         self.reports: dict[int, m.TickReply] = {}
-        self._outside: dict[int, m.RegionInputs] = {}
+        self._requests: dict[int, m.RegionRequest] = {}
 
-    def note(self, message: m.ToMember) -> None:
-        """Note the outside events of a frame, or the request to run it."""
-        if isinstance(message, m.RegionInputs):
-            self._outside[message.frame] = message
-        elif isinstance(message, m.TickRequest):
-            self.last = message.frame
+    def note(self, request: m.RegionRequest) -> None:
+        """Note the request to run a frame."""
+        self._requests[request.frame] = request
+        self.last = request.frame
 
     @property
-    def outside(self) -> list[m.RegionInputs]:
-        """The outside events of frames that have not begun."""
-        return [events for _, events in sorted(self._outside.items())]
+    def waiting(self) -> list[m.RegionRequest]:
+        """The requests for frames that have not begun."""
+        return [request for _, request in sorted(self._requests.items())]
 
-    def take(self, frame: int) -> m.RegionInputs:
-        """Remove and return the outside events of a frame."""
-        return self._outside.pop(frame, m.RegionInputs(frame, {}))
+    def of(self, frame: int) -> m.RegionRequest | None:
+        """The request for a frame that has not begun; None if there is none."""
+        return self._requests.get(frame)
+
+    def take(self, frame: int) -> m.RegionRequest:
+        """Remove and return the request for a frame."""
+        return self._requests.pop(frame)
 
     def keep(self, report: m.TickReply) -> None:
         """Keep the report of a frame, instead of an earlier one."""

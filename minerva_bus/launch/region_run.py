@@ -24,6 +24,7 @@ from minerva_bus.regions.attached import HOME, Replies
 from minerva_bus.regions.balancing import balanced, is_due
 from minerva_bus.regions.merging import Units, merged
 from minerva_bus.regions.norms import total_figures
+from minerva_bus.regions.progress import Ending
 from minerva_bus.regions.region import Region
 from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.runtime.runner import Notice
@@ -70,6 +71,7 @@ class RegionRun:
         self._parts: list[_Part] = []
         self._pace = Pace(file.rate)
         self._frame = 0
+        self._ending: Ending | None = None
         self._units: list[Units] = []
         self._first_at: float | None = None
         self._last_at = began
@@ -121,6 +123,8 @@ class RegionRun:
         )
         self._services.start()
         self._units = [part.region.units for part in self._parts]
+        strings = [part.region.algorithm.composition for part in self._parts]
+        self._ending = Ending(file.world, strings)
 
     def _receive_replies(self, replies: Sequence[Replies]) -> None:
         for each in replies:
@@ -160,12 +164,13 @@ class RegionRun:
         """Run one frame in all regions, or end the world."""
         if self._reason:
             return
-        for part in self._parts:
-            part.region.enter()
-        over = self._parts[0].region.over
+        assert self._ending is not None
+        over = self._ending.why_over(self._frame)
         if over:
             self._end(over)
             return
+        for part in self._parts:
+            part.region.enter()
         self._balance()
         for part in self._parts:
             self._running = part.runner
@@ -174,7 +179,10 @@ class RegionRun:
                 return
         self._running = None
         units = [part.region.units for part in self._parts]
+        self._ending.learn([part.region.progress() for part in self._parts])
         parcels = [parcel for part in self._parts for parcel in part.region.leave()]
+        for number, part in enumerate(self._parts):
+            part.region.expect([each.source for each in parcels if each.target == number])
         for parcel in parcels:
             self._parts[parcel.target].region.receive(parcel)
         # Together, so that an interrupted frame does not count.
@@ -195,6 +203,7 @@ class RegionRun:
         self._reason = reason
         for part in self._parts:
             self._running = part.runner
+            part.region.end()
             part.runner.handle(s.End(reason))
 
     @contextmanager
@@ -221,7 +230,7 @@ class RegionRun:
             world=file.world.name,
             frames=self._frame,
             digest=merged(self._units).scene.digest.hex(),
-            reached=bool(self._parts) and self._parts[0].region.reached,
+            reached=self._ending is not None and self._ending.reached,
             ended=self._reason,
             wall_seconds=0.0 if first is None else self._last_at - first,
             first_frame_seconds=None if first is None else max(0.0, first - self._began),

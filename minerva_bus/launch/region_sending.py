@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 from minerva_bus.launch.region_repeats import RegionRepeats
 from minerva_bus.regions.attached import Replies
-from minerva_bus.regions.messages import to_message
+from minerva_bus.regions.messages import AgainMessage, to_message
 from minerva_bus.regions.outbox import Outbox
 from minerva_bus.regions.parcel import Parcel
 from minerva_bus.wire.codec import encode
@@ -42,18 +42,19 @@ class ParcelSender:
                 self._send(region, encode(to_message(message)))
 
     def received(self, message: Parcel | Replies, *, is_new: bool) -> None:
-        """Note what a message of another region shows: what has arrived there, and what has not."""
-        if isinstance(message, Parcel):
-            self.outbox.acknowledge(message)
+        """Note a message of another region."""
         if not is_new:
             self._repeats.note(message)
 
-    def a_second_later(self, awaited: Collection[int], frame: int) -> None:
-        """Send again what may have been lost; `awaited` are the regions needed for `frame`.
+    def a_second_later(self, awaited: Iterable[int], frame: int) -> None:
+        """Request what may have been lost; `awaited` are the regions needed for `frame`.
 
         Called once a second. Raises WorldStopped if a region sends nothing valid.
         """
-        self.again(self._repeats.a_second_later(awaited, frame))
+        awaited = [*awaited]
+        self._repeats.a_second_later(awaited, frame)
+        for region in awaited:
+            self._send(region, encode(AgainMessage(frame)))
 
     def frame_begun(self) -> None:
         """Note that everything needed for a frame has arrived."""

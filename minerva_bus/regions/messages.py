@@ -18,13 +18,14 @@ from minerva_bus.grammar.scene import AgentNode, Scene
 from minerva_bus.regions.attached import Replies
 from minerva_bus.regions.merging import PlacedEvent, Units
 from minerva_bus.regions.norms import NormPart
-from minerva_bus.regions.parcel import Parcel, Progress
+from minerva_bus.regions.parcel import Parcel
 from minerva_bus.regions.places import Place
 from minerva_bus.regions.views import PlacedSkeleton, ViewPart
 from minerva_bus.world.norms import Lately
 
 _COUNT: Final = np.dtype("<u4")
 _NUMBER: Final = np.dtype("<i8")
+_REGION: Final = np.dtype("<u2")
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,15 +46,6 @@ class ParcelMessage:
     places: Annotated[bytes, Note("of the outermost nodes of `string`")]
     events: tuple[AnyEvent, ...]
     senders: Annotated[bytes, Note("the places of the senders of `events`")]
-    empty: Annotated[bool, Note("the sender's string is ε")]
-    resting: Annotated[bool, Note("its next frame would change nothing")]
-    reached: Annotated[tuple[str, ...], Note("agents that have sent `until` in this frame")]
-    given_up: Annotated[
-        m.Figures,
-        Note('agents that have given up in this frame, with `give_up` as text; "" after `until`'),
-    ]
-    striving: Annotated[tuple[str, ...], Note("the kinds of agents that have sent either")]
-    left: Annotated[m.Figures, Note("by kind, the number of its agents that have sent neither")]
     views: Annotated[
         Mapping[str, m.Parts],
         Mark.VIEW,
@@ -97,14 +89,23 @@ class RepliesMessage:
     events: Annotated[m.SentBy, Note("by the name of the service; also of those without events")]
 
 
-RegionMessage: TypeAlias = ParcelMessage | RepliesMessage
+@dataclass(frozen=True, slots=True)
+class AgainMessage:
+    """A request of a region that waits for what another one has sent before."""
+
+    WIRE: ClassVar = Wire("again", ("parcel",), "requests what the sender may lack, once more")
+
+    frame: Annotated[int, Note("for which it waits")]
 
 
-def to_message(parcel: Parcel | Replies) -> RegionMessage:
+RegionMessage: TypeAlias = ParcelMessage | RepliesMessage | AgainMessage
+
+
+def to_message(parcel: Parcel | Replies) -> ParcelMessage | RepliesMessage:
     """The message of a parcel, or of replies."""
     if isinstance(parcel, Replies):
         return RepliesMessage(parcel.frame, parcel.events)
-    progress, units, views = parcel.progress, parcel.units, parcel.views
+    units, views = parcel.units, parcel.views
     layout = views.layout
     places = [place for each in parcel.events for place in each.places]
     return ParcelMessage(
@@ -113,12 +114,6 @@ def to_message(parcel: Parcel | Replies) -> RegionMessage:
         packed_places(units.places),
         tuple(each.event for each in parcel.events),
         packed_places(places),
-        progress.empty,
-        progress.resting,
-        tuple(sorted(progress.reached)),
-        dict(progress.given_up),
-        tuple(sorted(progress.striving)),
-        dict(progress.left),
         views.views,
         views.patches,
         None if layout is None else layout.skeleton,
@@ -134,6 +129,7 @@ def to_message(parcel: Parcel | Replies) -> RegionMessage:
 
 def from_message(message: RegionMessage, source: int, target: int) -> Parcel | Replies:
     """The parcel or the replies of a message. Raises ProtocolError if its parts contradict."""
+    assert not isinstance(message, AgainMessage)  # It has neither.
     if isinstance(message, RepliesMessage):
         return Replies(message.frame, source, target, message.events)
     return parcel_of(message, source, target)
@@ -144,31 +140,16 @@ def parcel_of(message: ParcelMessage, source: int, target: int) -> Parcel:
     scene = message.string or Scene(())
     nodes = sum(piece.count for piece in scene.pieces)
     places = unpacked_places(message.places, nodes, "places")
-    left: dict[str, int] = {}
-    for kind, count in message.left.items():
-        if type(count) is not int or count < 0:
-            raise ProtocolError(f"parcel: left: {kind[:40]} must be a count, not {count!r:.40}")
-        left[kind] = count
-    progress = Progress(
-        message.empty,
-        message.resting,
-        frozenset(message.reached),
-        frozenset(message.striving),
-        given_up_in(message.given_up),
-        left,
-    )
     events = tuple(placed_events(message.events, message.senders))
     units = Units(places, scene.pieces)
-    views, norms = _views(message), _norms(message)
-    return Parcel(message.frame, source, target, units, events, progress, views, norms)
+    return Parcel(message.frame, source, target, units, events, _views(message), _norms(message))
 
 
-def given_up_in(given_up: m.Figures) -> dict[str, str]:
-    """Agents that have given up, with their reasons. Raises ProtocolError for other values."""
+def check_given_up(given_up: m.Figures) -> None:
+    """Raise ProtocolError if the reason of an agent that has given up is no text."""
     for who, why in given_up.items():
         if not isinstance(why, str):
             raise ProtocolError(f"given_up: expected text for {who[:40]}, not {why!r:.40}")
-    return {who: why for who, why in given_up.items() if isinstance(why, str)}
 
 
 def _norms(message: ParcelMessage) -> NormPart:
@@ -212,6 +193,20 @@ def placed_events(events: Sequence[AnyEvent], senders: bytes) -> Iterable[Placed
             raise ProtocolError(f"parcel: the event {event.type} has no sender")
         begin, end = end, end + count
         yield PlacedEvent(places[begin:end], event)
+
+
+def packed_pairs(targets: Iterable[Sequence[int]]) -> bytes:
+    """Source and target of each parcel, of the targets by source, as uint16, little-endian."""
+    pairs = [(source, to) for source, each in enumerate(targets) for to in each]
+    return np.array(pairs, _REGION).tobytes()
+
+
+def sources_in(pairs: bytes, target: int) -> list[int]:
+    """The sources of the parcels to a region. Raises ProtocolError for other data."""
+    if len(pairs) % (2 * _REGION.itemsize):
+        raise ProtocolError(f"advance: parcels: {len(pairs)} bytes are not pairs of uint16")
+    table = np.frombuffer(pairs, _REGION).reshape(-1, 2)
+    return table[table[:, 1] == target, 0].tolist()
 
 
 def packed_places(places: Sequence[Place]) -> bytes:

@@ -36,6 +36,9 @@ class NormPart:
     sanctions: tuple[AnyEvent, ...] = ()
     later: tuple[AnyEvent, ...] = ()
 
+    def __bool__(self) -> bool:
+        return bool(self.states or self.counts or self.sanctions or self.later)
+
 
 NO_NORMS = NormPart()
 

@@ -20,10 +20,11 @@ from minerva_bus.grammar.fitting import Unfit
 from minerva_bus.grammar.scene import Piece, Scene
 from minerva_bus.regions.merging import PlacedEvent, Units
 from minerva_bus.regions.messages import packed_places, placed_events, unpacked_places
-from minerva_bus.regions.parcel import Progress
 from minerva_bus.regions.places import Place
+from minerva_bus.regions.progress import Progress
 
 _INDEX: Final = np.dtype("<i4")
+_REGION: Final = np.dtype("<u2")
 NEW: Final = -1
 
 
@@ -57,9 +58,10 @@ class PartMessage:
     reached: Annotated[tuple[str, ...], Note("agents that have sent `until` in this frame")]
     given_up: Annotated[
         m.Figures,
-        Note('agents that have given up in this frame, with `give_up` as text; "" after `until`'),
+        Note("agents that have given up in this frame, with `give_up` as text"),
     ]
     striving: Annotated[tuple[str, ...], Note("the kinds of agents that have sent either")]
+    parcels: Annotated[bytes, Note("the regions to which it has sent one, as uint16")]
     inputs: Annotated[
         bytes, Note("of region 0: the events of generators, as an entry of a record (section 12)")
     ]
@@ -91,6 +93,7 @@ class PartSender:
         units: Units,
         sent: Sequence[PlacedEvent],
         progress: Progress,
+        targets: Sequence[int],
         inputs: bytes,
     ) -> PartMessage:
         """The message after a frame, relative to that of the frame before."""
@@ -110,16 +113,21 @@ class PartSender:
             tuple(sorted(progress.reached)),
             dict(progress.given_up),
             tuple(sorted(progress.striving)),
+            np.array(targets, _REGION).tobytes(),
             inputs,
         )
 
 
 @dataclass(slots=True)
 class PartReceiver:
-    """The coordinator's side: the part of one region, and its last report."""
+    """The coordinator's side: the part of one region, and its last report.
+
+    `targets` are the regions to which it has sent parcels.
+    """
 
     units: Units
     resting: bool = False
+    targets: tuple[int, ...] = ()
     sent: list[PlacedEvent] = field(default_factory=list[PlacedEvent])
 
     def apply(self, message: PartMessage) -> None:
@@ -127,6 +135,8 @@ class PartReceiver:
         before = self.units.pieces
         if len(message.kept) % _INDEX.itemsize:
             raise ProtocolError("part: kept must be a list of int32")
+        if len(message.parcels) % _REGION.itemsize:
+            raise ProtocolError("part: parcels must be a list of uint16")
         kept: list[int] = np.frombuffer(message.kept, _INDEX).tolist()
         if any(not NEW <= number < len(before) for number in kept):
             raise ProtocolError(f"part: kept must be from -1 to {len(before) - 1}")
@@ -142,6 +152,7 @@ class PartReceiver:
             raise ProtocolError(f"part: expected places of {count} nodes, got {len(places)}")
         self.sent = list(placed_events(message.events, message.senders))
         self.units, self.resting = Units(places, pieces), message.resting
+        self.targets = tuple(np.frombuffer(message.parcels, _REGION).tolist())
 
 
 def _piece(message: PartMessage, position: str, old: Piece | None) -> Piece:

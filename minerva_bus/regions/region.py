@@ -8,7 +8,7 @@ parcels, which may arrive in any order and more than once.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
 
@@ -19,7 +19,6 @@ from minerva_bus.errors import ProtocolError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.description import World
-from minerva_bus.frame.live import why_over
 from minerva_bus.frame.member import Member
 from minerva_bus.grammar.scene import Piece, agents
 from minerva_bus.regions.arriving import check_arriving
@@ -29,8 +28,9 @@ from minerva_bus.regions.dividing import NOTHING, cut, divided
 from minerva_bus.regions.inbox import ParcelInbox
 from minerva_bus.regions.merging import PlacedEvent, Units, in_order, merged
 from minerva_bus.regions.norms import NO_NORMS, NormPart, RegionNorms
-from minerva_bus.regions.parcel import Parcel, Progress
+from minerva_bus.regions.parcel import Parcel
 from minerva_bus.regions.partition import Partition, regions_of
+from minerva_bus.regions.progress import Progress
 from minerva_bus.regions.reach import check_reach
 from minerva_bus.regions.routing import Routing
 from minerva_bus.regions.source import RegionSource
@@ -39,11 +39,7 @@ from minerva_bus.world.norms import SOURCE
 
 
 class Region:
-    """One region of a world. `partition` applies to the frames that begin next.
-
-    `over` is the reason why no further frame begins, known after `enter`, and `reached` whether the
-    world has ended by its goal. `resting`: the next frame would change nothing in any region.
-    """
+    """One region of a world. `partition` applies to the frames that begin next."""
 
     def __init__(
         self,
@@ -63,9 +59,6 @@ class Region:
         own = cut(world.scene, partition)[number] if own is None else own
         self.number = number
         self.partition = partition
-        self.over = ""
-        self.reached = False
-        self.resting = False
         self.services = AttachedServices(number, partition.count, members)
         self.algorithm = FrameAlgorithm(replace(world, scene=own.scene), RegionSource)
         assert isinstance(self.algorithm.source, RegionSource)
@@ -74,7 +67,7 @@ class Region:
         self._world = world
         self._inbox = ParcelInbox(world.past.frame + 1)
         self._remaining: Units | None = None
-        self._note_known()
+        self.algorithm.goal.forget()
         self._settled: dict[int, Piece] = {}
         self._settled_by = partition
         self._norms: RegionNorms | None = None
@@ -119,19 +112,27 @@ class Region:
         """The parcels for frames that have not been entered, and replies for those not begun."""
         return [*self._inbox.kept, *self.services.arrived]
 
+    def expect(self, sources: Collection[int]) -> None:
+        """The next frame needs parcels of these regions: others have sent none.
+
+        Raises ProtocolError for a region that does not exist.
+        """
+        if not {*range(self.partition.count)}.issuperset(sources):
+            raise ProtocolError(f"parcels of regions {sorted(sources)}: some do not exist")
+        self._inbox.expected = frozenset([self.number, *sources])
+
     @property
     def missing(self) -> list[int]:
         """The regions that have not sent what `enter` needs, or then the next frame."""
         if self._has_entered:
             return [HOME] if self.services.lacks(self.frame) else []
-        arrived = self._inbox.sources(self.frame - 1)
-        return [region for region in range(self.partition.count) if region not in arrived]
+        return self._inbox.missing(self.frame)
 
     def enter(self) -> None:
         """Prepare the next frame, once, from the parcels: agents that arrive, and all events.
 
-        The world is over if `over` is set afterwards. Raises ProtocolError if a region has sent
-        agents that do not belong here.
+        Raises ProtocolError if a region has sent agents that do not belong here, or a parcel that
+        is not expected.
         """
         if self._has_entered:
             return
@@ -141,32 +142,34 @@ class Region:
         self._join([parcel.units for parcel in parcels])
         events = in_order(event for parcel in parcels for event in parcel.events)
         self.algorithm.inbox.emitted = events
-        self._note_progress([parcel.progress for parcel in parcels])
         if self._norms is not None:
             norms = [parcel.norms for parcel in parcels]
             self._norms.receive(norms)
             self.algorithm.inbox.sanctions = [event for part in norms for event in part.sanctions]
-            if self.over:
-                self._norms.forget_judged()
             # Counts have changed since the last frame, by judging and by agents that have moved.
             self.algorithm.members.saved[SOURCE] = self._norms.saved()
 
-    def give(self, outside: m.RegionInputs) -> None:
+    def give(self, request: m.RegionRequest) -> None:
         """Begin a frame with events from outside of all regions, and perhaps with new borders.
 
         Raises ProtocolError for borders of other regions.
         """
-        self.partition = moved(self.partition, outside.borders)
-        self.algorithm.inbox.replace(outside.events)
+        self.partition = moved(self.partition, request.borders)
+        self.algorithm.inbox.replace(request.events)
         if self._norms is not None:
-            self._norms.people = frozenset(outside.people)
+            self._norms.people = frozenset(request.people)
+
+    def end(self) -> None:
+        """End the world before the next frame."""
+        if self._norms is not None:
+            self._norms.forget_judged()
 
     @property
     def norms(self) -> Parcel:
         """What norms have received for the frame that begins, in a parcel to this region."""
         received = NO_NORMS if self._norms is None else self._norms.received()
         own = self.number
-        return Parcel(self.frame, own, own, NOTHING, (), self.progress(), norms=received)
+        return Parcel(self.frame, own, own, NOTHING, (), norms=received)
 
     @property
     def _has_entered(self) -> bool:
@@ -183,52 +186,37 @@ class Region:
         self.algorithm.placement.outdated = True
         self._source.places = units.places
 
-    def _note_progress(self, progress: Sequence[Progress]) -> None:
-        goal, until = self.algorithm.goal, self._world.until
-        for each in progress:
-            goal.learn(each.reached, each.striving, each.given_up)
-        left = sum(each.left.get(kind, 0) for each in progress for kind in goal.striving)
-        ends = bool(until and (goal.reached or goal.given_up)) and not left
-        self.reached = ends and not goal.given_up
-        self._note_known()
-        self.resting = all(each.resting for each in progress)
-        empty = all(each.empty for each in progress)
-        finished = goal.reason() if ends else ""
-        self.over = why_over(self._world, self.frame, empty, finished)
-
-    def _note_known(self) -> None:
-        """Note what all regions know of the goal, before a frame."""
-        goal = self.algorithm.goal
-        self._known = goal.reached, goal.striving, goal.given_up
-
     # --- after a frame ---
 
     def leave(self) -> list[Parcel]:
-        """The parcels after a frame, one for each region, itself included."""
+        """The parcels after a frame: one for itself, and those for others with something in them.
+
+        What `progress` has returned is forgotten.
+        """
         frame, composition = self.frame - 1, self.algorithm.composition
         check_reach(self.partition, composition)
+        self.algorithm.goal.forget()
         leaving = self._leaving()
         moving = {
             agent.id: region for region, units in leaving.items() for agent in agents(units.scene)
         }
         routing = Routing(self.number, self.partition, composition, moving)
         routed = routing.route(self._source.sent)
-        progress = self.progress()
         views = {HOME: self._source.shown} if self.services.shows else {}
         norms = self._norm_parts(routing, moving)
-        return [
+        parcels = [
             Parcel(
                 frame,
                 self.number,
                 to,
                 leaving.get(to, NOTHING),
                 tuple(events),
-                progress,
                 views.get(to, NO_VIEWS),
                 norms.get(to, NO_NORMS),
             )
             for to, events in enumerate(routed)
         ]
+        return [parcel for parcel in parcels if parcel or parcel.target == self.number]
 
     def _norm_parts(self, routing: Routing, moving: Mapping[str, int]) -> dict[int, NormPart]:
         if self._norms is None:
@@ -248,19 +236,14 @@ class Region:
             for to in regions
         }
 
+    def keeps(self, parcel: Parcel) -> bool:
+        """Whether a parcel is for this region, which has received it then."""
+        return parcel.target == self.number and self.receive(parcel)
+
     def progress(self) -> Progress:
-        """The data of the last frame that other regions need."""
+        """What the last frame means for the end of the world."""
         algorithm, goal = self.algorithm, self.algorithm.goal
-        reached, striving, given_up = self._known
-        since = {who: why for who, why in goal.given_up.items() if given_up.get(who) != why}
-        return Progress(
-            algorithm.composition.empty,
-            algorithm.at_rest,
-            goal.reached - reached,
-            goal.striving - striving,
-            {**dict.fromkeys(given_up.keys() - goal.given_up.keys(), ""), **since},
-            goal.left(),
-        )
+        return Progress(algorithm.at_rest, goal.reached, goal.given_up, goal.striving)
 
     def _leaving(self) -> dict[int, Units]:
         """The units whose agents are now in other regions, by region; the others remain."""

@@ -33,9 +33,9 @@ from minerva_bus.regions.balancing import balanced, is_due, packed_borders
 from minerva_bus.regions.dividing import cut
 from minerva_bus.regions.journal import JOURNAL, KeptJournals
 from minerva_bus.regions.merging import in_order
-from minerva_bus.regions.messages import given_up_in
+from minerva_bus.regions.messages import check_given_up, packed_pairs
 from minerva_bus.regions.outside import OutsideEvents
-from minerva_bus.regions.part import PartCodec, PartMessage
+from minerva_bus.regions.part import PartCodec, PartMessage, PartReceiver
 from minerva_bus.regions.partition import Partition
 from minerva_bus.regions.whole_string import WholeString, saved_parts
 from minerva_bus.world.kinds import Kinds
@@ -86,11 +86,11 @@ class WholeSource(RecordedSource):
         parts = saved.pop(PARTS, None)
         if parts is None:
             assert partition is not None
-            self._whole = WholeString(cut(algorithm.world.scene, partition))
+            self._whole = WholeString(map(PartReceiver, cut(algorithm.world.scene, partition)))
         else:
             self._whole = WholeString(saved_parts(parts, names, codec))
         super().__init__(algorithm, cursor=self._whole, kinds=kinds)
-        self._borders = b""
+        self._request = m.RegionRequest(algorithm.frame)
         self._reports: dict[str, PartMessage] = {}
         self._replies: list[m.TickReply] = []
         self._outside = OutsideEvents(algorithm.inbox, succeeds=parts is not None)
@@ -130,15 +130,12 @@ class WholeSource(RecordedSource):
         algorithm.in_flight.pending = set(self._names)
         if self._outside.take():
             algorithm.out.add(s.Fixed(algorithm.frame))
-        self._borders = _borders_of(self._partition, algorithm)
-        for name in self._names:
-            self._send_outside(name)
-        algorithm.out.send(s.TICKED, m.TickRequest(algorithm.frame))
+        self._request = self._request_of_frame()
+        algorithm.out.send(s.TICKED, self._request)
 
     def ask(self, member: MemberEntry) -> None:
         """Repeat the request to a region that has returned while the frame waits for it."""
-        self._send_outside(member.name)
-        self._algorithm.out.send(member.name, m.TickRequest(self._algorithm.frame))
+        self._algorithm.out.send(member.name, self._request)
 
     def objection(self, hello: m.Hello) -> str:
         """Reason why a member, which is no region, cannot take part; or an empty string."""
@@ -150,12 +147,13 @@ class WholeSource(RecordedSource):
             " coordinator (--regions 0), or send events freely"
         )
 
-    def _send_outside(self, region: str) -> None:
-        current = self._outside.current
-        if current or self._borders:
-            events = {source: tuple(sent) for source, sent in sorted(current.items())}
-            outside = m.RegionInputs(self._algorithm.frame, events, self._people(), self._borders)
-            self._algorithm.out.send(region, outside)
+    def _request_of_frame(self) -> m.RegionRequest:
+        """A function of the last frame and of fixed events, so a successor repeats it equally."""
+        algorithm, current = self._algorithm, self._outside.current
+        events = {source: tuple(sent) for source, sent in sorted(current.items())}
+        parcels = packed_pairs(part.targets for part in self._whole.parts)
+        borders = _borders_of(self._partition, algorithm)
+        return m.RegionRequest(algorithm.frame, parcels, events, self._people(), borders)
 
     def _people(self) -> tuple[str, ...]:
         """The generators in this frame whose events count as sent by people."""
@@ -184,7 +182,7 @@ class WholeSource(RecordedSource):
         if not isinstance(data, bytes) or reply.member not in self._names:
             raise ProtocolError(f"ticked: a region must report its {PART}")
         message = self._codec.decode(data)
-        given_up_in(message.given_up)
+        check_given_up(message.given_up)
         if reply.member == self._names[FIRST]:
             self._generated = self._codec.inputs(message.inputs)
         self._whole.parts[self._names.index(reply.member)].apply(message)

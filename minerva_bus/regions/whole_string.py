@@ -8,9 +8,9 @@ from typing import Any
 from minerva_bus.frame.inputs import RecordedFrame
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.regions.dividing import NOTHING
-from minerva_bus.regions.merging import Units, merged
-from minerva_bus.regions.parcel import NO_PROGRESS
+from minerva_bus.regions.merging import merged
 from minerva_bus.regions.part import PartCodec, PartReceiver, PartSender
+from minerva_bus.regions.progress import NO_PROGRESS
 
 
 class WholeString:
@@ -18,8 +18,8 @@ class WholeString:
 
     end = 0
 
-    def __init__(self, units: Iterable[Units]) -> None:
-        self.parts = [PartReceiver(each) for each in units]
+    def __init__(self, parts: Iterable[PartReceiver]) -> None:
+        self.parts = [*parts]
         self.ahead: RecordedFrame | None = None
 
     def advance(self) -> Scene:
@@ -34,15 +34,17 @@ class WholeString:
     def saved(self, frame: int, names: Sequence[str], codec: PartCodec) -> dict[str, bytes]:
         """The parts by region, as reports of regions that had nothing before."""
         messages = [
-            PartSender().message(frame, part.units, part.sent, NO_PROGRESS, b"")
+            PartSender().message(frame, part.units, part.sent, NO_PROGRESS, part.targets, b"")
             for part in self.parts
         ]
         return dict(zip(names, map(codec.encode, messages), strict=True))
 
 
-def saved_parts(saved: Mapping[str, Any], names: Sequence[str], codec: PartCodec) -> list[Units]:
+def saved_parts(
+    saved: Mapping[str, Any], names: Sequence[str], codec: PartCodec
+) -> list[PartReceiver]:
     """The parts that `WholeString.saved` has returned. Raises ProtocolError."""
     receivers = [PartReceiver(NOTHING) for _ in names]
     for name, receiver in zip(names, receivers, strict=True):
         receiver.apply(codec.saved(saved[name]))
-    return [receiver.units for receiver in receivers]
+    return receivers

@@ -14,7 +14,7 @@ from minerva_bus.errors import ProtocolError, SceneError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame.schema import Wire
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.regions.messages import ParcelMessage, RegionMessage, RepliesMessage
+from minerva_bus.regions.messages import ParcelMessage, RegionMessage
 from minerva_bus.regions.part import PartMessage
 from minerva_bus.wire.declared import Encode, MessageCodec, by_name, message_codec
 from minerva_bus.wire.limits import DEFAULT, Limits
@@ -27,7 +27,7 @@ _EMPTY: Final = Vocabulary()
 FROM_MEMBER: Final = by_name(get_args(m.FromMember))
 TO_MEMBER: Final = by_name(get_args(m.ToMember))
 FOR_ALL: Final = by_name((m.Readings, m.FrameRecord))
-FROM_REGION: Final = by_name((ParcelMessage, RepliesMessage))
+FROM_REGION: Final = by_name(get_args(RegionMessage))
 PARTS: Final = by_name((PartMessage,))
 _PARCEL: Final = ParcelMessage.WIRE
 _PART: Final = PartMessage.WIRE

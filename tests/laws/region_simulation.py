@@ -12,10 +12,10 @@ from minerva_bus.grammar.batch import single
 from minerva_bus.launch.region_checkpoint import RegionCheckpoint
 from minerva_bus.regions.dividing import cut
 from minerva_bus.regions.merging import in_order, merged
-from minerva_bus.regions.messages import from_message, to_message
+from minerva_bus.regions.messages import from_message, packed_pairs, sources_in, to_message
 from minerva_bus.regions.outbox import Outbox
-from minerva_bus.regions.parcel import Parcel
 from minerva_bus.regions.part import PartReceiver, PartSender
+from minerva_bus.regions.progress import Ending
 from minerva_bus.regions.region import Region
 from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.wire.codec import Decoder, encode
@@ -62,7 +62,6 @@ class Process:
         for message in journal:
             self.advance_all()
             region.receive(message)
-            self.acknowledge(message)
         if journal:
             self.advance_all()
 
@@ -89,11 +88,6 @@ class Process:
     def receive(self, message):
         if self.region.receive(message):
             self.journal.append(message)
-        self.acknowledge(message)
-
-    def acknowledge(self, message):
-        if isinstance(message, Parcel):
-            self.outbox.acknowledge(message)
 
     def advance_all(self):
         while self.advance():
@@ -102,27 +96,28 @@ class Process:
     def advance(self):
         """Run one frame if everything for it has arrived."""
         region, regions = self.region, self.regions
-        if not self.goes_on or region.missing:
+        frame = region.frame
+        if frame not in regions.requests:
+            return False
+        self.outbox.acknowledge(frame)
+        region.expect(regions.requests[frame][region.number])
+        if region.missing:
             return False
         region.enter()
-        frame = region.frame
-        if region.over:
-            regions.ends[region.number] = (region.over, region.reached, frame)
-        if region.over or region.missing:
+        if region.missing:
             return False
         if regions.checkpoints:
             self.continue_from_checkpoint()
             region = self.region
         begin(self.runner, regions.frames[frame])
-        message = self.parts.message(frame, region.units, region.sent, region.progress(), b"")
-        regions.report(frame, region.number, message)
+        units, sent, progress = region.units, region.sent, region.progress()
         region.partition = regions.partitions[(frame + 1) % len(regions.partitions)]
-        self.send(region.leave())
+        parcels = region.leave()
+        self.send(parcels)
+        targets = [parcel.target for parcel in parcels]
+        message = self.parts.message(frame, units, sent, progress, targets, b"")
+        regions.report(frame, region.number, message, progress)
         return True
-
-    @property
-    def goes_on(self):
-        return self.region.frame < len(self.regions.frames) and not self.region.over
 
 
 @dataclass
@@ -144,14 +139,18 @@ class Regions:
     messages: list = field(default_factory=list)
     parts: list = field(default_factory=list)
     reports: dict = field(default_factory=lambda: defaultdict(dict))
-    ends: dict = field(default_factory=dict)
+    progress: dict = field(default_factory=lambda: defaultdict(list))
+    requests: dict = field(default_factory=dict)
+    parcels: int = 0
+    end: tuple = ()
 
     def digests(self):
         count, chance = self.partitions[0].count, self.chance
         self.decoder = Decoder(self.world.vocabulary)
         self.parts = [PartReceiver(part) for part in cut(self.world.scene, self.partitions[0])]
         self.processes = [Process(self, number) for number in range(count)]
-        while any(process.goes_on for process in self.processes):
+        self.requests[0] = [()] * count
+        while self.goes_on():
             number = chance.randrange(count)
             if chance.random() < self.kills:
                 self.killed += 1
@@ -168,12 +167,31 @@ class Regions:
             for parts in ([*of.values()] for _, of in sorted(self.reports.items()))
         ]
 
-    def report(self, frame, number, message):
+    def goes_on(self):
+        """Request a frame when all regions have reported the one before, unless the world ends."""
+        frame = len(self.requests)
+        if len(self.reports[frame - 1]) < len(self.parts):
+            return True
+        parts = [process.region.algorithm.composition for process in self.processes]
+        ending = Ending(self.world, parts)
+        for _, progress in sorted(self.progress.items()):
+            ending.learn(progress)
+        if reason := ending.why_over(frame):
+            self.end = reason, ending.reached, frame
+        if reason or frame == len(self.frames):
+            return False
+        pairs = packed_pairs(part.targets for part in self.parts)
+        self.requests[frame] = [sources_in(pairs, number) for number in range(len(parts))]
+        return True
+
+    def report(self, frame, number, message, progress):
         """Send the changes of a region's part to the coordinator, which assembles the string."""
         if number not in self.reports[frame]:  # Otherwise a new process repeats the frame.
             receiver = self.parts[number]
             receiver.apply(self.decoder.part(encode(message)))
             self.reports[frame][number] = receiver.units, receiver.sent
+            self.progress[frame].append(progress)
+            self.parcels += len(receiver.targets)
 
     def deliver(self):
         chance = self.chance

@@ -145,22 +145,5 @@ def test_nobody_waits_forever_for_what_came_with_an_earlier_frame(tmp_path, name
     assert len(wrong) == 1
 
 
-def test_parcels_that_end_the_world_for_one_region_only_stop_it(tmp_path):
-    """The coordinator would wait for ever for a region whose world is over."""
-
-    def forge(sender, target, data):
-        message = msgpack.unpackb(data, ext_hook=msgpack.ExtType)
-        if message[0] == "parcel" and target == 1:
-            message[8], message[10], message[11] = [*"abcd"], ["AWalker"], {}
-        return msgpack.packb(message)
-
-    file = read_world_file(write_world(tmp_path, until="eCall"), Overrides(regions=3))
-    with in_regions(file) as regions:
-        cluster = Cluster(regions, Random(1))
-        cluster.links.forge = forge
-        with pytest.raises(WorldStopped, match=r"every agent has sent eCall.*one of them is wrong"):
-            cluster.run()
-
-
 def wish(number, receiver):
     return EventType("eWish", x=Metres, name=str)(x=number, name="hill", receivers=[receiver])

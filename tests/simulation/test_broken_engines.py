@@ -104,18 +104,19 @@ def send_nothing_again(patch):
 
 def acknowledge_early(patch):
     """Drop parcels that their receiver may not have."""
-    patch.setattr(Outbox, "acknowledge", lambda outbox, received: outbox._kept.clear())
+    patch.setattr(Outbox, "acknowledge", lambda outbox, frame: outbox._kept.clear())
 
 
 def obey_repeated_orders(patch):
     """Let orders of the frame before count again."""
-    whole = RegionMember._on_outside
+    whole, last = Region.give, {}
 
-    def on_outside(region, events):
-        whole(region, events)
-        region._requests.note(replace(events, frame=events.frame + 1))
+    def give(region, request):
+        events = {**last.get(region.number, {}), **request.events}
+        last[region.number] = request.events
+        whole(region, replace(request, events=events))
 
-    patch.setattr(RegionMember, "_on_outside", on_outside)
+    patch.setattr(Region, "give", give)
 
 
 def take_stale_reports(patch):

@@ -114,7 +114,7 @@ def to_member(vocabulary):
             m.ViewShown, names(), numbers, numbers, views, st.none() | strings.map(with_slots)
         ),
         st.builds(m.Orders, numbers, some),
-        st.builds(m.RegionInputs, numbers, st.dictionaries(names(), some, max_size=3), few),
+        st.builds(m.RegionRequest, numbers, st.binary(max_size=8), st.dictionaries(names(), some, max_size=3), few),
         st.builds(m.Repeat, names()),
         st.builds(m.Stop, texts()),
     )  # fmt: skip

@@ -8,24 +8,24 @@ from minerva_bus.errors import ProtocolError, SceneError
 from minerva_bus.frame.description import World
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.regions.merging import PlacedEvent, Units
-from minerva_bus.regions.messages import from_message, packed_places, to_message, unpacked_places
-from minerva_bus.regions.parcel import Parcel, Progress
+from minerva_bus.regions.messages import (
+    from_message,
+    packed_pairs,
+    packed_places,
+    sources_in,
+    to_message,
+    unpacked_places,
+)
+from minerva_bus.regions.parcel import Parcel
 from minerva_bus.regions.part import PartReceiver, PartSender
 from minerva_bus.regions.partition import ByFunction
+from minerva_bus.regions.progress import NO_PROGRESS
 from minerva_bus.regions.region import Region
 from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.testing.family import FAMILY_VOCABULARY, Walker, eHit
 from minerva_bus.wire.codec import Decoder, encode
 
 DECODER = Decoder(FAMILY_VOCABULARY)
-PROGRESS = Progress(
-    False,
-    False,
-    frozenset({"b"}),
-    frozenset({"AWalker"}),
-    {"c": "eTire<>", "d": ""},
-    {"AWalker": 2},
-)
 
 
 def nodes(*names):
@@ -33,7 +33,7 @@ def nodes(*names):
 
 
 def parcel(*names, frame=0, places=((7, -1, 2),), events=()):
-    return Parcel(frame, 1, 0, Units(places[: len(names)], nodes(*names)), events, PROGRESS)
+    return Parcel(frame, 1, 0, Units(places[: len(names)], nodes(*names)), events)
 
 
 def received(message):
@@ -57,8 +57,6 @@ def test_a_parcel_arrives_as_it_was_sent():
         ({"places": packed_places([(1, 2)])}, "an odd number of numbers"),
         ({"events": (eHit(amount=1.0),), "senders": packed_places([(1,)])}, "eHit has no sender"),
         ({"senders": packed_places([(1,)])}, "senders has 12 bytes, which are not 0 places"),
-        ({"given_up": {"c": 2}}, "given_up: expected text for c, not 2"),
-        ({"left": {"AWalker": -1}}, "left: AWalker must be a count, not -1"),
         ({"string": Scene(nodes("c", "c")), "places": packed_places([(1,), (2,)])}, "c"),
     ],
 )
@@ -82,7 +80,7 @@ def region():
     region = Region(world, 0, ByFunction(2, region_of))
     InProcessRunner(region.algorithm, ()).start()
     region.algorithm.frame = 1
-    region.receive(Parcel(0, 0, 0, Units((), ()), (), PROGRESS))
+    region.receive(Parcel(0, 0, 0, Units((), ()), ()))
     return region
 
 
@@ -95,15 +93,38 @@ def region():
     ],
 )
 def test_an_agent_that_cannot_move_here_is_refused(region, arriving, problem):
+    region.expect([1])
     region.receive(arriving)
     with pytest.raises(ProtocolError, match=problem):
         region.enter()
 
 
 def test_a_parcel_from_the_future_is_refused(region):
+    region.expect([1])
     assert region.missing == [1]
     with pytest.raises(ProtocolError, match="it is of frame 2, expected at most 1"):
         region.receive(parcel(frame=2))
+
+
+def test_a_parcel_that_its_sender_has_not_reported_is_refused(region):
+    region.expect([])
+    region.receive(parcel("c"))
+    with pytest.raises(
+        ProtocolError, match="region 1 has sent a parcel of frame 0 that it has not"
+    ):
+        region.enter()
+
+
+@pytest.mark.parametrize("pairs", [b"\0\0", packed_pairs([(), (1, 0)])[:-1]])
+def test_a_request_without_whole_pairs_is_refused(pairs):
+    with pytest.raises(ProtocolError, match="bytes are not pairs of uint16"):
+        sources_in(pairs, 0)
+
+
+def test_a_request_for_parcels_of_unknown_regions_is_refused(region):
+    assert sources_in(packed_pairs([(), (), (1, 0)]), 0) == [2]
+    with pytest.raises(ProtocolError, match=r"parcels of regions \[2\]: some do not exist"):
+        region.expect([2])
 
 
 @pytest.mark.parametrize(
@@ -116,10 +137,13 @@ def test_a_parcel_from_the_future_is_refused(region):
         ({"places": packed_places([(1,)])}, "which are not 2 places"),
         ({"places": b""}, "expected places of 2 nodes, got 1"),
         ({"senders": packed_places([(1,)])}, "which are not 0 places"),
+        ({"parcels": b"\1"}, "parcels must be a list of uint16"),
     ],
 )
 def test_a_report_with_contradictions_is_refused(change, problem):
     receiver = PartReceiver(Units([(3,)], nodes("a")))
-    report = PartSender().message(0, Units([(3,), (4,)], nodes("b", "c")), [], PROGRESS, b"")
+    report = PartSender().message(
+        0, Units([(3,), (4,)], nodes("b", "c")), [], NO_PROGRESS, [1], b""
+    )
     with pytest.raises(ProtocolError, match=problem):
         receiver.apply(DECODER.part(encode(replace(report, **change))))

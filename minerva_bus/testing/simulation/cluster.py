@@ -175,7 +175,8 @@ class Cluster(Sink):
         It sends its report again, which may arrive when the frame is over.
         """
         if self.algorithm.in_frame:
-            self.links.down[name].append(m.TickRequest(self.algorithm.frame))
+            member = self.algorithm.members.get(name)
+            self.algorithm.source.ask(member)
 
     def restore(self) -> None:
         """Restore all links, which both sides notice."""
