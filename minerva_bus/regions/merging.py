@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import groupby
+from operator import is_
 from typing import Any, TypeAlias, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
 from minerva_bus.grammar.batch import AnyEvent, Events, single
 from minerva_bus.grammar.column import Rows
@@ -57,37 +59,71 @@ class PlacedEvent:
         return PlacedEvent([self.places[row] for row in numbers], batch.take(rows))
 
 
+class Merger:
+    """Merges the units of several parts, sorted by place, again and again.
+
+    While all parts have the nodes that they had, it keeps their order, so that merging costs what
+    copying columns costs.
+    """
+
+    def __init__(self) -> None:
+        self._places: list[Sequence[Place]] = []
+        self._forms: list[_Form] = []
+        self._order: list[Place] = []
+        self._runs: list[tuple[_Shape | None, NDArray[np.intp]]] = []
+
+    def merge(self, parts: Iterable[Units]) -> Units:
+        """The units in the order of one string; neighbours of one shape in columns stay so."""
+        parts = [*parts]
+        pieces = [piece for part in parts for piece in part.pieces]
+        places, forms = [part.places for part in parts], [_form(piece) for piece in pieces]
+        same = len(places) == len(self._places) and all(map(is_, places, self._places))
+        if not same or forms != self._forms:
+            self._places, self._forms = places, forms
+            self._sort(parts)
+        groups = _columns_by_shape(pieces)
+        made: list[Piece] = []
+        for shape, numbers in self._runs:
+            if shape is None:
+                made += [pieces[number] for number in numbers.tolist()]
+            else:
+                made.append(groups[shape].take(numbers))
+        return Units(self._order, tuple(made))
+
+    def _sort(self, parts: Iterable[Units]) -> None:
+        """Note the order of all nodes: runs of numbers of pieces, or of rows of one shape."""
+        filled: dict[_Shape, int] = {}
+        # (place, shape, row) of each node in columns, and (place, None, piece) of each other one.
+        entries: list[tuple[Place, _Shape | None, int]] = []
+        each = (each for part in parts for each in part.each())
+        for number, ((places, _), (shape, count)) in enumerate(zip(each, self._forms, strict=True)):
+            if shape is None:
+                entries.append((places[0], None, number))
+                continue
+            first = filled.get(shape, 0)
+            entries += [(place, shape, first + row) for row, place in enumerate(places)]
+            filled[shape] = first + count
+        entries.sort(key=_place)
+        self._order = [place for place, _, _ in entries]
+        self._runs = [
+            (shape, np.array([number for _, _, number in run], np.intp))
+            for shape, run in groupby(entries, _held_in)
+        ]
+
+
 def merged(parts: Iterable[Units]) -> Units:
     """The units of several parts, sorted by place; neighbours of one shape in columns stay so."""
-    holding: list[tuple[Sequence[Place], Piece]] = []
-    for part in parts:
-        holding += part.each()
-    groups = _columns_by_shape([piece for _, piece in holding])
-    filled: dict[_Shape, int] = dict.fromkeys(groups, 0)
-    # (place, columns, row) of each node in columns, and (place, node, -1) of each other one.
-    entries: list[tuple[Place, Piece, int]] = []
-    for places, piece in holding:
-        if not isinstance(piece, Columns):
-            entries.append((places[0], piece, -1))
-            continue
-        key = _shape(piece)
-        first = filled[key]
-        entries += [(place, groups[key], first + row) for row, place in enumerate(places)]
-        filled[key] += piece.count
-    entries.sort(key=_place)
-    made: list[Piece] = []
-    for _, group in groupby(entries, _held_in):
-        run = list(group)
-        piece = run[0][1]
-        if isinstance(piece, Columns):
-            made.append(piece.take(np.array([row for _, _, row in run], np.intp)))
-        else:  # The same node may stand several times in a row.
-            made += [piece] * len(run)
-    ordered = [place for place, _, _ in entries]
-    return Units(ordered, tuple(made))
+    return Merger().merge(parts)
 
 
 _Shape: TypeAlias = tuple[object, ...]
+
+_Form: TypeAlias = tuple[_Shape | None, int]
+"""The shape of a piece in columns, or None, and the number of its nodes."""
+
+
+def _form(piece: Piece) -> _Form:
+    return (_shape(piece) if isinstance(piece, Columns) else None), piece.count
 
 
 def _shape(piece: Columns) -> _Shape:
@@ -125,8 +161,8 @@ def _of_one_type(group: Sequence[PlacedEvent]) -> Sequence[AnyEvent]:
     return [events[row] for row in order]
 
 
-def _held_in(entry: tuple[Place, Piece, int]) -> int:
-    return id(entry[1])
+def _held_in(entry: tuple[Place, _Shape | None, int]) -> _Shape | None:
+    return entry[1]
 
 
 def _place(entry: tuple[Place, Any, int]) -> Place:

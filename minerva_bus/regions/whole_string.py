@@ -8,7 +8,7 @@ from typing import Any
 from minerva_bus.frame.inputs import RecordedFrame
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.regions.dividing import NOTHING
-from minerva_bus.regions.merging import merged
+from minerva_bus.regions.merging import Merger
 from minerva_bus.regions.part import PartCodec, PartReceiver, PartSender
 from minerva_bus.regions.progress import NO_PROGRESS
 
@@ -20,16 +20,17 @@ class WholeString:
 
     def __init__(self, parts: Iterable[PartReceiver]) -> None:
         self.parts = [*parts]
+        self._merger = Merger()
         self.ahead: RecordedFrame | None = None
 
     def advance(self) -> Scene:
         """The string after the frame that all regions have reported."""
         self.ahead = None
-        return merged(part.units for part in self.parts).scene
+        return self._merger.merge(part.units for part in self.parts).scene
 
     def seek(self, number: int) -> Scene:
         """The present string."""
-        return merged(part.units for part in self.parts).scene
+        return self._merger.merge(part.units for part in self.parts).scene
 
     def saved(self, frame: int, names: Sequence[str], codec: PartCodec) -> dict[str, bytes]:
         """The parts by region, as reports of regions that had nothing before."""

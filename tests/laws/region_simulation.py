@@ -11,7 +11,7 @@ from minerva_bus.frame.description import World
 from minerva_bus.grammar.batch import single
 from minerva_bus.launch.region_checkpoint import RegionCheckpoint
 from minerva_bus.regions.dividing import cut
-from minerva_bus.regions.merging import in_order, merged
+from minerva_bus.regions.merging import Merger, in_order
 from minerva_bus.regions.messages import from_message, packed_pairs, sources_in, to_message
 from minerva_bus.regions.outbox import Outbox
 from minerva_bus.regions.part import PartReceiver, PartSender
@@ -159,9 +159,10 @@ class Regions:
             frames = [process.region.frame for process in self.processes]
             self.ahead = max(self.ahead, max(frames) - min(frames))
             self.deliver()
+        merger = Merger()
         return [
             state(
-                merged(units for units, _ in parts).scene,
+                merger.merge(units for units, _ in parts).scene,
                 in_order(chain(*(sent for _, sent in parts))),
             )
             for parts in ([*of.values()] for _, of in sorted(self.reports.items()))
