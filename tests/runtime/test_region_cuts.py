@@ -5,16 +5,19 @@ from random import Random
 
 import msgpack
 import pytest
-from running import MEMBERS, write_world
+from running import MEMBERS, here, write_world
 
 from minerva_bus import EventType, Metres
-from minerva_bus.errors import WorldStopped
+from minerva_bus.errors import WorldFileError, WorldStopped
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
+from minerva_bus.frame.checkpoint import Checkpoint
 from minerva_bus.launch import region_journal
 from minerva_bus.launch.in_process import members_of
 from minerva_bus.launch.reading import read_world_file
 from minerva_bus.launch.region_layout import in_regions
+from minerva_bus.launch.region_settings import check_region_run
+from minerva_bus.launch.resuming import read_resumed
 from minerva_bus.regions.journal import CHECKPOINT, JOURNAL, entries
 from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.settings.overrides import Overrides
@@ -143,6 +146,40 @@ def test_nobody_waits_forever_for_what_came_with_an_earlier_frame(tmp_path, name
         cluster.run()
     assert digests(cluster) == digests_of_one(file, {})
     assert len(wrong) == 1
+
+
+def test_a_record_continues_in_regions(file, tmp_path):
+    words = "--in-process", "--rate", 0, "--frames", 9, "--record", "one.mcap", "--quiet"
+    assert here(tmp_path, "run", file.path, *words).returncode == 0
+    resumed = read_resumed(
+        tmp_path / "one.mcap", str(file.path), Overrides(regions=3, frames=FRAMES)
+    )
+    check_region_run(resumed, in_process=False)
+    with in_regions(resumed) as regions:
+        cluster = Cluster(regions, Random(1))
+        cluster.run()
+    wanted = digests_of_one(file, {})
+    assert digests(cluster) == {number: wanted[number] for number in range(9, FRAMES)}
+
+
+@pytest.mark.parametrize(
+    ("change", "problem"),
+    [
+        ('[norm.still]\nwhen = "x < 9"\n', "--resume of a world with norms"),
+        ('[process.water]\nservice = "yard:Water"\n', r"services in region 0 \(water\)"),
+        ("[process.steps]\nelsewhere = true\n", "--resume with regions on other machines"),
+    ],
+)
+def test_what_cannot_continue_in_regions_is_refused(file, tmp_path, change, problem):
+    if change.startswith("[process.steps]"):
+        away = [replace(each, elsewhere=True) for each in file.processes]
+        file = replace(file, processes=tuple(away))
+    else:
+        path = write_world(tmp_path, MEMBERS + change)
+        file = read_world_file(path, Overrides(regions=3))
+    later = replace(file.world, past=Checkpoint(9))
+    with pytest.raises(WorldFileError, match=problem):
+        check_region_run(replace(file, world=later), in_process=False)
 
 
 def wish(number, receiver):
