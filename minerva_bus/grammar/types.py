@@ -21,6 +21,7 @@ import math
 import re
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass, replace
+from itertools import chain, islice
 from operator import is_
 from typing import Annotated, Any, Literal, TypeAlias, TypeVar, cast, get_args, get_origin
 
@@ -30,7 +31,7 @@ from numpy.typing import NDArray
 from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.grammar.fitting import (
     Unfit,
-    are_plain,
+    converted,
     shallow,
     shown,
     to_bool,
@@ -122,15 +123,32 @@ class Type:
         item = cast("Type", self.item)
         if not isinstance(value, tuple | list):
             raise Unfit(f"a {self}, not {shown(value)}")
-        items = cast("tuple[Any, ...] | list[Any]", value)
-        limited = item.words or item.range is not None
-        if not limited and isinstance(items, tuple) and are_plain(item.kind, items):
-            return cast("tuple[Value, ...]", items)
+        items = cast("tuple[Any, ...]", value if isinstance(value, tuple) else tuple(value))
+        if not item.words and item.range is None:
+            fitted = converted(item.kind, items)
+            if fitted is not None:
+                return fitted
+        if item.kind == "list" and not item.holds_strings:
+            return item._lists(items)
         fitted = tuple([item.fit(element) for element in items])
         # The same tuple, so that an unchanged value is recognized by identity.
-        if isinstance(value, tuple) and all(map(is_, fitted, items)):
-            fitted = cast("tuple[Value, ...]", value)
+        fitted = items if all(map(is_, fitted, items)) else fitted
         return shallow(fitted) if self.holds_strings else fitted
+
+    def _lists(self, lists: tuple[Any, ...]) -> tuple[Value, ...]:
+        """Lists of this type, fitted as if they were a single one. Raises Unfit.
+
+        A call for each of tens of thousands of short lists would delay a frame.
+        """
+        if not {tuple, list}.issuperset(map(type, lists)):
+            return tuple([self.fit(each) for each in lists])
+        flat = tuple(chain.from_iterable(lists))
+        fitted = self._list(flat)
+        # The same objects, so that an unchanged value is recognized by identity.
+        if fitted is flat and {tuple}.issuperset(map(type, lists)):
+            return lists
+        rest = iter(fitted)
+        return tuple([tuple(islice(rest, len(each))) for each in lists])
 
     @property
     def source(self) -> Of | None:

@@ -3,8 +3,10 @@
 import math
 from typing import Annotated, Literal
 
+import hypothesis.strategies as st
 import numpy as np
 import pytest
+from hypothesis import given, settings
 
 from minerva_bus import Cells, Degrees, Metres, Reals, Scene, parse
 from minerva_bus.errors import MisuseError
@@ -278,3 +280,35 @@ def test_only_reals_have_units():
         type_of(Annotated[int, Unit("m")])
     with pytest.raises(MisuseError, match="unknown unit 'parsec'"):
         Unit("parsec")
+
+
+NUMBERS = st.one_of(
+    st.integers(-3, 3), st.floats(-3, 3), st.sampled_from([10**400, 2**63, math.nan, True, "a"])
+)
+
+
+def each_alone(kind, value):
+    """A list fitted item by item."""
+    if kind.item is None:
+        return kind.fit(value)
+    if not isinstance(value, tuple | list):
+        raise Unfit("no list")
+    return tuple([each_alone(kind.item, item) for item in value])
+
+
+@settings(max_examples=150, deadline=None)
+@given(
+    st.sampled_from(["real", "int", "real 0..2", "bool", "text"]),
+    st.lists(st.lists(NUMBERS, max_size=3).map(tuple) | st.lists(NUMBERS, max_size=3), max_size=4),
+)
+def test_lists_are_fitted_as_their_items_are(item, lists):
+    kind = parse_type(f"list of list of {item}")
+    try:
+        expected = each_alone(kind, lists)
+    except Unfit:
+        with pytest.raises(Unfit):
+            kind.fit(tuple(lists))
+        return
+    fitted = kind.fit(tuple(lists))
+    assert repr(fitted) == repr(expected)  # 1.0 is not 1.
+    assert kind.fit(fitted) is fitted  # So that an unchanged value is recognized.
