@@ -13,7 +13,7 @@ from minerva_bus.errors import VocabularyError
 from minerva_bus.grammar.column import CHUNK
 from minerva_bus.grammar.columns import Columns, one_by_one, packed
 from minerva_bus.grammar.fitting import Unfit
-from minerva_bus.grammar.ids import Ids
+from minerva_bus.grammar.ids import LONGEST, Ids
 from minerva_bus.grammar.scene import EMPTY, AgentNode, Piece, Scene, agents
 from minerva_bus.grammar.slots import fill, fill_slots
 from minerva_bus.grammar.unique_ids import same_id
@@ -127,6 +127,25 @@ class Composition:
         if home is None and self.parts:
             return next((name for name, part in self.parts.items() if _has(part, agent)), None)
         return home
+
+    def home_of_each(self, agents: Iterable[str]) -> dict[str, str]:
+        """The fragments of these agents, by agent; agents that are not in the string are omitted.
+
+        Faster than `home` for many agents, for which that would search all parts again and again.
+        """
+        homes, others = dict[str, str](), list[str]()
+        for agent in agents:
+            home = self._home.get(agent)
+            if home is not None:
+                homes[agent] = home
+            elif len(agent) <= LONGEST:  # No column holds a longer id.
+                others.append(agent)
+        if not (others and self.parts):
+            return homes
+        ids = Ids.of(others)
+        for name, part in self.parts.items():
+            homes |= {others[row]: name for row in np.flatnonzero(_ids(part).rows_of(ids) >= 0)}
+        return homes
 
     def first_missing(self, agents: Ids | None) -> str | None:
         """The first of these agents that is not in the string; None if all are."""

@@ -10,7 +10,7 @@ from minerva_bus.frame.views import patch_all
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.columns import Columns, packed
 from minerva_bus.grammar.events import Event
-from minerva_bus.grammar.scene import Piece, Scene, agents
+from minerva_bus.grammar.scene import AgentNode, Scene, agents
 
 
 def patched(reply: m.EvolveReply, composition: Composition) -> dict[str, Scene]:
@@ -64,15 +64,18 @@ def duplicate_agent(
 
     `newborns` are the fragments of agents in earlier replies; those of this reply are added.
     """
-    known = dict(newborns)
-    for fragment, scene in sorted(reply.changed.items()):
-        for agent in agents(Scene(tuple(_single(scene)))):
-            home = composition.home(agent.id) or fragment
-            # The agent is in another fragment already, in the string or in an earlier reply.
-            if known.get(agent.id, home) != fragment:
-                return f"it made a second agent #{agent.id}"
-            known[agent.id] = fragment
-    newborns.update(known)
+    reported = [
+        (fragment, agent)
+        for fragment, scene in sorted(reply.changed.items())
+        for agent in _single_agents(scene)
+    ]
+    # An agent may be in another fragment already: in the string, or in an earlier reply, where it
+    # may have moved to.
+    known = composition.home_of_each(agent for _, agent in reported) | newborns
+    for fragment, agent in reported:
+        if known.setdefault(agent, fragment) != fragment:
+            return f"it made a second agent #{agent}"
+    newborns.update((agent, fragment) for fragment, agent in reported)
     return ""
 
 
@@ -84,6 +87,11 @@ def _is_from(event: AnyEvent, senders: Container[str], part: Columns | None) -> 
     return event.senders is not None and bool((part.ids.rows_of(event.senders) >= 0).all())
 
 
-def _single(scene: Scene) -> Iterator[Piece]:
-    """The nodes of a string outside columns, whose ids `Composition.replace` checks together."""
-    return (piece for piece in scene.pieces if piece.ids is None)
+def _single_agents(scene: Scene) -> Iterator[str]:
+    """The agents of a string outside columns, whose ids `Composition.replace` checks together."""
+    for piece in scene.pieces:
+        # The usual case, without a stack for each agent.
+        if isinstance(piece, AgentNode) and not piece.scope.pieces:
+            yield piece.id
+        elif piece.ids is None:
+            yield from (agent.id for agent in agents(Scene((piece,))))

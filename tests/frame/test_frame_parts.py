@@ -306,3 +306,13 @@ def test_the_dead_are_forgotten_with_their_skeleton():
     whole = showing.next(1, read("AMortal#b"), {}, {}, {"b"})
     assert whole.parts == {"b": dot}
     assert whole.skeleton is not None
+
+
+@law
+@given(family_strings(), st.lists(ids(), max_size=4))
+def test_the_fragments_of_many_agents_are_those_of_each(w, others):
+    composition = Composition(w)
+    asked = [*(agent.id for agent in agents(w)), *others, "x" * 1_000]
+    homes = {agent: composition.home(agent) for agent in asked}
+    expected = {agent: home for agent, home in homes.items() if home is not None}
+    assert composition.home_of_each(asked) == expected
