@@ -37,7 +37,7 @@ class ParcelMessage:
         ("parcel",),
         "what a region needs of another one's frame",
         max_bytes="message_bytes",
-        max_values="answer_values",
+        max_values="region_values",
         awaited=True,
     )
 
@@ -81,7 +81,7 @@ class RepliesMessage:
         ("parcel",),
         "what the services in region 0 have sent for a frame",
         max_bytes="message_bytes",
-        max_values="answer_values",
+        max_values="region_values",
         awaited=True,
     )
 

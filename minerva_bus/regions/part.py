@@ -37,7 +37,7 @@ class PartMessage:
         ("from",),
         "what has changed in a region, in the saved data of its `ticked`",
         max_bytes="message_bytes",
-        max_values="answer_values",
+        max_values="region_values",
         awaited=True,
     )
 

@@ -21,11 +21,15 @@ MAX_BEHIND: Final = 4
 
 @dataclass(frozen=True, slots=True)
 class LargeMessage:
-    """The bytes of a member's message; `joins` counts how often the member has joined so far."""
+    """The bytes of a member's message; `joins` counts how often the member has joined so far.
+
+    It may have `more` values than the limit of its type.
+    """
 
     member: str
     joins: int
     body: bytes
+    more: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,7 +88,7 @@ class LargeMessages:
         began = self._system.monotonic()
         message, problem = None, ""
         try:
-            message = self._decoder.from_member(large.member, large.body)
+            message = self._decoder.from_member(large.member, large.body, large.more)
         except (ProtocolError, SceneError) as error:
             problem = str(error)
         return Decoded(large, message, problem, self._system.monotonic() - began)

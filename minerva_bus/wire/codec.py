@@ -76,9 +76,12 @@ class Decoder:
         self._limits = limits
         self._light = lightest(limits)
 
-    def from_member(self, member: str, data: bytes) -> m.FromMember:
-        """A message from a member to the coordinator, checked against the limits of its type."""
-        return self.decode(FROM_MEMBER, (member,), data, weighed=True)
+    def from_member(self, member: str, data: bytes, more: int = 0) -> m.FromMember:
+        """A message from a member to the coordinator, checked against the limits of its type.
+
+        It may have `more` values than that.
+        """
+        return self.decode(FROM_MEMBER, (member,), data, weighed=True, more=more)
 
     def to_member(self, data: bytes) -> m.ToMember:
         """A message from the coordinator."""
@@ -109,16 +112,17 @@ class Decoder:
         data: bytes,
         *,
         weighed: bool = False,
+        more: int = 0,
     ) -> Any:
         """A message of one of these types; `key` are the values in the key, such as the sender.
 
-        `weighed`: check its size against the limits before decoding.
+        `weighed`: check its size against the limits before decoding; `more` values are allowed.
         """
         try:
             # A message with fewer bytes than every limit cannot exceed
             # one, and most messages are so small.
             if weighed and len(data) > self._light:
-                check_weight(data, declaration(data), self._limits)
+                check_weight(data, declaration(data), self._limits, more)
             with uncollected(len(data)):
                 reader = self._reader if weighed else self._reader_of_all
                 return self._message(codecs, key, data, reader)

@@ -47,10 +47,17 @@ class Limits:
         ),
         Configurable(100),
     ] = 50_000
-    # A frame waits for these two. A generator's saved state may be bytes, which are one value; the
-    # changes of a host are as many as its agents require.
+    # A frame waits for these. A generator's saved state may be bytes, which are one value; the
+    # changes of a host are as many as its agents require, with newborn agents and views.
     tick_values: Annotated[int, Note("values of a `ticked`"), Configurable(1000)] = 60_000
-    answer_values: Annotated[int, Note("values of an `evolved`"), Configurable(1000)] = 5_000_000
+    answer_values: Annotated[
+        int,
+        Note("values of an `evolved` beyond twice those of the agents of its host"),
+        Configurable(1000),
+    ] = 60_000
+    region_values: Annotated[int, Note("values of a `parcel`, `replies` or `part` of a region")] = (
+        5_000_000
+    )
     items: Annotated[int, Note("values of any message, including the coordinator's")] = 64 << 20
     nodes: Annotated[int, Note("symbols of a string; rows of columns")] = 5_000_000
     # Scopes are read without recursion, so this is far beyond Python's own limit.
@@ -140,6 +147,7 @@ ON_DISK: Final = Limits(
     values=1 << 31,
     tick_values=1 << 31,
     answer_values=1 << 31,
+    region_values=1 << 31,
     # Lower than on the bus: a file may have an unknown origin, and each item takes memory.
     items=16_000_000,
     nodes=50_000_000,

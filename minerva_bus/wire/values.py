@@ -19,7 +19,8 @@ endian); a string as a value is extension 2 (a packed scene).
 from __future__ import annotations
 
 import struct
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from itertools import chain
 from typing import Any, cast
 
 import msgpack
@@ -42,6 +43,7 @@ from minerva_bus.grammar.scene import (
     TransformationNode,
     Value,
     agents,
+    walk,
 )
 from minerva_bus.grammar.types import Unfit
 from minerva_bus.grammar.unique_ids import same_id
@@ -50,10 +52,13 @@ from minerva_bus.wire.columns import ColumnsReader, plain_columns
 from minerva_bus.wire.columns import plain_events as plain_batch
 from minerva_bus.wire.limits import DEFAULT, Limits
 from minerva_bus.wire.plain import as_int, as_list, as_text, name_of, unpack
+from minerva_bus.wire.weighing import STRING
 
-_MATRIX, _SCENE = 1, 2
+_MATRIX = 1
 _HEADER = struct.Struct("<cII")
 _MAX_ERROR_CHARS = 300
+_ITEMS = {"P": 2, "T": 3, "A": 4}
+"""Items of a node by the first letter of its symbol."""
 _PLAIN_TYPES = frozenset((float, int, bool, str))
 
 
@@ -64,9 +69,9 @@ def plain_value(value: Value) -> Any:
         data = np.ascontiguousarray(value, "<f8" if real else "<i2").tobytes()
         return msgpack.ExtType(_MATRIX, _HEADER.pack(b"r" if real else b"i", *value.shape) + data)
     if isinstance(value, Scene):
-        return msgpack.ExtType(_SCENE, msgpack.packb(plain_scene(value)))
+        return msgpack.ExtType(STRING, msgpack.packb(plain_scene(value)))
     if isinstance(value, tuple):
-        if _PLAIN_TYPES.issuperset(map(type, value)):
+        if _PLAIN_TYPES.issuperset(map(type, value)) or _are_plain_lists(value, tuple):
             return list(value)
         return [plain_value(item) for item in value]
     return value
@@ -121,6 +126,28 @@ def plain_event_list(events: Sequence[AnyEvent]) -> list[Any]:
     return [plain_event(event) for event in events]
 
 
+def values_of(pieces: Iterable[Piece]) -> int:
+    """Values of MessagePack, such as lists and numbers, that describe nodes outside columns."""
+    count = 0
+    for piece in pieces:
+        if isinstance(piece, Columns):
+            count += piece.count * sum(5 + len(level.columns) for level in piece.levels())
+        else:
+            nodes = (node for opens, node in walk(Scene((piece,))) if opens)
+            count += sum(5 + sum(map(_values_in, node.values)) for node in nodes)
+    return count
+
+
+def _values_in(value: Value) -> int:
+    if isinstance(value, Scene):
+        return 3 + values_of(value.pieces)  # The extension, and a list with its count.
+    if not isinstance(value, tuple):
+        return 1
+    # Long lists are usually flat, such as routes.
+    plain = _PLAIN_TYPES.issuperset(map(type, value))
+    return 1 + (len(value) if plain else sum(map(_values_in, value)))
+
+
 class Reader:
     """Reads values by a vocabulary; all results are typed and within the limits.
 
@@ -159,10 +186,12 @@ class Reader:
         # Most lists are long and flat, such as routes.
         if _PLAIN_TYPES.issuperset(map(type, items)):
             return tuple(items)
+        if self._depth < DEPTH and _are_plain_lists(items, list):
+            return tuple(map(tuple, items))
         return tuple([self.value(item) for item in items])
 
     def _extension(self, extension: msgpack.ExtType) -> Scene:
-        if extension.code != _SCENE:
+        if extension.code != STRING:
             raise ProtocolError(f"extension {extension.code} is unknown")
         return self.scene(unpack(extension.data, self.limits))
 
@@ -245,7 +274,7 @@ class Reader:
         """Read one symbol; a figure, or a node with an empty scope, is complete at once."""
         symbol = as_text(node[0] if node else None, "a symbol")
         kind = symbol[:1]
-        if len(node) != {"P": 2, "T": 3, "A": 4}.get(kind, 0):
+        if len(node) != _ITEMS.get(kind, 0):
             raise ProtocolError(f"{symbol[:40]!r} with {len(node) - 1} items is no symbol")
         agent_id = self._new_id(node[1]) if kind == "A" else ""
         names, values = self._values(symbol, agent_id, node[2] if kind == "A" else node[1])
@@ -281,11 +310,11 @@ class Reader:
             fields = self.vocabulary.fields(symbol)
             if plain is None and agent_id and (self._slots or not fields.names):
                 return (), ()
-            given = [self.value(item) for item in as_list(plain, f"the values of {owner}")]
+            given = self._data(owner, plain)
             if len(given) != len(fields.names):
                 raise Unfit(f"{owner} has {len(given)} values; expected {len(fields.names)}")
             # Values are fitted to the declared types here, so all decoded values are typed.
-            return fields.refit(owner, fields.names, tuple(given))
+            return fields.refit(owner, fields.names, given)
         except Unfit as unfit:
             raise VocabularyError(str(unfit)[:_MAX_ERROR_CHARS], source="fragment") from None
 
@@ -321,7 +350,7 @@ class Reader:
         return Event(name, names, values, condition, sender, receivers)
 
     def _data(self, name: str, plain: Any) -> tuple[Any, ...]:
-        items = as_list(plain, f"the data of {name}")
+        items = as_list(plain, f"the values of {name}")
         # The usual case: scalars, which are values as they are.
         if _PLAIN_TYPES.issuperset(map(type, items)):
             return tuple(items)
@@ -335,6 +364,16 @@ class Reader:
         if count > self.limits.events:
             raise ProtocolError(f"{count} events at once, over {self.limits.events}")
         return tuple([self.event(item) for item in items])
+
+
+def _are_plain_lists(items: Sequence[Any], kind: type[Any]) -> bool:
+    """Whether all items are lists (of the type `kind`) of plain values.
+
+    Decided without a call for each of them, because a message may have tens of thousands.
+    """
+    if not {kind}.issuperset(map(type, items)):
+        return False
+    return _PLAIN_TYPES.issuperset(map(type, chain.from_iterable(items)))
 
 
 def _count(plain: Any) -> int:

@@ -14,13 +14,18 @@ from minerva_bus.wire.limits import Limits, check, configurable_limits
 
 _FIXED: Final = {
     0xCA: 5, 0xCB: 9, 0xCC: 2, 0xCD: 3, 0xCE: 5, 0xCF: 9, 0xD0: 2, 0xD1: 3, 0xD2: 5, 0xD3: 9,
-    0xD4: 3, 0xD5: 4, 0xD6: 6, 0xD7: 10, 0xD8: 18, 0xDC: 3, 0xDD: 5, 0xDE: 3, 0xDF: 5,
+    0xDC: 3, 0xDD: 5, 0xDE: 3, 0xDF: 5,
 }  # fmt: skip
 _LENGTHS: Final = {
     0xC4: (1, 2), 0xC5: (2, 3), 0xC6: (4, 5), 0xC7: (1, 3), 0xC8: (2, 4), 0xC9: (4, 6),
     0xD9: (1, 2), 0xDA: (2, 3), 0xDB: (4, 5),
 }  # fmt: skip
 """Widths of the length and of the whole head of binaries, extensions and text."""
+
+_FIXED_EXTENSIONS: Final = {0xD4: 1, 0xD5: 2, 0xD6: 4, 0xD7: 8, 0xD8: 16}
+_EXTENSIONS: Final = frozenset({0xC7, 0xC8, 0xC9, *_FIXED_EXTENSIONS})
+STRING: Final = 2
+"""The extension of a string as a value; its content is MessagePack, too."""
 
 
 _FEW: Final = {
@@ -31,11 +36,11 @@ _FEW: Final = {
 
 
 def _step(first: int) -> int:
-    """Bytes up to the next value; 0 if a length field determines it."""
+    """Bytes up to the next value; 0 for extensions, and where a length field determines it."""
     # Short texts have their length in the first byte.
     if 0xA0 <= first < 0xC0:
         return 1 + (first & 31)
-    return 0 if first in _LENGTHS else _FIXED.get(first, 1)
+    return 0 if first in _LENGTHS or first in _EXTENSIONS else _FIXED.get(first, 1)
 
 
 _STEPS: Final = tuple(map(_step, range(256)))
@@ -44,20 +49,42 @@ _TEXTS: Final = frozenset({*range(0xA0, 0xC0), 0xD9, 0xDA})
 
 
 def values_in(data: bytes, most: int) -> int:
-    """Number of values in MessagePack data, or `most + 1` if there are more than `most`."""
+    """Number of values in MessagePack data, or `most + 1` if there are more than `most`.
+
+    Those within strings as values count as well, because they are decoded one by one.
+    """
     place = count = 0
-    end, steps = len(data), _STEPS
-    while place < end and count <= most:
-        step = steps[data[place]]
-        # A length beyond the end of the data ends the loop; the decoder then reports the error.
-        place += step or _end(data, place)
-        count += 1
+    steps, ends = _STEPS, [len(data)]
+    while ends and count <= most:
+        end = ends[-1]
+        while place < end and count <= most:
+            first = data[place]
+            step = steps[first]
+            count += 1
+            if step:
+                place += step
+                continue
+            begin, after = _content(data, place)
+            # A length beyond the end of the data, or of the string around it, ends the loop; the
+            # decoder then reports the error.
+            if first in _EXTENSIONS and begin <= end and data[begin - 1] == STRING:
+                ends.append(min(after, end))
+                place = begin
+                break
+            place = after
+        else:
+            # What follows a string is counted from its end, whatever its content claims.
+            place = ends.pop()
     return count
 
 
-def _end(data: bytes, place: int) -> int:
+def _content(data: bytes, place: int) -> tuple[int, int]:
+    """Begin and end of the content of a binary, an extension or a text."""
+    if data[place] in _FIXED_EXTENSIONS:
+        begin = place + 2
+        return begin, begin + _FIXED_EXTENSIONS[data[place]]
     width, head = _LENGTHS[data[place]]
-    return head + int.from_bytes(data[place + 1 : place + 1 + width], "big")
+    return place + head, place + head + int.from_bytes(data[place + 1 : place + 1 + width], "big")
 
 
 def name_in(data: bytes, offset: int = 0) -> str:
@@ -66,13 +93,15 @@ def name_in(data: bytes, offset: int = 0) -> str:
     if place <= offset or len(data) <= place or data[place] not in _TEXTS:
         return ""
     first = data[place]
-    begin = place + (_LENGTHS[first][1] if first in _LENGTHS else 1)
-    end = place + (_STEPS[first] or _end(data, place))
+    begin, end = _content(data, place) if first in _LENGTHS else (place + 1, place + _STEPS[first])
     return data[begin:end][:64].decode(errors="replace")
 
 
-def check_weight(data: bytes, wire: Wire, limits: Limits) -> None:
-    """Raise ProtocolError if a member's message is larger than its declaration allows."""
+def check_weight(data: bytes, wire: Wire, limits: Limits, more: int = 0) -> None:
+    """Raise ProtocolError if a member's message is larger than its declaration allows.
+
+    `more` values are allowed in addition.
+    """
     size = len(data)
     # The name is read without decoding, so that the error can mention it.
     name = wire.name or name_in(data)
@@ -83,7 +112,7 @@ def check_weight(data: bytes, wire: Wire, limits: Limits) -> None:
         raise ProtocolError("this is no msgpack list that begins with a message's name")
     advice = f"{wire.max_bytes} in [limits]" if wire.max_bytes in configurable_limits() else ""
     check(name, size, most, "bytes", advice)
-    most = getattr(limits, wire.max_values)
+    most = getattr(limits, wire.max_values) + more
     if size > most and (count := values_in(data, most)) > most:  # A value has at least one byte.
         raise ProtocolError(
             f"{name or 'a message'} has at least {count} values, over {most}; {_FEW[wire.awaited]},"

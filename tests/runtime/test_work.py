@@ -9,6 +9,7 @@ import msgpack
 import pytest
 from running import World, eventually, put, write_world
 
+from minerva_bus import Agent, Context, Event, on
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
@@ -21,6 +22,7 @@ from minerva_bus.runtime import postponed as postponing
 from minerva_bus.runtime.answers import PAUSE_FACTOR, Answers
 from minerva_bus.runtime.large import LargeMessage, LargeMessages
 from minerva_bus.runtime.postponed import Postponed, PostponedMessage
+from minerva_bus.runtime.receiver import Receiver
 from minerva_bus.runtime.session import open_client
 from minerva_bus.runtime.system import System
 from minerva_bus.wire.codec import Decoder, encode
@@ -82,6 +84,61 @@ def test_a_repeated_hello_counts_once():
     for _ in range(5):
         world.receive(m.Hello("rain", PROTOCOL_VERSION, generates=("eDrop",)))
     assert world.members.get("rain").joins == 1
+
+
+# --- replies of hosts ---
+
+
+class Crab(Agent, symbol="ACrab"):
+    """An agent that reacts to a drop."""
+
+    wet: int = 0
+
+    @on("eDrop")
+    def fall(self, drop: Event, moment: Context) -> None:
+        self.wet += drop.number
+
+
+BEACH = Vocabulary.of(eDrop, Crab)
+
+
+def asked_host(agents, limits):
+    """A receiver whose frame waits for a host, and what it hands to the frame."""
+    string = BEACH.read(" · ".join(f"ACrab#a{n}" for n in range(agents)))
+    algorithm = FrameAlgorithm(Described("w", string, BEACH))
+    for name, hello in (("rain", {"generates": ("eDrop",)}), ("host", {"kinds": (Crab.kind,)})):
+        algorithm.receive(s.Appeared(name))
+        algorithm.receive(m.Hello(name, PROTOCOL_VERSION, **hello))
+    algorithm.receive(m.Emitted("rain", (eDrop(1),)))
+    algorithm.receive(s.Begin())
+    assert algorithm.awaits("host")
+    handled, system = [], Still()
+    coordinator = SimpleNamespace(
+        algorithm=algorithm, system=system, runner=SimpleNamespace(handle=handled.append),
+        transport=SimpleNamespace(stamp=b"", empty_reply=b"", evolving_since=0.0), log=None,
+        admission=SimpleNamespace(
+            keeps_out=lambda member: False,
+            rules=SimpleNamespace(has_room=lambda *_: True, objection=lambda hello: ""),
+        ),
+        metrics=SimpleNamespace(on=False, timed=lambda _, call, *args: call(*args)),
+        inbox=SimpleNamespace(put=None),
+    )  # fmt: skip
+    return Receiver(cast(Any, coordinator), limits, lambda member: None), handled
+
+
+@pytest.mark.parametrize(("own", "reported"), [(3, 40), (40, 70), (40, 300)])
+def test_a_host_may_report_twice_the_values_of_its_agents_and_some_more(own, reported):
+    receiver, handled = asked_host(own, replace(DEFAULT, answer_values=100))
+    (part,) = receiver._algorithm.placement.fragments_of("host") if own > 31 else ["a0"]
+    crabs = [["ACrab", f"a{n}", [1], 0] for n in range(reported)]
+    receiver.receive(("host", pack(["evolved", 0, 0, {part: [reported, *crabs]}, {}, {}])))
+    (result,) = handled
+    if (own, reported) == (40, 70):
+        assert isinstance(result, m.EvolveReply)
+    else:
+        most = 100 + 2 * 6 * own
+        assert result.reason.startswith(f"evolved has at least {most + 1} values, over {most};")
+        assert result.reason.endswith("or raise answer_values in [limits]")
 
 
 # --- large messages and questions, with a simulated clock ---

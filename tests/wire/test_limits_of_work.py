@@ -7,15 +7,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from minerva_bus import Agent, EventType, Vocabulary
+from minerva_bus import Agent, EventType, Scene, Vocabulary
 from minerva_bus.errors import ProtocolError, VocabularyError
 from minerva_bus.frame import messages as m
 from minerva_bus.grammar.batch import Events, in_columns, single
 from minerva_bus.grammar.literals import DEPTH
+from minerva_bus.testing.family import FAMILY_VOCABULARY
+from minerva_bus.testing.strategies import strings_of
 from minerva_bus.wire.codec import Decoder, encode
 from minerva_bus.wire.limits import Limits
 from minerva_bus.wire.plain import pack, unpack
-from minerva_bus.wire.weighing import name_in, values_in
+from minerva_bus.wire.values import plain_scene, values_of
+from minerva_bus.wire.weighing import STRING, name_in, values_in
 
 eNear = EventType("eNear", distance=float)
 eText = EventType("eText", text=str)
@@ -165,10 +168,12 @@ def test_as_many_honest_columns_as_before():
 
 # --- counting ---
 
+OTHER_EXTENSIONS = st.integers(0, 127).filter(lambda code: code != STRING)
 PLAIN = st.recursive(
     st.none() | st.booleans() | st.integers(-(1 << 63), (1 << 64) - 1) | st.floats() | st.text()
-    | st.binary(max_size=400) | st.builds(msgpack.ExtType, st.integers(0, 127), st.binary(max_size=300)),
-    lambda inner: st.lists(inner, max_size=20) | st.dictionaries(st.text(), inner, max_size=5),
+    | st.binary(max_size=400) | st.builds(msgpack.ExtType, OTHER_EXTENSIONS, st.binary(max_size=300)),
+    lambda inner: st.lists(inner, max_size=20) | st.dictionaries(st.text(), inner, max_size=5)
+    | inner.map(lambda plain: msgpack.ExtType(STRING, pack(plain))),
     max_leaves=60,
 )  # fmt: skip
 
@@ -178,6 +183,8 @@ def counted(plain):
         return 1 + sum(map(counted, plain))
     if isinstance(plain, dict):
         return 1 + len(plain) + sum(map(counted, plain.values()))
+    if isinstance(plain, msgpack.ExtType) and plain.code == STRING:
+        return 1 + counted(msgpack.unpackb(plain.data, strict_map_key=False))
     return 1
 
 
@@ -185,6 +192,18 @@ def counted(plain):
 def test_values_are_counted_as_msgpack_has_them(plain, most):
     assert values_in(pack(plain), sys.maxsize) == counted(plain)
     assert values_in(pack(plain), most) == min(counted(plain), most + 1)
+
+
+@given(strings_of(FAMILY_VOCABULARY))
+def test_a_string_outside_columns_has_no_more_values_than_counted(w):
+    plain = plain_scene(Scene(tuple(w.nodes)))
+    assert values_in(pack(plain), sys.maxsize) <= 2 + values_of(w.pieces)
+
+
+@given(st.binary(max_size=20), st.integers(0, 30))
+def test_no_content_of_a_string_hides_the_values_after_it(content, after):
+    data = pack([msgpack.ExtType(STRING, content), *[None] * after])
+    assert values_in(data, sys.maxsize) >= 2 + after
 
 
 @given(st.binary(max_size=60))
