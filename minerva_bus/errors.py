@@ -36,6 +36,7 @@ where, what was expected and what to do next.
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections.abc import Callable
 from typing import Any, Final
 
@@ -229,11 +230,22 @@ def _locate(text: str, offset: int) -> tuple[int, int, str]:
     return text.count("\n", 0, offset) + 1, at + 1, f"\n  {left}{shown}{right}\n  {caret}"
 
 
+_COMPARED = 100
+"""Words that `nearest` compares; of more, those that follow or precede the word in sorted order."""
+_COMPARED_CHARS = 64
+
+
 def nearest(word: str, words: list[str], otherwise: str = "") -> str:
     """The hint `; did you mean 'x'?` with the closest of the words, else `; OTHERWISE` if any."""
     # Imported here, because only errors need it.
     from difflib import get_close_matches
 
+    word = word[:_COMPARED_CHARS]
+    if len(words) > _COMPARED:
+        # A comparison with each of 10,000 ids may take seconds; neighbours begin alike.
+        words = sorted(words)
+        first = max(0, bisect_left(words, word) - _COMPARED // 2)
+        words = words[first : first + _COMPARED]
     close = get_close_matches(word, words, n=1, cutoff=0.6)
     if close:
         return f"; did you mean {close[0]!r}?"

@@ -10,6 +10,7 @@ from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.phases import Phase
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.known import values_of
+from minerva_bus.grammar.limits import Of
 
 _MAX_LISTED = 12
 
@@ -41,8 +42,12 @@ def refusal_of_order(world: FrameAlgorithm, event_type: str) -> str:
     return ""
 
 
-def unknown_value(world: FrameAlgorithm, event: Event) -> str:
+def unknown_value(
+    world: FrameAlgorithm, event: Event, known_by: dict[Of, set[str]] | None = None
+) -> str:
     """Reason for rejecting an order with a value that the world lacks, or an empty string.
+
+    `known_by` keeps the values of the string for further events at the same time.
 
     It compares the order with the values that the string has for the event's type. A string without
     any such value is no reason, because objects that a robot detects are not in it.
@@ -51,15 +56,20 @@ def unknown_value(world: FrameAlgorithm, event: Event) -> str:
         source = field.type.source
         if source is None:
             continue
-        known = sorted({str(value) for value in values_of(world.composition.scene, source)})
+        known_by = {} if known_by is None else known_by
+        known = known_by.get(source)
+        if known is None:
+            known = known_by[source] = set(map(str, values_of(world.composition.scene, source)))
         value: object = event.data[field.name]
         texts = cast("tuple[str, ...]", value if isinstance(value, tuple) else (value,))
         for text in texts:
             # No agent could carry out an order with an unknown name, such as a misspelt marker.
             if known and text not in known:
+                names = sorted(known)
                 return (
-                    f"{event.type}: {field.name} is {text!r}, but no {source.symbol} of the world"
-                    f" has this {source.parameter}; expected {listed(known)}{nearest(text, known)}"
+                    f"{event.type}: {field.name} is {text[:64]!r}, but no {source.symbol} of the"
+                    f" world has this {source.parameter}; expected"
+                    f" {listed(names)}{nearest(text, names)}"
                 )
     return ""
 

@@ -20,6 +20,7 @@ from minerva_bus.runtime.watchers import LocalQuestion
 from minerva_bus.wire.keys import who_asks
 from minerva_bus.wire.limits import Limits, check
 from minerva_bus.wire.plain import as_map, pack, unpack
+from minerva_bus.wire.weighing import values_in
 
 PAUSE_FACTOR: Final = 2.0
 """Pause after an answer, as a multiple of the time that the answer took."""
@@ -92,6 +93,8 @@ class Answers:
         asker, orders, key = self._asker(question)
         try:
             check("a question", len(question.data), self._limits.small_bytes, "bytes")
+            most = self._limits.values
+            check("a question", values_in(question.data, most), most, "values")
             asked = as_map(unpack(question.data), "a question")
             objection = self._admission.objection_to_question(asker, orders, asked.get("ask"))
             reply = (

@@ -3,19 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from itertools import islice
+from typing import Any, Final
 
 from minerva_bus.errors import ProtocolError, SceneError, nearest
 from minerva_bus.frame import stimuli as s
+from minerva_bus.frame.inbox import MAX_SINGLE_EVENTS
 from minerva_bus.frame.orders import listed, refusal_of_order, unknown_value
 from minerva_bus.grammar.batch import Events
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.fitting import Unfit
+from minerva_bus.grammar.limits import Of
 from minerva_bus.grammar.parser import parse
-from minerva_bus.grammar.scene import agents
 from minerva_bus.runtime.operated import Operated, person_of
+from minerva_bus.wire.limits import DEFAULT, check
 from minerva_bus.wire.plain import as_list, as_map, as_text
 from minerva_bus.wire.values import Reader
+
+MAX_CHARS: Final = 16_384
+"""Characters of the data and the condition of an event, which the main thread parses."""
+
+MAX_NAMES: Final = 10_000
+"""Agents up to which an error compares their ids with an unknown one."""
 
 
 def order(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
@@ -37,8 +46,11 @@ def _send_batch(running: Operated, batch: Events, person: str) -> dict[str, Any]
     types = algorithm.world.vocabulary.events[batch.type].fields.all
     # Generators take single orders, and values that the string has are compared one by one.
     if takers or any(field.type.source is not None for field in types):
+        advice = "send events in columns of a type that no generator takes, or fewer at once"
+        check(f"an order of {batch.type}", batch.count, MAX_SINGLE_EVENTS, "events", advice)
+        known = dict[Of, set[str]]()
         for event in batch:
-            _send(running, event, person)
+            _send(running, event, person, known)
     else:
         refusal = refusal_of_order(algorithm, batch.type)
         if refusal:
@@ -52,19 +64,25 @@ def _send_batch(running: Operated, batch: Events, person: str) -> dict[str, Any]
 
 
 def _no_agent(running: Operated, receiver: str) -> str:
-    known = sorted(node.id for node in agents(running.algorithm.scene))
-    hint = nearest(receiver, known) or f"; there are {listed(known)}"
+    composition = running.algorithm.composition
+    known = sorted(islice(composition.agents(), MAX_NAMES))
+    several = listed(known) if composition.count <= MAX_NAMES else f"{composition.count} agents"
+    hint = nearest(receiver, known) or f"; there are {several}"
     return f"there is no agent #{receiver[:64]}{hint}"
 
 
-def _send(running: Operated, event: Event, person: str) -> dict[str, Any]:
+def _send(
+    running: Operated, event: Event, person: str, known: dict[Of, set[str]] | None = None
+) -> dict[str, Any]:
     algorithm = running.algorithm
+    check(f"an order of {event.type}", len(event.receivers), DEFAULT.receivers, "receivers")
+    # Not `agent`, which makes the node of an agent in columns.
+    homes = algorithm.composition.home_of_each(event.receivers)
     for receiver in event.receivers:
-        # Not `agent`, which makes the node of an agent in columns.
-        if algorithm.composition.home(receiver) is None:
+        if receiver not in homes:
             raise ProtocolError(_no_agent(running, receiver))
     refusal = refusal_of_order(algorithm, event.type)
-    refusal = refusal or unknown_value(algorithm, event)
+    refusal = refusal or unknown_value(algorithm, event, known)
     if refusal:
         raise ProtocolError(refusal)
     takers = [member.name for member in algorithm.members.takers(event.type)]
@@ -83,10 +101,14 @@ def publish(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
     """Send an event of a type in the vocabulary; its data are texts in the notation of strings."""
     algorithm = running.algorithm
     name = as_text(asked.get("type"), "the type")
-    values = {
-        field: _value(as_text(value, field), field)
+    texts = {
+        field: as_text(value, field)
         for field, value in as_map(asked.get("data", {}), "the data").items()
     }
+    condition = as_text(asked.get("condition", ""), "if")
+    size, advice = sum(map(len, [condition, *texts.values()])), "send it by the Python API"
+    check("the data of an event", size, MAX_CHARS, "characters", advice)
+    values = {field: _value(text, field) for field, text in texts.items()}
     receivers = [
         as_text(name, "a receiver") for name in as_list(asked.get("receivers", []), "receivers")
     ]
@@ -96,7 +118,6 @@ def publish(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
         raise ProtocolError(
             f"the world has no event type {name}; it has {', '.join(vocabulary.events)}"
         )
-    condition = as_text(asked.get("condition", ""), "if")
     # A condition that no agent can fulfil is an error of the operator.
     vocabulary.check_condition(name, condition, "pub")
     try:

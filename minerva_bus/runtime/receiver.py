@@ -17,7 +17,7 @@ from minerva_bus.runtime.postponed import Postponed, PostponedMessage
 from minerva_bus.wire.codec import Decoder, declaration
 from minerva_bus.wire.epochs import stamped
 from minerva_bus.wire.limits import Limits
-from minerva_bus.wire.values import values_of
+from minerva_bus.wire.values import weight_of
 
 if TYPE_CHECKING:
     from minerva_bus.runtime.coordinator import Coordinator
@@ -180,7 +180,7 @@ class Receiver:
         fragments = self._algorithm.composition.fragments
         own = self._algorithm.placement.fragments_of(member)
         # Twice, because views may describe each agent once more.
-        return 2 * values_of([fragments[name] for name in own if name in fragments])
+        return 2 * weight_of([fragments[name] for name in own if name in fragments])
 
     def _pass_on(self, member: str, body: bytes, message: m.FromMember) -> None:
         if isinstance(message, m.EvolveReply):

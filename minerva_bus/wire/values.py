@@ -126,7 +126,7 @@ def plain_event_list(events: Sequence[AnyEvent]) -> list[Any]:
     return [plain_event(event) for event in events]
 
 
-def values_of(pieces: Iterable[Piece]) -> int:
+def weight_of(pieces: Iterable[Piece]) -> int:
     """Values of MessagePack, such as lists and numbers, that describe nodes outside columns."""
     count = 0
     for piece in pieces:
@@ -140,7 +140,7 @@ def values_of(pieces: Iterable[Piece]) -> int:
 
 def _values_in(value: Value) -> int:
     if isinstance(value, Scene):
-        return 3 + values_of(value.pieces)  # The extension, and a list with its count.
+        return 3 + weight_of(value.pieces)  # The extension, and a list with its count.
     if not isinstance(value, tuple):
         return 1
     # Long lists are usually flat, such as routes.

@@ -190,6 +190,8 @@ def test_questions_that_make_no_sense_are_answered_with_an_error(world):
             msgpack.packb({"ask": "pub", "type": "eNoise", "condition": 5}),
             msgpack.packb({"ask": "pub", "type": "eStep", "data": {"count": 3}}),
             msgpack.packb({"ask": "pub", "type": "eWish", "data": {"x": "[" * 100_000, "name": "n"}}),
+            msgpack.packb({"ask": "pub", "type": "eWish", "data": {"x": "1", "name": "n" * 20_000}}),
+            msgpack.packb({"ask": "pub", "type": "eNoise", "more": [0] * 60_000}),
             msgpack.packb({"ask": "order", "event": plain_event(eStep(3))}),
             msgpack.packb({"ask": "order", "event": plain_event(eNoise(sender="a"))}),
             b"\x91" * 5000, b"\0" * (1 << 20),

@@ -17,7 +17,7 @@ from minerva_bus.testing.strategies import strings_of
 from minerva_bus.wire.codec import Decoder, encode
 from minerva_bus.wire.limits import Limits
 from minerva_bus.wire.plain import pack, unpack
-from minerva_bus.wire.values import plain_scene, values_of
+from minerva_bus.wire.values import plain_scene, weight_of
 from minerva_bus.wire.weighing import STRING, name_in, values_in
 
 eNear = EventType("eNear", distance=float)
@@ -197,7 +197,7 @@ def test_values_are_counted_as_msgpack_has_them(plain, most):
 @given(strings_of(FAMILY_VOCABULARY))
 def test_a_string_outside_columns_has_no_more_values_than_counted(w):
     plain = plain_scene(Scene(tuple(w.nodes)))
-    assert values_in(pack(plain), sys.maxsize) <= 2 + values_of(w.pieces)
+    assert values_in(pack(plain), sys.maxsize) <= 2 + weight_of(w.pieces)
 
 
 @given(st.binary(max_size=20), st.integers(0, 30))
