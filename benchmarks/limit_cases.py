@@ -22,6 +22,7 @@ FRAGMENT = "~AFox.1"
 
 eStep = EventType("eStep", by=float)
 eNear = EventType("eNear", distance=float, text=str)
+eBare = EventType("eBare")
 eList = EventType("eList", items=tuple[float, ...])
 eLists = EventType("eLists", items=tuple[tuple[float, ...], ...])
 eShow = EventType("eShow", visual=True)
@@ -45,8 +46,11 @@ class Steps(Generator, events=("eStep",)):
         return eStep(1.0)
 
 
-VOCABULARY = Vocabulary.of(eStep, eNear, eList, eLists, eShow, Fox)
+VOCABULARY = Vocabulary.of(eStep, eNear, eBare, eList, eLists, eShow, Fox)
 
+
+BATCH = ["eBare", DEFAULT.events, [], "", None, ["f", 0, DEFAULT.events]]
+"""The most events in the fewest bytes."""
 
 Flood = Callable[[zenoh.Session, Keys, bytes, float], None]
 """Sends messages of an epoch until a given time."""
@@ -78,7 +82,7 @@ def unframed(name: str, *items: Any) -> Message:
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """Input from a member: `data` once, or `flood` for some seconds.
+    """Input from a member: `data` once, or `flood` for some seconds; or a `question` of a person.
 
     `answers` is the request that the message answers; `refused`: it is over a limit.
     """
@@ -88,6 +92,7 @@ class Case:
     answers: str = ""
     flood: Flood | None = None
     refused: bool = False
+    question: Callable[[], dict[str, Any]] | None = None
 
 
 def sent_as(name: str, events: list[Any]) -> Message:
@@ -119,7 +124,7 @@ def values(name: str, value: Any, count: int) -> Message:
 def hello(**more: Any) -> dict[str, Any]:
     return {
         "version": PROTOCOL_VERSION, "service": "", "kinds": [],
-        "generates": ["eList", "eLists", "eNear", "eStep"],
+        "generates": ["eBare", "eList", "eLists", "eNear", "eStep"],
         "lockstep": False, "orders": [], "draws": [], "coupled": False, "every": 0, "topics": [],
         "publishes": [], "pid": 0, "host": "", **more,
     }  # fmt: skip
@@ -142,6 +147,10 @@ def figures(name: str) -> Message:
 def saved(state: Any) -> Message:
     """A reply to a tick without events."""
     return framed("ticked", [], {"x": state})
+
+
+MOST_AGENTS = (DEFAULT.answer_values + 2 * 7 * AGENTS - 20) // 7
+"""Agents in the largest `evolved` of a host of AGENTS agents; each has seven values."""
 
 
 def evolved(agents: int, events: int) -> Message:
@@ -201,8 +210,7 @@ CASES = {
     "emitted, values": Case({}, lambda: values("emitted", 0.0, DEFAULT.values - 20)),
     "emitted, nested values": Case({}, lambda: values("emitted", [], DEFAULT.values - 20)),
     "evolved, events": Case(HOST, lambda: evolved(AGENTS, DEFAULT.host_events), "evolve"),
-    "evolved, 4,000 agents": Case(HOST, lambda: evolved(4_000, 0), "evolve"),
-    "evolved, 40,000 agents": Case(HOST, lambda: evolved(40_000, 0), "evolve"),
+    "evolved, newborn agents": Case(HOST, lambda: evolved(MOST_AGENTS, 0), "evolve"),
     "failed": Case({}, lambda: framed("failed", "x\n" * (DEFAULT.small_bytes // 2 - 40), "")),
     "resync": Case({}, lambda: unframed("resync", "e" * (DEFAULT.small_bytes - 40))),
     "leaving": Case({}, lambda: unframed("leaving")),
@@ -212,6 +220,7 @@ CASES = {
     "over: 300,000 receivers": Case(
         {}, lambda: single("emitted", count=300_000, receivers=lambda n: [f"r{n}"]), refused=True
     ),
+    "over: 40,000 agents": Case(HOST, lambda: evolved(40_000, 0), "evolve", refused=True),
     "over: 200,000 figures": Case(
         {}, lambda: unframed("doing", {str(n): n for n in range(200_000)}), refused=True
     ),
@@ -219,8 +228,21 @@ CASES = {
         hello=hello(generates=[], draws=["eShow"],
                     kinds=[[f"AX{n}", [], [], [], []] for n in range(200_000)])
     ),
+    "`pub`": Case(
+        {"generates": []},
+        question=lambda: {
+            "ask": "pub", "type": "eLists", "data": {"items": f"[{'[],' * 5_000}[]]"}
+        },
+    ),
+    "`order`": Case(
+        {"generates": []},
+        question=lambda: {"ask": "order", "event": ["eLists", [[[]] * (DEFAULT.values - 20)]]},
+    ),
+    "`status`": Case(question=lambda: {"ask": "status"}),
+    "`scene`": Case(question=lambda: {"ask": "scene"}),
     "flood of hellos": Case({}, flood=flood_of("large", ["hello", hello()])),
     "flood of strangers": Case({}, flood=flood_of("stranger", ["hello", hello()])),
     "flood of events": Case({}, flood=flood_of("large", ["emitted", [["eNear", [1.0, "x"]]] * 15])),
+    "flood of batches": Case({}, flood=flood_of("large", ["emitted", [BATCH]])),
     "flood of questions": Case({}, flood=questions),
 }  # fmt: skip

@@ -11,12 +11,14 @@ frame    maximum delay of a frame after the message, in ms
 path     maximum CPU time of the coordinator's main thread between the beginning and the end of a
          frame, in ms: an estimate of `frame` on an idle machine, without the share of the hosts
 silence  longest response time of a query, in ms
+cost     path, and `decode` if the frame waits for the message
 
-`decode` is the CPU time to decode the message on its own. All values are medians of the
-repetitions, except for `frame` and `silence`, which are the lowest: other programs of the machine
-only increase them. `--only` takes a part of a name; `--markdown` prints the table of
-docs/performance.md. Messages are encoded before they are sent, so that their construction does not
-count.
+`decode` is the CPU time to decode the message on its own. `loop` is the CPU time of a million
+additions in the same run: divide by it to compare machines, or the same machine under load. All
+values are medians of the repetitions, except for `frame` and `silence`, which are the lowest: other
+programs of the machine only increase them. `--only` takes a part of a name; `--markdown` prints the
+table of docs/performance.md. Messages are encoded before they are sent, so that their construction
+does not count.
 """
 
 from __future__ import annotations
@@ -24,6 +26,7 @@ from __future__ import annotations
 import argparse
 import json
 import statistics
+import sys
 import threading
 import time
 from collections.abc import Iterator
@@ -46,8 +49,10 @@ from minerva_bus.wire.plain import pack
 
 LOWEST = ("frame", "silence")
 SHOWN = {
-    "decode": "decode, ms", "path": "path, ms", "frame": "late, ms", "silence": "silence, ms",
+    "decode": "decode, ms", "path": "path, ms", "cost": "of a frame, ms", "frame": "late, ms",
+    "silence": "silence, ms",
 }  # fmt: skip
+ADDITIONS = 1_000_000
 CALM, SETTLED = 1.0, 30.0
 BROKEN = "broke the protocol"
 """Part of the log line about a refused message."""
@@ -73,7 +78,7 @@ def measured(case: Case) -> dict[str, float]:
                 frames.get(timeout=SETTLED)
             watch = threading.Thread(target=asking, args=(other, stop, answers))
             watch.start()
-            lone = case.data is None and case.flood is None
+            lone = case.data is None and case.flood is None and case.question is None
             if lone:
                 time.sleep(CALM)
             raw = Raw(session, case)
@@ -103,7 +108,10 @@ def _send(session: zenoh.Session, raw: Raw, case: Case) -> float:
             time.sleep(0.01)
         return raw.sent_at
     at = time.monotonic()
-    raw.send_message(0)
+    if case.question is None:
+        raw.send_message(0)
+    else:
+        list(session.get(raw.keys.control, payload=pack(case.question()), timeout=SETTLED))
     return at
 
 
@@ -135,6 +143,8 @@ def _figures(
 
 def encoded(case: Case) -> bytes:
     """The case's message, or its hello."""
+    if case.question is not None:
+        return pack(case.question())
     return pack(["hello", hello() | case.hello]) if case.data is None else case.data().of(0)
 
 
@@ -155,9 +165,22 @@ def row(name: str, repeat: int) -> dict[str, Any]:
     lowest = {key: min(row[key] for row in rows) for key in LOWEST}
     figures = {key: statistics.median(row[key] for row in rows) for key in rows[0]} | lowest
     flood = case.flood is not None
-    decode = 0.0 if flood else min(alone(case) for _ in range(repeat))
+    decode = 0.0
+    if not flood and case.question is None:
+        decode = min(alone(case) for _ in range(repeat))
     own = {"case": name, "bytes": 0 if flood else len(encoded(case)), "decode": round(decode, 1)}
+    # The frame waits for the decoding of an answer; other messages are decoded beside it.
+    awaited = decode if case.answers and not case.refused else 0.0
+    own |= {"cost": round(figures["path"] + awaited, 1)}
     return own | {key: round(figure, 1) for key, figure in figures.items()}
+
+
+def loop() -> float:
+    """Milliseconds of CPU time of ADDITIONS additions."""
+    began, total = time.thread_time(), 0
+    for number in range(ADDITIONS):
+        total += number
+    return 1e3 * (time.thread_time() - began)
 
 
 def markdown(figures: dict[str, Any]) -> str:
@@ -181,15 +204,17 @@ def main() -> None:
         return
     names = [name for name in CASES if any(part in name for part in options.only)]
     if options.markdown:
-        print(f"| message | bytes | {' | '.join(SHOWN.values())} |\n|---|---|---|---|---|---|")
+        print(f"| message | bytes | {' | '.join(SHOWN.values())} |\n|---|---|---|---|---|---|---|")
         for name in names:
             print(markdown(row(name, options.repeat)), flush=True)
+        print(f"loop: {loop():.0f} ms")
         return
-    keys = ("bytes", "decode", "frame", "path", "calm", "silence", "calm silence")
+    keys = ("bytes", "decode", "path", "cost", "frame", "calm", "silence", "calm silence")
     table = Table({"ms": "<26"} | dict.fromkeys(keys, ">13,"), as_json=options.json)
     for name in names:
         figures = row(name, options.repeat)
         table.row(figures, name, *(figures[key] for key in keys))
+    print(f"loop: {loop():.1f} ms", file=sys.stderr)
 
 
 if __name__ == "__main__":
