@@ -11,6 +11,7 @@ from minerva_bus.errors import WorldFileError
 from minerva_bus.grammar.parser import parse
 from minerva_bus.grammar.scene import Scene, walk
 from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.input_files import read_text
 from minerva_bus.launch.installed import find_world
 from minerva_bus.launch.restless import restless
 from minerva_bus.launch.specs import load
@@ -76,7 +77,7 @@ def _check_string(path: Path, vocabulary: str) -> str:
 
 def _read(file: Path) -> str:
     try:
-        return file.read_text(encoding="utf-8-sig")
+        return read_text(file)
     except UnicodeDecodeError:
         raise WorldFileError(f"{file}: not a text in UTF-8") from None
     except OSError as error:

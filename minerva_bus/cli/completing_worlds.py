@@ -17,6 +17,7 @@ from minerva_bus.cli.completing import (
     service_option_values,
     service_options,
 )
+from minerva_bus.input_files import read_text
 
 if TYPE_CHECKING:
     from minerva_bus.grammar.vocabulary import Vocabulary
@@ -143,7 +144,7 @@ def _process_keys(spec: str) -> Iterator[tuple[str, str]]:
 
     from minerva_bus.launch.installed import find_world
 
-    tables = tomllib.loads(find_world(spec).read_text(encoding="utf-8")).get("process", {})
+    tables = tomllib.loads(read_text(find_world(spec))).get("process", {})
     for name, table in tables.items():
         known = dict.fromkeys([*table], "")
         service = table.get("service", "")

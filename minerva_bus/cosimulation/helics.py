@@ -20,6 +20,7 @@ import helics
 from minerva_bus.api.world import World
 from minerva_bus.cosimulation.stepped_world import SteppedWorld
 from minerva_bus.errors import MisuseError
+from minerva_bus.input_files import read_text
 
 _Result = TypeVar("_Result")
 _INTERRUPTED: Final = 130
@@ -151,7 +152,7 @@ def _local(federate: helics.HelicsValueFederate, name: str) -> str:
 def _period(config: Path) -> float:
     """The period of a configuration, in seconds. Raises MisuseError."""
     try:
-        plain: Any = json.loads(config.read_text(encoding="utf-8"))
+        plain: Any = json.loads(read_text(config))
     except OSError as error:
         raise MisuseError(f"helics: cannot read {config}: {error.strerror}") from None
     except ValueError as error:

@@ -123,7 +123,10 @@ class Type:
         item = cast("Type", self.item)
         if not isinstance(value, tuple | list):
             raise Unfit(f"a {self}, not {shown(value)}")
-        items = cast("tuple[Any, ...]", value if isinstance(value, tuple) else tuple(value))
+        items = cast(
+            "tuple[Any, ...]",
+            value if isinstance(value, tuple) else tuple(cast("list[Any]", value)),
+        )
         if not item.words and item.range is None:
             fitted = converted(item.kind, items)
             if fitted is not None:

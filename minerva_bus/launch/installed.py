@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from minerva_bus.errors import WorldFileError, nearest
+from minerva_bus.input_files import read_text
 from minerva_bus.settings.kinds import phrase_of
 
 SERVICES, AGENTS, WORLDS = "minerva.services", "minerva.agents", "minerva.worlds"
@@ -75,12 +76,18 @@ def find_world(spec: str) -> Path:
     raise WorldFileError(f"there is no world {spec!r}{hint}")
 
 
+def _text(path: Path) -> str:
+    try:
+        return read_text(path)
+    except UnicodeDecodeError:
+        raise WorldFileError(f"{path}: not a text in UTF-8") from None
+    except OSError as error:
+        raise WorldFileError(f"{path}: {error.strerror}") from None
+
+
 def installed_worlds() -> dict[str, str]:
     """The installed worlds with their descriptions: the first line of each file, a comment."""
-    lines = {
-        name: find_world(name).read_text(encoding="utf-8").partition("\n")[0]
-        for name in sorted(entries(WORLDS))
-    }
+    lines = {name: _text(find_world(name)).partition("\n")[0] for name in sorted(entries(WORLDS))}
     return {
         name: line.removeprefix("#").strip() if line.startswith("#") else ""
         for name, line in lines.items()
@@ -107,7 +114,7 @@ class DeclaredOption:
 
 def declared_options(spec: str) -> list[DeclaredOption]:
     """The options of a world. It runs no code. Raises WorldFileError if there is no such world."""
-    text = find_world(spec).read_text(encoding="utf-8")
+    text = _text(find_world(spec))
     try:
         tables = tomllib.loads(text)
     except tomllib.TOMLDecodeError:

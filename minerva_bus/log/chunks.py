@@ -125,7 +125,10 @@ class Chunks:
 
     def _scan(self) -> None:
         self._check_beginning()
-        scanned = scan(self._file, self.size)
+        try:
+            scanned = scan(self._file, self.size)
+        except RecordError as error:
+            raise RecordError(f"{self.path}: {error}") from None
         _check_profile(self.path, scanned.header)
         for damage in scanned.damage:
             self._note(damage)

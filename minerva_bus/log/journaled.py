@@ -14,6 +14,7 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.description import World
 from minerva_bus.frame.inputs import FrameInputs
+from minerva_bus.input_files import read_bytes
 from minerva_bus.log.description import Description, decode_description
 from minerva_bus.log.entries import EntryDecoder, EventsBySource, Keyframe, entry_number, unpacked
 from minerva_bus.log.errors import RecordError
@@ -100,11 +101,14 @@ def read_described(path: Path, begin: int = 0) -> tuple[Description, Journaled]:
     return description, journaled
 
 
+MAX_JOURNAL_BYTES: Final = 1 << 30
+
+
 def _bytes(path: Path) -> bytes:
     if is_stream(path):
         raise RecordError(f"{path}: a pipe or device; expected a journal")
     try:
-        return path.read_bytes()
+        return read_bytes(path, MAX_JOURNAL_BYTES)
     except FileNotFoundError:
         return b""
     except OSError as error:

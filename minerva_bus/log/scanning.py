@@ -16,6 +16,7 @@ from io import BytesIO
 from typing import IO, Final
 
 from minerva_bus.log.channels import FORMER
+from minerva_bus.log.errors import RecordError
 
 MAGIC: Final = b"\x89MCAP0\r\n"
 RECORD: Final = struct.Struct("<BQ")
@@ -35,6 +36,9 @@ _SHOWN: Final = 64
 
 _BLOCKS: Final = (1 << 12, 1 << 20)
 """Bytes searched at once: few at first, because the next chunk is often near."""
+
+MAX_DAMAGE: Final = 256 << 20
+"""Bytes in which the next chunk is searched: a sparse file may have any length."""
 
 _WHOLE: Final = re.compile(
     rb"(?=\x06.{7}\x00.{28}(?:\x00{4}|\x03\x00{3}lz4|\x04\x00{3}zstd)|\x0f\x04\x00{7})", re.DOTALL
@@ -122,10 +126,16 @@ def scan(file: IO[bytes], size: int) -> ScannedFile:
 
 def _next_record(file: IO[bytes], at: int, size: int, scanned: ScannedFile) -> int:
     """Offset of the next complete record after invalid data, or the end of the file."""
-    for begin in _candidates(file, at + 1, size):
+    for begin in _candidates(file, at + 1, min(size, at + MAX_DAMAGE)):
         if _Head.read(file, begin, size) is not None:
             scanned.damage.append(Damage(at, begin, "no record of an MCAP file"))
             return begin
+    if size - at > MAX_DAMAGE:
+        advice = f"; a copy cut there has the frames before: truncate --size={at} COPY"
+        raise RecordError(
+            f"no record of an MCAP file in {MAX_DAMAGE:,} bytes from byte {at:,} on"
+            f"{advice if scanned.places else ''}"
+        )
     scanned.cut = size - at
     return size
 
@@ -135,7 +145,9 @@ def _candidates(file: IO[bytes], at: int, size: int) -> Iterator[int]:
     block, largest = _BLOCKS
     while at < size:
         # Some bytes of the next block are read, too, because a beginning may span both.
-        for match in _WHOLE.finditer(_read(file, at, block + _SHOWN)):
+        data = _read(file, at, block + _SHOWN)
+        # A search takes a hundred times as long as this test, and unwritten data are zeros.
+        for match in _WHOLE.finditer(data if data.strip(b"\0") else b""):
             if match.start() < block:
                 yield at + match.start()
         at += block

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Final
 
 from minerva_bus.errors import KeysError
+from minerva_bus.input_files import read_bytes
 from minerva_bus.outputs import is_stream
 from minerva_bus.security.credentials import FAMILY, SERVERS, Rights
 from minerva_bus.wording import install
@@ -240,7 +241,7 @@ def read_issued(path: Path, authority: x509.Certificate, revoked: frozenset[int]
 def _content(path: Path) -> bytes:
     if is_stream(path):
         raise ValueError("it is a pipe or device")
-    return path.read_bytes()
+    return read_bytes(path)
 
 
 def _builder(

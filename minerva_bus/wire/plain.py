@@ -17,7 +17,7 @@ from minerva_bus.wire.weighing import values_in
 SLICE: Final = 1 << 18
 """Bytes decoded per call: msgpack holds the GIL for the duration of a call."""
 
-COLLECTED: Final = 1 << 16
+COLLECTED: Final = 1 << 12
 """Messages from this size on are decoded with the garbage collector off: they create many
 containers and no garbage, so collections would only cost time."""
 

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, TypeVar, get_type_hints
 
 from minerva_bus.errors import MisuseError
+from minerva_bus.input_files import read_text
 from minerva_bus.wording import install
 
 _Init = TypeVar("_Init", bound=Callable[..., None])
@@ -95,6 +96,9 @@ def require(service: str, module: str, library: str, extra: str) -> None:
         raise MisuseError(f"{service} needs {library}: {install(extra)}")
 
 
+MAX_PASSWORD_BYTES = 64 << 10
+
+
 def read_password(service: str, variable: str, file: str) -> str:
     """The password in an environment variable or in a file. Raises MisuseError."""
     if variable:
@@ -103,7 +107,7 @@ def read_password(service: str, variable: str, file: str) -> str:
             raise MisuseError(f"{service}: environment variable {variable} is not set")
         return password
     try:
-        return Path(file).read_text(encoding="utf-8").rstrip("\r\n")
+        return read_text(Path(file), MAX_PASSWORD_BYTES).rstrip("\r\n")
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
         raise MisuseError(f"{service}: password_file {file}: {reason}") from None

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any, cast
 
 from minerva_bus.errors import MisuseError, nearest
+from minerva_bus.input_files import read_text
 from minerva_services.llm.backends import BackendError, Completion, Prompt
 from minerva_services.llm.local import text_of
 
@@ -77,7 +78,7 @@ class ScriptBackend:
     def read(path: Path) -> ScriptBackend:
         """The script in a TOML file. Raises MisuseError."""
         try:
-            content = tomllib.loads(path.read_text(encoding="utf-8"))
+            content = tomllib.loads(read_text(path))
         except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
             reason = error.strerror if isinstance(error, OSError) else str(error)
             raise MisuseError(f"llm: script {path}: {reason}") from None

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Final
 
 from minerva_bus import portable
+from minerva_bus.input_files import check_input
 from minerva_bus.semantics.poses import Pose
 from minerva_bus.world.readings import Mount, Odometry, Scan
 from minerva_bus.world.recordings import PassOver, Recorded, RecordingError
@@ -26,6 +27,7 @@ from minerva_services.sensors.carmen.lines import (
 from minerva_services.sensors.playback import MountOverride
 
 _MAX_LINE_BYTES: Final = 1 << 20
+_MAX_BYTES: Final = 4 << 30
 _GZIP: Final = b"\x1f\x8b"
 _FRONT_LASER: Final = "robot_frontlaser_offset"
 _PASSED_OVER, _TIMELESS, _BROKEN = "lines passed over", "lines without a time", "broken off"
@@ -99,12 +101,14 @@ class CarmenLog:
         # A truncated archive fails only at its end, so the lines before remain usable.
         except (OSError, EOFError, zlib.error) as error:
             if not number:
-                raise RecordingError(f"{self.path}: cannot read: {error}") from None
+                reason = error.strerror if isinstance(error, OSError) else None
+                raise RecordingError(f"{self.path}: cannot read: {reason or error}") from None
             self.pass_over(_BROKEN, f"{self.path}: breaks off after line {number}: {error}")
 
     def _opened(self) -> BufferedIOBase:
         # A loop opens the file again.
         self.close()
+        check_input(self.path, _MAX_BYTES)
         self._raw = self.path.open("rb")
         self._size = max(1, os.fstat(self._raw.fileno()).st_size)
         packed = self._raw.read(2) == _GZIP

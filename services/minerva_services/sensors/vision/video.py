@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, Final, TypeAlias
 
+from minerva_bus.input_files import read_bytes
 from minerva_bus.world.readings import Sightings
 from minerva_bus.world.recordings import PassOver, Recorded, RecordingError
 from minerva_services.sensors.vision.detection import Grey
@@ -62,11 +63,11 @@ class ImageFolder:
     def _looked_at(self, path: Path, time: float) -> Sightings | None:
         """Sightings of an image; an unchanged still is not processed again."""
         if len(self._paths) > 1:
-            return self._find(decoded(path.read_bytes()), time)
+            return self._find(decoded(read_bytes(path)), time)
         about = path.stat()
         state = about.st_mtime_ns, about.st_size
         if self._shown is None or self._shown[0] != state:
-            self._shown = state, self._find(decoded(path.read_bytes()), time)
+            self._shown = state, self._find(decoded(read_bytes(path)), time)
         return self._shown[1]
 
     def close(self) -> None:
