@@ -148,6 +148,23 @@ def test_nobody_waits_forever_for_what_came_with_an_earlier_frame(tmp_path, name
     assert len(wrong) == 1
 
 
+def test_nobody_waits_forever_if_each_region_waits_for_the_one_before(tmp_path):
+    """All have finished the same frame, so no parcel shows by itself that its receiver lacks one."""
+
+    def forge(sender, target, data):
+        message = msgpack.unpackb(data, ext_hook=msgpack.ExtType)
+        if message[:2] == ["parcel", 7] and target == (sender + 1) % 3:
+            message[1] = 5
+        return msgpack.packb(message)
+
+    file = read_world_file(write_world(tmp_path, frames=12), Overrides(regions=3))
+    with in_regions(file) as regions:
+        cluster = Cluster(regions, Random(1))
+        cluster.links.forge = forge
+        with pytest.raises(WorldStopped, match=r"region . has sent no valid parcel for frame 8"):
+            cluster.run()
+
+
 def test_a_record_continues_in_regions(file, tmp_path):
     words = "--in-process", "--rate", 0, "--frames", 9, "--record", "one.mcap", "--quiet"
     assert here(tmp_path, "run", file.path, *words).returncode == 0
