@@ -149,8 +149,8 @@ def saved(state: Any) -> Message:
     return framed("ticked", [], {"x": state})
 
 
-MOST_AGENTS = (DEFAULT.answer_values + 2 * 7 * AGENTS - 20) // 7
-"""Agents in the largest `evolved` of a host of AGENTS agents; each has seven values."""
+MOST_AGENTS = (DEFAULT.answer_values - 20) // 7
+"""Agents, of seven values each, in an `evolved` as large as that of any host may be."""
 
 
 def evolved(agents: int, events: int) -> Message:

@@ -87,4 +87,10 @@ _SLOTS = frozenset(("type", "names", "values", "condition", "sender", "receivers
 def _hashable(value: Value) -> Hashable:
     if isinstance(value, np.ndarray):
         return value.tobytes()
-    return tuple(map(_hashable, value)) if isinstance(value, tuple) else value
+    if not isinstance(value, tuple):
+        return value
+    try:
+        hash(value)  # Without a call for each of its lists.
+    except TypeError:  # There is a matrix in it.
+        return tuple(map(_hashable, value))
+    return value
