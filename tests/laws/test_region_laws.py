@@ -115,6 +115,17 @@ def test_events_reach_only_the_regions_where_their_condition_can_hold(partition)
     assert regions.digests() == digests_of_one(world, FRAMES, nomad_hosts)
 
 
+def test_regions_send_nothing_where_there_is_nothing():
+    world = World("w", nomads.string(), nomads.VOCABULARY)
+    sent = []
+    for events in ([], [nomads.eStep()]):
+        regions = Regions(world, [events] * 3, [ById(4)], Random(0), nomad_hosts)
+        regions.digests()
+        sent.append(regions.parcels)
+    to_themselves = 4 * 3
+    assert sent[1] > sent[0] == to_themselves
+
+
 def test_reach_by_condition_finds_no_agents_within_others():
     world = World("w", nomads.string(), nomads.VOCABULARY)
     partition = ByPosition((0.0,), by_condition=True)
