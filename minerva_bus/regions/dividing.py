@@ -35,6 +35,10 @@ def divided(units: Units, regions: Sequence[NDArray[np.intp]]) -> dict[int, Unit
     places: dict[int, list[Place]] = {}
     pieces: dict[int, list[Piece]] = {}
     for (own, piece), each in zip(units.each(), regions, strict=True):
+        if piece.count == 1:  # Most pieces: a shorter way to the same parts.
+            places.setdefault(int(each[0]), []).append(own[0])
+            pieces.setdefault(int(each[0]), []).append(piece)
+            continue
         for region in np.unique(each).tolist():
             rows = np.flatnonzero(each == region)
             whole = len(rows) == piece.count
