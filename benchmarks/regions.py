@@ -6,8 +6,8 @@ Walkers on a line, a metre apart, in regions of equal width. In each frame, each
 (`work` steps of a loop in Python) and moves, and 1 in 20 calls its neighbour. Regions 0 is one
 coordinator with its members in the same process (--in-process). Medians of the turns, which
 alternate. CPU time is that of all processes, without the start: the difference between a run and
-one of a tenth of its frames. Bytes are those of a parcel: what one region sends to another one in a
-frame.
+one of a tenth of its frames. Bytes are those that one region sends to another one in a frame, on
+average.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from benchmarks.command import Option, Table, options
 from minerva_bus import Agent, Context, Event, EventType, Metres, Vocabulary, on
 
 COLUMNS: Final = {"agents": ">7,", "work": ">6", "regions": ">8", "frames/s": ">9.1f",
-                  "CPU ms a frame": ">15.2f", "bytes a parcel": ">15,"}  # fmt: skip
+                  "CPU ms a frame": ">15.2f", "bytes a pair": ">13,"}  # fmt: skip
 
 eStep = EventType("eStep")
 eCall = EventType("eCall", x=Metres)
