@@ -8,8 +8,11 @@ import tempfile
 import pytest
 from hypothesis import Phase, settings
 
-# The duration of an example depends on the machine more than on the code.
-settings.register_profile("minerva", deadline=None)
+# The duration of an example depends on the machine more than on the code. Each run draws other
+# examples, so half of the usual number finds as much in two runs.
+settings.register_profile("minerva", deadline=None, max_examples=50)
+# pytest --hypothesis-profile thorough
+settings.register_profile("thorough", deadline=None, max_examples=1000)
 # For mutation testing (tools/mutation.py): the first failure decides; shrinking is unnecessary.
 settings.register_profile(
     "mutation",

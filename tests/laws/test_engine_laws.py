@@ -19,7 +19,7 @@ from minerva_bus.world.order import Order, collect
 from minerva_bus.world.policy import Policy
 from minerva_bus.world.views import visualize
 
-law = settings(max_examples=100, deadline=None, suppress_health_check=list(HealthCheck))
+law = settings(suppress_health_check=list(HealthCheck))
 KINDS = kinds_of(FAMILY)
 frames = st.builds(Frame, st.integers(0, 99), st.just(0.1), st.integers(0, 99))
 lived = family_strings().flatmap(lambda w: st.tuples(st.just(w), family_events(w), frames))

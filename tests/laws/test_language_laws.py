@@ -12,7 +12,7 @@ from minerva_bus.grammar.printer import head
 from minerva_bus.grammar.scene import EMPTY, FigureNode, Scene, agents, scene_of, walk
 from minerva_bus.testing.strategies import scenes, values, vocabularies, worlds
 
-law = settings(max_examples=100, deadline=None, suppress_health_check=list(HealthCheck))
+law = settings(suppress_health_check=list(HealthCheck))
 
 
 @law
@@ -91,7 +91,7 @@ def test_concatenation_is_a_monoid(u, v, w):
     assert u + EMPTY == u == EMPTY + u
 
 
-@settings(law, max_examples=50)
+@law
 @given(worlds())
 def test_checked_strings_read_back_through_their_vocabulary(world):
     vocabulary, w = world
@@ -100,7 +100,7 @@ def test_checked_strings_read_back_through_their_vocabulary(world):
     assert str(again) == str(w)
 
 
-@settings(law, max_examples=50)
+@law
 @given(worlds())
 def test_check_is_idempotent_and_shares_what_it_keeps(world):
     vocabulary, w = world
@@ -110,7 +110,7 @@ def test_check_is_idempotent_and_shares_what_it_keeps(world):
     assert read == w
 
 
-@settings(law, max_examples=50)
+@law
 @given(worlds())
 def test_check_gives_every_occurrence_the_names_of_its_symbol(world):
     vocabulary, w = world
@@ -118,7 +118,7 @@ def test_check_gives_every_occurrence_the_names_of_its_symbol(world):
         assert agent.names is vocabulary.kinds[agent.symbol].fields.names
 
 
-@settings(law, max_examples=50)
+@law
 @given(vocabularies(), scenes())
 def test_a_string_of_another_world_is_refused_or_checked(vocabulary, w):
     try:
@@ -183,7 +183,7 @@ def test_a_mangled_text_is_a_string_or_a_scene_error(mangled):
             assert error.expected
 
 
-@settings(law, max_examples=50)
+@law
 @given(worlds(), st.integers(0, 1 << 32))
 def test_a_mangled_text_never_gets_past_a_vocabulary_unchecked(world, seed):
     vocabulary, w = world

@@ -91,7 +91,9 @@ def nomads_of_one(seed):
     return digests_of_one(world, FRAMES, nomad_hosts)
 
 
-@pytest.mark.parametrize(("count", "seed"), [(4, 0), (9, 1), (16, 0)])
+@pytest.mark.parametrize(
+    ("count", "seed"), [(4, 0), (9, 1), pytest.param(16, 0, marks=pytest.mark.slow)]
+)
 def test_regions_keep_births_deaths_calls_and_migration_in_order(count, seed):
     world = World("w", nomads.string(), nomads.VOCABULARY, seed=seed)
     regions = Regions(world, FRAMES, PARTITIONS[count], Random(seed), nomad_hosts, 0.005)
@@ -142,7 +144,10 @@ NORMS = (
 )  # fmt: skip
 
 
-@pytest.mark.parametrize(("count", "seed", "checkpoints"), [(4, 0, True), (16, 1, False)])
+@pytest.mark.parametrize(
+    ("count", "seed", "checkpoints"),
+    [(4, 0, True), (9, 1, False), pytest.param(16, 1, False, marks=pytest.mark.slow)],
+)
 def test_norms_reject_the_same_acts_in_regions(count, seed, checkpoints):
     world = World("w", nomads.string(), nomads.VOCABULARY, seed=seed, norms=NORMS)
     kills = 0.0 if checkpoints else 0.005

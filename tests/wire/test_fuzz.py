@@ -25,8 +25,8 @@ from minerva_bus.wire.plain import unpack
 from minerva_bus.wire.values import Reader
 from minerva_bus.wire.vocabulary import plain_vocabulary, read_vocabulary
 
-law = settings(max_examples=80, deadline=None, suppress_health_check=list(HealthCheck))
-few = settings(max_examples=40, deadline=None, suppress_health_check=list(HealthCheck))
+law = settings(max_examples=40, deadline=None, suppress_health_check=list(HealthCheck))
+few = settings(max_examples=20, deadline=None, suppress_health_check=list(HealthCheck))
 DECODER = Decoder(FAMILY_VOCABULARY)
 
 
@@ -544,7 +544,7 @@ columnar = st.one_of(
 )  # fmt: skip
 
 
-@settings(max_examples=400, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=200, deadline=None, suppress_health_check=list(HealthCheck))
 @given(columnar)
 @example(["emitted", [["eSaw", 1, [], "", None, [None, 1, b"\xcf"]]]])
 @example(["emitted", [["eSaw", 1, [], "", [None, 1, b"\xcf"], None]]])
