@@ -13,6 +13,9 @@ runtime = tempfile.TemporaryDirectory(prefix="minerva-site-")
 os.environ["MINERVA_RUNTIME_DIR"] = runtime.name
 
 sys.path.insert(0, str(Path(__file__).parent / "extensions"))
+# The reader of notebooks imports jsonschema, which compiles a grammar of this optional package for
+# seconds; notebooks have no IRIs to check.
+sys.modules["rfc3987_syntax"] = None  # type: ignore[assignment]
 
 project = "Minerva Bus"
 copyright = "Minerva Bus contributors, Apache-2.0"
