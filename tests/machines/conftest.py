@@ -108,7 +108,7 @@ class Podman:
 
 @pytest.fixture(scope="session")
 def podman(place):
-    needs("podman", "runc")
+    needs("podman", "runc", "netavark", "iptables")
     own = Podman(place)
     yield own
     own("rm", "--all", "--force", "--time", "0", "--volumes")

@@ -52,7 +52,7 @@ def pod(name, manifest, folders):
 
 def secret(keys, name):
     """The files of a secret that the page's command creates from the folder of keys."""
-    (files,) = re.findall(rf"secret generic {name}-keys \$\((.*)\)", README)
+    (files,) = re.findall(rf"minerva create secret generic {name}-keys \$\((.*)\)", README)
     folder = keys.parent / f"{name}-keys"
     folder.mkdir()
     for word in run("bash", "-ec", files, cwd=keys.parent).split():
