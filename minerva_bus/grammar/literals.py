@@ -28,7 +28,7 @@ _PLAIN_PAIR = re.compile(rf"([A-Za-z_][A-Za-z0-9_]*)\s*=\s*({_DIGITS})\s*([,>])"
 _NUMBER = re.compile(rf"({_DIGITS})(?:\s*([A-Za-z°]+(?:/[A-Za-z]+)?))?")
 _RUN = re.compile(rf"({_DIGITS})(?:\*([0-9]{{1,12}}))?")
 _MATRIX = re.compile(r"([0-9]{1,9})x([0-9]{1,9})(r?)\[([^\]]*)\]")
-_STRING = re.compile(r'"(?:[^"\\]|\\.)*"')
+_STRING = re.compile(r'"(?:[^"\\]++|\\.)*+"')
 _WORD = re.compile(r"true\b|false\b")
 _VALUE = 'a number, "text", true, false, [list], RxC[matrix] or {string}'
 

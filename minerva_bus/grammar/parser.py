@@ -36,7 +36,7 @@ from minerva_bus.grammar.scene import (
 _BLANK = re.compile(r"(?:\s+|//[^\n]*)*")
 _HEAD = re.compile(rf"([PTA][A-Za-z0-9_]*)(?:#({AGENT_ID.pattern}))?")
 # Texts and comments match first, so that a # within them does not count as an id.
-_GIVEN_ID = re.compile(rf'"(?:[^"\\]|\\.)*"|//[^\n]*|#({AGENT_ID.pattern})')
+_GIVEN_ID = re.compile(rf'"(?:[^"\\]++|\\.)*+"|//[^\n]*|#({AGENT_ID.pattern})')
 _PLAIN_VALUES = re.compile(r'<[^<>{}"\[\]/]*>')
 _ALPHABETS = "a symbol of P, T or A (PMap, TMove<dist=1>(...), ARobot#r1)"
 

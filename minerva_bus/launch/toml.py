@@ -15,7 +15,7 @@ MAX_KEY_PARTS: Final = 64
 """Limit for the parts of a dotted key: the parser of the standard library is quadratic in them."""
 
 _STRINGS: Final = re.compile(
-    r'"""[\s\S]*?"""|' r"'''[\s\S]*?'''|" r'"(?:[^"\\\n]|\\.)*"|' r"'[^'\n]*'|" r"#[^\n]*"
+    r'"""[\s\S]*?"""|' r"'''[\s\S]*?'''|" r'"(?:[^"\\\n]++|\\.)*+"|' r"'[^'\n]*'|" r"#[^\n]*"
 )
 # Possessive quantifiers (`*+`, `++`) exclude backtracking, so the search itself takes linear time.
 _PART: Final = r"[ \t]*+\.[ \t]*+[\w-]++"

@@ -281,7 +281,7 @@ _NUMBER: Final = re.compile(
 )
 _WHERE: Final = re.compile(r"\s+where\s+(.*)\Z", re.DOTALL)
 # Double quotes match first, so single quotes within a text in double quotes stay.
-_QUOTED: Final = re.compile(r"""("(?:[^"\\]|\\.)*")|'((?:[^'\\]|\\.)*)'""")
+_QUOTED: Final = re.compile(r"""("(?:[^"\\]++|\\.)*+")|'((?:[^'\\]++|\\.)*+)'""")
 _ESCAPED: Final = re.compile(r"""\\(')|\\.|(")""")
 _EXPECTED: Final = "KIND.ATTRIBUTE, EVENT.DATUM, or a function of one, such as count(AFox, x > 3)"
 

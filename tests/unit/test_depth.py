@@ -1,6 +1,7 @@
 """No function recurses: strings may be nested as deeply as memory allows."""
 
 import copy
+import tracemalloc
 
 import pytest
 
@@ -115,3 +116,15 @@ def test_a_million_symbols():
     w = parse("TIn(PDot · PDot) · PDot · " * 250_000 + "PDot")
     assert len(w) == 500_001
     assert Scene(w.nodes[:2]).digest == parse("TIn(PDot · PDot) · PDot").digest
+
+
+@pytest.mark.parametrize("text", ["x" * 10**6, r"\n\"" * 10**5])
+def test_a_long_text_takes_little_memory(text):
+    """A pattern that remembers each character took 120 bytes for each."""
+    string = f'PName<text="{text}">'
+    tracemalloc.start()
+    found = parse(string)
+    most = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert len(found.nodes[0].values[0]) >= len(text) // 2
+    assert most < 10 * len(string)
