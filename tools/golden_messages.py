@@ -127,7 +127,7 @@ MIXED = Events(
 ROWS = np.array([0, 5, 299], np.intp)
 PATCH = Delta(FISHES, ("AFish",), (Change(0, 0, ROWS, Column(np.array([1.0, 2.0, 3.0]))),))
 WHOLE_PATCH = Delta(2, ("AFish",), (Change(0, 0, None, Column(np.array([1.0, 2.0]))),))
-TURNOVER = Delta(
+WITH_ROWS = Delta(
     3, ("AFish",),
     (Change(0, 0, np.array([2], np.intp), Column(np.array([9.0]))),),
     RowDelta(3, np.array([0], np.intp), np.array([2], np.intp)), Ids.of(["f1:1"]),
@@ -167,7 +167,7 @@ MESSAGES: Mapping[str, m.Message] = {
     "evolved.empty": m.EvolveReply("h", 0),
     "evolved.full": m.EvolveReply(
         "h", 70_000, 3, POPULATION, {"a": EVENTS, "~AFish.1": (batch(),)},
-        {"eShow": VIEWS, "eOther": {}}, {"~AFish.2": PATCH, "~AFish.3": TURNOVER},
+        {"eShow": VIEWS, "eOther": {}}, {"~AFish.2": PATCH, "~AFish.3": WITH_ROWS},
         {"eShow": {"~AFish.2": WHOLE_PATCH}},
     ),
     "evolved.extreme": m.EvolveReply(
@@ -214,7 +214,7 @@ MESSAGES: Mapping[str, m.Message] = {
     ),
     "view.extreme": m.ViewShown(
         frame=LAST_FRAME, event_type="eShow", sequence=LAST_FRAME, parts={"a": Scene()},
-        skeleton=Scene(), patches={"~AFish.1": PATCH, "~AFish.2": TURNOVER}, halted=NAMES,
+        skeleton=Scene(), patches={"~AFish.1": PATCH, "~AFish.2": WITH_ROWS}, halted=NAMES,
     ),
     "orders.empty": m.Orders(0, ()),
     "orders.full": m.Orders(8, (*EVENTS, MIXED)),

@@ -278,10 +278,10 @@ class Composition:
         """Whether comparing newborns alone shows that all ids are distinct, as they were before."""
         for name, old in before.items():
             now = _ids(self.parts[name])
-            turnover = now.since(old) if now.distinct else None
-            if turnover is None:
+            row_delta = now.since(old) if now.distinct else None
+            if row_delta is None:
                 return False
-            newborn = now.take(turnover.born)
+            newborn = now.take(row_delta.born)
             others = [_ids(part) for other, part in self.parts.items() if other != name]
             if len(newborn) and any((ids.rows_of(newborn) >= 0).any() for ids in others):
                 return False

@@ -157,23 +157,23 @@ def _other(old: Scene, new: Scene) -> bool:
     return has_columns(new) or old != new
 
 
-def _patch(old: Scene, new: Scene, turnover: RowDelta | None = None) -> Delta | None:
+def _patch(old: Scene, new: Scene, row_delta: RowDelta | None = None) -> Delta | None:
     """Delta between two strings, if each is one piece in columns with rows in the same order."""
     if len(old.pieces) != 1 or len(new.pieces) != 1:
         return None
-    return difference(old.pieces[0], new.pieces[0], turnover)
+    return difference(old.pieces[0], new.pieces[0], row_delta)
 
 
 def _view_patch(shown: _Shown, piece: Fragment, view: Scene) -> Delta | None:
     """Delta between two views; rows were added and removed as in the fragment they show."""
     old, new = shown.piece, piece
-    turnover = None
+    row_delta = None
     if old.ids is not None and new.ids is not None:
         # Only if each agent has exactly one piece of view do the rows of both correspond.
         whole = size(shown.view.pieces) == old.count and size(view.pieces) == new.count
         if old.ids is not new.ids and whole:
-            turnover = new.ids.since(old.ids)
-    return _patch(shown.view, view, turnover)
+            row_delta = new.ids.since(old.ids)
+    return _patch(shown.view, view, row_delta)
 
 
 def _checked(

@@ -145,15 +145,15 @@ class Columns(Digested):
         scope = self.scope._with(given) if self.scope is not None else None
         return Columns(self.symbol, self.names, own, self.count, self.ids, scope)
 
-    def turned(self, turnover: RowDelta, newborn: Columns | None) -> Columns:
-        """These agents after a turnover: without those removed, and with newborns inserted."""
+    def updated(self, row_delta: RowDelta, newborn: Columns | None) -> Columns:
+        """These agents after a row delta: without those removed, and with newborns inserted."""
         born = [None] * len(self.columns) if newborn is None else newborn.columns
         pairs = zip(self.columns, born, strict=True)
-        rows = turnover.source, turnover.born
+        rows = row_delta.source, row_delta.born
         columns = tuple([column.moved(*rows, added) for column, added in pairs])
         newborn_ids = None if newborn is None else newborn.ids
-        ids = None if self.ids is None else self.ids.turned(turnover, newborn_ids)
-        return Columns(self.symbol, self.names, columns, turnover.after, ids)
+        ids = None if self.ids is None else self.ids.updated(row_delta, newborn_ids)
+        return Columns(self.symbol, self.names, columns, row_delta.after, ids)
 
     @staticmethod
     def concatenated(parts: Sequence[Columns]) -> Columns:

@@ -171,29 +171,29 @@ class Ids(Joinable):
             self.__dict__["strange"] = None
         return self
 
-    def turned(self, turnover: RowDelta, born: Ids | None) -> Ids:
-        """The ids after a turnover, with those of newborns in their rows."""
-        made = self._turned(turnover, born)
-        # Kept for the delta of this frame, which would otherwise have to search for the turnover.
-        made._before = ref(self), turnover
+    def updated(self, row_delta: RowDelta, born: Ids | None) -> Ids:
+        """The ids after a row delta, with those of newborns in their rows."""
+        made = self._updated(row_delta, born)
+        # Kept for the delta of this frame, which would otherwise have to compare all ids.
+        made._before = ref(self), row_delta
         return made.known()
 
-    def _turned(self, turnover: RowDelta, born: Ids | None) -> Ids:
+    def _updated(self, row_delta: RowDelta, born: Ids | None) -> Ids:
         # Newborns with numbers after the same stem leave all ids numbered.
         if born is not None and (self._stem is None or self._stem != born._stem):
-            pooled = self._turned_in_pool(turnover, born)
+            pooled = self._updated_in_pool(row_delta, born)
             if pooled is not None:
                 return pooled
-        made = self.take(turnover.source)
+        made = self.take(row_delta.source)
         # If no newborn has an old id, the result is distinct without another search.
         new = born is None or not (self.rows_of(born) >= 0).any()
         if born is not None:
-            made = made.put(turnover.born, born)
+            made = made.put(row_delta.born, born)
         if new and self.distinct and (born is None or born.distinct):
             made.__dict__["distinct"] = True
         return made
 
-    def _turned_in_pool(self, turnover: RowDelta, born: Ids) -> Ids | None:
+    def _updated_in_pool(self, row_delta: RowDelta, born: Ids) -> Ids | None:
         pool, old = self._pool, self._raw
         if pool is None or pool.crowded(len(self)):
             pool, old = IdPool.of(self.spelled, self.hashes), np.arange(len(self))
@@ -203,8 +203,8 @@ class Ids(Joinable):
         newborn = self._pool_entries(pool, born)
         if newborn is None:
             return None
-        entries = old[turnover.source]
-        entries[turnover.born] = newborn
+        entries = old[row_delta.source]
+        entries[row_delta.born] = newborn
         made = Ids(None, entries, pool).sound_like((self, born))
         # Entries that are new to the pool cannot be those of other rows.
         if self.distinct and bool((newborn >= known).all()):
@@ -212,15 +212,15 @@ class Ids(Joinable):
         return made
 
     def since(self, old: Ids) -> RowDelta | None:
-        """The turnover from old ids to these; None if those that remain are in another order."""
+        """The row delta from old ids to these; None if those that remain are in another order."""
         if self._before is not None and self._before[0]() is old:
             return self._before[1]
         # The old row of a repeated id is ambiguous.
         if old.duplicate is not None:
             return None
-        turnover = RowDelta.of(old.rows_of(self), len(old))
-        self._before = None if turnover is None else (ref(old), turnover)
-        return turnover
+        row_delta = RowDelta.of(old.rows_of(self), len(old))
+        self._before = None if row_delta is None else (ref(old), row_delta)
+        return row_delta
 
     def differs(self, other: Ids) -> Rows | None:
         """The rows in which these differ from as many others; None if their stems differ."""

@@ -83,8 +83,8 @@ def plain_patch(patch: Delta) -> list[Any]:
         for change in patch.changes
     ]
     plain = [PATCH, patch.count, list(patch.symbols), changes]
-    if patch.turnover is not None:
-        gone, born = map(plain_rows, (patch.turnover.gone, patch.turnover.born))
+    if patch.row_delta is not None:
+        gone, born = map(plain_rows, (patch.row_delta.gone, patch.row_delta.born))
         plain += [gone, born, plain_ids(patch.born)]
     return plain
 
@@ -213,26 +213,26 @@ class ColumnsReader:
         if len(items) not in (4, 7):
             raise ProtocolError(f"a patch has 4 or 7 items, not {len(items)}")
         count = self._count(items[1])
-        # Read before the changes, whose rows are those after the turnover.
-        turnover, born = self._turnover(count, *items[4:]) if len(items) == 7 else (None, None)
-        after = count if turnover is None else self._count(turnover.after)
+        # Read before the changes, whose rows are those after the row delta.
+        row_delta, born = self._row_delta(count, *items[4:]) if len(items) == 7 else (None, None)
+        after = count if row_delta is None else self._count(row_delta.after)
         symbols = as_texts(items[2], "the symbols")
         fields = [self._fields(symbol) for symbol in symbols[:CHAIN]]
         changes = [self._change(item, after, fields) for item in as_list(items[3], "the changes")]
-        return Delta(count, symbols, tuple(changes), turnover, born)
+        return Delta(count, symbols, tuple(changes), row_delta, born)
 
-    def _turnover(self, count: int, gone: Any, born: Any, ids: Any) -> tuple[RowDelta, Ids | None]:
+    def _row_delta(self, count: int, gone: Any, born: Any, ids: Any) -> tuple[RowDelta, Ids | None]:
         gone = read_rows(gone, count)
         # The number of rows after the change follows from these rows,
         # so only the general limit applies.
         born = read_rows(born, self._limits.nodes)
-        turnover = RowDelta(count, gone, born)
-        if len(born) and int(born[-1]) >= turnover.after:
-            raise ProtocolError(f"born row {born[-1]} is not below {turnover.after}")
+        row_delta = RowDelta(count, gone, born)
+        if len(born) and int(born[-1]) >= row_delta.after:
+            raise ProtocolError(f"born row {born[-1]} is not below {row_delta.after}")
         newborn = None if ids is None else read_ids(ids, len(born))
         if newborn is not None and newborn.duplicate is not None:
             raise ProtocolError(same_id(newborn.duplicate))
-        return turnover, newborn
+        return row_delta, newborn
 
     def _change(self, plain: Any, count: int, fields: list[Fields]) -> Change:
         items = as_list(plain, "a change")

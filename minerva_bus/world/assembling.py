@@ -143,7 +143,7 @@ def _in_columns(part: Columns, state: PopulationState) -> Scene:
     stays = np.ones(part.count, np.bool_) if state.away is None else ~state.away
     gone = np.flatnonzero(~stays)
     if not state.born:
-        turnover, newborn = RowDelta(part.count, gone, np.empty(0, np.intp)), None
+        row_delta, newborn = RowDelta(part.count, gone, np.empty(0, np.intp)), None
     else:
         # A single agent returns `self.string + child`, so a later newborn stands before an earlier
         # one. The sort by parents is stable and keeps that order.
@@ -152,9 +152,9 @@ def _in_columns(part: Columns, state: PopulationState) -> Scene:
         order = np.argsort(parents, kind="stable")
         # A newborn's row: the remaining agents up to its parent, and the newborns before it.
         ahead = np.cumsum(stays)[parents[order]]
-        turnover = RowDelta(part.count, gone, ahead + np.arange(len(order)))
+        row_delta = RowDelta(part.count, gone, ahead + np.arange(len(order)))
         newborn = Columns.concatenated([birth.newborn for birth in births]).take(order)
-    return Scene((part.turned(turnover, newborn),)) if turnover.after else EMPTY
+    return Scene((part.updated(row_delta, newborn),)) if row_delta.after else EMPTY
 
 
 def _later_first(birth: Birth) -> int:

@@ -39,13 +39,13 @@ def frames(draw):
     return of
 
 
-def after(texts: list[str], turnover: RowDelta, born: list[str]) -> list[str]:
+def after(texts: list[str], row_delta: RowDelta, born: list[str]) -> list[str]:
     gone, newborn = (
-        set(turnover.gone.tolist()),
-        dict(zip(turnover.born.tolist(), born, strict=True)),
+        set(row_delta.gone.tolist()),
+        dict(zip(row_delta.born.tolist(), born, strict=True)),
     )
     left = iter([text for row, text in enumerate(texts) if row not in gone])
-    return [newborn[row] if row in newborn else next(left) for row in range(turnover.after)]
+    return [newborn[row] if row in newborn else next(left) for row in range(row_delta.after)]
 
 
 def first_rows(texts: list[str], wanted: list[str]) -> list[int]:
@@ -80,9 +80,9 @@ def test_ids_in_a_pool_are_those_of_a_list(data, texts, bits):
         ids, branch = Ids.of(texts), data.draw(st.integers(0, 3))
         kept = ids, texts
         for number in range(5):
-            turnover, born = data.draw(frames())(texts)
+            row_delta, born = data.draw(frames())(texts)
             newborn = Ids.of(born) if born else None
-            old, ids, texts = ids, ids.turned(turnover, newborn), after(texts, turnover, born)
+            old, ids, texts = ids, ids.updated(row_delta, newborn), after(texts, row_delta, born)
             check(ids, texts, data.draw(st.lists(TEXTS, max_size=5)))
             if not ids.duplicate and not old.duplicate:
                 since = Ids.of(ids.texts()).since(old)
@@ -94,15 +94,15 @@ def test_ids_in_a_pool_are_those_of_a_list(data, texts, bits):
                 kept = ids, texts
         # Another frame from an earlier state shares the pool with those that followed it.
         ids, texts = kept
-        turnover, born = data.draw(frames())(texts)
-        changed = ids.turned(turnover, Ids.of(born) if born else None)
-        check(changed, after(texts, turnover, born), [])
+        row_delta, born = data.draw(frames())(texts)
+        changed = ids.updated(row_delta, Ids.of(born) if born else None)
+        check(changed, after(texts, row_delta, born), [])
         check(ids, texts, [])
 
 
 @given(st.data(), st.lists(TEXTS, min_size=3, max_size=8, unique=True))
 def test_rows_of_a_pool_can_be_replaced_and_joined(data, texts):
-    ids = Ids.of(texts).turned(RowDelta(len(texts), np.array([0]), np.array([1])), Ids.of(["a:1"]))
+    ids = Ids.of(texts).updated(RowDelta(len(texts), np.array([0]), np.array([1])), Ids.of(["a:1"]))
     texts = [texts[1], "a:1", *texts[2:]]
     others = data.draw(st.lists(TEXTS, min_size=2, max_size=2))
     replaced = ids.put(np.array([0, 2]), Ids.of(others))
@@ -117,7 +117,7 @@ def test_rows_of_a_pool_can_be_replaced_and_joined(data, texts):
 def test_the_dead_leave_a_pool_that_has_many_of_them():
     ids = Ids.of([f"f{n}" for n in range(10)])
     for frame in range(3 * SPARE):
-        ids = ids.turned(RowDelta(10, np.array([0]), np.array([9])), Ids.of([f"f:{frame}-1"]))
+        ids = ids.updated(RowDelta(10, np.array([0]), np.array([9])), Ids.of([f"f:{frame}-1"]))
     assert ids.texts() == [f"f:{frame}-1" for frame in range(3 * SPARE - 10, 3 * SPARE)]
     assert ids._pool is not None
     assert ids._pool.count <= 21 + SPARE
@@ -135,7 +135,7 @@ def test_hashes_are_found_however_they_were_added(hashes, size):
 
 
 def test_hashes_of_a_pool_are_those_of_the_texts():
-    ids = Ids.of(["a", "b"]).turned(RowDelta(2, np.array([0]), np.array([0])), Ids.of(["b:1"]))
+    ids = Ids.of(["a", "b"]).updated(RowDelta(2, np.array([0]), np.array([0])), Ids.of(["b:1"]))
     assert ids.hashes.tolist() == [hash_of("b:1"), hash_of("b")]
 
 

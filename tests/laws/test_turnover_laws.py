@@ -85,16 +85,16 @@ def generations(draw):
     born = draw(st.integers(1 if len(gone) == old.count else 0, 9))
     after = old.count - len(gone) + born
     places = draw(st.sets(st.integers(0, after - 1), min_size=born, max_size=born))
-    turnover = RowDelta(
+    row_delta = RowDelta(
         old.count, np.array(sorted(gone), np.intp), np.array(sorted(places), np.intp)
     )
     newborn = fish(Ids.of([f"f{n}:1" for n in range(born)]), 100.5) if born else None
-    now = old.turned(turnover, newborn)
+    now = old.updated(row_delta, newborn)
     rows = sorted(draw(st.sets(st.integers(0, after - 1))))
     if rows:
         x = now.columns[0].put(np.array(rows), np.arange(len(rows)) + 7.5)
         now = now.with_columns([x, *now.columns[1:]])
-    return old, turnover, now
+    return old, row_delta, now
 
 
 def shown(some: Columns) -> Columns:
@@ -114,8 +114,8 @@ def from_scratch(some: Columns) -> Columns:
 
 @given(generations())
 def test_a_turnover_leaves_the_others_in_their_order(generation):
-    old, turnover, now = generation
-    gone, born = set(turnover.gone.tolist()), set(turnover.born.tolist())
+    old, row_delta, now = generation
+    gone, born = set(row_delta.gone.tolist()), set(row_delta.born.tolist())
     left = [one for row, one in enumerate(old.ids) if row not in gone]
     assert [one for row, one in enumerate(now.ids) if row not in born] == left
     assert VOCABULARY.check(Scene((now,))) == Scene((now,))
@@ -126,10 +126,10 @@ def test_a_turnover_leaves_the_others_in_their_order(generation):
 @given(generations(), st.booleans(), st.booleans())
 def test_a_patch_with_births_and_deaths_makes_the_new_of_the_old(generation, known, travelled):
     """Also if the origin of the new columns is unknown, and after a transfer over the bus."""
-    old, turnover, now = generation
+    old, row_delta, now = generation
     patch = difference(old, now if known else from_scratch(now))
     if patch is None:
-        assert len(turnover.gone) == old.count
+        assert len(row_delta.gone) == old.count
         assert not known
         return
     if travelled:
@@ -153,11 +153,11 @@ def test_a_view_is_patched_as_what_it_is_of(generation, travelled):
 
 @given(generations())
 def test_unchanged_parts_are_not_sent(generation):
-    old, turnover, now = generation
+    old, row_delta, now = generation
     patch = difference(old, now)
-    assert patch.born is None or patch.born.texts() == now.ids.take(turnover.born).texts()
-    for change in patch.changes[1:] if len(turnover.born) * 4 <= now.count else ():
-        assert change.place == 0 or change.rows.tolist() == turnover.born.tolist()
+    assert patch.born is None or patch.born.texts() == now.ids.take(row_delta.born).texts()
+    for change in patch.changes[1:] if len(row_delta.born) * 4 <= now.count else ():
+        assert change.place == 0 or change.rows.tolist() == row_delta.born.tolist()
 
 
 @given(generations())
@@ -176,9 +176,9 @@ def test_a_string_in_parts_finds_newborns(parts):
     before = [fish(one, 0.5) for one in ids]
     composition = Composition(Scene(tuple(before)))
     after = {}
-    for name, part, (_, turnover, now) in zip(composition.parts, before, parts, strict=True):
-        born = now.take(turnover.born) if len(turnover.born) else None
-        after[name] = Scene((part.turned(turnover, born),))
+    for name, part, (_, row_delta, now) in zip(composition.parts, before, parts, strict=True):
+        born = now.take(row_delta.born) if len(row_delta.born) else None
+        after[name] = Scene((part.updated(row_delta, born),))
     texts = Counter(one for scene in after.values() for one in scene.pieces[0].ids)
     if max(texts.values()) > 1:
         with pytest.raises(VocabularyError, match="two agents have the id"):
@@ -294,7 +294,7 @@ def test_some_of_some_draw_from_their_own_streams():
 
 SHOAL = fish(ids_of(3, numbered=True), 0.5)
 ONE = fish(Ids.of(["f1:1"]), 9.5)
-TURNED = SHOAL.turned(RowDelta(3, np.array([0]), np.array([1])), ONE)
+UPDATED = SHOAL.updated(RowDelta(3, np.array([0]), np.array([1])), ONE)
 
 
 def ext(data):
@@ -302,7 +302,7 @@ def ext(data):
 
 
 def wrong(place, value):
-    plain = through(plain_patch(difference(SHOAL, TURNED)))
+    plain = through(plain_patch(difference(SHOAL, UPDATED)))
     plain[place] = value
     return plain
 
