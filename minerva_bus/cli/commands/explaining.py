@@ -8,7 +8,8 @@ from typing import Annotated
 import typer
 
 from minerva_bus.cli import completing, completing_agents
-from minerva_bus.cli.options import Json, NamedTarget, WorldTarget, examples, grouped
+from minerva_bus.cli.grouping import grouped
+from minerva_bus.cli.options import Json, NamedTarget, WorldTarget, examples
 from minerva_bus.cli.startup import uncollected
 
 

@@ -9,7 +9,8 @@ from typing import Annotated
 import typer
 
 from minerva_bus.cli import completing
-from minerva_bus.cli.options import Collect, Force, Json, Quiet, examples, grouped
+from minerva_bus.cli.grouping import grouped
+from minerva_bus.cli.options import Collect, Force, Json, Quiet, examples
 
 
 @dataclass(frozen=True, slots=True)

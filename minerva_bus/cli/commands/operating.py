@@ -8,7 +8,8 @@ from typing import Annotated
 import typer
 
 from minerva_bus.cli import completing, completing_running
-from minerva_bus.cli.options import By, Json, NamedTarget, examples, grouped
+from minerva_bus.cli.grouping import grouped
+from minerva_bus.cli.options import By, Json, NamedTarget, examples
 
 
 @examples(

@@ -2,22 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from minerva_bus.cli import completing
-from minerva_bus.cli.options import (
-    Collect,
-    Force,
-    Json,
-    QuietRun,
-    Takes,
-    examples,
-    grouped,
-    options_of,
-)
+from minerva_bus.cli.grouping import Takes, grouped
+from minerva_bus.cli.options import Collect, Force, Json, MovedWorld, QuietRun, examples, options_of
 from minerva_bus.cli.startup import BEGAN, uncollected
 from minerva_bus.settings.overrides import Overrides
 
@@ -84,13 +77,7 @@ def replay(
         Overrides, Takes("view", "name", "listen", "connect", "keys", "insecure", "audit")
     ],
     file: Record,
-    world: Annotated[
-        str,
-        typer.Argument(
-            help="World file or installed world, if the original one has moved.",
-            autocompletion=completing.worlds,
-        ),
-    ] = "",
+    world: MovedWorld = "",
     begin: Annotated[int, typer.Option("--from", help="Start at this frame.")] = 0,
     speed: Annotated[
         float,
@@ -127,24 +114,18 @@ def replay(
         from minerva_bus.launch.swapping import Swap
 
     if no_code:
-        given = {
-            "--swap": swap,
-            "--recompute": recompute,
-            "--view": overrides.views,
-            "WORLD": world,
-        }
-        for option in [name for name, value in given.items() if value]:
-            context.fail(f"{option} runs code, which --no-code forbids; minerva plot runs none")
+        code = {"--swap": swap, "--recompute": recompute, "--view": overrides.views, "WORLD": world}
+        _refuse(context, code, "runs code, which --no-code forbids; minerva plot runs none")
         show_frames(file, begin, json)
         return
     words = context.args
     # As in `run`: an unknown option may be in place of WORLD.
     if world.startswith("--"):
         words, world = [world, *words], ""
-    # These would be ignored without a word, or be meant for the new member, which has its own.
-    played = {"--view": bool(overrides.views), "--from": begin != 0, "--speed": speed != 1.0}
-    for option in [name for name, given in played.items() if given and (swap or recompute)]:
-        context.fail(f"{option} cannot be combined with --{'swap' if swap else 'recompute'}")
+    if swap or recompute:
+        # These would be ignored without a word, or be meant for the new member, which has its own.
+        played = {"--view": overrides.views, "--from": begin != 0, "--speed": speed != 1.0}
+        _refuse(context, played, f"cannot be combined with --{'swap' if swap else 'recompute'}")
     if swap and recompute:
         context.fail("--swap and --recompute exclude each other")
     if swap:
@@ -157,6 +138,12 @@ def replay(
         file, world, overrides, BEGAN, begin=begin, speed=speed, as_json=json, quiet=quiet
     )
     raise typer.Exit(code)
+
+
+def _refuse(context: typer.Context, options: Mapping[str, object], reason: str) -> None:
+    """End the command with a usage error if one of these options is given."""
+    for option in [name for name, value in options.items() if value]:
+        context.fail(f"{option} {reason}")
 
 
 @examples(

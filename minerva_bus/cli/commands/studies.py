@@ -9,14 +9,16 @@ from typing import Annotated
 import typer
 
 from minerva_bus.cli import completing, completing_worlds
+from minerva_bus.cli.grouping import grouped
 from minerva_bus.cli.options import (
+    ComparisonPlot,
     Force,
     Json,
+    MovedWorld,
     QuietStudy,
     Settings,
     WorldArgument,
     examples,
-    grouped,
     options_of,
 )
 from minerva_bus.cli.study_options import BranchOptions, Limit, StudyOptions, open_workers
@@ -123,7 +125,7 @@ def sweep(
         ),
     ] = None,
     limit: Limit = 600.0,
-    plot: Annotated[Path | None, typer.Option(help="Plot a comparison of the runs.")] = None,
+    plot: ComparisonPlot = None,
     json: Json = False,
     quiet: QuietStudy = False,
     force: Force = False,
@@ -173,13 +175,7 @@ def branch(
         Path, typer.Argument(help="A record, .mcap.", autocompletion=completing.records)
     ],
     frame: Annotated[int, typer.Option(help="Continue from the string of this frame.", min=0)],
-    world: Annotated[
-        str,
-        typer.Argument(
-            help="World file or installed world, if the original one has moved.",
-            autocompletion=completing.worlds,
-        ),
-    ] = "",
+    world: MovedWorld = "",
     set_: Annotated[
         list[str] | None,
         typer.Option(
@@ -211,7 +207,7 @@ def branch(
         ),
     ] = None,
     limit: Limit = 600.0,
-    plot: Annotated[Path | None, typer.Option(help="Plot a comparison of the runs.")] = None,
+    plot: ComparisonPlot = None,
     tree: Annotated[Path | None, typer.Option(help="Plot the record and its branches.")] = None,
     json: Json = False,
     quiet: QuietStudy = False,

@@ -8,15 +8,14 @@ from typing import Annotated
 import typer
 
 from minerva_bus.cli import completing
+from minerva_bus.cli.grouping import Takes, grouped
 from minerva_bus.cli.options import (
     Force,
     JoinOptions,
     Json,
     RunOptions,
-    Takes,
     WorldArgument,
     examples,
-    grouped,
     options_of,
 )
 from minerva_bus.cli.startup import BEGAN, uncollected
