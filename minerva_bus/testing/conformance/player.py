@@ -6,8 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from minerva_bus.frame import messages as m
-from minerva_bus.frame.instructions import plain_form
-from minerva_bus.frame.member import Member, Refusal
+from minerva_bus.frame.member import Refusal
 from minerva_bus.runtime.scripted import ScriptedHub, ScriptedWorld
 from minerva_bus.testing.conformance.case import (
     AwaitEnd,
@@ -28,6 +27,7 @@ from minerva_bus.testing.conformance.case import (
     Succeed,
     Tier,
 )
+from minerva_bus.testing.conformance.comparison import ComparedMember
 from minerva_bus.testing.conformance.launching import StartMember
 from minerva_bus.testing.conformance.link import (
     FIRST_EPOCH,
@@ -44,7 +44,6 @@ from minerva_bus.testing.conformance.world import (
     SEED,
     VOCABULARY,
     MemberRole,
-    reference,
     roles_of,
 )
 from minerva_bus.wire.codec import encode
@@ -120,7 +119,7 @@ def _shown(data: bytes) -> str:
 
 
 class _Player:
-    """State of one case: the link to the member, and the reference with what both have sent."""
+    """State of one case: the link to the member, and what it is compared with."""
 
     def __init__(
         self,
@@ -135,12 +134,9 @@ class _Player:
         self.case = case
         # The probe of a member without a role compares nothing.
         self.role = role or MemberRole.HOST
-        self._capabilities = capabilities
+        self._compared = ComparedMember(self.role, case.id, capabilities)
         # As a step of the case allows.
         self._ended = False
-        self._member: Member = reference(self.role)
-        self._states = KnownState(), KnownState()
-        self._saved: list[m.Saved] = [None, None]
         if case.name_taken:
             stage.hold(stage.keys.alive(MEMBER))
         stage.appear(FIRST_EPOCH)
@@ -196,11 +192,10 @@ class _Player:
 
     def _welcome(self, frame: int, *, saved: bool, seed: int = SEED, data: bytes = b"") -> None:
         welcome = self._welcome_at(frame, seed)
-        own, theirs = self._saved if saved else (None, None)
+        own, theirs = self._compared.saved if saved else (None, None)
         self._put("to", replace(welcome, saved=theirs), data)
-        for state in self._states:
-            state.sent(welcome)
-        self._member.receive(replace(welcome, saved=own))
+        self._compared.sent(welcome)
+        self._compared.receive(replace(welcome, saved=own))
 
     def _await_refusal(self) -> None:
         """The member ends without an answer to greetings, which are for the holder of its name."""
@@ -231,7 +226,7 @@ class _Player:
                 data = encode(readings)
                 key = f"topic/{readings.topic}/{readings.member}"
                 self.link.put(key, data, _shown(data))
-                self._compare(self._receive(readings))
+                self._compare(self._compared.receive(readings))
             case SendIgnored():
                 self._send_ignored(step)
             case Enter(frame, more):
@@ -267,24 +262,14 @@ class _Player:
                 self._start_again(frame)
 
     def _deliver(self, step: Deliver) -> None:
-        message = self._for_member(step.message)
+        message = self._compared.in_its_form(step.message)
         self._put(step.on, message, step.data)
-        for state in self._states:
-            state.sent(step.message)
+        self._compared.sent(step.message)
         try:
-            expected = self._receive(step.message)
+            expected = self._compared.receive(step.message)
         except Refusal:
             return  # The member ends; the script says how.
         self._compare(expected)
-
-    def _for_member(self, message: m.ToMember) -> m.ToMember:
-        """The message as the coordinator sends it to a member that declines columns."""
-        if "plain" not in self._capabilities:
-            return message
-        if isinstance(message, m.EvolveRequest) and MEMBER in message.asked:
-            only = message.only or tuple(self._states[0].fragments)
-            message = replace(message, asked=(MEMBER,), only=only)
-        return plain_form(message)
 
     def _send_ignored(self, step: SendIgnored) -> None:
         data = step.data if step.epoch is None else stamp(self.link.epoch + step.epoch) + step.data
@@ -340,7 +325,7 @@ class _Player:
             raise CaseFailure(f"it has left, but its exit code is {code}")
 
     def _break(self, message: m.ToMember) -> None:
-        self._put("", self._for_member(message))
+        self._put("", self._compared.in_its_form(message))
         answer = self.link.next_message(self.link.limits.answer)
         if not isinstance(answer, m.Failed):
             shown = [] if answer is None else [self._text(answer)]
@@ -349,7 +334,7 @@ class _Player:
 
     def _start_again(self, frame: int) -> None:
         self.link.start_again()
-        self._member = reference(self.role)
+        self._compared.start_again()
         self._join(frame)
 
     def _await_end(self, failed: bool | None) -> None:
@@ -366,45 +351,17 @@ class _Player:
             raise CaseFailure(f"its exit code is {code}; expected {wanted}")
         self.link.await_absence()
 
-    # --- the member against the reference ---
-
-    def _receive(self, message: m.ToMember | m.Readings) -> list[m.FromMember | m.Readings]:
-        """What the reference answers to a message."""
-        try:
-            answers = self._member.receive(message)
-        except Refusal:
-            raise
-        except Exception as error:
-            error.add_note(f"in the reference of the case {self.case.id!r}")
-            raise
-        for answer in answers:
-            if isinstance(answer, m.TickReply):
-                self._saved[0] = answer.saved
-        silent = "publishes" not in self._capabilities
-        return [a for a in answers if not (silent and isinstance(a, m.Readings))]
+    # --- answers ---
 
     def _compare(self, expected: Sequence[m.FromMember | m.Readings]) -> None:
         """Compare the next messages of the member with those of the reference, in order.
 
         Without any, another greeting shows that the member has sent nothing: its hello is next.
         """
-        if not expected:
+        if expected:
+            self._compared.compare(expected, self.link)
+        else:
             self._fence()
-            return
-        wanted: list[str] = []
-        received: list[str] = []
-        for message in expected:
-            figures = message.figures if isinstance(message, m.Report) else ()
-            wanted.append(text_of(message, self._states[0], figures))
-            answer = self.link.next_message(self.link.limits.answer)
-            if answer is None:
-                limit = f"within {self.link.limits.answer:g} s"
-                raise CaseFailure(f"no answer {limit}", wanted, received)
-            if isinstance(answer, m.TickReply):
-                self._saved[1] = answer.saved
-            received.append(text_of(answer, self._states[1], figures))
-            if received[-1] != wanted[-1]:
-                raise CaseFailure("another answer than expected", wanted, received)
 
     def _fence(self) -> None:
         self._put("to", m.Greet(), quiet=True)
@@ -426,7 +383,7 @@ class _Player:
         self.link.put("to/" + MEMBER if key == "to" else key, stamp(self.link.epoch) + body, shown)
 
     def _usual_key(self, message: m.ToMember) -> str:
-        plain = "plain" in self._capabilities
+        plain = self._compared.is_plain
         if isinstance(message, m.TickRequest):
             return "to" if self.role is MemberRole.AHEAD else "tick"
         if isinstance(message, m.EvolveRequest):
