@@ -13,13 +13,9 @@ from pathlib import Path
 from typing import Final
 
 from minerva_bus.launch import capacity, forking
-from minerva_bus.launch.children import (
-    CoordinatorStart,
-    MemberStart,
-    run_coordinator,
-    run_member,
-)
+from minerva_bus.launch.coordinator_process import CoordinatorStart, run_coordinator
 from minerva_bus.launch.forking import ChildProcess
+from minerva_bus.launch.member_process import MemberStart, run_member
 from minerva_bus.launch.pipes import Pipes, ReportPipe
 from minerva_bus.launch.profiling import Profiling
 from minerva_bus.launch.worldfile import WorldFile

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
-from minerva_bus.launch.children import MemberStart
 from minerva_bus.launch.forking import ChildProcess
 from minerva_bus.launch.machine import REAL, LaunchContext, Machine
+from minerva_bus.launch.member_process import MemberStart
 from minerva_bus.launch.pipes import LineReader
 from minerva_bus.launch.process_log import ProcessLog
 from minerva_bus.launch.starting import STARTS_PER_CORE, StartQueue

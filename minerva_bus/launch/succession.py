@@ -7,7 +7,7 @@ from dataclasses import replace
 from select import PIPE_BUF
 from typing import Any, Final
 
-from minerva_bus.launch.children import CoordinatorStart
+from minerva_bus.launch.coordinator_process import CoordinatorStart
 from minerva_bus.launch.forking import FAILED, ChildProcess
 from minerva_bus.launch.machine import LaunchContext
 from minerva_bus.launch.pipes import CLOSED, LineReader, parse_report

@@ -1,0 +1,268 @@
+"""The coordinator's process: it runs a world, reports to the launcher and reads its commands."""
+
+from __future__ import annotations
+
+import os
+import threading
+from collections.abc import Callable, Collection, Generator
+from dataclasses import dataclass
+from typing import Any
+
+from minerva_bus.errors import Followed
+from minerva_bus.frame import stimuli as s
+from minerva_bus.frame.algorithm import FrameAlgorithm
+from minerva_bus.launch.access import security
+from minerva_bus.launch.collecting import CollectSink, collect_sink
+from minerva_bus.launch.exporting import exported
+from minerva_bus.launch.journaling import RunJournal, find_past, next_epoch
+from minerva_bus.launch.pipes import LineBuffer, ReportPipe
+from minerva_bus.launch.recording import RunRecord, recording
+from minerva_bus.launch.region_layout import source_of
+from minerva_bus.launch.sizes import check_sizes
+from minerva_bus.launch.worldfile import WorldFile
+from minerva_bus.log.journaled import resume_from
+from minerva_bus.runtime.admission import ListenConfig
+from minerva_bus.runtime.coordinator import Coordinator
+from minerva_bus.runtime.overhearing import overhear
+from minerva_bus.runtime.status import Status
+from minerva_bus.runtime.system import REAL, System, run_through
+from minerva_bus.runtime.watchers import Printed, Started, Watchers
+
+
+@dataclass(frozen=True, slots=True)
+class CoordinatorStart:
+    """Arguments of a coordinator's process; `again`: it succeeds another one.
+
+    `make` creates the coordinator; `queued` are the members that have not been started yet.
+    """
+
+    file: WorldFile
+    make: Callable[..., Coordinator]
+    profile: bool
+    shared: bool
+    again: bool
+    queued: frozenset[str]
+
+
+def run_coordinator(start: CoordinatorStart, reports: ReportPipe, commands: int) -> int:
+    """Run a world's coordinator; `commands` is a pipe. Returns the exit code."""
+    run = CoordinatorRun(start, reports)
+    # A daemon, because its read returns only when the launcher closes the pipe.
+    threading.Thread(target=_read_commands, args=(commands, run.coordinator), daemon=True).start()
+    name, listen, ask = start.file.world.name, start.file.watch.metrics, run.coordinator.ask
+    with exported(name, listen, ask, lambda text: reports.send("note", text=text)):
+        return run_through(run.life())
+
+
+class CoordinatorRun:
+    """A coordinator's part of a run, from the end of its predecessor."""
+
+    def __init__(self, start: CoordinatorStart, reports: ReportPipe, system: System = REAL) -> None:
+        """Raises RecordError and BusError if the coordinator cannot begin."""
+        file = start.file
+        local = [process.name for process in file.processes if not process.elsewhere]
+        remote = [process.name for process in file.processes if process.elsewhere]
+        reporter = self._reporter = _Reporter(reports, remote)
+        # The world of a journal begins with its keyframe, so everything below works on that state.
+        past = find_past(file, again=start.again)
+        world = file.world if past is None else past.world
+        algorithm = FrameAlgorithm(world, source_of(file))
+        # Before any member starts: one that cannot read its fragments would fail at each restart.
+        check_sizes(algorithm.composition.fragments, file.processes)
+
+        def note(text: str) -> None:
+            reports.send("note", text=text)
+
+        # Record and tables come first: they get the frames that are only in the journal while the
+        # algorithm catches up.
+        reporter.record = recording(file, algorithm, reporter.say, again=past is not None)
+        reporter.collected = collect_sink(file.collect, algorithm, note, again=past is not None)
+        if past is not None:
+            resume_from(past, algorithm, reporter.caught_up)
+            # The new journal begins at this frame.
+            reporter.save()
+            lost = f"; {past.lost:,} bytes at its end are unreadable" if past.lost else ""
+            note(f"continuing from frame {algorithm.frame} of its journal{lost}")
+        self.coordinator = reporter.coordinator = start.make(
+            file.world,
+            reporter.watchers(),
+            rate=file.rate,
+            where=ListenConfig(
+                file.bus.listen,
+                start.shared,
+                file.access.routers,
+                security(file.access, file.world.name, local),
+            ),
+            deadlines=file.deadlines,
+            limits=file.access.limits,
+            keep=start.profile,
+            epoch=next_epoch(past, system.time()),
+            algorithm=algorithm,
+            queued=start.queued,
+            system=system,
+        )
+        reporter.journal = RunJournal(file, self.coordinator, past, reporter.say)
+
+    def life(self) -> Generator[None, None, int]:
+        """Run the world to its end, one turn of the loop per iteration; returns the exit code."""
+        reporter = self._reporter
+        try:
+            ended = yield from self.coordinator.life()
+        except Followed:
+            reporter.followed()
+            raise
+        finally:
+            # The report about the end starts the launcher's deadline for all processes, this one
+            # included, so all files are closed before it. An exception closes them, too.
+            reporter.record.close()
+            reporter.journal.close()
+        # Not after an exception: a successor continues the tables.
+        if reporter.collected is not None:
+            reporter.collected.close()
+        reporter.ended(ended)
+        return 0
+
+
+class _Reporter:
+    """Passes the notices of a coordinator to the launcher, its record and its journal."""
+
+    coordinator: Coordinator
+    journal: RunJournal
+
+    def __init__(self, reports: ReportPipe, remote: Collection[str]) -> None:
+        self._remote = remote
+        self.record = RunRecord()
+        self.collected: CollectSink | None = None
+        self._reports = reports
+        self._began = False
+        self._members = 0
+
+    def watchers(self) -> Watchers:
+        """The callbacks for the coordinator."""
+        send = self._reports.send
+        return Watchers(
+            said=self._log,
+            status=self._status,
+            listening=lambda endpoint: send(
+                "listening", endpoint=endpoint, listens_at=self.coordinator.admission.listens_at
+            ),
+            stalled=lambda member, waited: send("timed_out", member=member, waited=waited),
+            came=lambda member: send("joined", member=member),
+            frame_done=self._frame_done,
+            # `record` and `journal` are set later than the callbacks.
+            idle=lambda: self.record.idle(),
+            operated=lambda: self.journal.operated(),
+            stopping=lambda reason: send("stopping", reason=reason),
+            restart=self._restart,
+            stack=self._stack,
+            opened=self._opened,
+            noted=lambda operation: self.record.noted(operation),
+            files=lambda: (*self.record.files, *self.journal.files),
+            collected=None if self.collected is None else self.collected.history,
+        )
+
+    def _restart(self, member: str) -> str:
+        if member in self._remote:
+            return f"{member} runs on another machine: restart it there"
+        self._reports.send("restart", member=member)
+        return ""
+
+    def _stack(self, member: str) -> str:
+        if member in self._remote:
+            return f"{member} runs on another machine: its stack is not known here"
+        self._reports.send("stack", member=member)
+        return ""
+
+    def _opened(self, session: Any) -> list[Any]:
+        record, keys = self.record, self.coordinator.keys
+        # Sensor topics travel directly between members, so the record needs subscriptions of its
+        # own.
+        return overhear(session, keys, record.topics, record.received) if record.topics else []
+
+    def caught_up(self, done: s.FrameDone) -> None:
+        """Take over a frame of the journal."""
+        self.record.frame(done)
+        if self.collected is not None:
+            self.collected.frame_done(done)
+
+    def _frame_done(self, done: s.FrameDone) -> None:
+        # The journal first: a successor can restore the record from it, not the reverse.
+        self.journal.frame(done)
+        self.record.frame(done)
+        if self.collected is not None:
+            self.collected.frame_done(done)
+        # Last, because it saves the rows of this frame, too.
+        self.journal.shorten(self.save)
+        if not self._began:
+            self._began = True
+            self._members = len(self.coordinator.algorithm.members.active())
+            at = self.coordinator.schedule.last_frame_at
+            self._reports.send("first_frame", frame=done.frame, at=at)
+
+    def say(self, text: str) -> None:
+        """Log a line about the record or the journal."""
+        self._reports.send("log", member="record", text=text)
+        # A record is opened before there is a coordinator, which keeps the lines for `logs`.
+        if (coordinator := getattr(self, "coordinator", None)) is not None:
+            coordinator.inbox.put(Printed("record", text, "warning"))
+
+    def save(self) -> None:
+        """Save what another successor could not repeat: record and rows up to the last frame."""
+        self.record.save()
+        if self.collected is not None:
+            self.collected.save()
+
+    def _log(self, member: str, text: str, details: str) -> None:
+        self.record.said(member, f"{text}\n{details}" if details else text)
+        self._reports.send("log", member=member, text=text, details=details)
+
+    def _status(self, now: Status) -> None:
+        self._reports.send(
+            "status", frame=now.frame, rate=now.rate, members=now.members, phase=now.phase,
+            paused=now.paused, waiting=now.waiting, waited=now.waited,
+        )  # fmt: skip
+
+    def followed(self) -> None:
+        """Report that another coordinator runs the world now: its files belong to that one."""
+        self._reports.send("followed")
+
+    def ended(self, ended: s.Ended) -> None:
+        """Report the end of the world."""
+        coordinator, algorithm = self.coordinator, self.coordinator.algorithm
+        self._reports.send(
+            "ended",
+            reason=ended.reason,
+            failed=algorithm.failed,
+            frames=algorithm.frame,
+            digest=algorithm.scene.digest.hex(),
+            reached=algorithm.reached,
+            last_frame_at=coordinator.schedule.last_frame_at,
+            # The maximum over time, because some have left before the end.
+            members=max(self._members, coordinator.status.most_members),
+            figures=dict(ended.figures),
+            profile=coordinator.metrics.profile(),
+        )
+
+
+def _read_commands(commands: int, coordinator: Coordinator) -> None:
+    lines = LineBuffer()
+    while data := os.read(commands, 4096):
+        for line in lines.feed(data):
+            handle_command(line, coordinator)
+
+
+def handle_command(line: str, coordinator: Coordinator) -> None:
+    """Handle a command of the launcher; may be called from any thread."""
+    # The inbox is the only part of a coordinator that other threads may touch.
+    word, _, rest = line.partition(" ")
+    if word == "log":
+        level, member, text = rest.split(" ", 2)
+        coordinator.inbox.put(Printed(member, text, level))
+    elif word == "started":
+        coordinator.inbox.put(Started(rest))
+    elif word == "abandoned":
+        coordinator.inbox.put(s.Abandoned(rest))
+    elif word == "end":
+        coordinator.inbox.put(s.End(rest))
+    elif word == "stop":
+        coordinator.inbox.put(s.End("interrupted", hurried=True))
