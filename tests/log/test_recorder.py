@@ -15,11 +15,11 @@ import pytest
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.scene import Scene
-from minerva_bus.log import queues, writer
+from minerva_bus.log import queues, recording_thread, writer
 from minerva_bus.log import recorder as module
 from minerva_bus.log.errors import RecordError
 from minerva_bus.log.reader import Record
-from minerva_bus.log.recorder import Recorder
+from minerva_bus.log.recorder import HELPED_WITHIN, Recorder
 from minerva_bus.log.writer import RecordWriter
 from tests.log.recorded_runs import description, happened, record_of, strings_of
 
@@ -151,7 +151,7 @@ def test_a_flush_leaves_all_frames_in_the_file(tmp_path):
 
 
 def test_a_flush_ends_if_the_disk_stands_still(monkeypatch):
-    monkeypatch.setattr(module, "PATIENCE", 0.01)
+    monkeypatch.setattr(recording_thread, "PATIENCE", 0.01)
     disk = Disk()
     recorder, _ = recorder_on(monkeypatch, disk)
     disk.free.clear()
@@ -330,7 +330,7 @@ def writers_of(monkeypatch):
 
 def test_small_frames_are_written_by_an_idle_thread(monkeypatch):
     writers = writers_of(monkeypatch)
-    monkeypatch.setattr(module, "LIGHT", 60.0)
+    monkeypatch.setattr(recording_thread, "LIGHT", 60.0)
     recorder, said = recorder_on(monkeypatch, Disk(), flush_seconds=60.0)
     recorder.idle()
     for record, string in happened("meadow")[1]:
@@ -347,7 +347,7 @@ def test_small_frames_are_written_by_an_idle_thread(monkeypatch):
 def test_large_frames_are_left_to_the_thread(why, monkeypatch):
     writers = writers_of(monkeypatch)
     if why == "much to do":
-        monkeypatch.setattr(module, "LIGHT", -1.0)
+        monkeypatch.setattr(recording_thread, "LIGHT", -1.0)
     else:
         monkeypatch.setattr(RecordWriter, "has_room", property(lambda self: False))
     recorder, _ = recorder_on(monkeypatch, Disk(), flush_seconds=60.0)
@@ -371,7 +371,7 @@ def test_a_large_string_is_left_to_the_thread(monkeypatch):
         put(self, *what)
 
     monkeypatch.setattr(RecordWriter, "_put_keyframe", written)
-    monkeypatch.setattr(module, "LIGHT", 60.0)
+    monkeypatch.setattr(recording_thread, "LIGHT", 60.0)
     monkeypatch.setattr(writer, "KEY_AFTER", 4)
     monkeypatch.setattr(writer, "SMALL", 4_000)  # Less than the string, more than most frames.
     recorder, said = recorder_on(monkeypatch, Disk(), flush_seconds=60.0)
@@ -390,9 +390,9 @@ def test_frames_are_written_without_help(monkeypatch):
     writers = writers_of(monkeypatch)
     recorder, _ = recorder_on(monkeypatch, Disk(), flush_seconds=60.0)
     recorder.idle()  # The only call of `idle`.
-    for record, string in happened("meadow")[1][: module.HELPED_WITHIN + 1]:
+    for record, string in happened("meadow")[1][: HELPED_WITHIN + 1]:
         recorder.frame(record, string, 0.0)
-    while len(writers) <= module.HELPED_WITHIN:
+    while len(writers) <= HELPED_WITHIN:
         threading.Event().wait(0.001)
     recorder.close()
     assert set(writers) == {"recorder"}
@@ -416,7 +416,7 @@ def test_the_helping_thread_never_waits_for_the_disk(monkeypatch):
 
 
 def test_frames_are_in_order_with_either_writer(monkeypatch, tmp_path):
-    monkeypatch.setattr(module, "LIGHT", 60.0)
+    monkeypatch.setattr(recording_thread, "LIGHT", 60.0)
     writers = writers_of(monkeypatch)
     disk = Disk()
     recorder, _ = recorder_on(monkeypatch, disk, flush_seconds=0.01)
