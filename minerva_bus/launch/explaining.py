@@ -72,20 +72,17 @@ def explain_running_value(
         RecordError: there is no such frame, agent or attribute.
 
     """
-    from minerva_bus.launch.journaled_past import JournaledPast, continued
-    from minerva_bus.launch.written_frames import last_written, wait_for_frame
+    from minerva_bus.launch.journaled_past import JournaledPast
+    from minerva_bus.launch.written_frames import last_written
     from minerva_bus.log.errors import RecordError, check_installed
-    from minerva_bus.log.explanation import Explanation
-    from minerva_bus.log.reader import Record
 
     check_installed()
     status = operator.status()
-    files = {file.name: Path(file.path) for file in status.files}
+    files = {file.name: Path(file.path) for file in status.files if Path(file.path).is_file()}
     journal, path, explanation = files.get("journal"), files.get("record"), None
     wanted = status.frame if frame is None else min(frame, status.frame)
-    path = path if path is not None and path.is_file() else None
     written = -1 if path is None else last_written(path)
-    if journal is not None and journal.is_file() and written < wanted:
+    if journal is not None and written < wanted:
         past = JournaledPast(journal, code, agent, attribute)
         try:
             explanation = past.explain(frame, wanted, written)
@@ -93,20 +90,37 @@ def explain_running_value(
             if path is None:
                 raise
     if path is not None and (explanation is None or explanation.is_older):
-        # The value is the same since the beginning of the frames that were repeated. Without a
-        # journal, the record alone has the latest frames.
-        known = explanation.first if isinstance(explanation, Explanation) else None
-        wait_for_frame(path, wanted if known is None else known)
-        with Record(path) as record:
-            at = frame if known is None else known
-            older = explained_in(record, code, agent, attribute, at)
-        explanation = older if explanation is None else continued(explanation, older)
+        explanation = _explained_by_file(path, code, agent, attribute, frame, wanted, explanation)
     if explanation is None:
         raise MisuseError(
             f"{status.world}: neither its journal nor a record of it is on this machine; run this"
             " where the world runs, or explain a record: minerva run --record FILE.mcap"
         )
     return explanation
+
+
+def _explained_by_file(
+    path: Path,
+    code: WorldSource | None,
+    agent: str,
+    attribute: str,
+    frame: int | None,
+    wanted: int,
+    latest: Explanation | Observation | None,
+) -> Explanation | Observation:
+    """The explanation by a record that is being written; `latest` is that by the journal."""
+    from minerva_bus.launch.journaled_past import continued
+    from minerva_bus.launch.written_frames import wait_for_frame
+    from minerva_bus.log.explanation import Explanation
+    from minerva_bus.log.reader import Record
+
+    # The value is the same since the beginning of the frames that were repeated. Without a journal,
+    # the record alone has the latest frames.
+    known = latest.first if isinstance(latest, Explanation) else None
+    wait_for_frame(path, wanted if known is None else known)
+    with Record(path) as record:
+        older = explained_in(record, code, agent, attribute, frame if known is None else known)
+    return older if latest is None else continued(latest, older)
 
 
 def _stacks_of(operator: Operator, name: str, status: WorldStatus) -> Sequence[str]:

@@ -110,11 +110,19 @@ class Coordinator(Sink):
         self._monitor = Monitor(self, Waits(deadlines or Deadlines(), queued))
         receiver = Receiver(self, limits, self._monitor.arrived)
         self._postponed = receiver.postponed
-        operated = Operated(
+        self._answers = Answers(
+            self._operated(), self.admission, limits, watchers.operated, system, commands
+        )
+        self._handlers = self._handlers_with(receiver)
+
+    def _operated(self) -> Operated:
+        """What operators may ask for."""
+        watchers = self.watchers
+        return Operated(
             self.runner,
             self.schedule,
-            log.event_log,
-            log.orders,
+            self.log.event_log,
+            self.log.orders,
             self.metrics,
             self.status,
             self.admission.rules.counts,
@@ -125,16 +133,16 @@ class Coordinator(Sink):
             watchers.files,
             self._note_operation,
         )
-        self._answers = Answers(
-            operated, self.admission, limits, watchers.operated, system, commands
-        )
-        self._handlers: dict[type, Callable[[Any], None]] = {
+
+    def _handlers_with(self, receiver: Receiver) -> dict[type, Callable[[Any], None]]:
+        """Handlers by type of what arrives in the inbox."""
+        return {
             tuple: receiver.receive,
             Decoded: receiver.take_decoded,
             s.Appeared: receiver.appear,
             s.End: self._monitor.end,
-            TimerTick: lambda _: self._monitor.tick(clock()),
-            Printed: lambda line: log.line(line.member, line.line, line.level),
+            TimerTick: lambda _: self._monitor.tick(self.system.monotonic()),
+            Printed: lambda line: self.log.line(line.member, line.line, line.level),
             Started: lambda started: self._monitor.started(started.member),
             Question: self._answers.queue.append,
             LocalQuestion: self._answers.answer_local,
