@@ -1,4 +1,4 @@
-"""Calibration: the values of options and parameters for which runs are best, by Optuna."""
+"""Calibration: search for the option and parameter values that give the best runs, by Optuna."""
 
 from __future__ import annotations
 
@@ -73,10 +73,10 @@ def calibrate(
     executor: ExecutorSource | None = None,
     quiet: bool = False,
 ) -> Calibration:
-    """Search for the values for which runs are best; needs the extra `optuna`.
+    """Search for the values that give the best runs; needs the extra `optuna`.
 
-    Each trial is a row of a sweep, or of branches: the values that a sampler of Optuna proposes,
-    with each seed.
+    A sampler of Optuna proposes the values of each trial, which then runs with each seed, as in a
+    sweep or in branches.
 
     Args:
         world: a `World`, a world file, or the name of an installed world; with `frame`, a record,
@@ -89,9 +89,9 @@ def calibrate(
             `"#anna.water"` of one agent; its bounds may be a text with units, `"-90deg:1rad"`.
         trials: the number of trials.
         seeds: runs of each trial, with the seeds 0, 1, ...; in branches from that of the record.
-        minimise: whether less is better.
-        sampler: of Optuna: "tpe", "cma-es", "nsga-ii" or "random".
-        seed: of the sampler.
+        minimise: whether a lower objective is better.
+        sampler: the sampler of Optuna: "tpe", "cma-es", "nsga-ii" or "random".
+        seed: seed of the sampler.
         frame: the frame of the record with which branches begin; None: whole runs.
         frames: per run; default: the world's own, or the end of the record.
         collect: as for `sweep`; without it, the rows are outcomes.
@@ -108,9 +108,9 @@ def calibrate(
         KeyboardInterrupt: after Ctrl-C; finished runs are in the folder.
 
     Example:
-        >>> found = calibrate("meadow", "rabbits", {"weather.amount": (0.005, 0.05)}, seeds=3,
-        ...                   frames=200, collect={"rabbits": "count(ARabbit)"}, minimise=False)
-        >>> found.best, found.value
+        >>> result = calibrate("meadow", "rabbits", {"weather.amount": (0.005, 0.05)}, seeds=3,
+        ...                    frames=200, collect={"rabbits": "count(ARabbit)"}, minimise=False)
+        >>> result.best, result.value
 
     """
     if trials < 1 or seeds < 1:

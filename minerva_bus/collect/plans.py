@@ -142,7 +142,7 @@ def plans_of(entries: Entries, vocabulary: Vocabulary, option: str = "collect:")
 def whole_plans(vocabulary: Vocabulary, interval: int = 1) -> list[TablePlan]:
     """A table for each agent kind and event type, with all that fits into columns.
 
-    Attributes that are no number, truth or text, such as grids, have no column.
+    Attributes that are no number, bool or text, such as grids, have no column.
     """
     plans: list[TablePlan] = []
     for symbol in sorted({*vocabulary.kinds, *vocabulary.events}):
@@ -215,6 +215,6 @@ def _columns(name: str, entry: Expression, fields: Fields) -> list[tuple[str, st
 def _data_columns(entry: Expression, types: Mapping[str, str]) -> list[tuple[str, str]]:
     for name, kind in types.items():
         if kind not in _TYPES:
-            raise MisuseError(f"collect: {entry.symbol}.{name} is no number, truth or text; name"
+            raise MisuseError(f"collect: {entry.symbol}.{name} is no number, bool or text; name"
                               f" the data to collect: data({entry.symbol}, NAME)")  # fmt: skip
     return [(name, _TYPES[kind]) for name, kind in types.items()]

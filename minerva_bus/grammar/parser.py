@@ -151,7 +151,7 @@ class _Reader:
         start = at
         match = _HEAD.match(self.text, at)
         if match is None:
-            raise self.wrong(f"found {self.found(at)}", at, _ALPHABETS)
+            raise self.wrong(f"found {self.shown(at)}", at, _ALPHABETS)
         name, agent_id = match.group(1), match.group(2)
         at = match.end()
         if agent_id is not None and name[0] != "A":
@@ -223,7 +223,7 @@ class _Reader:
             return self.skip(at + 1)
         end = "'}'" if self.depth else "the end"
         wanted = "'·' or ')'" if inside else f"'·' or {end}"
-        raise self.wrong(f"found {self.found(at)}", at, wanted)
+        raise self.wrong(f"found {self.shown(at)}", at, wanted)
 
     def values(self, at: int) -> tuple[_Values, int]:
         if not self.text.startswith("<", at):
@@ -248,7 +248,7 @@ class _Reader:
         match = _BLANK.match(self.text, at)
         return match.end() if match else at
 
-    def found(self, at: int) -> str:
+    def shown(self, at: int) -> str:
         return "the end" if at >= len(self.text) else repr(self.text[at])
 
     def wrong(self, problem: str, at: int, expected: str, opened: int = -1) -> GrammarError:

@@ -80,9 +80,9 @@ def calibrate(
 ) -> None:
     """Search for the best values of options and parameters.
 
-    A sampler of Optuna chooses the values of each trial: of options of the world, of its processes,
-    or of parameters of its string. The world's own options apply to all
-    runs. Finished runs are in the folder TABLE.runs: the same command continues with them.
+    Each trial sets options of the world or of its processes, or parameters of its string, to values
+    that a sampler of Optuna chooses. The world's own options apply to all runs. Finished runs are
+    in the folder TABLE.runs: the same command continues with them.
     """
     from minerva_bus.cli.calibrating import Search, calibrate_world, read_ranges
     from minerva_bus.launch.console import Console

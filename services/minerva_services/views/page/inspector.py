@@ -18,7 +18,7 @@ from minerva_bus.log.causes import shown_value
 from minerva_bus.world.services import WorldInfo
 
 MAX_SECONDS: Final = 120.0
-"""Longest time of an explanation, which a busy machine needs much of."""
+"""Time limit of an explanation in seconds; on a busy machine it takes long."""
 
 MAX_PROCESSES: Final = 2
 """Explanations that are computed at the same time, for all pages."""
@@ -56,7 +56,7 @@ class Inspector:
     async def explain(self, question: AgentQuestion) -> dict[str, Any]:
         """The answer of `minerva explain`, as a JSON object.
 
-        Raises MinervaError if the frame is not known any more, or has no such agent or attribute.
+        Raises MinervaError if the frame is no longer available, or has no such agent or attribute.
         """
         status = await asyncio.to_thread(self._world.operator.status)
         replayed = [file.path for file in status.files if status.end]
