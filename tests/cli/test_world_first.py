@@ -52,6 +52,7 @@ def test_every_command_for_a_running_world_takes_its_name_first(command):
     ("step", "", {"frames": 1}),
     ("step garden", "garden", {"frames": 1}),
     ("step garden 10", "garden", {"frames": 10}),
+    ("step nowhere", "nowhere", {"frames": 1}),
     ("step 10 --world garden", "garden", {"frames": 10}),
     ("step 7", "", {"frames": 7}),
     ("step 7 10", "7", {"frames": 10}),
