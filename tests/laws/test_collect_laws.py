@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from minerva_bus import Agent, EventType, Generator, World, on, service
 from minerva_bus import run as run_world
 from minerva_bus.grammar.batch import Events, single
+from minerva_bus.grammar.events import Event
 from minerva_bus.world.order import Order, collect
 
 eFirst = EventType("eFirst", n=int)
@@ -94,6 +95,15 @@ def test_events_of_different_forms_stay_in_their_batches():
     collected = collect(ORDER, sources)
     assert list(single(collected)) == [*columns, to_both, *to_a, eFirst(4)]
     assert [len(part) for part in collected if isinstance(part, Events)] == [2, 2, 1]
+
+
+def test_batches_whose_columns_have_other_types_are_collected_once():
+    def made(value):
+        return Event("eAny", ("value",), (value,), receivers=("a",))
+
+    numbers, texts = Events.of([made(1), made(2)]), Events.of([made("x"), made("y")])
+    collected = collect(ORDER, {"x": [numbers, texts, made(1)], "y": [texts, numbers]})
+    assert list(single(collected)) == [made(1), made(2), made("x"), made("y")]
 
 
 class Mixed(Generator, events=("eFirst",)):
