@@ -24,7 +24,7 @@ from minerva_bus.regions.attached import HOME, Replies
 from minerva_bus.regions.balancing import balanced, is_due
 from minerva_bus.regions.merging import Units, merged
 from minerva_bus.regions.norms import total_figures
-from minerva_bus.regions.progress import Ending
+from minerva_bus.regions.progress import RegionsGoal
 from minerva_bus.regions.region import Region
 from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.runtime.runner import Notice
@@ -71,7 +71,7 @@ class RegionRun:
         self._parts: list[_Part] = []
         self._pace = Pace(file.rate)
         self._frame = 0
-        self._ending: Ending | None = None
+        self._ending: RegionsGoal | None = None
         self._units: list[Units] = []
         self._first_at: float | None = None
         self._last_at = began
@@ -124,7 +124,7 @@ class RegionRun:
         self._services.start()
         self._units = [part.region.units for part in self._parts]
         strings = [part.region.algorithm.composition for part in self._parts]
-        self._ending = Ending(file.world, strings)
+        self._ending = RegionsGoal(file.world, strings)
 
     def _receive_replies(self, replies: Sequence[Replies]) -> None:
         for each in replies:

@@ -30,7 +30,7 @@ class Progress:
 NO_PROGRESS: Final = Progress(False, frozenset(), {}, frozenset())
 
 
-class Ending:
+class RegionsGoal:
     """Decides when a world is over whose regions are in this process."""
 
     def __init__(self, world: World, parts: Sequence[Composition]) -> None:
