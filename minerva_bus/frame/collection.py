@@ -65,9 +65,10 @@ class CollectionStep:
         """
         algorithm, events = self._algorithm, self._algorithm.in_flight.events
         events.orders = orders
-        events.permitted = self._permitted_orders(orders)
-        for member in algorithm.members.active() if orders else ():
-            self._give_orders(member)
+        if orders:
+            events.permitted = self._permitted_orders(orders)
+            for member in algorithm.members.active():
+                self._give_orders(member)
 
     def _load(self, inputs: FrameInputs) -> None:
         """Queue the logged events of a frame, and send the logged orders."""
@@ -254,7 +255,7 @@ class CollectionStep:
     def _permitted_orders(self, orders: Orders) -> tuple[AnyEvent, ...]:
         """People's orders that norms permit, before a generator takes them."""
         algorithm, permitted = self._algorithm, orders
-        if algorithm.norms and orders:
+        if algorithm.norms:
             permitted = algorithm.norms.events(algorithm.frame, orders)
             algorithm.norms.publish(algorithm.out, algorithm.inbox, algorithm.members.saved)
         self._log_orders(permitted)

@@ -241,38 +241,44 @@ class Composition:
         """
         if not changes:
             return False
-        # A failed check must leave no trace: the world then ends with the string of this frame.
-        # These two dictionaries are changed in place; all other attributes are replaced as a whole.
-        before = self.__dict__ | {
-            name: self.__dict__[name].copy() for name in ("fragments", "parts")
-        }
-        try:
-            return self._replace(changes)
-        except VocabularyError:
-            self.__dict__.update(before)
-            raise
-
-    def _replace(self, changes: Mapping[str, Scene]) -> bool:
         # A new skeleton turns all views into keyframes, so fragments are
         # replaced in place if possible.
-        if not all(self._same_shape(name, scene) for name, scene in changes.items()):
-            parts = {**self._as_strings(), **changes}
-            self._take_apart(self._held(fill(self.skeleton, parts)), parts)
-            return True
+        in_place = all(self._same_shape(name, scene) for name, scene in changes.items())
+        # A failed check must leave no trace: the world then ends with the string of this frame.
+        # Dictionaries are changed in place, and only if the shape is the same; all other
+        # attributes are replaced as a whole.
+        before, former = self.__dict__.copy(), {name: self.fragments.get(name) for name in changes}
+        try:
+            if in_place:
+                self._replace(changes)
+            else:
+                parts = {**self._as_strings(), **changes}
+                self._take_apart(self._held(fill(self.skeleton, parts)), parts)
+        except VocabularyError:
+            self.__dict__.update(before)
+            for name, piece in former.items() if in_place else ():
+                self._put(name, cast("Fragment", piece))
+            raise
+        return not in_place
+
+    def _put(self, name: str, piece: Fragment) -> None:
+        self.fragments[name] = piece
+        if piece.ids is not None:
+            self.parts[name] = piece
+
+    def _replace(self, changes: Mapping[str, Scene]) -> None:
+        """Replace fragments by others of the same shape. Raises VocabularyError."""
         before: dict[str, Ids] = {}
         for name, scene in changes.items():
             piece = cast("Fragment", scene.pieces[0])
-            self.fragments[name] = piece
-            if piece.ids is not None:
-                # Parts whose ids are the same object have no births or
-                # deaths, hence no new id to check.
-                if piece.ids is not self.parts[name].ids:
-                    before[name] = _ids(self.parts[name])
-                self.parts[name] = piece
+            # Parts whose ids are the same object have no births or
+            # deaths, hence no new id to check.
+            if piece.ids is not None and piece.ids is not self.parts[name].ids:
+                before[name] = _ids(self.parts[name])
+            self._put(name, piece)
         self._scene = None
         if before and not self._newborn_alone(before):
             self._check_apart()
-        return False
 
     def _newborn_alone(self, before: Mapping[str, Ids]) -> bool:
         """Whether comparing newborns alone shows that all ids are distinct, as they were before."""

@@ -66,6 +66,8 @@ class DeviceSide:
         A coupled device shows each view at once. An observer that fell behind shows only the
         latest view of each event type, to catch up.
         """
+        if not self._unshown:
+            return
         unshown, self._unshown = self._unshown, {}
         for event_type, frame in sorted(unshown.items()):
             begin(frame)

@@ -278,7 +278,7 @@ def columns_in(scene: Scene) -> Iterator[Columns]:
 
 def has_columns(scene: Scene) -> bool:
     """Whether nodes at the outermost level are held in columns."""
-    return next(columns_in(scene), None) is not None
+    return Columns in map(type, scene.pieces)
 
 
 def rewritten(

@@ -88,6 +88,7 @@ class Fields:
     names: tuple[str, ...] = field(init=False)
     hold_strings: bool = field(init=False, repr=False, compare=False)
     _plain: tuple[type | None, ...] = field(init=False, repr=False, compare=False)
+    _no_former: tuple[object, ...] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "names", tuple([parameter.name for parameter in self.all]))
@@ -96,6 +97,7 @@ class Fields:
         # Types whose finite floats or ASCII texts need no conversion, once for all occurrences.
         plain = [_plain_type(parameter.type) for parameter in self.all]
         object.__setattr__(self, "_plain", tuple(plain))
+        object.__setattr__(self, "_no_former", (object(),) * len(plain))
 
     @staticmethod
     def of(annotations: Mapping[str, Any]) -> Fields:
@@ -121,16 +123,21 @@ class Fields:
             wrong.attribute = field.name
             raise wrong from None
 
-    def fitted(self, owner: str, values: Sequence[Any]) -> list[Value]:
-        """Values in the declared order, typed. Raises Unfit."""
+    def fitted(
+        self, owner: str, values: Sequence[Any], former: Sequence[Value] = ()
+    ) -> list[Value]:
+        """Values in the declared order, typed; any `former` ones already are. Raises Unfit."""
         return [
             value  # The most frequent cases, without calls of ours.
-            if (plain is float and type(value) is float and isfinite(value))
+            if value is was
+            or (plain is float and type(value) is float and isfinite(value))
             or (plain is str and type(value) is str and value.isascii())
             or (plain is int and type(value) is int and -INT_END <= value < INT_END)
             or (plain is bool and type(value) is bool)
             else self.fit(owner, parameter, value)
-            for parameter, plain, value in zip(self.all, self._plain, values, strict=True)
+            for parameter, plain, value, was in zip(
+                self.all, self._plain, values, former or self._no_former, strict=True
+            )
         ]
 
     def refit(

@@ -140,19 +140,23 @@ def to_cells(value: Any) -> Array:
 
 def to_reals(value: Any) -> Array:
     """A read-only float64 matrix. Raises Unfit."""
-    if _finite.get(id(value)) is value and not value.flags.writeable:
+    if _finite and _finite.get(id(value)) is value and not value.flags.writeable:
         return cast("Array", value)
     matrix = _matrix(value, "iubf", "a matrix of numbers")
     reals = matrix if matrix.dtype == np.float64 else matrix.astype(np.float64)
     if not np.isfinite(reals).all():
         raise Unfit("a matrix of finite numbers")
     frozen = _frozen(reals)
-    _finite[id(frozen)] = frozen
+    if frozen.size > _SMALL:
+        _finite[id(frozen)] = frozen
     return frozen
 
 
 _finite: WeakValueDictionary[int, Array] = WeakValueDictionary()
-"""Read-only matrices by their address: a frame checks each several times."""
+"""Large read-only matrices by their address: a frame may check each several times."""
+
+_SMALL: Final = 4096
+"""Numbers that take less time to check again than to remember."""
 
 
 def _matrix(value: Any, kinds: str, wanted: str) -> NDArray[Any]:

@@ -38,9 +38,9 @@ AGENT_ID: Final = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_:-]*")
 
 
 class Digested:
-    """Caches its digest, and whether it contains no agents."""
+    """Caches its digest, whether it contains no agents, and the declaration that it fits."""
 
-    __slots__ = ("_digest", "_still")
+    __slots__ = ("_digest", "_fits", "_still")
 
 
 class Scene(Digested):
@@ -135,7 +135,10 @@ EMPTY: Final = Scene()
 
 
 def _plain(pieces: tuple[Piece, ...]) -> tuple[Node, ...]:
-    if all(type(piece) in _NODES for piece in pieces):
+    for piece in pieces:  # without a generator, because frames ask this often
+        if type(piece) not in _NODES:
+            break
+    else:
         return cast("tuple[Node, ...]", pieces)
     made: list[Node] = []
     for piece in pieces:
@@ -227,6 +230,15 @@ class AgentNode(_SingleNode):
     def state(self) -> Mapping[str, Any]:
         """Attributes by name."""
         return dict(zip(self.names, self.values, strict=True))
+
+    def fitted(self, fields: object) -> AgentNode:
+        """The same node, whose values have just been fitted to these `Fields`."""
+        object.__setattr__(self, "_fits", fields)
+        return self
+
+    def fits(self, fields: object) -> bool:
+        """Whether its values certainly fit these very `Fields`, since they were fitted to them."""
+        return getattr(self, "_fits", None) is fields
 
 
 Scoped: TypeAlias = TransformationNode | AgentNode

@@ -214,6 +214,10 @@ class Vocabulary:
         if type(node) is not _NODES.get(node.symbol[:1], type(node)):
             raise Unfit(f"{node.symbol} is not a symbol of {type(node).__name__}")
         fields = self.fields(node.symbol)
+        # As it left its agent, in this process. Strings within values are checked as a whole.
+        left = type(node) is AgentNode and node.fits(fields) and scope is node.scope
+        if left and not fields.hold_strings:
+            return node
         owner = f"{node.symbol}#{node.id}" if isinstance(node, AgentNode) else node.symbol
         names, values = fields.refit(owner, node.names, node.values)
         if fields.hold_strings:

@@ -218,13 +218,15 @@ class Agent:
             return old
         self._check_own(old)
         try:
-            fitted = tuple(fields.fitted(f"{self.kind.name}#{self.id}", values))
+            former = old.values if old is not None and named else ()
+            fitted = tuple(fields.fitted(f"{self.kind.name}#{self.id}", values, former))
         except Unfit as unfit:
             raise StateError(str(unfit), unfit.attribute) from None
         # Equal values in new objects, such as a float computed again.
         if old is not None and stayed and same_values(fitted, old.values):
             return old
-        return AgentNode(self.kind.name, self.id, fields.names, fitted, self.scope)
+        node = AgentNode(self.kind.name, self.id, fields.names, fitted, self.scope)
+        return node.fitted(fields)
 
     def _check_own(self, old: AgentNode | None) -> None:
         if old is not None and old.id != self.id:

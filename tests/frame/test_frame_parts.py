@@ -31,7 +31,7 @@ from minerva_bus.grammar.scene import AgentNode, agents, scene_of
 from minerva_bus.grammar.slots import fill
 from minerva_bus.grammar.types import Type
 from minerva_bus.runtime.waiting import Deadlines, Patience, Waits
-from minerva_bus.testing.family import FAMILY, FAMILY_VOCABULARY
+from minerva_bus.testing.family import FAMILY, FAMILY_VOCABULARY, Mortal
 from minerva_bus.testing.strategies import family_strings, ids
 
 law = settings(max_examples=100, deadline=None, suppress_health_check=list(HealthCheck))
@@ -283,6 +283,22 @@ def test_twins_are_refused_and_nothing_changes():
             composition.replace({"a": read(twins)})
         assert composition.scene is w
         assert sorted(composition.fragments) == ["a", "b"]
+
+
+def test_twins_in_columns_are_refused_and_nothing_changes():
+    first, second = Mortal.many("a", 3), Mortal.many("b", 3)
+    composition = Composition(first + read("PGrave") + second)
+    w, fragments, parts = composition.scene, {**composition.fragments}, {**composition.parts}
+    one, other = fragments
+    for changes in (
+        {one: Mortal.many(["a0", "b1"])},
+        {one: Mortal.many(["a0", "c"]), other: Mortal.many(["b0", "c"])},
+    ):
+        with pytest.raises(VocabularyError, match=r"two agents have the id #[bc]"):
+            composition.replace(changes)
+        assert composition.scene is w
+        assert composition.fragments == fragments
+        assert all(composition.parts[name] is part for name, part in parts.items())
 
 
 # --- views -----------------------------------------------------------------------------------

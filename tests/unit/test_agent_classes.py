@@ -1,5 +1,6 @@
 """Classes of agents: valid and invalid declarations."""
 
+from dataclasses import replace
 from typing import ClassVar
 
 import numpy as np
@@ -18,8 +19,9 @@ from minerva_bus import (
     parse,
     view,
 )
-from minerva_bus.errors import MisuseError
+from minerva_bus.errors import MinervaError, MisuseError, VocabularyError
 from minerva_bus.grammar.fields import Field
+from minerva_bus.grammar.scene import scene_of
 from minerva_bus.world.kinds import ActivityError, kinds_of
 
 eHit = EventType("eHit")
@@ -60,6 +62,20 @@ def test_thaw_and_freeze_give_the_very_node():
     assert agent.freeze() is node
     agent.energy = 9
     assert agent.freeze() is not node
+
+
+def test_a_node_that_an_agent_has_made_fits_but_not_one_made_from_it():
+    vocabulary, agent = Vocabulary.of(eHit, eStep, Fox), Fox.thaw(Fox("a", x=1).freeze())
+    agent.energy = 9
+    node = agent.freeze()
+    assert node.values == (1.0, 9.0, 0)
+    assert vocabulary.check(scene_of(node)).nodes[0] is node
+    for values, said in (((1.0, float("nan"), 0), "finite number"), ((1.0,), "one value for each")):
+        with pytest.raises(VocabularyError, match=said):
+            vocabulary.check(scene_of(replace(node, values=values)))
+    agent.energy, agent.x = float("nan"), 1
+    with pytest.raises(MinervaError, match=r"AFox#a: energy must be a finite number"):
+        agent.freeze()
 
 
 @pytest.mark.parametrize(
