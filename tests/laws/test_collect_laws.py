@@ -104,6 +104,10 @@ def test_batches_whose_columns_have_other_types_are_collected_once():
     numbers, texts = Events.of([made(1), made(2)]), Events.of([made("x"), made("y")])
     collected = collect(ORDER, {"x": [numbers, texts, made(1)], "y": [texts, numbers]})
     assert list(single(collected)) == [made(1), made(2), made("x"), made("y")]
+    # An event with a list has no columns, so its form is none of a batch.
+    listed = made((1.0, 2.0))
+    collected = collect(ORDER, {"x": [numbers, listed, made(3)], "y": [listed, numbers]})
+    assert list(single(collected)) == [made(1), made(2), listed, made(3)]
 
 
 class Mixed(Generator, events=("eFirst",)):
