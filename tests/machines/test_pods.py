@@ -69,7 +69,7 @@ def play(podman, image, tmp_path):
     assert commands.count("minerva keys") == 2
     minerva = f'minerva() {{ {sys.executable} -m minerva_bus.cli.main "$@"; }}'
     run("bash", "-ec", f"{minerva}\n{commands}", cwd=tmp_path)
-    folders = {name: secret(tmp_path / "keys", name) for name in PODS}
+    folders = {name: secret(tmp_path / "keys", name) for name in ("coordinator", "hosts")}
     podman("network", "rm", "--force", NETWORK)  # An interrupted run leaves it behind.
     podman("network", "create", "--subnet", SUBNET, NETWORK)
 
