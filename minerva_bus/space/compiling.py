@@ -69,7 +69,8 @@ class RuleLoop:
                 self._check()
                 self._interpreted = _with_globals(generated(self.source), self.scope)
             return self._interpreted(*arguments)
-        return self._machine_code()(*arguments)
+        compiled = self._compiled  # A frame calls several, so without a call of ours.
+        return (self._machine_code() if compiled is None else compiled)(*arguments)
 
     def prepare(self) -> None:
         """Compile it now, unless it is to run as Python. Raises MisuseError."""

@@ -33,7 +33,7 @@ from minerva_bus.space.occupancy import (
     ROWS,
     UNCOUNTED,
 )
-from minerva_bus.space.tables import INDEX, Column, InField, Inhabitants, Rows, columns_of
+from minerva_bus.space.tables import INDEX, Column, InField, Inhabitants, Rows
 
 _PER_CELL: Final = 2
 """Inhabitants per cell of a field's search, on average."""
@@ -200,9 +200,8 @@ class Opened:
             counts[LATER] = 1
             return replace(self, arrays={**self.arrays, "counts": counts}, passed=[]).arguments()
         if not self.passed:
-            arrays, names = self.arrays, self.kind.names
-            values = arrays["values"]
-            rows = [values[names.index(name)] for name in columns_of(self.kind)]
+            arrays, values = self.arrays, self.arrays["values"]
+            rows = [values[row] for row in self.kind.column_rows]
             self.passed = [*[arrays[name] for name in INDEX], *rows, *self._extra()]
         return self.passed
 
@@ -220,7 +219,7 @@ class Opened:
         values, alive = self.arrays["values"], self.arrays["links"][ALIVE, :count]
         if "cell" in self.kind.position:
             values[1, :count] = self.arrays["cell"][:count]
-        kept = np.flatnonzero(alive)
+        (kept,) = alive.nonzero()
         if len(kept) == values.shape[1]:
             matrix = values
         else:

@@ -32,7 +32,7 @@ class Failure:
     place: int
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class _Started:
     """A rule with the number of rows for which it runs, and the state before it, if it asks.
 
@@ -78,6 +78,8 @@ class OpenedSpace:
         self._edges: dict[str, Edges] = {}
         self._originals: dict[str, NDArray[Any]] = {}
         self._progress = np.zeros(1, np.int64)
+        self._matrices: dict[str, NDArray[Any]] = {}
+        self._python = interpreting()
 
     def failure(self) -> Failure | None:
         """Apply rules in turn; the activation in which machine code failed, which ends this early.
@@ -92,7 +94,7 @@ class OpenedSpace:
             except MinervaError:
                 raise
             except Exception:
-                if interpreting() or number in self._as_python:
+                if self._python or number in self._as_python:
                     raise
                 return Failure(number, int(self._progress[0]))
             if number in self._as_python:
@@ -119,8 +121,9 @@ class OpenedSpace:
     def _apply(self, rule: SpaceRule, end: int | None) -> _Started:
         """Run a rule for the rows that exist at its start, or for those before a place."""
         started = self._start(rule)
-        in_turn = end is not None or interpreting() or not rule.independence.independent
-        if in_turn:
+        in_turn = end is not None or self._python or not rule.independence.independent
+        # Few cells of a matrix need no threads.
+        if in_turn or (rule.subject.matrix and parts_of(started.count) == 1):
             self._activate(started, 0, started.count if end is None else end)
         else:
             self._share(started, parts_of(started.count))
@@ -129,9 +132,8 @@ class OpenedSpace:
     def _share(self, started: _Started, parts: int) -> None:
         """Run an independent rule in threads; raises the error of the first row."""
         subject = started.rule.subject
-        for parameter in started.rule.parameters:
-            if parameter.table is not None and parameter.name != BEFORE:
-                self._table(parameter).reserve(started.rule.births)
+        for parameter in started.rule.tables:
+            self._table(parameter).reserve(started.rule.births)
         arguments = [self._all_arguments(started, shared=True) for _ in range(parts)]
 
         def run(part: int, begin: int, end: int, progress: NDArray[np.int64]) -> None:
@@ -146,9 +148,8 @@ class OpenedSpace:
             self._table(subject).moved = True
 
     def _start(self, rule: SpaceRule) -> _Started:
-        subject = rule.subject
-        before = self._snapshot(subject) if any(p.name == BEFORE for p in rule.parameters) else []
-        count = self._count(subject)
+        before = self._snapshot(rule.subject) if rule.sees_before else []
+        count = self._count(rule.subject)
         rows = np.arange(count if rule.order is SHUFFLED else 0)
         return _Started(rule, count, rows, before)
 
@@ -156,9 +157,8 @@ class OpenedSpace:
         """Run a rule for the rows at these places of its order."""
         rule = started.rule
         while begin < end:
-            for parameter in rule.parameters if rule.births else ():
-                if parameter.table is not None and parameter.name != BEFORE:
-                    self._table(parameter).reserve(rule.births)
+            for parameter in rule.tables if rule.births else ():
+                self._table(parameter).reserve(rule.births)
             arguments = self._all_arguments(started)
             begin = rule.drive(begin, end, started.rows, self._progress, self._draws, *arguments)
 
@@ -226,10 +226,12 @@ class OpenedSpace:
 
     def _matrix(self, parameter: RuleParameter) -> NDArray[Any]:
         """The cells of a matrix, writable and in one dimension."""
-        name, matrix = parameter.name, self._attribute(parameter)
-        if name not in self._originals:
+        cells = self._matrices.get(parameter.name)
+        if cells is None:
+            name, matrix = parameter.name, self._attribute(parameter)
             self._originals[name] = matrix.copy() if matrix.flags.writeable else matrix
-        return self._space.writable(name).reshape(-1)
+            cells = self._matrices[name] = self._space.writable(name).reshape(-1)
+        return cells
 
     def _opened_edges(self, parameter: RuleParameter) -> Edges:
         name = parameter.name
@@ -245,7 +247,7 @@ class OpenedSpace:
             matrix = self._attribute(parameter)
             extent = self._space.width, self._space.height
             free = any(rule.takes_free_cells for rule in self._rules)
-            room = max(rule.births for rule in self._rules)
+            room = max([rule.births for rule in self._rules])
             opened = Opened.of(
                 kind, matrix, self._lattice, extent, self._births, free=free, room=room
             )
@@ -259,7 +261,6 @@ class OpenedSpace:
                 " declare it in the class, or pass a number to `run`"
             )
         value: Any = getattr(self._space, parameter.name)
-        is_matrix = parameter.table or parameter.matrix or parameter.type is Edges
-        if is_matrix and not isinstance(value, np.ndarray):
+        if parameter.array and not isinstance(value, np.ndarray):
             raise MisuseError(f"{self._space.kind.name}.{parameter.name} must be a matrix")
         return cast("Any", value)

@@ -81,6 +81,11 @@ class RuleParameter:
         return any(self.type == matrix for matrix, _ in _MATRICES)
 
     @cached_property
+    def array(self) -> bool:
+        """Whether the space must have an array for it."""
+        return self.table is not None or self.matrix or self.type is Edges
+
+    @cached_property
     def draws(self) -> bool:
         """Whether it is the random stream."""
         return self.type == Draws
@@ -124,15 +129,18 @@ class SpaceRule:
         self.kernel = Kernel(function)
         self.__doc__ = function.__doc__
         self.parameters = _parameters(function, self.name)
+        self.subject = self.parameters[0]
+        """The table or matrix for whose rows or cells it runs."""
+        self.sees_before = any(p.name == BEFORE for p in self.parameters)
         checked = {p.name: known for p in self.parameters if (known := p.checked) is not None}
         self._check_uses = partial(check_rule, self.kernel.function, checked)
         self._check()
         self.drive = self._driver()
 
-    @property
-    def subject(self) -> RuleParameter:
-        """The table or matrix for whose rows or cells it runs."""
-        return self.parameters[0]
+    @cached_property
+    def tables(self) -> tuple[RuleParameter, ...]:
+        """The parameters that are tables of the space as it is."""
+        return tuple([p for p in self.parameters if p.table and p.name != BEFORE])
 
     @cached_property
     def takes_free_cells(self) -> bool:

@@ -46,6 +46,8 @@ class Inhabitants:
     """The rows of the matrix."""
     fixed: ClassVar[tuple[str, ...]] = ("id",)
     """Those to which a rule cannot assign."""
+    column_rows: ClassVar[tuple[int, ...]] = ()
+    """The rows of the matrix that a rule sees as columns."""
     type: ClassVar[Any]
     """The tuple that a rule sees."""
 
@@ -64,6 +66,7 @@ class Inhabitants:
         inherited = [name for name in cls.names if name not in ("id", *cls.position)]
         cls.names = ("id", *cls.position, *inherited, *own)
         cls.fixed = ("id", *cls.position)
+        cls.column_rows = tuple([cls.names.index(name) for name in columns_of(cls)])
         fields = [(name, Any) for name in (*INDEX, *columns_of(cls), *cls.extra)]
         cls.type = NamedTuple(cls.__name__, fields)  # pyright: ignore[reportArgumentType]
 
