@@ -512,6 +512,14 @@ def test_wrong_sources(tmp_path):
             Vision(str(tmp_path), **(SEEN | option))
 
 
+def test_its_library_is_loaded_before_it_joins(monkeypatch, tmp_path):
+    """Otherwise OpenCV would load while frames pass; and `check` constructs services."""
+    opencv.cache_clear()
+    monkeypatch.setitem(sys.modules, "cv2", None)
+    with pytest.raises(MinervaError, match=r"pip install 'minerva-bus\[vision\]'"):
+        Vision(str(tmp_path), **SEEN)
+
+
 def test_without_the_library(monkeypatch):
     opencv.cache_clear()
     monkeypatch.setitem(sys.modules, "cv2", None)

@@ -62,7 +62,7 @@ class Vision(Bridge, lockstep=False):
         **vision: Any,
     ) -> None:
         super().__init__()
-        self._options = VisionOptions(**vision)
+        options = VisionOptions(**vision)
         if not all(map(math.isfinite, (mount_x, mount_y, mount_angle))):
             raise MisuseError("vision: mount_x, mount_y and mount_angle must be numbers")
         if not 0 <= fps < math.inf or width < 0 or height < 0:
@@ -77,9 +77,11 @@ class Vision(Bridge, lockstep=False):
         # These differ between worlds, so the instance attributes hide the class's.
         self.reconnects = self._live
         self.publishes = (topic,)
+        # OpenCV takes half a second to load. Frames begin when members have joined, so it is loaded
+        # before; `check` reports a missing library or calibration too.
+        self._locator = MarkerLocator(options, self.count)
 
     def joined(self, world: WorldInfo) -> None:
-        self._locator = MarkerLocator(self._options, self.count)
         self._dt = world.dt
         if not self._live:
             self._recording().close()  # fail here, where an invalid file can still be reported
