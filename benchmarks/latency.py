@@ -129,7 +129,7 @@ def minerva(event: EventType, events: int) -> list[float]:
     """Latencies of a world with one agent, a `Finger` and an `Eye`."""
     pipes = Pipes(3)
     members = [
-        Member("finger", Finger(event, pipes.told, pipes.emits)),
+        Member("finger", Finger(event, pipes.delivered, pipes.emits)),
         Member("host", None, [Touched]),
         Member("eye", Eye(pipes.sees)),
     ]
@@ -167,7 +167,7 @@ def finger(pipes: Pipes) -> None:
     with open_client("finger", pipes.endpoint(0)) as session:
         publisher = session.declare_publisher("a", congestion_control=zenoh.CongestionControl.BLOCK)
         token = session.liveliness().declare_token("alive/finger")
-        while os.read(pipes.told, 1):
+        while os.read(pipes.delivered, 1):
             os.write(pipes.emits, STAMP.pack(time.monotonic()))
             publisher.put(b"x" * 100)
         token.undeclare()
