@@ -15,7 +15,7 @@ from minerva_bus.regions.merging import Merger, in_order
 from minerva_bus.regions.messages import from_message, packed_pairs, sources_in, to_message
 from minerva_bus.regions.outbox import Outbox
 from minerva_bus.regions.part import PartReceiver, PartSender
-from minerva_bus.regions.progress import Ending
+from minerva_bus.regions.progress import RegionsGoal
 from minerva_bus.regions.region import Region
 from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.wire.codec import Decoder, encode
@@ -174,7 +174,7 @@ class Regions:
         if len(self.reports[frame - 1]) < len(self.parts):
             return True
         parts = [process.region.algorithm.composition for process in self.processes]
-        ending = Ending(self.world, parts)
+        ending = RegionsGoal(self.world, parts)
         for _, progress in sorted(self.progress.items()):
             ending.learn(progress)
         if reason := ending.why_over(frame):
