@@ -25,7 +25,9 @@ from minerva_bus.launch.process_table import (
 )
 from minerva_bus.launch.profiling import NOTHING, Profiling
 from minerva_bus.launch.recording import check_record
+from minerva_bus.launch.region_layout import RegionSpec
 from minerva_bus.launch.registry import WorldLock
+from minerva_bus.launch.stopped import STOPPED_SECONDS, StoppedChildren
 from minerva_bus.launch.succession import MAX_SUCCESSIONS, Succession
 from minerva_bus.launch.summary import EndReport, RunSummary, Startup
 from minerva_bus.launch.traces import END_OF_STACKS, NOT_STARTED, STOPPED
@@ -75,6 +77,7 @@ class Supervisor:
         self._log = ProcessLog(file.world.name, console, self._coordinator.command)
         self._processes = ProcessTable(context, self._log)
         self._publish: Callable[[str], None] = lambda endpoint: None
+        self._stopped = StoppedChildren(machine)
         self._last_line = ""
         self._ending = Ending()
 
@@ -152,9 +155,24 @@ class Supervisor:
             if process.exited_at is not None and now >= process.exited_at and ending.reason is None:
                 self._on_failure(process, 0)
         self._start_processes()
+        self._kill_stopped(now)
         if ending.deadline is not None and now >= ending.deadline:
             self._log_unfinished()
             self.kill_all()
+
+    def _kill_stopped(self, now: float) -> None:
+        """Kill a coordinator or region that a signal has stopped: others wait for it for ever."""
+        children = {
+            process.child.pid: process.name
+            for process in self._processes
+            if process.child is not None and isinstance(process.spec, RegionSpec)
+        }
+        if self._coordinator.child is not None:
+            children[self._coordinator.child.pid] = COORDINATOR
+        for pid in self._stopped.given_up(children, now):
+            text = f"stopped by a signal for {duration(STOPPED_SECONDS)}: killing it"
+            self._console.log(children[pid], text, "warning")
+            self._machine.kill(pid)
 
     def patience(self) -> float:
         """Seconds until the next deadline, at most 1 s."""

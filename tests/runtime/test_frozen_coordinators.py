@@ -58,6 +58,8 @@ def test_a_replaced_coordinator_that_wakes_changes_no_file(tmp_path, ending, is_
         older.runs("steps", "walkers")
         eventually(lambda: older.members() and older.frame > 20, "rows are collected")
         frozen = older.coordinator()
+        # As on a machine that is suspended: its launcher would kill the coordinator.
+        older.kill(signal.SIGSTOP)
         os.kill(frozen, signal.SIGSTOP)
         with World(newer_path, *words) as newer:
             newer.says("continuing from frame")
@@ -65,6 +67,7 @@ def test_a_replaced_coordinator_that_wakes_changes_no_file(tmp_path, ending, is_
             if is_over:
                 assert newer.ends() == 0, newer.text
             os.kill(frozen, signal.SIGCONT)
+            older.kill(signal.SIGCONT)
             assert older.ends() == 1
             assert "another coordinator runs the world" in older.text
             assert newer.ends() == 0, newer.text

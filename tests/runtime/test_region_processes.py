@@ -274,3 +274,15 @@ def test_a_journal_omits_an_entry_that_was_cut_off(tmp_path):
     assert list(FileJournal(path).read()) == parcels[:2]
     journal.write(parcels[2])
     assert list(FileJournal(path).read()) == parcels
+
+
+def test_a_coordinator_and_a_region_that_are_stopped_for_good(path):
+    done = alone(path, 60)
+    with World(path, "--regions", 2, "--frames", 60, "--rate", 20, "--json") as world:
+        region = world.runs("region-0", "region-1")["region-1"]
+        for pid in (region, world.coordinator()):
+            os.kill(pid, signal.SIGSTOP)
+        world.says("coordinator", "stopped by a signal for 10 s: killing it")
+        world.says("region-1", "stopped by a signal for 10 s: killing it")
+        assert world.ends() == 0, world.text
+        assert world.summary()["digest"] == done["digest"]

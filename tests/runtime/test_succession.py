@@ -240,7 +240,10 @@ def test_the_older_of_two_coordinators_stops(tmp_path):
     kept = tmp_path / "kept"
     with World(path, "--journal", kept) as older:
         older.runs("steps", "walkers")
-        os.kill(older.coordinator(), signal.SIGSTOP)
+        # As on a machine that is suspended: its launcher would kill the coordinator.
+        frozen = older.coordinator()
+        older.kill(signal.SIGSTOP)
+        os.kill(frozen, signal.SIGSTOP)
         other = tmp_path / "elsewhere"
         other.mkdir()
         path.rename(other / path.name)
@@ -251,6 +254,7 @@ def test_the_older_of_two_coordinators_stops(tmp_path):
             older.look()
             for pid in older.pids.values():
                 os.kill(pid, signal.SIGCONT)
+            older.kill(signal.SIGCONT)
             assert older.ends() == 1
             assert "another coordinator runs the world" in older.text
             before = newer.members() and newer.frame

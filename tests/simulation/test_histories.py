@@ -7,9 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from minerva_bus.testing.simulation.history import drawn
+from minerva_bus.testing.simulation.history import Fault, History, drawn
 from minerva_bus.testing.simulation.trying import report, tried, tried_seed
 from minerva_bus.testing.simulation.writing import read_back, written
+from minerva_bus.wire.keys import COORDINATOR
 
 HISTORIES = 1000
 REGION_HISTORIES = 100
@@ -62,3 +63,13 @@ def test_a_history_is_the_same_each_time_and_in_each_process():
         for number in ("1", "2")
     ]  # fmt: skip
     assert traces[0].splitlines() == traces[1].splitlines()
+
+
+@pytest.mark.parametrize("frame", [0, 3])
+def test_a_coordinator_that_is_frozen_for_good_is_succeeded(frame):
+    frozen = Fault(frame, 0.01, "freeze", COORDINATOR, 10_000.0)
+    again = tried(History(5, 12, 10.0, 0.0, (frozen,)))
+    assert not again.wrong, report(again)
+    assert any("stopped by a signal for 10 s: killing it" in line for line in again.trace), report(
+        again
+    )

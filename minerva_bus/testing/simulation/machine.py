@@ -196,8 +196,8 @@ class SimulatedMachine(Machine):
         """Do nothing: there are no stacks to request."""
 
     def is_stopped(self, pid: int) -> bool:
-        """False: these are no processes of the operating system."""
-        return False
+        """Whether a process is frozen."""
+        return self.timeline.now < self.processes[pid].frozen_until
 
     def kill(self, pid: int) -> None:
         """Kill a process."""
