@@ -80,6 +80,13 @@ class Field:
             raise MisuseError(f"the default of {name} must be {unfit}") from None
 
 
+class _NoFormer:
+    """Takes the place of a value where there is none, and is the value of no attribute.
+
+    A class, because digests of code describe classes by their names, but no object without data.
+    """
+
+
 @dataclass(frozen=True, slots=True)
 class Fields:
     """An ordered set of fields, shared by all occurrences of a symbol."""
@@ -88,7 +95,7 @@ class Fields:
     names: tuple[str, ...] = field(init=False)
     hold_strings: bool = field(init=False, repr=False, compare=False)
     _plain: tuple[type | None, ...] = field(init=False, repr=False, compare=False)
-    _no_former: tuple[object, ...] = field(init=False, repr=False, compare=False)
+    _no_former: tuple[type, ...] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "names", tuple([parameter.name for parameter in self.all]))
@@ -97,7 +104,7 @@ class Fields:
         # Types whose finite floats or ASCII texts need no conversion, once for all occurrences.
         plain = [_plain_type(parameter.type) for parameter in self.all]
         object.__setattr__(self, "_plain", tuple(plain))
-        object.__setattr__(self, "_no_former", (object(),) * len(plain))
+        object.__setattr__(self, "_no_former", (_NoFormer,) * len(plain))
 
     @staticmethod
     def of(annotations: Mapping[str, Any]) -> Fields:
