@@ -23,6 +23,14 @@ from running import (
 AT_ONCE = 2.0
 
 
+@pytest.fixture(autouse=True)
+def hang_ups_arrive():
+    """Also in tests that run under nohup, which ignores them; the world would inherit that."""
+    before = signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    yield
+    signal.signal(signal.SIGHUP, before)
+
+
 def interrupted(world, number):
     """Send a signal to the launcher; returns its exit code. The specification sets the bound."""
     world.look()
