@@ -150,7 +150,8 @@ def saved(state: Any) -> Message:
 
 
 MOST_AGENTS = (DEFAULT.answer_values - 20) // 7
-"""Agents, of seven values each, in an `evolved` as large as that of any host may be."""
+MOST_EVENTS = min(DEFAULT.host_events, (DEFAULT.answer_values - 20) // 9)
+"""Agents and events, of seven and nine values each, in the largest `evolved` of any host."""
 
 
 def evolved(agents: int, events: int) -> Message:
@@ -209,7 +210,7 @@ CASES = {
     ),
     "emitted, values": Case({}, lambda: values("emitted", 0.0, DEFAULT.values - 20)),
     "emitted, nested values": Case({}, lambda: values("emitted", [], DEFAULT.values - 20)),
-    "evolved, events": Case(HOST, lambda: evolved(AGENTS, DEFAULT.host_events), "evolve"),
+    "evolved, events": Case(HOST, lambda: evolved(AGENTS, MOST_EVENTS), "evolve"),
     "evolved, newborn agents": Case(HOST, lambda: evolved(MOST_AGENTS, 0), "evolve"),
     "failed": Case({}, lambda: framed("failed", "x\n" * (DEFAULT.small_bytes // 2 - 40), "")),
     "resync": Case({}, lambda: unframed("resync", "e" * (DEFAULT.small_bytes - 40))),
