@@ -11,8 +11,7 @@ from minerva_bus.errors import WorldFileError
 from minerva_bus.grammar.parser import parse
 from minerva_bus.grammar.scene import Scene, walk
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.input_files import read_text
-from minerva_bus.launch.installed import find_world
+from minerva_bus.launch.installed import file_text, find_world
 from minerva_bus.launch.restless import restless
 from minerva_bus.launch.specs import load
 from minerva_bus.launch.structure import structure_of
@@ -66,24 +65,13 @@ def _world_shown(processes: int, scene: Scene) -> str:
 
 
 def _check_string(path: Path, vocabulary: str) -> str:
-    text = _read(path)
+    text = file_text(path)
     if not vocabulary:
         return f"a string of L(M), {_size(parse(text, str(path)))}"
     alphabet = load(vocabulary, path.resolve().parent)
     if not isinstance(alphabet, Vocabulary):
         raise WorldFileError(f"{vocabulary} names a {type(alphabet).__name__}, not a Vocabulary")
     return f"a string of its vocabulary, {_size(alphabet.read(text, str(path)))}"
-
-
-def _read(file: Path) -> str:
-    try:
-        return read_text(file)
-    except UnicodeDecodeError:
-        raise WorldFileError(f"{file}: not a text in UTF-8") from None
-    except OSError as error:
-        raise WorldFileError(f"{file}: {error.strerror}") from None
-    except ValueError as error:  # The name contains a null character.
-        raise WorldFileError(f"{file}: {error}") from None
 
 
 def _size(scene: Any) -> str:

@@ -76,18 +76,23 @@ def find_world(spec: str) -> Path:
     raise WorldFileError(f"there is no world {spec!r}{hint}")
 
 
-def _text(path: Path) -> str:
+def file_text(path: Path) -> str:
+    """The text of a world file or of a file with a string. Raises WorldFileError."""
     try:
         return read_text(path)
     except UnicodeDecodeError:
         raise WorldFileError(f"{path}: not a text in UTF-8") from None
     except OSError as error:
         raise WorldFileError(f"{path}: {error.strerror}") from None
+    except ValueError as error:  # The name contains a null character.
+        raise WorldFileError(f"{path}: {error}") from None
 
 
 def installed_worlds() -> dict[str, str]:
     """The installed worlds with their descriptions: the first line of each file, a comment."""
-    lines = {name: _text(find_world(name)).partition("\n")[0] for name in sorted(entries(WORLDS))}
+    lines = {
+        name: file_text(find_world(name)).partition("\n")[0] for name in sorted(entries(WORLDS))
+    }
     return {
         name: line.removeprefix("#").strip() if line.startswith("#") else ""
         for name, line in lines.items()
@@ -114,7 +119,7 @@ class DeclaredOption:
 
 def declared_options(spec: str) -> list[DeclaredOption]:
     """The options of a world. It runs no code. Raises WorldFileError if there is no such world."""
-    text = _text(find_world(spec))
+    text = file_text(find_world(spec))
     try:
         tables = tomllib.loads(text)
     except tomllib.TOMLDecodeError:

@@ -6,10 +6,9 @@ from pathlib import Path
 import pytest
 
 from minerva_agents.robot.maps import load_map
-from minerva_bus.api.checking import _read
 from minerva_bus.errors import MinervaError
 from minerva_bus.input_files import read_text
-from minerva_bus.launch.installed import declared_options
+from minerva_bus.launch.installed import declared_options, file_text
 from minerva_bus.log import scanning
 from minerva_bus.log.chunks import Chunks
 from minerva_bus.security.certificates import read_certificate
@@ -29,7 +28,7 @@ def sparse(tmp_path):
 
 READERS = {
     "a world": lambda path: declared_options(str(path)),
-    "a string": _read,
+    "a string": file_text,
     "a map": load_map,
     "a certificate": read_certificate,
     "a password": lambda path: read_password("mqtt", "", str(path)),
