@@ -56,6 +56,16 @@ def pytest_unconfigure(config):
     config.stash[WORLDS].cleanup()
 
 
+@pytest.fixture(scope="module", autouse=True)
+def environment():
+    """The environment of a test file is not that of the next one: Dask sets PYTHONHASHSEED."""
+    before = dict(os.environ)
+    yield
+    for key in os.environ.keys() - before.keys() - {"PYTEST_CURRENT_TEST"}:
+        del os.environ[key]
+    os.environ.update(before)
+
+
 ON_DEMAND = {
     "slow": "takes minutes; run it with pytest -m slow",
     "deploy": "makes machines and containers, as root; run it with pytest -m deploy",
