@@ -14,7 +14,7 @@ from collections.abc import Iterable, Sequence
 from itertools import takewhile
 from typing import Final
 
-from minerva_bus.source import SourceLine, innermost
+from minerva_bus.source import SourceLine, innermost, is_foreign
 
 STACK_SIGNAL: Final = signal.SIGUSR1
 """The signal at which a process writes the stacks of its threads."""
@@ -27,7 +27,10 @@ ENDS: Final = (END_OF_STACKS, STOPPED, NOT_STARTED)
 
 _THREAD: Final = re.compile(r"(?:Current thread|Thread) 0x[0-9a-f]+ .*\(most recent call first\):$")
 _FRAME: Final = re.compile(r'  File "(?P<file>.*)", line (?P<line>\d+) in (?P<function>.*)$')
-_REMARKS: Final = ("  ...", "  Garbage-collecting", "  <no Python frame>")
+_CUT: Final = "  ..."
+"""Follows the 100 most recent calls of a thread, and stands for the others."""
+
+_REMARKS: Final = (_CUT, "  Garbage-collecting", "  <no Python frame>")
 
 
 def register() -> None:
@@ -41,29 +44,34 @@ def is_stack(line: str) -> bool:
 
 
 def blocked_at(stacks: Sequence[str], began_in: str) -> SourceLine | None:
-    """The line of user code that the main thread was executing at the signal.
+    """The line of user code that the main thread was executing at the signal, if it is known.
 
     `began_in` is the source file that forked the process: older frames belong to the launcher.
     """
-    return innermost(own_frames(stacks, began_in))
+    place = innermost(own_frames(stacks, began_in))
+    # A package is user code if the framework calls it, and a stack that is cut does not show that.
+    if place is not None and is_foreign(place.file) and _CUT in _main_thread(stacks):
+        return None
+    return place
 
 
 def own_frames(stacks: Iterable[str], began_in: str) -> list[SourceLine]:
     """The frames of the main thread, most recent call first, after the fork."""
-    return list(takewhile(lambda place: place.file != began_in, _main_thread(stacks)))
+    found = filter(None, map(_FRAME.match, _main_thread(stacks)))
+    places = (SourceLine(one["file"], int(one["line"]), one["function"]) for one in found)
+    return list(takewhile(lambda place: place.file != began_in, places))
 
 
-def _main_thread(stacks: Iterable[str]) -> list[SourceLine]:
-    """The frames of the thread that was written last.
+def _main_thread(stacks: Iterable[str]) -> list[str]:
+    """The lines of the thread that was written last.
 
     The newest thread is first. The current one, which is marked, is that which got the signal: any
     thread of the process may.
     """
-    frames: list[SourceLine] = []
+    lines: list[str] = []
     for line in stacks:
-        frame = _FRAME.match(line)
-        if frame is not None:
-            frames.append(SourceLine(frame["file"], int(frame["line"]), frame["function"]))
-        elif _THREAD.match(line):
-            frames = []
-    return frames
+        if _THREAD.match(line):
+            lines = []
+        else:
+            lines.append(line)
+    return lines

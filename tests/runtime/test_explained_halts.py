@@ -70,8 +70,8 @@ def faulty(tmp_path_factory):
         yield world
 
 
-def cause(world, kind):
-    """The cause of this kind, once the world has it."""
+def cause(world, kind, function=""):
+    """The cause of this kind, once the world has it in a call of the function."""
 
     def named():
         try:
@@ -80,9 +80,15 @@ def cause(world, kind):
         except BusError:  # A busy machine may answer late.
             return None
         assert len(halt.lines()) <= 24
-        return next((each for each in halt.causes if each.kind == kind), None)
+        causes = (each for each in halt.causes if each.kind == kind)
+        return next((each for each in causes if not function or called(each) == function), None)
 
     return eventually(named, f"a cause {kind!r}\n{world.text}")
+
+
+def called(found):
+    """The function of a cause; none while it imports a compiler, whose imports are too deep."""
+    return found.place.function if found.place is not None else ""
 
 
 def test_a_pending_request_of_a_study_that_waits(faulty):
@@ -108,10 +114,10 @@ def test_a_norm_that_rejects_everything(faulty):
 )
 def test_the_call_that_a_frame_waits_for(faulty, fault, kind, function, advice):
     (faulty.folder / "fault.txt").write_text(fault)
-    found = cause(faulty, kind)
+    found = cause(faulty, kind, function)
     (faulty.folder / "fault.txt").write_text("none")
     assert found.member == "clock"
-    assert (Path(found.place.file).name, found.place.function) == ("faulty.py", function)
+    assert Path(found.place.file).name == "faulty.py"
     assert advice in found.advice
     eventually(lambda: "restarted in" in found.then or cause(faulty, "norm"), "an outlook")
 

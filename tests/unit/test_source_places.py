@@ -3,6 +3,9 @@
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import numpy as np
+
+from minerva_bus.launch.traces import blocked_at
 from minerva_bus.source import SourceLine, innermost, place_of
 
 
@@ -30,3 +33,25 @@ def test_generated_code_is_not_the_place_of_a_stack():
     caller = SourceLine(__file__, 20, "shrinks")
     assert innermost([compiler, caller]).function == "shrinks"
     assert innermost([compiler]).file == "<string>"
+
+
+def written(*files, cut=False):
+    """Stacks as the fault handler writes them: of another thread, then of the main thread."""
+    lines = [f'  File "{file}", line 2 in call' for file in files]
+    return [
+        "Thread 0x01 (most recent call first):",
+        '  File "/other/thread.py", line 1 in waits',
+        *(["  ..."] if not cut else []),
+        "Current thread 0x02 (most recent call first):",
+        *lines,
+        *(["  ..."] if cut else []),
+    ]
+
+
+def test_a_package_is_the_place_of_a_stack_only_if_the_stack_is_complete():
+    """The fault handler writes 100 calls, and imports of a package are deeper."""
+    package, launcher = np.__file__, "/launcher.py"
+    assert blocked_at(written(package, launcher), launcher).file == package
+    assert blocked_at(written(package, cut=True), launcher) is None
+    assert blocked_at(written(package, __file__, cut=True), launcher).file == __file__
+    assert blocked_at(written(package, launcher, __file__), launcher).file == package
