@@ -187,11 +187,11 @@ def _bag(data):
 # --- devices and networks ---
 
 _CDR = {
-    b"s": ("sensor_msgs/msg/LaserScan", lambda one: ros.scan_of(one, "r")),
-    b"o": ("nav_msgs/msg/Odometry", lambda one: ros.odometry_of(one, "r")),
-    b"b": ("sensor_msgs/msg/BatteryState", lambda one: ros.battery_of(one, "r")),
-    b"i": ("sensor_msgs/msg/Image", lambda one: images.image_of(one, "r")),
-    b"f": ("sensor_msgs/msg/CompressedImage", lambda one: images.file_of(one, "r")),
+    b"s": ("sensor_msgs/msg/LaserScan", lambda message: ros.scan_of(message, "r")),
+    b"o": ("nav_msgs/msg/Odometry", lambda message: ros.odometry_of(message, "r")),
+    b"b": ("sensor_msgs/msg/BatteryState", lambda message: ros.battery_of(message, "r")),
+    b"i": ("sensor_msgs/msg/Image", lambda message: images.image_of(message, "r")),
+    b"f": ("sensor_msgs/msg/CompressedImage", lambda message: images.file_of(message, "r")),
 }
 
 
