@@ -65,7 +65,7 @@ MOST = 500
 
 WORLD = World("yard", parse("AWalker#a<x=0> · AWalker#b<x=1>"), yard.vocabulary, seed=7)
 _ENTRY = struct.Struct(">II")
-_folder = Path(tempfile.mkdtemp(prefix="minerva-fuzz-"))
+_folder = tempfile.TemporaryDirectory(prefix="minerva-fuzz-")
 
 
 @dataclass(frozen=True)
@@ -85,7 +85,7 @@ class Target:
 
 
 def _file(name, data):
-    path = _folder / name
+    path = Path(_folder.name) / name
     path.write_bytes(data)
     return path
 
