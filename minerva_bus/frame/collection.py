@@ -244,7 +244,7 @@ class CollectionStep:
         algorithm = self._algorithm
         # Taken out first, because the sanctions that `publish` adds below belong to the next frame.
         # They are not judged themselves: no norm can prevent the sanction of another.
-        sanctions, algorithm.inbox.sanctions = algorithm.inbox.sanctions, []
+        sanctions = algorithm.inbox.take_sanctions()
         if algorithm.norms:
             people = algorithm.in_flight.events.people
             sources = dict(algorithm.norms.events(algorithm.frame, sources, people))

@@ -57,6 +57,10 @@ def counting(source: str, event: AnyEvent) -> str:
     return f"{event.count} {event.type} of {person_of(source)} count"
 
 
+def _receivers(event: AnyEvent) -> list[str]:
+    return list(event.receivers or ())
+
+
 class EarlyTicks:
     """Early requests to generators that do not depend on the world, before a frame begins."""
 
@@ -113,6 +117,11 @@ class FrameInbox:
         """Events for the next frame by source, for a checkpoint."""
         waiting = {source: tuple(events) for source, events in self.events.items()}
         return {**waiting, SOURCE: tuple(self.sanctions)} if self.sanctions else waiting
+
+    def take_sanctions(self) -> list[AnyEvent]:
+        """Remove and return the sanctions, by their receivers: regions have no other order."""
+        taken, self.sanctions = self.sanctions, []
+        return sorted(taken, key=_receivers)
 
     def replace(self, events: Mapping[str, Sequence[AnyEvent]]) -> None:
         """Replace all waiting events by these."""

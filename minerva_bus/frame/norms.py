@@ -76,6 +76,10 @@ class Norms:
             ]
         )
 
+    def count_from(self, saved: Mapping[str, Any]) -> None:
+        """Continue with these counts, as `saved` has returned them."""
+        self._counts = ViolationCounts(saved)
+
     def saved(self) -> dict[str, Any]:
         """The counts as plain data, from which a resumed world continues."""
         return self._counts.saved(self._norms, self._frame)

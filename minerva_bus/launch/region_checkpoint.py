@@ -51,7 +51,8 @@ class RegionCheckpoint:
     def of(region: Region, messages: Sequence[Any]) -> RegionCheckpoint:
         """The state of a region. Raises TypeError if a generator saves data that are not plain."""
         units, checkpoint = region.units, region.algorithm.checkpoint
-        keyframe = encode_keyframe(region.frame, units.scene, Kept.of(checkpoint))
+        last = region.services.last
+        keyframe = encode_keyframe(region.frame, units.scene, Kept.of(checkpoint), last)
         norms, number = region.norms, region.number
         views = [
             Parcel(frame, source, number, NOTHING, (), part)
@@ -66,6 +67,11 @@ class RegionCheckpoint:
             borders_of(region.partition),
             messages,
         )
+
+    @staticmethod
+    def first(region: Region) -> RegionCheckpoint:
+        """The state of a region that has received and sent nothing yet."""
+        return RegionCheckpoint.of(region, [[], [], [], [], 0])
 
     def encoded(self) -> bytes:
         """The checkpoint as bytes."""
@@ -86,7 +92,7 @@ class RegionCheckpoint:
             raise ProtocolError("the checkpoint of a region has no state beside its string")
         pieces = keyframe.scene.pieces
         places = unpacked_places(self.places, sum(piece.count for piece in pieces), "places")
-        past = replace(world, past=keyframe.checkpoint)
+        past = replace(world, past=keyframe.checkpoint, shown=keyframe.views)
         decoder = Decoder(world.vocabulary, ON_DISK)
 
         def parcel(source: int, data: bytes) -> Parcel:

@@ -12,12 +12,15 @@ from typing import Final
 from minerva_bus.errors import BusError
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.live import FrameSource
+from minerva_bus.launch.region_checkpoint import RegionCheckpoint
 from minerva_bus.launch.region_journal import FileJournal, RegionJournal, ReportedJournal
 from minerva_bus.launch.region_terms import TERMS, terms_of
 from minerva_bus.launch.temporary_folder import temporary_folder
 from minerva_bus.launch.worldfile import Process, WorldFile
 from minerva_bus.log.entries import part_codec
 from minerva_bus.regions.attached import beside
+from minerva_bus.regions.journal import CHECKPOINT, encoded
+from minerva_bus.regions.region import Region
 from minerva_bus.regions.whole import WholeSource
 from minerva_bus.runtime.endpoints import check_endpoint
 from minerva_bus.runtime.session import LOOPBACK
@@ -165,4 +168,17 @@ def source_of(file: WorldFile) -> Callable[[FrameAlgorithm], FrameSource] | None
         kinds=kinds_of(regions[0].agents),
         codec=part_codec(file.world.vocabulary, file.access.limits),
         terms={TERMS: terms_of(regions[0].world_file)},
+        journals=_first_journals(file) if regions[0].elsewhere else {},
     )
+
+
+def _first_journals(file: WorldFile) -> Mapping[str, bytes]:
+    """The journals with which regions on other machines continue a run; they lack its string."""
+    partition = file.partition
+    if partition is None or not file.world.past.frame:
+        return {}
+    parts = [Region(file.world, number, partition) for number in range(partition.count)]
+    return {
+        name_of_region(part.number): encoded(CHECKPOINT, RegionCheckpoint.first(part).encoded())
+        for part in parts
+    }

@@ -239,10 +239,13 @@ class RegionMember(Member):
             figures["parcel_bytes"] = round(self._parcels.sent_bytes / sent)
         if ended is None:
             return figures
-        # The members of one region report the figures of all, because generators are equal.
+        # The members of one region report the figures of all, because generators are equal, and
+        # the coordinator those of norms.
         if self.region.number != FIRST:
-            return {**figures, **violations(ended.figures)}
-        return {"regions": count, **figures, **ended.figures}
+            return figures
+        broken = violations(ended.figures)
+        members = {name: value for name, value in ended.figures.items() if name not in broken}
+        return {"regions": count, **figures, **members}
 
     # --- frames ---
 
@@ -270,11 +273,12 @@ class RegionMember(Member):
         region.give(self._requests.take(self.frame))
         self._runner.handle(s.Begin())
         # Parcels lead to the state of the next frame, and the report is of this one.
-        state = region.units, region.sent, region.progress()
+        state, norms = (region.units, region.sent, region.progress()), region.norm_report
         parcels = [parcel for parcel in region.leave() if not region.keeps(parcel)]
         self._parcels.send(parcels)
         targets = [parcel.target for parcel in parcels]
-        report = self._report(partial(self._sender.message, self.frame, *state, targets))
+        message = partial(self._sender.message, self.frame, *state, targets, norms=norms)
+        report = self._report(message)
         self._requests.keep(report)
         return report
 

@@ -137,7 +137,7 @@ def _naming(world: World) -> Iterator[str]:
 
 def check_region_run(file: WorldFile, *, in_process: bool) -> None:
     """Raise WorldFileError if a run as regions cannot have its settings."""
-    unsupported = _unsupported_resumption(file) if file.world.past.frame else {}
+    unsupported: dict[str, bool] = {}
     if in_process:
         services = {each.name: each.participant().service for each in file.processes}
         commands = [each.name for each in file.processes if each.command or each.elsewhere]
@@ -152,24 +152,6 @@ def check_region_run(file: WorldFile, *, in_process: bool) -> None:
             "metrics ([metrics], --metrics) in one process": bool(file.watch.metrics),
         }
     _refuse(file, [what for what, is_used in unsupported.items() if is_used])
-
-
-def _unsupported_resumption(file: WorldFile) -> dict[str, bool]:
-    """What a run that continues a record as regions cannot contain."""
-    if file.partition is None:
-        return {}
-    known = {each.name: each.participant().service for each in file.processes if not each.command}
-    inside = known.keys() - beside(known)
-    attached = sorted(name for name in inside if is_attached(known[name]))
-    elsewhere = any(each.elsewhere for each in file.processes)
-    return {
-        # Events of the last frame are judged in the region of their sender, after that frame.
-        "--resume of a world with norms": bool(file.world.norms),
-        # Their views are those of the last frame, which regions have not made.
-        f"--resume with services in region 0 ({', '.join(attached)})": bool(attached),
-        # A region there has the initial string.
-        "--resume with regions on other machines": elsewhere,
-    }
 
 
 def _refuse(file: WorldFile, reasons: Sequence[str]) -> None:

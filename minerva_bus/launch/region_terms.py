@@ -15,6 +15,9 @@ from minerva_bus.regions.partition import ByFunction
 TERMS: Final = "terms"
 """Key in the saved data of a region's `welcome`."""
 
+CONTINUES: Final = "string"
+"""The term that is empty for a run that continues."""
+
 ADOPTED: Final = ("seed", "frames", "until")
 """Terms that a region adopts from the coordinator, which may have them from its command line."""
 
@@ -32,7 +35,8 @@ def terms_of(file: WorldFile) -> dict[str, Any]:
         "until": world.until,
         "regions": regions,
         "options": options,
-        "string": world.scene.digest.hex(),
+        # Regions of a run that continues get their strings from the coordinator.
+        CONTINUES: "" if world.past.frame else world.scene.digest.hex(),
         "vocabulary and rules": key_of(world).hex(),
         "norms": blake2b(repr(world.norms).encode(), digest_size=16).hexdigest(),
     }
@@ -48,7 +52,8 @@ def agreed(file: WorldFile, region: str, saved: Mapping[str, Any]) -> WorldFile:
     if any(getattr(file.world, name) != value for name, value in settings.items()):
         file = replace(file, world=replace(file.world, **settings))
     for name, own in terms_of(file).items():
-        if of_world.get(name) != own:
+        continues = name == CONTINUES and of_world.get(name) == ""
+        if of_world.get(name) != own and not continues:
             raise Refusal(
                 f"{region} would not have the string of this world: {name}:"
                 f" {of_world.get(name)!r:.80} in the world, {own!r:.80} here"

@@ -84,7 +84,14 @@ class AttachedServices:
     with the replies for the other regions as soon as the services have answered.
     """
 
-    def __init__(self, number: int, regions: int, members: Iterable[Member]) -> None:
+    def __init__(
+        self,
+        number: int,
+        regions: int,
+        members: Iterable[Member],
+        last: Iterable[m.ViewShown] = (),
+    ) -> None:
+        """`last` are the last views of a run that continues, by which coupled devices act."""
         attached = [member for member in members if is_attached(member.service)]
         hellos = [member.hello() for member in attached]
         self.send: Callable[[Sequence[Replies]], None] = lambda replies: None
@@ -96,8 +103,14 @@ class AttachedServices:
         self._drawn = {hello.member: frozenset(hello.draws) for hello in hellos}
         self._replies: dict[int, dict[str, tuple[AnyEvent, ...]]] = {}
         self._answered = -1
-        self._assembly = ViewAssembly()
+        self._last = {shown.event_type: shown for shown in last}
+        # Devices ignore a view with a lower number than the last one.
+        numbers = [shown.sequence for shown in self._last.values()]
+        self._assembly = ViewAssembly(max(numbers, default=0))
         self._unshown: dict[str, list[m.ViewShown]] = {}
+        if self.at_home:
+            for shown in self._last.values():
+                self._show(shown)
 
     @property
     def at_home(self) -> bool:
@@ -127,9 +140,18 @@ class AttachedServices:
         if not self.at_home or not self.shows:
             return
         for shown in self._assembly.assemble(frame, parts):
-            for name, drawn in self._drawn.items():
-                if shown.event_type in drawn:
-                    self._unshown.setdefault(name, []).append(shown)
+            self._last.pop(shown.event_type, None)
+            self._show(shown)
+
+    def _show(self, shown: m.ViewShown) -> None:
+        for name, drawn in self._drawn.items():
+            if shown.event_type in drawn:
+                self._unshown.setdefault(name, []).append(shown)
+
+    @property
+    def last(self) -> list[m.ViewShown]:
+        """The views with which this run has continued, and which no other has replaced."""
+        return [*self._last.values()]
 
     @property
     def shown(self) -> dict[int, dict[int, ViewPart]]:

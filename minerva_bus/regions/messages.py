@@ -153,14 +153,30 @@ def check_given_up(given_up: m.Figures) -> None:
 
 
 def _norms(message: ParcelMessage) -> NormPart:
-    counts: Lately = {}
-    for norm, of in (message.counts or {}).items():
+    counts = _lately(message.counts or {})
+    return NormPart(message.states, counts, message.sanctions, message.later)
+
+
+def checked_counts(counts: Mapping[str, Any]) -> Mapping[str, Any]:
+    """The counts of norms in a report of a region. Raises ProtocolError for other data."""
+    broken, lately = (counts.get(name) for name in ("broken", "lately"))
+    if not (isinstance(broken, dict) and isinstance(lately, dict)):
+        raise ProtocolError("part: counts: expected broken and lately")
+    for norm, count in cast("dict[object, object]", broken).items():
+        if not (isinstance(norm, str) and type(count) is int):
+            raise ProtocolError(f"part: counts: expected a number for {norm!r:.40}")
+    return {"broken": broken, "lately": _lately(cast("dict[str, Any]", lately))}
+
+
+def _lately(given: Mapping[str, Any]) -> Lately:
+    lately: Lately = {}
+    for norm, of in given.items():
         acts = cast("dict[Any, Any]", of).items() if isinstance(of, dict) else [(None, None)]
         for who, frames in acts:
             if not (isinstance(who, str) and _are_frames(frames)):
-                raise ProtocolError(f"parcel: counts: {norm[:40]} has no list of frames by agent")
-            counts.setdefault(norm, {})[who] = [*frames]
-    return NormPart(message.states, counts, message.sanctions, message.later)
+                raise ProtocolError(f"counts: {norm[:40]} has no list of frames by agent")
+            lately.setdefault(norm, {})[who] = [*frames]
+    return lately
 
 
 def _are_frames(value: object) -> TypeGuard[list[int]]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypeAlias
 
 from minerva_bus.frame.composition import Composition
 from minerva_bus.frame.description import World
@@ -43,6 +43,41 @@ class NormPart:
 NO_NORMS = NormPart()
 
 
+@dataclass(frozen=True, slots=True)
+class NormReport:
+    """What the coordinator has to know of a region's norms after a frame, for its checkpoint.
+
+    One coordinator judges the events of agents in the next frame, so its checkpoint has also those
+    that are `rejected`, by their numbers among all that have been sent, the `counts` without them,
+    and the `sanctions` for the next frame. `counts` are None without norms. `halted`: agents whose
+    actions devices must not execute.
+    """
+
+    rejected: tuple[int, ...] = ()
+    counts: Mapping[str, Any] | None = None
+    sanctions: tuple[AnyEvent, ...] = ()
+    halted: tuple[str, ...] = ()
+
+
+NO_REPORT = NormReport()
+
+
+def total_counts(counts: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
+    """The counts of all regions as those of one coordinator, as `ViolationCounts` saves them."""
+    broken: dict[str, int] = {}
+    lately: Lately = {}
+    for each in counts:
+        for norm, of in each["lately"].items():
+            lately.setdefault(norm, {}).update(of)
+        for norm, count in each["broken"].items():
+            broken[norm] = broken.get(norm, 0) + count
+    return {"broken": broken, "lately": lately}
+
+
+Judged: TypeAlias = tuple[Sequence[PlacedEvent], tuple[int, ...]]
+"""Events, and the numbers of those that norms reject."""
+
+
 class RegionNorms(Norms):
     """The norms of a world in one region.
 
@@ -68,7 +103,25 @@ class RegionNorms(Norms):
         string = world.scene if self._named else EMPTY
         first = {agent.id: agent.state for agent in agents(string)}
         self._states: Figures = _values(self._named, lambda name: first.get(name, {}))
-        self._before_judging: Mapping[str, int] = {}
+        self._before_judging = self.saved()
+
+    def judge_past(self, world: World) -> Sequence[AnyEvent]:
+        """The permitted events that agents had sent before a world of one coordinator continues.
+
+        Each region judges them in the whole string, so none has to wait for another one. It keeps
+        the counts of its own agents.
+        """
+        past, own = world.past, self._composition
+        self._composition = Composition(world.scene)
+        permitted = super().events(past.frame, {AGENTS: past.emitted})[AGENTS]
+        self._composition = own
+        others = [each.id for each in agents(world.scene) if own.home(each.id) is None]
+        self._counts.remove(others)
+        if self._number != HOME:
+            self._counts.broken = {}
+            self._lines = []
+        self._before_judging = self.saved()
+        return permitted
 
     def events(self, frame: int, sources: Sources, people: Collection[str] = ()) -> Sources:
         """The permitted events of a frame, by source; those of agents have been judged already."""
@@ -80,16 +133,21 @@ class RegionNorms(Norms):
             del self._lines[lines:]
         return {**sources, **permitted}
 
-    def judge(self, frame: int, sent: Sequence[PlacedEvent]) -> Sequence[PlacedEvent]:
-        """The permitted events that agents of this region have sent for the next frame."""
-        self._before_judging = dict(self._counts.broken)
+    def judge(self, frame: int, sent: Sequence[PlacedEvent]) -> Judged:
+        """The events that agents of this region have sent, and which of them norms reject."""
+        self._before_judging = self.saved()
         if not any(each.event.type in self._judged_types for each in sent):
-            return sent
+            return sent, ()
         placed = [single for each in sent for single in self._single(each)]
         judged = [each.event for each in placed if each.event.type in self._judged_types]
         permitted = super().events(frame, {AGENTS: judged})[AGENTS]
         rejected = {id(event) for event in judged} - {id(event) for event in permitted}
-        return [each for each in placed if id(each.event) not in rejected]
+        return placed, tuple(n for n, each in enumerate(placed) if id(each.event) in rejected)
+
+    @property
+    def counts(self) -> Mapping[str, Any]:
+        """What had been counted before the events of the last frame were judged."""
+        return self._before_judging
 
     def _single(self, placed: PlacedEvent) -> Iterator[PlacedEvent]:
         event = placed.event
@@ -103,7 +161,7 @@ class RegionNorms(Norms):
 
     def forget_judged(self) -> None:
         """Do not count the events of a frame that does not begin."""
-        self._counts.broken = dict(self._before_judging)
+        self._counts.broken = dict(self._before_judging["broken"])
 
     def states(self) -> Figures:
         """The values that norms name, of agents of this region."""
@@ -141,6 +199,15 @@ def _agent_of(name: str) -> str:
 def _values(names: Sequence[str], state_of: Callable[[str], Mapping[str, Any]]) -> Figures:
     values = {name: state_of(_agent_of(name)).get(name.partition(".")[2]) for name in names}
     return {name: value for name, value in values.items() if value is not None}
+
+
+def judged(world: World) -> Sequence[AnyEvent]:
+    """The permitted events that agents had sent before a world continues."""
+    past, counts = world.past, world.past.saved.get(SOURCE, {})
+    if not world.norms:
+        return past.emitted
+    norms = Norms(world.norms, Composition(world.scene), world.vocabulary, counts)
+    return norms.events(past.frame, {AGENTS: past.emitted})[AGENTS]
 
 
 def violations(figures: Mapping[str, Any]) -> dict[str, Any]:

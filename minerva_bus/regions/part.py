@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Annotated, ClassVar, Final
+from typing import Annotated, Any, ClassVar, Final
 
 import numpy as np
 
@@ -19,7 +19,13 @@ from minerva_bus.grammar.delta import Delta, difference, patched
 from minerva_bus.grammar.fitting import Unfit
 from minerva_bus.grammar.scene import Piece, Scene
 from minerva_bus.regions.merging import PlacedEvent, Units
-from minerva_bus.regions.messages import packed_places, placed_events, unpacked_places
+from minerva_bus.regions.messages import (
+    checked_counts,
+    packed_places,
+    placed_events,
+    unpacked_places,
+)
+from minerva_bus.regions.norms import NO_REPORT, NormReport
 from minerva_bus.regions.places import Place
 from minerva_bus.regions.progress import Progress
 
@@ -65,6 +71,13 @@ class PartMessage:
     inputs: Annotated[
         bytes, Note("of region 0: the events of generators, as an entry of a record (section 12)")
     ]
+    rejected: Annotated[bytes, Note("the numbers of those `events` that norms reject, as int32")]
+    counts: Annotated[
+        m.Saved,
+        Note("what norms have counted before they judged `events`; nil: as in the last report"),
+    ]
+    sanctions: Annotated[tuple[AnyEvent, ...], Note("of norms, for the next frame")]
+    halted: Annotated[tuple[str, ...], Note("agents whose actions no device executes")]
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,6 +99,7 @@ class PartSender:
 
     pieces: tuple[Piece, ...] = ()
     places: Sequence[Place] = ()
+    counts: Mapping[str, Any] | None = None
 
     def message(
         self,
@@ -95,12 +109,15 @@ class PartSender:
         progress: Progress,
         targets: Sequence[int],
         inputs: bytes,
+        norms: NormReport = NO_REPORT,
     ) -> PartMessage:
         """The message after a frame, relative to that of the frame before."""
         kept, changed, patches = _changes(self.pieces, units.pieces)
         same = units.places == self.places
         places = b"" if same else packed_places(units.places)
         self.pieces, self.places = units.pieces, units.places
+        counts = None if norms.counts == self.counts else norms.counts
+        self.counts = norms.counts
         return PartMessage(
             frame,
             np.array(kept, _INDEX).tobytes(),
@@ -115,6 +132,10 @@ class PartSender:
             tuple(sorted(progress.striving)),
             np.array(targets, _REGION).tobytes(),
             inputs,
+            np.array(norms.rejected, _INDEX).tobytes(),
+            counts,
+            norms.sanctions,
+            norms.halted,
         )
 
 
@@ -122,13 +143,16 @@ class PartSender:
 class PartReceiver:
     """The coordinator's side: the part of one region, and its last report.
 
-    `targets` are the regions to which it has sent parcels.
+    `targets` are the regions to which it has sent parcels, `sent` the events of its agents that
+    norms permit, and `unjudged` all of them.
     """
 
     units: Units
     resting: bool = False
     targets: tuple[int, ...] = ()
     sent: list[PlacedEvent] = field(default_factory=list[PlacedEvent])
+    unjudged: list[PlacedEvent] = field(default_factory=list[PlacedEvent])
+    norms: NormReport = NO_REPORT
 
     def apply(self, message: PartMessage) -> None:
         """Continue with the part after a frame. Raises ProtocolError if the message is invalid."""
@@ -150,9 +174,23 @@ class PartReceiver:
             places = unpacked_places(message.places, count, "places")
         if len(places) != count:
             raise ProtocolError(f"part: expected places of {count} nodes, got {len(places)}")
-        self.sent = list(placed_events(message.events, message.senders))
+        self.unjudged = list(placed_events(message.events, message.senders))
+        rejected = _rejected(message, len(self.unjudged))
+        self.sent = [event for number, event in enumerate(self.unjudged) if number not in rejected]
+        counts = self.norms.counts if message.counts is None else checked_counts(message.counts)
+        self.norms = NormReport(tuple(rejected), counts, message.sanctions, message.halted)
         self.units, self.resting = Units(places, pieces), message.resting
         self.targets = tuple(np.frombuffer(message.parcels, _REGION).tolist())
+
+
+def _rejected(message: PartMessage, events: int) -> Collection[int]:
+    """The numbers of the rejected events, in ascending order. Raises ProtocolError."""
+    if len(message.rejected) % _INDEX.itemsize:
+        raise ProtocolError("part: rejected must be a list of int32")
+    numbers: list[int] = np.frombuffer(message.rejected, _INDEX).tolist()
+    if not {*range(events)}.issuperset(numbers):
+        raise ProtocolError(f"part: rejected has numbers of none of {events} events")
+    return dict.fromkeys(sorted(numbers))
 
 
 def _piece(message: PartMessage, position: str, old: Piece | None) -> Piece:

@@ -27,7 +27,7 @@ from minerva_bus.regions.balancing import moved
 from minerva_bus.regions.dividing import NOTHING, cut, divided
 from minerva_bus.regions.inbox import ParcelInbox
 from minerva_bus.regions.merging import PlacedEvent, Units, in_order, merged
-from minerva_bus.regions.norms import NO_NORMS, NormPart, RegionNorms
+from minerva_bus.regions.norms import NO_NORMS, NO_REPORT, NormPart, NormReport, RegionNorms
 from minerva_bus.regions.parcel import Parcel
 from minerva_bus.regions.partition import Partition, regions_of
 from minerva_bus.regions.progress import Progress
@@ -59,8 +59,8 @@ class Region:
         own = cut(world.scene, partition)[number] if own is None else own
         self.number = number
         self.partition = partition
-        self.services = AttachedServices(number, partition.count, members)
-        self.algorithm = FrameAlgorithm(replace(world, scene=own.scene), RegionSource)
+        self.services = AttachedServices(number, partition.count, members, world.shown)
+        self.algorithm = FrameAlgorithm(replace(world, scene=own.scene, shown=()), RegionSource)
         assert isinstance(self.algorithm.source, RegionSource)
         self._source = self.algorithm.source
         self._source.places = own.places
@@ -77,6 +77,9 @@ class Region:
             self._source.judge = self._norms.judge
             if received is not None:
                 self._norms.receive([received])
+            elif world.past.emitted:
+                algorithm.inbox.emitted = [*self._norms.judge_past(world)]
+                algorithm.members.saved[SOURCE] = self._norms.saved()
 
     @property
     def frame(self) -> int:
@@ -90,8 +93,16 @@ class Region:
 
     @property
     def sent(self) -> Sequence[PlacedEvent]:
-        """The events that the region's agents have sent in the last frame."""
+        """The events that the region's agents have sent in the last frame, before norms."""
         return self._source.sent
+
+    @property
+    def norm_report(self) -> NormReport:
+        """What the coordinator has to know of norms after a frame, before `leave`."""
+        if self._norms is None:
+            return NO_REPORT
+        source, sanctions = self._source, tuple(self.algorithm.inbox.sanctions)
+        return NormReport(source.rejected, self._norms.counts, sanctions, source.halted)
 
     # --- before a frame ---
 
@@ -201,7 +212,7 @@ class Region:
             agent.id: region for region, units in leaving.items() for agent in agents(units.scene)
         }
         routing = Routing(self.number, self.partition, composition, moving)
-        routed = routing.route(self._source.sent)
+        routed = routing.route(self._source.permitted)
         views = {HOME: self._source.shown} if self.services.shows else {}
         norms = self._norm_parts(routing, moving)
         parcels = [

@@ -8,23 +8,36 @@ from typing import TypeAlias
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.live import LiveSource
 from minerva_bus.regions.merging import PlacedEvent
+from minerva_bus.regions.norms import Judged
 from minerva_bus.regions.places import Place, SenderPlaces, after_frame
 from minerva_bus.regions.views import NO_VIEWS, PartialViews
 
-Judge: TypeAlias = Callable[[int, Sequence[PlacedEvent]], Sequence[PlacedEvent]]
+Judge: TypeAlias = Callable[[int, Sequence[PlacedEvent]], Judged]
 
 
 class RegionSource(LiveSource):
-    """The frames of a region; keeps the places of its nodes, and of the senders of its events."""
+    """The frames of a region; keeps the places of its nodes, and of the senders of its events.
+
+    `rejected` are the numbers of those `sent` that norms reject, and `halted` the agents whose
+    actions devices must not execute.
+    """
 
     def __init__(self, algorithm: FrameAlgorithm) -> None:
         super().__init__(algorithm)
         self.places: Sequence[Place] = ()
         self.sent: Sequence[PlacedEvent] = []
+        self.rejected: tuple[int, ...] = ()
+        self.halted: tuple[str, ...] = ()
         self.judge: Judge | None = None
         self.shown = NO_VIEWS
         self._views = PartialViews()
         self.commit = self._commit
+
+    @property
+    def permitted(self) -> Sequence[PlacedEvent]:
+        """The events for the next frame."""
+        rejected = frozenset(self.rejected)
+        return [each for n, each in enumerate(self.sent) if n not in rejected]
 
     def why_over(self) -> str:
         """No reason: the region ends when all others do, which its algorithm does not know."""
@@ -33,6 +46,7 @@ class RegionSource(LiveSource):
     def _commit(self) -> None:
         algorithm = self._algorithm
         composition, changed = algorithm.composition, algorithm.in_flight.result.changed
+        self.halted = algorithm.in_flight.result.halted
         # Before the replacement: views are of the string that the frame began with, and agents
         # that died in this frame have no place after it.
         self.shown = self._views.part(algorithm.in_flight, composition, self.places)
@@ -44,4 +58,4 @@ class RegionSource(LiveSource):
         self.evolution.commit()
         if self.judge is not None:
             # In the string of the next frame, as with one coordinator, which has its number.
-            self.sent = self.judge(algorithm.frame, self.sent)
+            self.sent, self.rejected = self.judge(algorithm.frame, self.sent)

@@ -113,13 +113,16 @@ class _RegionViews:
 
 
 class ViewAssembly:
-    """The views of the whole string, assembled from those of all regions."""
+    """The views of the whole string, assembled from those of all regions.
 
-    def __init__(self) -> None:
+    `sequence` is the number of the last view before them.
+    """
+
+    def __init__(self, sequence: int = 0) -> None:
         self._regions: dict[int, _RegionViews] = {}
         self._skeletons: dict[str, Scene] = {}
         self._frames: dict[str, int] = {}
-        self._sequence = 0
+        self._sequence = sequence
 
     @property
     def parts(self) -> dict[int, dict[int, ViewPart]]:

@@ -31,14 +31,16 @@ from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.events import Event
 from minerva_bus.regions.balancing import balanced, is_due, packed_borders
 from minerva_bus.regions.dividing import cut
+from minerva_bus.regions.emissions import take_events
 from minerva_bus.regions.journal import JOURNAL, KeptJournals
-from minerva_bus.regions.merging import in_order
 from minerva_bus.regions.messages import check_given_up, packed_pairs
+from minerva_bus.regions.norms import judged
 from minerva_bus.regions.outside import OutsideEvents
 from minerva_bus.regions.part import PartCodec, PartMessage, PartReceiver
 from minerva_bus.regions.partition import Partition
 from minerva_bus.regions.whole_string import WholeString, saved_parts
 from minerva_bus.world.kinds import Kinds
+from minerva_bus.world.norms import SOURCE
 from minerva_bus.world.order import collect
 
 if TYPE_CHECKING:
@@ -60,8 +62,8 @@ class WholeSource(RecordedSource):
     """The frames of a world whose agents evolve in regions.
 
     `names` are the members that are the regions, by number; `kinds` make the views; regions that
-    join get the `terms`, as saved data. A successor continues with the parts in its journal instead
-    of a `partition`, and repeats the frame that regions may have begun.
+    join get the `terms` and their first `journals`, as saved data. A successor continues with the
+    parts in its journal instead of a `partition`, and repeats a frame that regions may have begun.
     """
 
     # Other regions may wait for the parcels of one that has returned after its report.
@@ -77,12 +79,13 @@ class WholeSource(RecordedSource):
         kinds: Kinds,
         codec: PartCodec,
         terms: Mapping[str, Any] | None = None,
+        journals: Mapping[str, bytes] | None = None,
     ) -> None:
         """Raises ProtocolError if the parts in the journal are damaged."""
         self._names, self._codec, self._partition = names, codec, partition
         self._terms = terms or {}
         saved = algorithm.members.saved
-        self._journals = KeptJournals(saved.pop(JOURNALS, {}))
+        self._journals = KeptJournals(saved.pop(JOURNALS, journals or {}))
         parts = saved.pop(PARTS, None)
         if parts is None:
             assert partition is not None
@@ -94,6 +97,7 @@ class WholeSource(RecordedSource):
         self._reports: dict[str, PartMessage] = {}
         self._replies: list[m.TickReply] = []
         self._outside = OutsideEvents(algorithm.inbox, succeeds=parts is not None)
+        self._permitted = judged(algorithm.world)
         self.emitted = CollectionStep(algorithm).emitted
 
     def journaled(self) -> Mapping[str, Mapping[str, Any]]:
@@ -211,8 +215,10 @@ class WholeSource(RecordedSource):
         # Orders that a generator takes do not count themselves.
         taken = {name: sent for name, sent in inputs.taken.items() if not is_handed_over(name)}
         sources: dict[str, Sequence[AnyEvent]] = {**taken}
-        if inbox.emitted:
-            sources[AGENTS] = inbox.emitted
+        if self._permitted:
+            sources[AGENTS] = self._permitted
+        if inbox.sanctions:
+            sources[SOURCE] = inbox.take_sanctions()
         for name, reply in inputs.ticked.items():
             if reply.events:
                 sources[name] = [*reply.events, *sources.get(name, ())]
@@ -253,9 +259,7 @@ class WholeSource(RecordedSource):
         algorithm, goal = self._algorithm, self._algorithm.goal
         for report in self._reports.values():
             goal.learn(report.reached, report.striving, report.given_up)
-        algorithm.inbox.emitted = in_order(
-            event for part in self._whole.parts for event in part.sent
-        )
+        self._permitted = take_events(algorithm, self._whole.parts)
         self._reports, self._replies, self._outside.current = {}, [], {}
         try:
             super().commit()

@@ -35,7 +35,9 @@ class WholeString:
     def saved(self, frame: int, names: Sequence[str], codec: PartCodec) -> dict[str, bytes]:
         """The parts by region, as reports of regions that had nothing before."""
         messages = [
-            PartSender().message(frame, part.units, part.sent, NO_PROGRESS, part.targets, b"")
+            PartSender().message(
+                frame, part.units, part.unjudged, NO_PROGRESS, part.targets, b"", part.norms
+            )
             for part in self.parts
         ]
         return dict(zip(names, map(codec.encode, messages), strict=True))

@@ -29,11 +29,11 @@ COLLECT = {
 }  # fmt: skip
 
 
-def equal(first, other):
+def equal(one, other):
     """Whether two tables have the same types and values; NaN equals NaN."""
-    assert first.types == other.types
-    for name in first.columns:
-        np.testing.assert_array_equal(first[name], other[name])
+    assert one.types == other.types
+    for name in one.columns:
+        np.testing.assert_array_equal(one[name], other[name])
     return True
 
 

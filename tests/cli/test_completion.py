@@ -68,7 +68,7 @@ def files(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("words", "expected", "others"),
+    ("words", "some", "others"),
     [
         ("gr", ["graph"], ["run"]),
         ("run ", ["robot", "meadow", "a.toml", "deep/"], ["b.mcap", "notes.txt", ".hidden.toml"]),
@@ -118,9 +118,9 @@ def files(tmp_path):
         ("run meadow --collect n=mean(AFox.en", ["n=mean(AFox.energy"], []),
     ],
 )  # fmt: skip
-def test_a_line_is_completed(files, words, expected, others):
+def test_a_line_is_completed(files, words, some, others):
     found = completed(files, words)
-    assert set(expected) <= set(found)
+    assert set(some) <= set(found)
     assert not set(others) & set(found)
 
 

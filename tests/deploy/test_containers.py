@@ -24,13 +24,13 @@ def test_compose_is_of_the_compose_specification(name):
 
 
 def test_references_of_containers_exist():
-    for name, container in COMPOSE["services"].items():
-        for network in container["networks"]:
+    for name, one in COMPOSE["services"].items():
+        for network in one["networks"]:
             assert network in COMPOSE["networks"], name
-        for secret in container.get("secrets", []):
+        for secret in one.get("secrets", []):
             assert secret["source"] in COMPOSE["secrets"], name
             assert secret["target"].endswith(secret["source"])
-        for volume in container.get("volumes", []):
+        for volume in one.get("volumes", []):
             source = volume.partition(":")[0]
             there = source in COMPOSE["volumes"] or source.startswith(("..", "${"))
             assert there, f"{name}: {volume}"
@@ -39,13 +39,9 @@ def test_references_of_containers_exist():
 
 
 def test_each_member_has_its_own_key_and_no_other():
-    for name, container in (COMPOSED_REGIONS["services"] | COMPOSE["services"]).items():
-        if "attach" in container.get("command", ()):
-            assert [s["source"] for s in container["secrets"]] == [
-                "ca.pem",
-                f"{name}.pem",
-                f"{name}.key",
-            ]
+    for name, one in (COMPOSED_REGIONS["services"] | COMPOSE["services"]).items():
+        if "attach" in one.get("command", ()):
+            assert [s["source"] for s in one["secrets"]] == ["ca.pem", f"{name}.pem", f"{name}.key"]
 
 
 @pytest.mark.parametrize("name", COMPOSED_REGIONS["services"] | COMPOSE["services"])

@@ -8,20 +8,20 @@ import pytest
 from running import MEMBERS, here, write_world
 
 from minerva_bus import EventType, Metres
-from minerva_bus.errors import WorldFileError, WorldStopped
+from minerva_bus.errors import WorldStopped
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.frame.checkpoint import Checkpoint
 from minerva_bus.launch import region_journal
 from minerva_bus.launch.in_process import members_of
 from minerva_bus.launch.reading import read_world_file
-from minerva_bus.launch.region_layout import in_regions
+from minerva_bus.launch.region_layout import in_regions, region_elsewhere
 from minerva_bus.launch.region_settings import check_region_run
 from minerva_bus.launch.resuming import read_resumed
 from minerva_bus.regions.journal import CHECKPOINT, JOURNAL, entries
 from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.settings.overrides import Overrides
 from minerva_bus.testing.simulation.cluster import Cluster
+from minerva_bus.world.norms import SOURCE
 
 FRAMES = 25
 
@@ -165,38 +165,101 @@ def test_nobody_waits_forever_if_each_region_waits_for_the_one_before(tmp_path):
             cluster.run()
 
 
-def test_a_record_continues_in_regions(file, tmp_path):
+NORMS = """
+[norm.loud]
+on = "eCall"
+when = "event.x > 1"
+most = 1
+per = 4
+event = "eWish"
+data = { x = 0.5, name = "quiet" }
+
+[norm.still]
+when = "x > was.x and x > 2"
+most = 2
+per = 40
+"""
+SERVICES = """
+[process.water]
+service = "yard:Water"
+
+[process.eye]
+service = "yard:Eye"
+"""
+
+
+def run_of_one(file):
+    runner = InProcessRunner(FrameAlgorithm(file.world), members_of(file))
+    runner.start()
+    while runner.ended is None:
+        runner.handle(s.Begin())
+    return runner
+
+
+def figures_of_norms(ended):
+    return {name: count for name, count in ended.figures.items() if name.startswith("norm_")}
+
+
+def test_the_checkpoints_of_regions_are_those_of_one_coordinator(tmp_path):
+    """One judges events in the next frame, and regions before they send them."""
+    path = write_world(tmp_path, MEMBERS + NORMS, frames=FRAMES)
+    file = read_world_file(path, Overrides(regions=3))
+    single = FrameAlgorithm(file.world)
+    runner = InProcessRunner(single, members_of(file))
+    runner.start()
+    checkpoints = []
+
+    def compare(cluster):
+        if cluster.algorithm.frame == len(checkpoints) < 9 and not cluster.algorithm.in_frame:
+            checkpoints.append(single.checkpoint)
+            present = cluster.algorithm.checkpoint
+            assert [*map(str, present.emitted)] == [*map(str, single.checkpoint.emitted)]
+            assert present.saved.get(SOURCE) == single.checkpoint.saved.get(SOURCE)
+            assert {*present.inbox.get(SOURCE, ())} == {*single.checkpoint.inbox.get(SOURCE, ())}
+            if checkpoints[1:]:
+                events = [*map(str, single.in_flight.events.ordered)]
+                assert [*map(str, cluster.done[-1].events)] == events
+            runner.handle(s.Begin())
+            if cluster.algorithm.frame == 7:
+                cluster.succeed()
+
+    with in_regions(file) as regions:
+        cluster = Cluster(regions, Random(1))
+        cluster.run(compare)
+    while runner.ended is None:
+        runner.handle(s.Begin())
+    assert digests(cluster)[FRAMES - 1] == single.scene.digest.hex()
+    assert len(checkpoints) == 9
+    assert figures_of_norms(cluster.runner.ended) == figures_of_norms(runner.ended)
+    assert set(figures_of_norms(runner.ended)) == {"norm_loud", "norm_still"}
+
+
+@pytest.mark.parametrize("elsewhere", [False, True])
+def test_a_record_of_one_coordinator_or_of_regions_continues_as_either(tmp_path, elsewhere):
+    """Processes on other machines have the initial string, and get theirs from the coordinator."""
+    path = write_world(tmp_path, MEMBERS + NORMS + SERVICES, frames=FRAMES)
+    file = read_world_file(path, Overrides(regions=3))
+    wanted = digests_of_one(file, {})
     words = "--in-process", "--rate", 0, "--frames", 9, "--record", "one.mcap", "--quiet"
     assert here(tmp_path, "run", file.path, *words).returncode == 0
     resumed = read_resumed(
         tmp_path / "one.mcap", str(file.path), Overrides(regions=3, frames=FRAMES)
     )
     check_region_run(resumed, in_process=False)
+    if elsewhere:
+        away = tuple(replace(each, elsewhere=True) for each in resumed.processes)
+        resumed = replace(resumed, processes=away)
     with in_regions(resumed) as regions:
+        if elsewhere:
+            specs = [region_elsewhere(file, each.name, "") for each in regions.processes]
+            specs = [replace(spec, elsewhere=True) for spec in specs]
+            regions = replace(regions, processes=tuple(specs))
         cluster = Cluster(regions, Random(1))
         cluster.run()
-    wanted = digests_of_one(file, {})
     assert digests(cluster) == {number: wanted[number] for number in range(9, FRAMES)}
-
-
-@pytest.mark.parametrize(
-    ("change", "problem"),
-    [
-        ('[norm.still]\nwhen = "x < 9"\n', "--resume of a world with norms"),
-        ('[process.water]\nservice = "yard:Water"\n', r"services in region 0 \(water\)"),
-        ("[process.steps]\nelsewhere = true\n", "--resume with regions on other machines"),
-    ],
-)
-def test_what_cannot_continue_in_regions_is_refused(file, tmp_path, change, problem):
-    if change.startswith("[process.steps]"):
-        away = [replace(each, elsewhere=True) for each in file.processes]
-        file = replace(file, processes=tuple(away))
-    else:
-        path = write_world(tmp_path, MEMBERS + change)
-        file = read_world_file(path, Overrides(regions=3))
-    later = replace(file.world, past=Checkpoint(9))
-    with pytest.raises(WorldFileError, match=problem):
-        check_region_run(replace(file, world=later), in_process=False)
+    single = run_of_one(file)
+    assert figures_of_norms(cluster.runner.ended) == figures_of_norms(single.ended)
+    assert cluster.algorithm.checkpoint.saved[SOURCE] == single.algorithm.checkpoint.saved[SOURCE]
 
 
 def wish(number, receiver):

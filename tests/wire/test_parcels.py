@@ -138,6 +138,11 @@ def test_a_request_for_parcels_of_unknown_regions_is_refused(region):
         ({"places": b""}, "expected places of 2 nodes, got 1"),
         ({"senders": packed_places([(1,)])}, "which are not 0 places"),
         ({"parcels": b"\1"}, "parcels must be a list of uint16"),
+        ({"rejected": b"\1"}, "rejected must be a list of int32"),
+        ({"rejected": bytes(4)}, "rejected has numbers of none of 0 events"),
+        ({"counts": {"broken": {}}}, "expected broken and lately"),
+        ({"counts": {"broken": {"loud": "x"}, "lately": {}}}, "expected a number for 'loud'"),
+        ({"counts": {"broken": {}, "lately": {"loud": [1]}}}, "loud has no list of frames"),
     ],
 )
 def test_a_report_with_contradictions_is_refused(change, problem):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from minerva_bus.errors import MisuseError
 from minerva_services.bridging.stepped_model import Model, SteppedModel
 from minerva_services.options import require
 
@@ -44,10 +43,6 @@ class Fmu(SteppedModel):
         from minerva_services.bridges.fmu.model import FmuModel
 
         model = FmuModel(self._path, self.starts)
-        try:
-            for variable in (*self.outputs.values(), *self.inputs):
-                model.check(variable)
-        except MisuseError:
-            model.close()
-            raise
+        for variable in (*self.outputs.values(), *self.inputs):
+            model.check(variable)
         return model
