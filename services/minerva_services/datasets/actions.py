@@ -34,26 +34,8 @@ class Actions:
     @staticmethod
     def of(act: Sequence[str], kind: AgentKind, vocabulary: Vocabulary) -> Actions:
         """The actions that a user named. Raises MisuseError."""
+        _check(act, kind, vocabulary)
         fields = {each.name: each for each in kind.fields.all}
-        for name in act:
-            if name not in fields and name not in vocabulary.events:
-                near = nearest(name, [*fields, *sorted(kind.subscribes)])
-                raise MisuseError(f"act: {kind.name} has no attribute and no event {name}{near}")
-            if (
-                name in fields
-                and not is_numeric(fields[name])
-                and fields[name].type.kind != "string"
-            ):
-                raise MisuseError(
-                    f"act: {kind.name}.{name} is a {fields[name].type}; expected a number, a word,"
-                    " a string of the grammar, or an event type"
-                )
-        if not act:
-            events = ", ".join(sorted(kind.subscribes)) or "none"
-            raise MisuseError(
-                f"act: name what is an action of {kind.name}: event types that it receives"
-                f" ({events}), or attributes; on the command line --act NAME"
-            )
         numeric = tuple(fields[name] for name in act if name in fields and is_numeric(fields[name]))
         return Actions(
             kind,
