@@ -9,7 +9,7 @@ import json
 import os
 import select
 import selectors
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Any, Final, cast
 
@@ -123,6 +123,15 @@ class LineReader:
         rest = self._buffer.end()
         if rest:
             self._on_line(rest)
+
+
+def reap(pid: int, commands: int, readers: Iterable[LineReader]) -> int:
+    """Close the pipe of its commands, and wait until a worker has ended; returns its status."""
+    os.close(commands)
+    status = os.waitpid(pid, 0)[1]
+    for reader in readers:
+        reader.finish()
+    return status
 
 
 @dataclass(slots=True)

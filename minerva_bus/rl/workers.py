@@ -19,7 +19,7 @@ from typing import Any, Final
 from minerva_bus.blame import report
 from minerva_bus.errors import MinervaError, WorldStopped
 from minerva_bus.launch.forking import ChildProcess, fork, how_ended, kill
-from minerva_bus.launch.pipes import LineReader, Pipes, ReportPipe, parse_report
+from minerva_bus.launch.pipes import LineReader, Pipes, ReportPipe, parse_report, reap
 from minerva_bus.rl.block import MakeEnv, WorldBlock
 from minerva_bus.rl.shared import SharedArrays
 
@@ -135,11 +135,7 @@ class WorldWorkers:
     def _reap(self, worker: _Worker) -> int:
         """Remove a worker whose pipe has ended; returns its wait status."""
         self._workers.remove(worker)
-        os.close(worker.commands)
-        status = os.waitpid(worker.child.pid, 0)[1]
-        for reader in worker.readers:
-            reader.finish()
-        return status
+        return reap(worker.child.pid, worker.commands, worker.readers)
 
     def close(self) -> None:
         """End the worlds and the processes."""

@@ -23,7 +23,7 @@ from minerva_bus.launch.capacity import cores
 from minerva_bus.launch.forking import ChildProcess, fork, how_ended, kill
 from minerva_bus.launch.in_process import never
 from minerva_bus.launch.interrupts import caught
-from minerva_bus.launch.pipes import LineReader, Pipes, ReportPipe, parse_report
+from minerva_bus.launch.pipes import LineReader, Pipes, ReportPipe, parse_report, reap
 from minerva_bus.launch.temporary_folder import temporary_folder
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.settings.overrides import Overrides
@@ -209,12 +209,7 @@ class WorkerPool:
     def _reap(self, worker: _Worker) -> int:
         """End a worker; returns its wait status."""
         self._workers.remove(worker)
-        # The end of its commands is its end.
-        os.close(worker.commands)
-        status = os.waitpid(worker.child.pid, 0)[1]
-        for reader in worker.readers:
-            reader.finish()
-        return status
+        return reap(worker.child.pid, worker.commands, worker.readers)
 
     def _patience(self) -> float | None:
         if not self._limit:
