@@ -9,17 +9,22 @@ The child has the arguments, environment, folder, standard files and parent of a
 requesting process has started itself, and imports the command line again.
 """
 
+import atexit
+import contextlib
 import ctypes
 import fcntl
 import gc
+import importlib.metadata
 import io
 import json
 import os
+import pkgutil
 import runpy
 import signal
 import socket
 import sys
 import termios
+import threading
 import time
 from pathlib import Path
 
@@ -27,21 +32,72 @@ LARGEST = 1 << 17
 """Maximum size of a request, bytes: a message of a socket has to fit into its buffer."""
 
 
+PRELOADED = (
+    *("minerva_bus.api", "minerva_bus.cli", "minerva_bus.collect", "minerva_bus.grammar"),
+    *("minerva_bus.launch", "minerva_bus.log", "minerva_bus.runtime", "minerva_bus.semantics"),
+    *("minerva_bus.study", "minerva_bus.world", "minerva_services.input.each"),
+    *(
+        "minerva_services.input.recorded",
+        "minerva_services.options",
+        "minerva_services.sensors.laser",
+    ),
+    *("minerva_services.physics", "minerva_services.views.svg", "minerva_agents.robot.robot"),
+    *("minerva_agents.robot.world", "minerva_agents.robot.map_files"),
+    *(
+        "encodings.utf_8_sig",
+        "mcap.reader",
+        "mcap.writer",
+        "pymunk",
+        "scipy.spatial",
+        "unicodedata",
+    ),
+)
+"""What most commands of the tests import: packages of the project with all of their modules."""
+HEAVY = ("minerva_bus.api.async_live", "minerva_bus.cli.conforming", "minerva_bus.cli.top")
+"""Modules of these packages that few commands import, and that take long."""
+MAIN = ("minerva_bus.api.child", "minerva_bus.cli.main")
+"""Modules that are executed as the main module, which must not be imported before."""
+
+
 def preload():
-    """Import what `minerva run` imports, except the command line itself.
+    """Import what the commands of the tests import, except what is executed as the main module.
 
-    The command line measures when its process started, and is executed as the main module.
+    Returns the names of all imported modules, and the folders of installed packages.
     """
-    import minerva_bus
-    import minerva_bus.cli.main
-    import minerva_bus.cli.running
-
-    for name in [*sys.modules]:
-        if name == "minerva_bus.cli" or name.startswith("minerva_bus.cli."):
-            del sys.modules[name]
-    del minerva_bus.cli
+    for name in PRELOADED:
+        with contextlib.suppress(ImportError):  # An optional package is not installed.
+            load(name)
+    for name in MAIN:
+        del sys.modules[name]
+    del sys.modules["minerva_bus.cli"].main, sys.modules["minerva_bus.api"].child
+    sys.modules["minerva_bus.launch.installed"]._all_entries()
     gc.collect()
     gc.freeze()  # Collecting these objects in a child would copy their pages.
+    return {*sys.modules}, package_folders()
+
+
+def load(name):
+    """Import a module, and all modules of a package of the project."""
+    module = importlib.import_module(name)
+    if not name.startswith("minerva_"):
+        return
+    for _, inner, _ in pkgutil.iter_modules(getattr(module, "__path__", ()), f"{name}."):
+        if inner not in HEAVY:
+            load(inner)
+
+
+def package_folders():
+    """The folders that are searched for installed packages, and when each last changed."""
+    folders = filter(Path.is_dir, map(Path, sys.path[1:]))
+    return {folder: folder.stat().st_mtime_ns for folder in folders}
+
+
+def renew(folders):
+    """Renew what was computed for the server: when the program began, and what is installed."""
+    sys.modules["minerva_bus.cli.startup"].BEGAN = time.monotonic() - time.process_time()
+    beside = importlib.metadata.distributions(path=sys.path[:1])
+    if folders != package_folders() or next(iter(beside), None):
+        sys.modules["minerva_bus.launch.installed"]._all_entries.cache_clear()
 
 
 def serve(requests):
@@ -115,22 +171,47 @@ def text_file(former, number, mode, unbuffered, by_line=False):
     return file
 
 
-def run(program, arguments):
+def run(program, arguments, folders):
     """Execute a module or a script with arguments, as the interpreter does."""
     sys.argv = [program[-1], *arguments]
+    sys.path[0] = str(Path.cwd() if program[0] == "-m" else Path(program[-1]).parent)
+    renew(folders)
     if program[0] == "-m":
-        sys.path[0] = str(Path.cwd())
         runpy.run_module(program[-1], run_name="__main__", alter_sys=True)
     else:
-        sys.path[0] = str(Path(program[-1]).parent)
         runpy.run_path(program[-1], run_name="__main__")
+
+
+def end(code, preloaded):
+    """End as the interpreter does, but keep what the server has imported.
+
+    To destroy it would copy most pages of the server, which takes longer than a short command.
+    An error of a standard file is left to the interpreter.
+    """
+    threading._shutdown()
+    atexit._run_exitfuncs()
+    for name in sys.modules.keys() - preloaded:
+        del sys.modules[name]
+    gc.collect()
+    with contextlib.suppress(OSError, ValueError):
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(code)
+    sys.exit(code)
 
 
 if __name__ == "__main__":
     # Ctrl-C in a terminal reaches all processes of its group; the children handle it.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    preload()
+    modules, folders = preload()
     started = serve(socket.socket(fileno=int(sys.argv[1])))
     if started is not None:
         become(*started)
-        run(started[0]["program"], started[0]["arguments"])
+        code = 0
+        try:
+            run(started[0]["program"], started[0]["arguments"], folders)
+        except SystemExit as left:
+            if not isinstance(left.code, int | None):
+                raise
+            code = left.code or 0
+        end(code, modules)

@@ -6,13 +6,21 @@ import pty
 import signal
 import subprocess
 import sys
+import time
 
 import pytest
 
 from tests import starts
 
 PROBE = """
-import json, os, signal, sys
+import atexit, json, os, signal, sys, threading, time
+from minerva_bus.cli import startup
+class Last:
+    def __del__(self):
+        os.write(2, b"destroyed, ")
+last = Last()
+atexit.register(os.write, 2, b"exit, ")
+threading.Thread(target=lambda: time.sleep(0.05) or os.write(2, b"thread, ")).start()
 print(json.dumps({
     "arguments": sys.argv[1:],
     "name": __name__,
@@ -30,7 +38,8 @@ print(json.dumps({
     "network": os.readlink("/proc/self/ns/net"),
     "interrupt": signal.getsignal(signal.SIGINT) is signal.default_int_handler,
     "pipe": signal.getsignal(signal.SIGPIPE) is signal.SIG_IGN,
-    "line": "minerva_bus.cli" in sys.modules,
+    "line": "minerva_bus.cli.main" in sys.modules,
+    "began": startup.BEGAN,
 }))
 print("warning", file=sys.stderr)
 if "dies" in sys.argv:
@@ -60,8 +69,10 @@ def forked(request, monkeypatch, tmp_path):
     return forks
 
 
-def result(done):
-    return {"code": done.returncode, "stderr": done.stderr, **json.loads(done.stdout)}
+def result(done, before=0.0):
+    result = {"code": done.returncode, "stderr": done.stderr, **json.loads(done.stdout)}
+    assert result.pop("began") > before
+    return result
 
 
 @pytest.mark.parametrize("unbuffered", [{}, {"PYTHONUNBUFFERED": "1"}])
@@ -74,12 +85,16 @@ def test_a_fork_sees_what_a_new_interpreter_sees(
         "cwd": tmp_path, "input": "ä line", "capture_output": True, "text": True,
         "env": {**kept, **unbuffered, "OTHER": "ö"}, "start_new_session": session,
     }  # fmt: skip
-    fork = result(subprocess.run([*WORDS, "a", "b c"], **options))
+    for _ in range(starts.SERVERS):  # Each of them is running before the time is read.
+        subprocess.run(WORDS, **options)
+    before = time.monotonic()
+    fork = result(subprocess.run([*WORDS, "a", "b c"], **options), before)
     monkeypatch.setattr(starts, "PROGRAMS", ())
     new = result(subprocess.run([*WORDS, "a", "b c"], **options))
-    assert forked == [True, False]
+    assert forked == [True] * (starts.SERVERS + 1) + [False]
     assert fork == new
     assert fork["parent"] == os.getpid()
+    assert fork["stderr"] == "warning\nthread, exit, destroyed, "
 
 
 @pytest.mark.parametrize("inside", [[], ["nsenter", "--target", str(os.getpid()), "--net"]])
@@ -139,7 +154,7 @@ def test_libraries_that_a_test_module_imports_do_not_prevent_forks(tmp_path, for
 def test_output_that_is_not_redirected_is_that_of_this_process(tmp_path, forked, capfd):
     subprocess.run(WORDS, cwd=tmp_path, stdin=subprocess.DEVNULL)
     out, err = capfd.readouterr()
-    assert (forked, json.loads(out)["arguments"], err) == ([True], [], "warning\n")
+    assert (forked, json.loads(out)["arguments"], err[:8]) == ([True], [], "warning\n")
 
 
 def test_successive_forks_have_different_hash_seeds(tmp_path, forked):
@@ -171,3 +186,17 @@ def test_a_start_in_an_absent_folder_fails_as_usual(tmp_path, forked):
     with pytest.raises(FileNotFoundError):
         subprocess.run(WORDS, cwd=tmp_path / "absent")
     assert forked == [False]
+
+
+def test_a_fork_knows_a_package_that_was_installed_after_the_start_of_the_server(tmp_path, forked):
+    (tmp_path / "probe.py").write_text(
+        "from minerva_bus.launch import installed\nprint(*installed.entries(installed.WORLDS))\n"
+    )
+    before = subprocess.check_output(WORDS, cwd=tmp_path, text=True).split()
+    (tmp_path / "later-1.dist-info").mkdir()
+    points = "[minerva.worlds]\nlater = later:later.toml\n"
+    (tmp_path / "later-1.dist-info" / "entry_points.txt").write_text(points)
+    after = subprocess.check_output(WORDS, cwd=tmp_path, text=True).split()
+    assert forked == [True] * 2
+    assert {*after} == {*before, "later"}
+    assert "robot" in before

@@ -8,10 +8,10 @@ from typing import Annotated
 
 import typer
 
-from minerva_bus.cli import completing
+from minerva_bus.cli import completing, startup
 from minerva_bus.cli.grouping import Takes, grouped
 from minerva_bus.cli.options import Collect, Force, Json, MovedWorld, QuietRun, examples, options_of
-from minerva_bus.cli.startup import BEGAN, uncollected
+from minerva_bus.cli.startup import uncollected
 from minerva_bus.settings.overrides import Overrides
 
 Record = Annotated[Path, typer.Argument(help="A record, .mcap.", autocompletion=completing.records)]
@@ -135,7 +135,7 @@ def replay(
     if recompute:
         raise typer.Exit(recompute_record(file, world, json))
     code = replay_record(
-        file, world, overrides, BEGAN, begin=begin, speed=speed, as_json=json, quiet=quiet
+        file, world, overrides, startup.BEGAN, begin=begin, speed=speed, as_json=json, quiet=quiet
     )
     raise typer.Exit(code)
 

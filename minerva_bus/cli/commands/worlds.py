@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from minerva_bus.cli import completing
+from minerva_bus.cli import completing, startup
 from minerva_bus.cli.grouping import Takes, grouped
 from minerva_bus.cli.options import (
     Force,
@@ -18,7 +18,7 @@ from minerva_bus.cli.options import (
     examples,
     options_of,
 )
-from minerva_bus.cli.startup import BEGAN, uncollected
+from minerva_bus.cli.startup import uncollected
 from minerva_bus.errors import MinervaError, MisuseError
 from minerva_bus.settings.overrides import Overrides
 
@@ -74,7 +74,7 @@ def run(
             options_of(words), overrides.settings, views, overrides.collect, **overrides.values
         )
         file = read_world(world, given) if resume is None else read_resumed(resume, world, given)
-    run_world(file, BEGAN, options)
+    run_world(file, startup.BEGAN, options)
 
 
 def _with_video(views: list[str], video: str) -> tuple[str, ...]:
