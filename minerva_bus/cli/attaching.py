@@ -8,7 +8,7 @@ from contextlib import nullcontext, redirect_stdout
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import FrameType
-from typing import Final
+from typing import Any, Final
 
 from minerva_bus.blame import report
 from minerva_bus.cli.answers import MemberLeft
@@ -44,12 +44,14 @@ endpoint, so for it BACK_WITHIN is enough.
 class FromFile:
     """The part of a world file that a member is.
 
-    `process`: its process, or one of its `regions`, which others reach at the endpoint `link`.
+    `process`: its process, or one of its `regions`, which others reach at the endpoint `link`. A
+    `standby` takes the place of the running one when that has gone.
     """
 
     process: str = ""
     regions: int | None = None
     link: str = ""
+    standby: bool = False
 
 
 def attach_member(
@@ -61,6 +63,8 @@ def attach_member(
     """
     # A remote world takes the name from the certificate, so a generated one would be rejected.
     process = part.process
+    if part.standby and not process:
+        raise MisuseError("--standby is for processes of the world file: add --process NAME")
     shown = identity() if join.connect and not join.name and not process else None
     name = join.name if shown is None else shown.name
     while True:
@@ -73,12 +77,14 @@ def attach_member(
         else:
             participant = _participant(spec, name, options)
         try:
-            return _attached(participant, join, region)
+            return _attached(participant, join, region, standby=part.standby)
         except WorldRestarted as restarted:
             print_message(f"{participant.name}: {restarted}; joining again")
 
 
-def _attached(participant: Member, join: JoinOptions, region: RegionSpec | None) -> int:
+def _attached(
+    participant: Member, join: JoinOptions, region: RegionSpec | None, *, standby: bool
+) -> int:
     own = identity(participant.name) if join.connect else None
     if own is not None and own.name != participant.name:
         raise KeysError(f"the certificate is of {own.name}: attach with --name {own.name}")
@@ -94,14 +100,15 @@ def _attached(participant: Member, join: JoinOptions, region: RegionSpec | None)
     within = join.keep_trying
     if within is None:
         within = BACK_WITHIN if there.local else RECONNECT_SECONDS
+    settings: Any = {
+        "own": own,
+        "back_within": within,
+        "arrival": replace(ARRIVAL, standby=standby),
+    }
     member = (
-        MemberProcess(
-            participant, world, endpoint, print_message, own=own, ends=ends, back_within=within
-        )
+        MemberProcess(participant, world, endpoint, print_message, ends=ends, **settings)
         if region is None
-        else RegionProcess(
-            region, endpoint, print_message, own=own, back_within=within, arrival=ARRIVAL
-        )
+        else RegionProcess(region, endpoint, print_message, **settings)
     )
     leave_on_signals(member)
     print_message(f"{participant.name}: joining {world} at {endpoint}; Ctrl-C leaves")

@@ -14,13 +14,15 @@ from minerva_bus.runtime.system import System, Timer
 class Arrival:
     """Time-outs in seconds: to find the world, to get a free name, to be greeted.
 
-    A busy coordinator has `greeted_at_most` seconds to greet.
+    A busy coordinator has `greeted_at_most` seconds to greet. A `standby` first waits until the
+    member of its name has gone.
     """
 
     seen: float = 1.0
     named: float = 2.0
     greeted: float = 10.0
     greeted_at_most: float = 60.0
+    standby: bool = False
 
 
 ARRIVAL: Final = Arrival()

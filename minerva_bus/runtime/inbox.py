@@ -170,6 +170,10 @@ class Inbox:
 
         return Callback(put, indirect=self.indirect)
 
+    def early(self) -> Any:
+        """The next item that was put before a session is open, if there is one."""
+        return self._aside()
+
     def wait(self) -> Any:
         """The next item: a message of the channel as bytes, or one of the side queue.
 

@@ -151,6 +151,8 @@ class MemberProcess:
             # The name must be free before anything is declared, or messages for
             # its holder would arrive here, too.
             for _ in self._arrive(session):
+                if isinstance(self.inbox.early(), Leave):
+                    return 0
                 system.sleep(POLL_SECONDS)
                 yield
             self._declared = self._declare(session)
@@ -188,6 +190,9 @@ class MemberProcess:
         self.member.operator = AskingOperator(self._ask, self.member.name)
         self.member.endpoint = self._connect.endpoint
         within = self._connect.arrival.named
+        if self._connect.arrival.standby:
+            self._notify(f"{self.member.name}: stands by until the member of this name has gone")
+            yield from self._rejoin.stand_by(session)
         yield from self._rejoin.name.until_free(session, self._system.monotonic, within)
 
     def _find_world(self, session: zenoh.Session) -> Iterator[None]:

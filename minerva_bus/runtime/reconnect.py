@@ -52,7 +52,7 @@ class ReconnectMonitor:
     ) -> None:
         self._system = system
         self._subject = subject
-        self._patience = patience
+        self.patience = patience
         self._obstacle = obstacle
         self._notify = notify
         self._put = put
@@ -68,7 +68,7 @@ class ReconnectMonitor:
     def lost(self) -> None:
         """Note that the connection is lost."""
         self._since, self._reported = self._system.monotonic(), False
-        self._check_in(min(QUIET_SECONDS, self._patience))
+        self._check_in(min(QUIET_SECONDS, self.patience))
 
     def restored(self) -> None:
         """Note that the connection is restored."""
@@ -87,7 +87,7 @@ class ReconnectMonitor:
         if self._since is None:
             return True
         elapsed = self._elapsed()
-        if elapsed >= self._patience:
+        if elapsed >= self.patience:
             self._notify(f"{self._subject} has been unreachable for {duration(elapsed)}; giving up")
             return False
         if not self._reported:
@@ -98,7 +98,7 @@ class ReconnectMonitor:
             # In a thread, because name resolution and connecting may block for seconds.
             self._system.aside(lambda: self._put(Diagnosed(self._obstacle())))
         # Waiting for as long as the loss has lasted doubles the interval with each report.
-        self._check_in(min(elapsed, MAX_INTERVAL_SECONDS, self._patience - elapsed))
+        self._check_in(min(elapsed, MAX_INTERVAL_SECONDS, self.patience - elapsed))
         return True
 
     def diagnosed(self, diagnosis: Diagnosed) -> None:
@@ -108,7 +108,7 @@ class ReconnectMonitor:
             self._notify(f"{self._subject} {state}: {diagnosis.obstacle}; {self._outlook()}")
 
     def _outlook(self) -> str:
-        return f"reconnecting for another {duration(max(0.0, self._patience - self._elapsed()))}"
+        return f"reconnecting for another {duration(max(0.0, self.patience - self._elapsed()))}"
 
     def _elapsed(self) -> float:
         return 0.0 if self._since is None else self._system.monotonic() - self._since

@@ -4,6 +4,7 @@
 # pyright: reportUnknownMemberType=false
 from __future__ import annotations
 
+import secrets
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any, Final
@@ -14,12 +15,18 @@ from minerva_bus.errors import BusError
 from minerva_bus.runtime.reconnect import ReconnectMonitor
 from minerva_bus.runtime.system import System
 from minerva_bus.runtime.world_link import WorldLink
+from minerva_bus.wire.keys import COORDINATOR
 
 NAME_FREE_AGAIN: Final = 4.0
 """Seconds within which the name of a member that has reconnected is free again."""
 
 RECLAIM_SECONDS: Final = 0.1
 """Interval in seconds between two attempts to reclaim the name."""
+
+
+STANDBY_SECONDS: Final = 5.0
+"""Seconds after which a standby takes a name that nobody has: a member that has lost its link for a
+moment, or is restarted, comes first."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,6 +109,28 @@ class Rejoin:
             self.monitor.lost()
             self.name.release()
             self._link.lost()
+
+    def stand_by(self, session: zenoh.Session) -> Iterator[None]:
+        """Wait until the member of this name has gone; yields before each further check.
+
+        Raises BusError if the world is away for longer than a member waits for it.
+        """
+        clock, world = self._system.monotonic, self._link.keys.alive(COORDINATOR)
+        present = free = clock()
+        # Different for each standby of a name, so that only one of them takes it.
+        absence = STANDBY_SECONDS + secrets.randbelow(1000) / 1000
+        while clock() < free + absence:
+            is_there = bool(list(session.liveliness().get(world, timeout=1.0)))
+            # While a successor of the coordinator begins, no member has its name.
+            if not is_there or self.name.is_taken(session):
+                free = clock()
+            if is_there:
+                present = clock()
+            elif clock() > present + self.monitor.patience:
+                raise BusError(f"the world {self._link.keys.world!r} has ended")
+            until = clock() + RECLAIM_SECONDS
+            while clock() < until:
+                yield
 
     def restored(self, session: zenoh.Session) -> None:
         """The coordinator's token is back."""

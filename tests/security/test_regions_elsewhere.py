@@ -18,12 +18,13 @@ def path(tmp_path):
     return keyed_world(tmp_path, issue, members=MEMBERS, frames=60)[0]
 
 
-def region(world, number, link="tls/localhost:0", count=2):
+def region(world, number, *words, link="tls/localhost:0", count=2):
     """The process of a region that is attached to a world."""
     name = REGIONS[number]
     return Run(
         world.folder, "attach", world.path, "--process", name, "--regions", count, "--link", link,
         "--world", world.name, "--connect", secured_endpoint(world), "--keys", f"keys/{name}.pem",
+        *words,
     )  # fmt: skip
 
 
@@ -45,9 +46,10 @@ def test_regions_that_are_killed_continue_in_other_processes(path):
             at = world.frame
             eventually(lambda: world.members() and world.frame > at + 5, "more frames")
             # The last region has to find the first one elsewhere.
-            first.kill()
-            world.says("region-0", "is gone")
-            with region(world, 0):
+            with region(world, 0, "--standby") as standby:
+                eventually(lambda: "stands by" in standby.text, "a standby")
+                first.kill()
+                world.says("region-0", "is gone")
                 ended = world.summary()
     alone = "--in-process", "--rate", 0, "--seed", 8, "--record", "one.mcap", "--json"
     single = here(folder, "run", path, *alone)

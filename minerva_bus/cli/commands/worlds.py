@@ -183,6 +183,9 @@ def attach(
     link: Annotated[
         str, typer.Option(help="Endpoint where other regions reach this one: tls/HOST:PORT.")
     ] = "",
+    standby: Annotated[
+        bool, typer.Option("--standby", help="Wait, and take the place of the process if it goes.")
+    ] = False,
 ) -> None:
     """Attach agents, a service, a view or a region to a world.
 
@@ -194,7 +197,7 @@ def attach(
     from minerva_bus.cli.attaching import FromFile, attach_member
 
     regions = overrides.values.get("regions")
-    part = FromFile(process, None if regions is None else int(regions), link)
+    part = FromFile(process, None if regions is None else int(regions), link, standby)
     raise typer.Exit(attach_member(spec, join, options_of(context.args), part))
 
 
