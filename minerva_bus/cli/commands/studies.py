@@ -219,7 +219,7 @@ def branch(
 
     The runs have all combinations of seeds and --set. The one without a change has the strings of
     the record, which is checked: the exit code is 1 if it differs. Rows that are already in the
-    table are kept.
+    table are kept. Like replay, this runs the Python code of the world file that the record names.
     """
     from minerva_bus.api.branching import Branches
     from minerva_bus.cli.branching import BranchFiles, branch_record, grid_of_branches

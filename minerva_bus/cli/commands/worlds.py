@@ -154,7 +154,8 @@ def graph(
     """Draw how events flow between processes and agents.
 
     Event types are in the order of a frame. Without --output it prints the graph as Mermaid text.
-    The world is read, not run. Its own options are options here too.
+    The world is read, not run: this runs the Python code that the world file names, but no frame.
+    Its own options are options here too.
     """
     from minerva_bus.cli.graphing import show_graph
 
