@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import warnings
 from collections.abc import Callable, Generator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -24,6 +25,8 @@ PALE: Final = "#cfd4da"
 BEST: Final = "#d9641e"
 COLORS: Final = ("#2f6f8f", BEST, "#b3205f", "#4f8049", "#7b4aa0", "#a8790a", "#3d4fa3", "#7d6b5d")
 ENDINGS: Final = (".png", ".svg", ".pdf")
+MAX_TEXT: Final = 80
+"""Characters of a text in a plot; a column, a world or an agent may have a name without end."""
 
 STYLE: Final[Mapping[str, Any]] = {
     "font.size": 9,
@@ -96,7 +99,9 @@ class Plot:
         mpl = _matplotlib()
         from matplotlib.figure import Figure
 
-        with mpl.rc_context(dict(STYLE)):  # pyright: ignore
+        # Its warnings name lines of code: that texts are wider than the plot, or numbers too large.
+        with mpl.rc_context(dict(STYLE)), warnings.catch_warnings():  # pyright: ignore
+            warnings.simplefilter("ignore")
             # Without pyplot, which keeps each figure in a global list and may open a window system.
             figure: Any = Figure(figsize=self.size, dpi=DOTS, layout="constrained")
             figure.get_layout_engine().set(w_pad=0.1, h_pad=0.1)
@@ -131,6 +136,13 @@ def write_figure(figure: Any, path: Path) -> None:
 
 def _content(figure: Any, kind: str) -> bytes:
     """A figure as a file of this format. Raises ValueError for an unknown one."""
+    from matplotlib.text import Text
+
+    for text in figure.findobj(Text):
+        if len(words := text.get_text()) > MAX_TEXT:
+            text.set_text(f"{words[: MAX_TEXT - 1]}…")
+        # Names are not formulas, so a dollar sign is a dollar sign.
+        text.set_parse_math(not words)
     content = io.BytesIO()
     figure.savefig(content, format=kind, facecolor="white")
     return content.getvalue()

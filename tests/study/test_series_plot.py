@@ -89,6 +89,15 @@ def test_a_notebook_displays_the_picture_of_a_table_that_the_command_writes(tmp_
         plot.save(tmp_path / "own.tab")
 
 
+def test_names_without_end_are_cut_and_a_dollar_sign_is_no_formula(tmp_path, recwarn):
+    numbers = np.arange(3.0)
+    columns = {"frame": numbers, "n" * 100_000: numbers, "$\\frac$": numbers * 5e307}
+    table = DataTable("t" * 100_000, dict.fromkeys(columns, "float64"), columns)
+    plot_table(table, PlotOptions(units={"$\\frac$": "m"})).save(tmp_path / "long.svg")
+    assert len((tmp_path / "long.svg").read_text()) < 200_000
+    assert not recwarn.list
+
+
 def test_without_the_library_a_plot_names_the_command_that_installs_it(monkeypatch):
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     with pytest.raises(MisuseError, match=r"plotting needs matplotlib: .*install.*\[plot\]"):
