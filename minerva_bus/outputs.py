@@ -163,7 +163,7 @@ def replacing(path: Path, *, mode: int = 0o666, durable: bool = False) -> Genera
     """A new file that is renamed to `path` at the end of the block, and removed on failure.
 
     So readers of `path` never see a partial file. `mode` is as for `os.open`; `durable`: the
-    content is on disk before the file is renamed. Raises OSError.
+    content is on disk before the file is renamed. Raises OSError with the name of a file.
     """
     # In the same folder, because a file is renamed atomically within one file system only. The name
     # is random, because several processes may write the same output.
@@ -178,10 +178,17 @@ def replacing(path: Path, *, mode: int = 0o666, durable: bool = False) -> Genera
                 # name.
                 os.fsync(file.fileno())
             draft.replace(path)
-    except BaseException:
+    except BaseException as error:
         with contextlib.suppress(OSError):
             draft.unlink()
+        name_file(error, path)
         raise
+
+
+def name_file(error: BaseException | None, path: Path) -> None:
+    """Name the file or folder in an error of writing: the system names only those it opens."""
+    if isinstance(error, OSError) and error.filename is None:
+        error.filename = str(path)
 
 
 def open_itself(path: Path, flags: int, mode: int = 0o600) -> int:

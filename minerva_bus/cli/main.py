@@ -30,7 +30,7 @@ from minerva_bus.cli.commands import (
 )
 from minerva_bus.cli.options import examples_of
 from minerva_bus.cli.other_options import TAKES_OTHERS, OtherOptionsCommand
-from minerva_bus.cli.output import INTERRUPTED, WRONG, print_result
+from minerva_bus.cli.output import INTERRUPTED, WRONG, print_error, print_result
 from minerva_bus.cli.promised import promised
 from minerva_bus.cli.shells import Group, adapted
 from minerva_bus.cli.world_first import WorldFirstCommand
@@ -177,7 +177,7 @@ def main() -> None:
             _refuse_null_characters(sys.argv[1:])
             app()
     except MinervaError as error:
-        print(f"minerva: {error}", file=sys.stderr)  # noqa: T201
+        print_error(str(error))
         sys.exit(WRONG)
     except KeyboardInterrupt:
         sys.exit(INTERRUPTED)
@@ -187,11 +187,11 @@ def main() -> None:
     except OSError as error:
         if error.errno == errno.ENAMETOOLONG:
             name = str(error.filename)
-            print(f"minerva: the file name {name[:60]!r}... is too long", file=sys.stderr)  # noqa: T201
+            print_error(f"the file name {name[:60]!r}... is too long")
             sys.exit(WRONG)
         if error.errno in _FULL:
             what = error.filename or "the output"
-            print(f"minerva: {what} cannot be written: {error.strerror}", file=sys.stderr)  # noqa: T201
+            print_error(f"{what} cannot be written: {error.strerror}")
             sys.exit(WRONG)
         if error.errno != errno.EIO:
             raise

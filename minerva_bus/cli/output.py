@@ -15,6 +15,9 @@ WRONG: Final = 2
 INTERRUPTED: Final = 130
 """Interrupted by Ctrl-C: the convention of shells for SIGINT."""
 
+MAX_LINE: Final = 1_000
+"""Characters of a line of an error."""
+
 
 class Answer(Protocol):
     """What a command found or did."""
@@ -71,6 +74,19 @@ def forget_answer() -> None:
 def print_message(text: str) -> None:
     """Print a message for the user on standard error."""
     print(text, file=sys.stderr, flush=True)  # noqa: T201
+
+
+def print_error(text: str) -> None:
+    """Print the error that ends a command; names and values without end are cut in the middle."""
+    lines = map(_cut, text.split("\n"))
+    print_message("minerva: " + "\n".join(lines))
+
+
+def _cut(line: str) -> str:
+    if len(line) <= MAX_LINE:
+        return line
+    # An error begins with the place, and ends with what to do.
+    return f"{line[: MAX_LINE // 2]} … {line[-MAX_LINE // 2 :]}"
 
 
 def print_table(rows: Iterable[Sequence[str]]) -> None:

@@ -10,7 +10,7 @@ from typing import Any, Self
 from minerva_bus.collect.plans import TablePlan
 from minerva_bus.collect.rows import Data
 from minerva_bus.collect.writers import Writer, check_ending, open_writer, path_of
-from minerva_bus.outputs import check_output
+from minerva_bus.outputs import check_output, name_file
 
 
 class TableFiles:
@@ -36,7 +36,10 @@ class TableFiles:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, _: object
+    ) -> None:
+        name_file(error, self._path)
         for final, draft in self._drafts.items():
             if kind is not None:
                 draft.unlink(missing_ok=True)
@@ -54,9 +57,9 @@ class TableFiles:
             special = final.exists() and not final.is_file()
             hidden = f".{final.stem}.{secrets.token_hex(4)}{final.suffix}"
             draft = final if special else final.with_name(hidden)
-            writer = open_writer(draft, plan.name, plan.columns)
+            # Noted first, because a file that is made may lack room for its beginning.
             self._drafts[final], self.files[plan.name] = draft, final
-            return writer
+            return open_writer(draft, plan.name, plan.columns)
 
         return _OnDemand(create) if self._sparse else create()
 

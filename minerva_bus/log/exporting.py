@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TypeAlias
 
 from minerva_bus.errors import MisuseError
+from minerva_bus.outputs import name_file
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,6 +73,7 @@ def new_folder(path: Path, form: str) -> Generator[None]:
         raise MisuseError(f"{form}: cannot write {path}: {error.strerror}") from None
     try:
         yield
-    except BaseException:
+    except BaseException as error:
         shutil.rmtree(path, ignore_errors=True)
+        name_file(error, path)
         raise

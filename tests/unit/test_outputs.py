@@ -4,7 +4,18 @@ import pytest
 
 from minerva_bus import outputs
 from minerva_bus.errors import MisuseError
-from minerva_bus.outputs import check_output, check_replaceable, is_own, note_read, write_output
+from minerva_bus.collect.drafts import TableFiles
+from minerva_bus.collect.plans import TablePlan
+from minerva_bus.collect.writers import CsvWriter
+from minerva_bus.log.exporting import new_folder
+from minerva_bus.outputs import (
+    check_output,
+    check_replaceable,
+    is_own,
+    note_read,
+    replacing,
+    write_output,
+)
 
 TEXTS = (".svg", ".html", ".yaml", ".toml", ".mnv", ".mmd")
 SVG = b"<svg xmlns='http://www.w3.org/2000/svg'/>\n"
@@ -43,6 +54,30 @@ def test_a_text_file_is_the_programs_until_it_is_edited(tmp_path, suffix):
     path.write_bytes(path.read_bytes().replace(b"second", b"my own"))
     with pytest.raises(MisuseError, match="has been edited"):
         check_output(path)
+
+
+def test_an_error_of_writing_names_the_file_and_leaves_none(tmp_path, monkeypatch):
+    def fail(writer, columns=None):
+        raise OSError(28, "No space left on device")
+
+    def written():
+        with replacing(tmp_path / "a.svg"):
+            fail(None)
+
+    def in_folder():
+        with new_folder(tmp_path / "bag", "rosbag"):
+            fail(None)
+
+    def exported():
+        with TableFiles(tmp_path / "a.csv", several=False, sparse=False) as files:
+            files.open(TablePlan("t", 1, {"n": "int64"})).close()
+
+    monkeypatch.setattr(CsvWriter, "finish", fail)
+    for write, name in ((written, "a.svg"), (in_folder, "bag"), (exported, "a.csv")):
+        with pytest.raises(OSError, match="No space") as caught:
+            write()
+        assert caught.value.filename == str(tmp_path / name)
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize("suffix", [".png", ".pgm", ".gif"])
