@@ -25,6 +25,7 @@ from minerva_bus.launch.resuming import (
     damage_of,
     differing_vocabulary,
     kinds_in,
+    no_frame,
     read_source,
 )
 from minerva_bus.launch.worldfile import WorldFile
@@ -121,7 +122,7 @@ def read_replay(
         file = world_file_of(path, world, description, CODE.over(overrides))
         cursor = Cursor(record)
         if not cursor.end:
-            raise MisuseError(f"{path}: there is no frame in it")
+            raise no_frame(record)
         if not 0 <= begin < cursor.end:
             raise MisuseError(f"{path}: it has {frames_up_to(cursor.end)}, not {begin}")
         played = replace(description.world, scene=cursor.seek(begin), past=Checkpoint(begin))

@@ -106,6 +106,11 @@ def damage_of(record: Record) -> Iterator[str]:
         yield f"{record.path} is damaged: {losses.damaged}; lost: {losses.frames}"
 
 
+def no_frame(record: Record) -> MisuseError:
+    """The error of a record without frames, with the damage that took them."""
+    return MisuseError("; ".join((f"{record.path}: there is no frame in it", *damage_of(record))))
+
+
 def _unused(checkpoint: Checkpoint, file: WorldFile) -> Iterator[str]:
     """Messages about saved data of members that are not in the world file."""
     own = {SOURCE, GIVEN_UP, HALTED, *(process.name for process in file.processes)}

@@ -20,7 +20,7 @@ from minerva_bus.frame.member import Member
 from minerva_bus.launch.recording import recording
 from minerva_bus.launch.replaying import world_file_of
 from minerva_bus.launch.rerunning import Rerun, Without
-from minerva_bus.launch.resuming import WorldSource
+from minerva_bus.launch.resuming import WorldSource, no_frame
 from minerva_bus.launch.specs import bind, find_agent, find_service, names_agents
 from minerva_bus.launch.typed import typed_options
 from minerva_bus.launch.worldfile import Process, WorldFile
@@ -117,7 +117,7 @@ def run_swapped(
         file = world_file_of(path, world, description, Overrides())
         last = record.last()[0]
         if not last:
-            raise MisuseError(f"{path}: there is no frame in it")
+            raise no_frame(record)
         members, without = _members(record, file, swap)
         expected = frozenset(member.name for member in members)
         played = replace(description.world, frames=last, expected=expected)

@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from minerva_bus.errors import MisuseError
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
+from minerva_bus.launch.replaying import read_replay
 from minerva_bus.launch.resuming import read_resumed
 from minerva_bus.log import channels as c
 from minerva_bus.log.errors import RecordError
@@ -118,6 +119,18 @@ def test_strings_are_known_again_behind_the_damage(tmp_path):
     assert losses.lost == (range(8, first_after),)
     assert losses.damaged.startswith(f"bytes {at:,} to {at + size - 1:,} (")
     assert losses.frames == f"frames 8 to {first_after - 1}"
+
+
+def test_a_replay_names_the_damage_that_took_all_frames(tmp_path):
+    broken = bytes_of("meadow")
+    for at, _ in parts(broken, CHUNK)[1:]:
+        broken = flipped(broken, at + 100)
+    with record_of(broken, tmp_path) as record:
+        path = record.path
+    with pytest.raises(
+        MisuseError, match=r"there is no frame in it; .* is damaged: bytes .*; lost"
+    ):
+        read_replay(path, "meadow", Overrides())
 
 
 @pytest.mark.parametrize("opcode", [MESSAGE_INDEX, METADATA])

@@ -3,10 +3,10 @@
 import pytest
 
 from minerva_bus import outputs
-from minerva_bus.errors import MisuseError
 from minerva_bus.collect.drafts import TableFiles
 from minerva_bus.collect.plans import TablePlan
 from minerva_bus.collect.writers import CsvWriter
+from minerva_bus.errors import MisuseError
 from minerva_bus.log.exporting import new_folder
 from minerva_bus.outputs import (
     check_output,
