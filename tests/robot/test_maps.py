@@ -376,6 +376,12 @@ def test_png_in_grey_and_in_16_bits(tmp_path):
         assert rows(load_map(path)) == [[100, -1, 0], [0, 0, 100]]
 
 
+def test_a_grey_that_a_png_declares_transparent_is_unknown(tmp_path):
+    image = pytest.importorskip("PIL.Image").fromarray(np.array([[0, 254, 255]], np.uint8))
+    image.save(tmp_path / "grey.png", transparency=254)
+    assert rows(load_map(tmp_path / "grey.png")) == [[100, -1, 0]]
+
+
 def test_png_in_colour_takes_the_mean_and_transparent_is_unknown(tmp_path):
     colours = [[[0, 0, 0, 255], [255, 255, 255, 255], [255, 255, 255, 0], [255, 0, 0, 255]]]
     path = picture(np.uint8, colours, tmp_path / "colour.png")

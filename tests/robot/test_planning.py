@@ -366,3 +366,10 @@ def test_clearance_of_large_grids_is_that_of_scipy(shape, density):
     obstacles = np.random.default_rng(3).random(shape) < density
     obstacles[0, 0] = True
     assert np.array_equal(clearance(obstacles), scipy.distance_transform_edt(~obstacles))
+
+
+def test_clearance_is_exact_where_squares_of_distances_need_64_bits():
+    obstacles = np.zeros((47_000, 2), np.bool_)
+    obstacles[0, 0] = True
+    rows = np.arange(47_000.0)
+    assert np.array_equal(clearance(obstacles), np.sqrt([rows**2, rows**2 + 1]).T)

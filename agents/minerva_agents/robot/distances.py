@@ -6,11 +6,15 @@ lower envelope of parabolas, one per cell: the squared distance to an obstacle i
 """
 
 import math
+from itertools import pairwise
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from minerva_agents.robot.grids import Grid, MapError, check_grid
+
+_Whole: TypeAlias = NDArray[np.int32 | np.int64]
 
 _LINES_AT_ONCE = 2048
 """Grid rows transformed together: enough to use numpy well, few enough to bound memory."""
@@ -45,7 +49,7 @@ def clearance(obstacles: Grid) -> NDArray[np.float64]:
     check_grid(obstacles, "clearance", "obstacles")
     if not obstacles.any():
         return np.full(obstacles.shape, np.inf)
-    down = _whole_distances_down(obstacles)
+    down = _distances_down(obstacles)
     distances = np.empty(obstacles.shape)
     for first in range(0, obstacles.shape[0], _LINES_AT_ONCE):
         lines = np.s_[first : first + _LINES_AT_ONCE]
@@ -90,77 +94,91 @@ def _spread(target: Grid, source: Grid, shift: int) -> None:
         target[:-shift] |= source[shift:]
 
 
-def _distances_down(obstacles: Grid) -> NDArray[np.float64]:
-    """Distance from each cell to the nearest obstacle in its column, or infinity."""
-    rows = np.arange(obstacles.shape[0], dtype=np.float64)[:, np.newaxis]
-    above = np.maximum.accumulate(np.where(obstacles, rows, -np.inf), axis=0)
-    below = np.minimum.accumulate(np.where(obstacles, rows, np.inf)[::-1], axis=0)[::-1]
-    return np.minimum(rows - above, below - rows)
+def _distances_down(obstacles: Grid) -> _Whole:
+    """Distance from each cell to the nearest obstacle in its column.
+
+    The sum of both sides stands for infinity, in columns without obstacles.
+    """
+    infinite = sum(obstacles.shape)
+    # Half as large where squares of distances allow it, because memory limits the speed.
+    whole = np.int32 if 2 * infinite * infinite <= np.iinfo(np.int32).max else np.int64
+    distances = np.where(obstacles, whole(0), whole(infinite))
+    # Row by row, down and then up: `accumulate` along this axis takes far longer.
+    for rows in (distances, distances[::-1]):
+        for above, row in pairwise(rows):
+            np.minimum(row, above + 1, out=row)
+    return np.minimum(distances, whole(infinite))
 
 
-def _whole_distances_down(obstacles: Grid) -> NDArray[np.int64]:
-    """`_distances_down` as integers; the sum of both sides stands for infinity."""
-    return np.minimum(_distances_down(obstacles), sum(obstacles.shape)).astype(np.int64)
-
-
-def _lower_envelope(heights: NDArray[np.int64]) -> NDArray[np.int64]:
+def _lower_envelope(heights: _Whole) -> _Whole:
     """For each place of each line the minimum over others of (place - other)² + height(other)².
 
     `heights` is (places, lines); all lines advance together.
     """
     envelope = _Envelope(heights)
-    for place in range(heights.shape[0]):
+    for place in range(1, heights.shape[0]):
         envelope.pop_hidden_by(place)
         envelope.push(place)
     nearest = envelope.lowest()
-    steps = np.arange(heights.shape[0])[:, np.newaxis] - nearest
+    steps = np.arange(heights.shape[0], dtype=heights.dtype)[:, np.newaxis] - nearest
     return steps * steps + np.take_along_axis(envelope.squares, nearest, axis=0)
 
 
 class _Envelope:
-    """Per line, a stack of the parabolas that form the lower envelope.
+    """Per line, a stack of the parabolas that form the lower envelope, at first that of place 0.
 
     `peaks` are the parabolas' places and `begins` the first place where each is lowest, both
-    (depth, lines); `tops` is the depth of each line's last parabola, -1 for an empty stack.
+    (lines, depth), so that a stack is contiguous; `tops` is the depth of each line's last parabola,
+    -1 for an empty stack. `peak`, `begin` and `square` are those of the last parabolas, because
+    reading from stacks is slow.
     """
 
-    def __init__(self, heights: NDArray[np.int64]) -> None:
+    def __init__(self, heights: _Whole) -> None:
         self.squares = heights * heights
-        self._peaks = np.zeros(heights.shape, np.int64)
-        self._begins = np.zeros(heights.shape, np.int64)
-        self._lines = np.arange(heights.shape[1])
-        self._tops = np.full(heights.shape[1], -1)
+        self._peaks = np.zeros(heights.shape[::-1], heights.dtype)
+        self._begins = np.zeros_like(self._peaks)
+        self._tops = np.zeros(heights.shape[1], np.intp)
+        self._peak, self._begin = self._peaks[:, 0].copy(), self._begins[:, 0].copy()
+        self._square = self.squares[0].copy()
 
     def pop_hidden_by(self, place: int) -> None:
         """Pop parabolas that are above this place's over their whole range."""
-        lines = self._lines[self._tops >= 0]
+        lines = np.flatnonzero(self._is_hidden_by(place, np.s_[:]))
         while lines.size:
-            tops = self._tops[lines]
-            begins, peaks = self._begins[tops, lines], self._peaks[tops, lines]
-            old = (begins - peaks) ** 2 + self.squares[peaks, lines]
-            new = (begins - place) ** 2 + self.squares[place, lines]
-            lines = lines[old > new]
             self._tops[lines] -= 1
             lines = lines[self._tops[lines] >= 0]
+            tops = self._tops[lines]
+            self._peak[lines] = peaks = self._peaks[lines, tops]
+            self._begin[lines] = self._begins[lines, tops]
+            self._square[lines] = self.squares[peaks, lines]
+            lines = lines[self._is_hidden_by(place, lines)]
+
+    def _is_hidden_by(self, place: int, lines: slice | NDArray[np.intp]) -> NDArray[np.bool_]:
+        begin = self._begin[lines]
+        old = (begin - self._peak[lines]) ** 2 + self._square[lines]
+        return old > (begin - place) ** 2 + self.squares[place, lines]
 
     def push(self, place: int) -> None:
         """Push this place's parabola if it is lowest anywhere before the line ends."""
-        peaks = self._peaks[self._tops, self._lines]
-        rise = self.squares[place] - self.squares[peaks, self._lines]
-        apart = np.where(self._tops < 0, 1, place - peaks)
+        squares = self.squares[place]
         # The first place at which the new parabola is lowest: their intersection, exact in
         # integers.
-        begins = 1 + (rise + (place + peaks) * apart) // (2 * apart)
-        begins[self._tops < 0] = 0
-        lines = self._lines[begins < self.squares.shape[0]]
+        apart = place - self._peak
+        begin = 1 + (squares - self._square + (place + self._peak) * apart) // (2 * apart)
+        begin[self._tops < 0] = 0
+        lines = np.flatnonzero(begin < len(self.squares))
         self._tops[lines] += 1
-        self._peaks[self._tops[lines], lines] = place
-        self._begins[self._tops[lines], lines] = begins[lines]
+        tops = self._tops[lines]
+        self._peaks[lines, tops] = self._peak[lines] = place
+        self._begins[lines, tops] = self._begin[lines] = begin[lines]
+        self._square[lines] = squares[lines]
 
-    def lowest(self) -> NDArray[np.int64]:
+    def lowest(self) -> _Whole:
         """For each place of each line, the place of the lowest parabola."""
-        lowest = np.zeros(self._peaks.shape, np.int64)
+        lowest = np.zeros_like(self.squares)
         # Peaks ascend along a line, so a running maximum fills the places between two beginnings.
-        depths, lines = np.nonzero(np.arange(len(self._peaks))[:, np.newaxis] <= self._tops)
-        lowest[self._begins[depths, lines], lines] = self._peaks[depths, lines]
-        return np.maximum.accumulate(lowest, axis=0)
+        lines, depths = np.nonzero(np.arange(self._tops.max() + 1) <= self._tops[:, np.newaxis])
+        lowest[self._begins[lines, depths], lines] = self._peaks[lines, depths]
+        for before, after in pairwise(lowest):
+            np.maximum(before, after, out=after)
+        return lowest

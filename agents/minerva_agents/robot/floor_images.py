@@ -134,6 +134,9 @@ def _read_with_pillow(path: Path) -> FloorImage:
             _check_size(path, *image.size)
             # Modes of 16 and 32 bits, which RGBA would cut off.
             deep = image.mode.startswith("I")
+            if image.mode in ("1", "L") and not image.has_transparency_data:
+                # The same brightness as below, without four channels.
+                return FloorImage(np.asarray(image.convert("L"), np.uint16), 255)
             pixels = np.asarray(image if deep else image.convert("RGBA"))
     except MapError:
         raise
