@@ -97,6 +97,17 @@ def test_events_of_different_forms_stay_in_their_batches():
     assert [len(part) for part in collected if isinstance(part, Events)] == [2, 2, 1]
 
 
+def test_single_events_beside_batches_of_another_form_become_batches():
+    def made(value):
+        return Event("eAny", ("value",), (value,), receivers=("a",))
+
+    to_all = Events.of([Event("eAny", ("value",), (n,)) for n in range(3)])
+    alone = [made(1), made(2), made((1.0, 2.0)), made(3), made(4)]  # A list is in no column.
+    collected = collect(ORDER, {"x": [to_all], "y": alone})
+    assert list(single(collected)) == [*to_all, *alone]
+    assert [len(part) if isinstance(part, Events) else 0 for part in collected] == [3, 2, 0, 2]
+
+
 def test_batches_whose_columns_have_other_types_are_collected_once():
     def made(value):
         return Event("eAny", ("value",), (value,), receivers=("a",))
