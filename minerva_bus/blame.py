@@ -32,6 +32,9 @@ OWN_LINES: Final = 6
 
 TRACEBACK_LENGTH: Final = 60_000
 
+WORLD_CODE: Final = "code of the world"
+"""Head of the report of an error whose method is not known."""
+
 
 def report(error: BaseException) -> str:
     """A report of an error in at most ten lines: what, where, the source line, the cause."""

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from PIL import ImageGrab
 
-MISSING = [one for one in ("Xvfb", "xdotool") if shutil.which(one) is None]
+MISSING = [program for program in ("Xvfb", "xdotool") if shutil.which(program) is None]
 needs_screen = pytest.mark.skipif(
     bool(MISSING), reason=f"{' and '.join(MISSING)} not installed (apt-get install xvfb xdotool)"
 )

@@ -70,25 +70,31 @@ def attach_member(
     while True:
         # A new participant for each attempt, so that its service begins in its initial state.
         region = _region_of_file(spec, part, options)
+        preferred = ""
         if region is not None:
-            participant = region.participant()
+            preferred, participant = region.world_file.world.name, region.participant()
         elif process:
-            participant = _of_file(spec, process, name, options)
+            preferred, participant = _of_file(spec, process, name, options)
         else:
             participant = _participant(spec, name, options)
         try:
-            return _attached(participant, join, region, standby=part.standby)
+            return _attached(participant, join, region, preferred, standby=part.standby)
         except WorldRestarted as restarted:
             print_message(f"{participant.name}: {restarted}; joining again")
 
 
 def _attached(
-    participant: Member, join: JoinOptions, region: RegionSpec | None, *, standby: bool
+    participant: Member,
+    join: JoinOptions,
+    region: RegionSpec | None,
+    preferred: str,
+    *,
+    standby: bool,
 ) -> int:
     own = identity(participant.name) if join.connect else None
     if own is not None and own.name != participant.name:
         raise KeysError(f"the certificate is of {own.name}: attach with --name {own.name}")
-    endpoint, world = place(join, own)
+    endpoint, world = place(join, own, preferred)
     if region is not None:
         region = region.at(world, secured=own is not None)
     there = check_endpoint(endpoint)
@@ -194,8 +200,8 @@ def _region_of_file(spec: str, part: FromFile, options: dict[str, str]) -> Regio
     )
 
 
-def _of_file(spec: str, process: str, name: str, options: dict[str, str]) -> Member:
-    """The process of a world file with this name. Raises WorldFileError if there is none."""
+def _of_file(spec: str, process: str, name: str, options: dict[str, str]) -> tuple[str, Member]:
+    """Name of a world file, and its process with this name. Raises WorldFileError if none has."""
     file = read_world_file(find_world(spec), Overrides(options=options))
     known = {each.name: each for each in file.processes}
     if process not in known:
@@ -205,4 +211,4 @@ def _of_file(spec: str, process: str, name: str, options: dict[str, str]) -> Mem
         raise WorldFileError(f"{process} is a command: run it itself, with MINERVA_CONNECT set")
     # Before it joins, because the world waits for its members in each frame.
     compile_agents([replace(known[process], elsewhere=False)], no_progress)
-    return replace(known[process], name=name or process).participant()
+    return file.world.name, replace(known[process], name=name or process).participant()

@@ -61,10 +61,15 @@ def client(target: WorldTarget) -> Client:
     )
 
 
-def place(target: WorldTarget, own: Credentials | None = None) -> tuple[str, str]:
-    """Endpoint and name of the world that a command addresses. Raises BusError."""
+def place(
+    target: WorldTarget, own: Credentials | None = None, preferred: str = ""
+) -> tuple[str, str]:
+    """Endpoint and name of the world that a command addresses. Raises BusError.
+
+    `preferred`: name of a world file, to choose among several worlds of this machine.
+    """
     if not target.connect:
-        entry = find(target.world)
+        entry = find(target.world, preferred)
         return entry.endpoint, entry.world
     if target.world:
         return target.connect, target.world

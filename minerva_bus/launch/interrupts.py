@@ -10,6 +10,8 @@ from contextlib import ExitStack, contextmanager
 from types import FrameType
 from typing import Final, TypeAlias
 
+from minerva_bus.blame import WORLD_CODE
+from minerva_bus.errors import UserCodeError
 from minerva_bus.launch.pipes import Pipes
 
 Handler: TypeAlias = Callable[[int, FrameType | None], None]
@@ -47,6 +49,8 @@ def interrupts_deferred() -> Generator[Callable[[], bool]]:
     frame it would separate a record or a table from the string. It is raised at once by a second
     signal, and after FRAME_SECONDS, because user code may never return. In a thread other than the
     main one, where signals have no effect, nothing is deferred.
+
+    Raises UserCodeError if code of the world has raised a KeyboardInterrupt, without a signal.
     """
     pending = threading.Event()
     if threading.current_thread() is not threading.main_thread():
@@ -67,7 +71,13 @@ def interrupts_deferred() -> Generator[Callable[[], bool]]:
 
         raising = [n for n in end_signals() if signal.getsignal(n) is signal.default_int_handler]
         stack.enter_context(handled(dict.fromkeys(raising, defer)))
-        yield pending.is_set
+        try:
+            yield pending.is_set
+        except KeyboardInterrupt as error:
+            # A handler that this function has not replaced may raise it for a signal.
+            if pending.is_set() or signal.SIGINT not in raising:
+                raise
+            raise UserCodeError(WORLD_CODE) from error
     if pending.is_set():
         raise KeyboardInterrupt
 

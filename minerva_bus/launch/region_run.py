@@ -17,6 +17,7 @@ from minerva_bus.launch.console import Console
 from minerva_bus.launch.failures import CodeFailure
 from minerva_bus.launch.free_running import FreeRunning, close_services
 from minerva_bus.launch.in_process import POLL_SECONDS, members_of
+from minerva_bus.launch.interrupts import interrupts_deferred
 from minerva_bus.launch.printed import MEMBERS, printed
 from minerva_bus.launch.summary import RunSummary
 from minerva_bus.launch.worldfile import WorldFile
@@ -85,9 +86,10 @@ class RegionRun:
             try:
                 with self._reporting():
                     self._open()
-                    while not self._reason:
-                        self._wait()
-                        self._advance()
+                    with interrupts_deferred() as pending:
+                        while not self._reason and not pending():
+                            self._wait(pending)
+                            self._advance()
             except KeyboardInterrupt:
                 self._reason = "interrupted"
             finally:
@@ -140,10 +142,10 @@ class RegionRun:
 
         return observe
 
-    def _wait(self) -> None:
+    def _wait(self, interrupted: Callable[[], bool]) -> None:
         """Wait until the next frame is due; at rest, frames are as rare as with one coordinator."""
         due = self._pace.due(time.monotonic()) or 0.0
-        while not self._reason:
+        while not self._reason and not interrupted():
             self._pass_on()
             at_rest = all(part.region.algorithm.at_rest for part in self._parts)
             rest = self._pace.rest(self._last_at, float("inf")) if at_rest else 0.0

@@ -146,9 +146,14 @@ def _is_locked(path: Path) -> bool:
         return True
 
 
-def find(world: str = "") -> RunningWorld:
-    """The running world with a name, or the only one. Raises BusError."""
+def find(world: str = "", preferred: str = "") -> RunningWorld:
+    """The running world with a name, or the only one, or of several the preferred one.
+
+    Raises BusError if there is none.
+    """
     worlds = running()
+    if len(worlds) > 1 and preferred in {each.world for each in worlds}:
+        world = world or preferred
     if world:
         for running_world in worlds:
             if running_world.world == world:

@@ -57,8 +57,8 @@ def blocked_at(stacks: Sequence[str], began_in: str) -> SourceLine | None:
 
 def own_frames(stacks: Iterable[str], began_in: str) -> list[SourceLine]:
     """The frames of the main thread, most recent call first, after the fork."""
-    found = filter(None, map(_FRAME.match, _main_thread(stacks)))
-    places = (SourceLine(one["file"], int(one["line"]), one["function"]) for one in found)
+    frames = filter(None, map(_FRAME.match, _main_thread(stacks)))
+    places = (SourceLine(each["file"], int(each["line"]), each["function"]) for each in frames)
     return list(takewhile(lambda place: place.file != began_in, places))
 
 

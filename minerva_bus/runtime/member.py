@@ -10,7 +10,7 @@ from typing import Any, Final
 
 import zenoh
 
-from minerva_bus.blame import blamed, report, whole
+from minerva_bus.blame import WORLD_CODE, blamed, report, whole
 from minerva_bus.errors import BusError, UserCodeError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame.member import Member, Refusal
@@ -257,7 +257,7 @@ class MemberProcess:
             return self._report_failure(error)
         except KeyboardInterrupt as error:
             # Signals have other handlers, so code of the world has raised it.
-            failure = UserCodeError("code of the world")
+            failure = UserCodeError(WORLD_CODE)
             failure.__cause__ = error
             return self._report_failure(failure)
         finally:

@@ -33,8 +33,8 @@ class Person(Talker, symbol="APerson"):
 
     @on("eStep")
     def step(self, step, moment):
-        for one in self.expire(moment):
-            self.notes += (f"{one.peer} {one.state}",)
+        for talk in self.expire(moment):
+            self.notes += (f"{talk.peer} {talk.state}",)
 
     def received(self, message, conversation, moment):
         state = conversation.state if conversation else "-"
@@ -112,7 +112,7 @@ WAYS = {
 @pytest.mark.parametrize(
     ("protocol", "way", "end"),
     [(p, way, end) for p, ways in WAYS.items() for way, end in ways.items()],
-    ids=lambda one: getattr(one, "name", one),
+    ids=lambda value: getattr(value, "name", value),
 )
 def test_the_ways_through_a_protocol(protocol, way, end):
     two = Two()
@@ -128,7 +128,7 @@ def test_the_ways_through_a_protocol(protocol, way, end):
 
 
 def test_the_acts_that_begin():
-    assert [one.opening for one in PROTOCOLS.values()] == [
+    assert [protocol.opening for protocol in PROTOCOLS.values()] == [
         *("request", "query-if", "cfp", "subscribe", "propose")
     ]
     two = Two()
@@ -198,7 +198,7 @@ def test_a_stranger_cannot_speak_in_a_conversation():
     )
     two.pass_on(stranger)
     assert two.state("a") == "requested"
-    assert [one.receivers for one in two.waiting] == [("c",)]
+    assert [message.receivers for message in two.waiting] == [("c",)]
 
 
 def test_messages_without_a_protocol_are_the_agents_own_business():
@@ -301,8 +301,8 @@ def test_no_message_breaks_an_agent(frames):
     for events in frames:
         two.pass_on(*events, eStep())
     for name in "ab":
-        for one in Conversations(two.people[name].talks):
-            assert one.state in PROTOCOLS[one.protocol].turns
+        for talk in Conversations(two.people[name].talks):
+            assert talk.state in PROTOCOLS[talk.protocol].turns
 
 
 @settings(max_examples=60, deadline=None)
@@ -323,7 +323,7 @@ def test_both_sides_agree_on_where_they_stand(name, data):
         ]
         two.say(*data.draw(st.sampled_from(may)))
         two.pass_on()
-    assert all("not-understood" not in one or " not-understood" in one for one in two.notes("a"))
+    assert all("not-understood" not in note or " not-understood" in note for note in two.notes("a"))
 
 
 @pytest.mark.parametrize("protocol", PROTOCOLS.values(), ids=sorted(PROTOCOLS))
@@ -335,12 +335,12 @@ def test_every_state_leads_to_an_end(protocol):
             before = set(reached)
             reached |= {
                 after
-                for one in before
+                for state in before
                 for role in Role
                 for act in ACTS
-                if (after := protocol.after(one, role, act))
+                if (after := protocol.after(state, role, act))
             }
-        assert any(protocol.ends(one) for one in reached), state
+        assert any(protocol.ends(state) for state in reached), state
     assert START in protocol.turns
 
 
@@ -352,10 +352,13 @@ def test_an_outside_agent_keeps_the_messages_of_a_frame():
     told = [eMessage("inform", str(n), sender="a", receivers=["o"]) for n in range(2)]
     scene = evolve(scene, [*told, eMessage("inform", sender="o")], [Outside], Frame(4)).scene
     (node,) = agents(scene)
-    assert [(one.parameters["frame"], one.parameters["content"]) for one in node.state["mail"]] == [
+    assert [
+        (message.parameters["frame"], message.parameters["content"])
+        for message in node.state["mail"]
+    ] == [
         (4, "0"),
         (4, "1"),
     ]
     scene = evolve(scene, [eMessage("agree", sender="a")], [Outside], Frame(6)).scene
     (node,) = agents(scene)
-    assert [one.parameters["performative"] for one in node.state["mail"]] == ["agree"]
+    assert [message.parameters["performative"] for message in node.state["mail"]] == ["agree"]

@@ -5,7 +5,7 @@ from tests.acl.auction import auction
 
 
 def state(string, who):
-    return next(dict(one.state) for one in agents(string) if one.id == who)
+    return next(dict(agent.state) for agent in agents(string) if agent.id == who)
 
 
 def test_it_ends_by_its_deadline_although_one_never_answers():
@@ -27,7 +27,9 @@ def test_the_cheapest_wins_and_all_others_are_notified():
     }
     assert len(prices) == 98
     assert seller["winner"] == min(prices, key=lambda who: (prices[who], who))
-    lost = [one for one in agents(strings[-1]) if one.symbol == "ABidder" and one.state["lost"]]
+    lost = [
+        agent for agent in agents(strings[-1]) if agent.symbol == "ABidder" and agent.state["lost"]
+    ]
     assert len(lost) == 98  # All but the winner and the silent bidder; includes the late one.
 
 
@@ -43,7 +45,7 @@ def test_a_late_bid_is_rejected_as_such():
 
 def test_only_the_silent_agent_still_holds_the_call():
     strings, _ = auction()
-    holding = [one.id for one in agents(strings[-1]) if one.state["talks"]]
+    holding = [agent.id for agent in agents(strings[-1]) if agent.state["talks"]]
     assert holding == ["b0"]
 
 

@@ -100,7 +100,7 @@ def test_one_conversation(record, capsys):
     show_conversation(record(TALK), "boss/1", None, True)
     told = json.loads(capsys.readouterr().out)
     assert told["agents"] == ["boss", "b", "c"]
-    assert [one["performative"] for one in told["messages"]] == ["cfp", "refuse", "propose"]
+    assert [message["performative"] for message in told["messages"]] == ["cfp", "refuse", "propose"]
     assert told["messages"][0]["receivers"] == ["b", "c"]
     assert told["messages"][0]["content"] == "two; <lines>\n#1"
 
@@ -117,9 +117,11 @@ def test_svg(record, tmp_path, capsys):
     show_conversation(record(TALK), "", output, False)
     assert capsys.readouterr().out == f"{output}\n"
     root = ET.fromstring(output.read_text(encoding="utf-8"))
-    texts = ["".join(one.itertext()) for one in root.iter("{http://www.w3.org/2000/svg}text")]
+    texts = [
+        "".join(element.itertext()) for element in root.iter("{http://www.w3.org/2000/svg}text")
+    ]
     assert {"boss", "b", "c", "everybody", "frame 3", "frame 7"} <= set(texts)
-    assert any(one.endswith("cfp: two; <lines> #1") for one in texts)
+    assert any(text.endswith("cfp: two; <lines> #1") for text in texts)
     width, height = (float(root.get(name)) for name in ("width", "height"))
     for line in root.iter("{http://www.w3.org/2000/svg}line"):
         assert 0 <= float(line.get("x2")) <= width

@@ -41,7 +41,7 @@ def test_the_parameters():
 
 @pytest.mark.parametrize("protocol", PROTOCOLS.values(), ids=sorted(PROTOCOLS))
 def test_the_protocols(protocol):
-    (name,) = [one for one in vars(acl) if getattr(acl, one) is protocol]
+    (name,) = [name for name in vars(acl) if getattr(acl, name) is protocol]
     assert section(f"{name}: {protocol.name}, {protocol.source}") == [
         [str(cell) for cell in step] for step in protocol.own
     ]
@@ -56,7 +56,7 @@ def test_kqml():
         for performative, act in NEAREST.items()
     }
     lost = re.search(r"; (`accept-proposal`.*?) have no counterpart", DOCUMENT)
-    assert {one for one in ACTS if performative_of(one) is None} == {
+    assert {act for act in ACTS if performative_of(act) is None} == {
         *re.findall(r"`([a-z-]+)`", lost[1])
     }
 
@@ -70,8 +70,8 @@ def test_its_agents_converse():
 def test_its_bridge_can_be_made():
     told = tomllib.loads(block("toml outside"))
     options = {
-        name: one
-        for name, one in told["process"]["xmpp"].items()
+        name: setting
+        for name, setting in told["process"]["xmpp"].items()
         if name not in ("service", "speaks_for")
     }
     assert Spade(**options).generates() == ("eMessage",)

@@ -29,11 +29,11 @@ COLLECT = {
 }  # fmt: skip
 
 
-def equal(one, other):
+def equal(first, other):
     """Whether two tables have the same types and values; NaN equals NaN."""
-    assert one.types == other.types
-    for name in one.columns:
-        np.testing.assert_array_equal(one[name], other[name])
+    assert first.types == other.types
+    for name in first.columns:
+        np.testing.assert_array_equal(first[name], other[name])
     return True
 
 

@@ -133,25 +133,30 @@ def check_drawing(made):
              for rect in root.iter("{http://www.w3.org/2000/svg}rect") if rect.get("x")]  # fmt: skip
     assert all(x >= 0 and y >= 0 and x + w <= wide and y + h <= high for x, y, w, h in boxes)
     processes = [box for box in boxes if box[2] > 60 and box[3] > 40]
-    for one, other in itertools.combinations(processes, 2):
-        assert apart(one, other) or inside(one, other) or inside(other, one) or stacked(one, other)
+    for first, other in itertools.combinations(processes, 2):
+        assert (
+            apart(first, other)
+            or inside(first, other)
+            or inside(other, first)
+            or stacked(first, other)
+        )
     text = "".join(root.itertext())
     assert all(each.name in text for each in (*made.events, *made.processes))
 
 
-def apart(one, other):
-    (x, y, w, h), (x2, y2, w2, h2) = one, other
+def apart(first, other):
+    (x, y, w, h), (x2, y2, w2, h2) = first, other
     return x + w <= x2 or x2 + w2 <= x or y + h <= y2 or y2 + h2 <= y
 
 
-def inside(one, other):
-    (x, y, w, h), (x2, y2, w2, h2) = one, other
+def inside(inner, other):
+    (x, y, w, h), (x2, y2, w2, h2) = inner, other
     return x2 <= x and y2 <= y and x + w <= x2 + w2 and y + h <= y2 + h2
 
 
-def stacked(one, other):
+def stacked(first, other):
     """The second outline of several copies of a process."""
-    return one[2:] == other[2:] or abs(one[0] - other[0]) < 20
+    return first[2:] == other[2:] or abs(first[0] - other[0]) < 20
 
 
 def test_a_new_world_has_a_graph(tmp_path):

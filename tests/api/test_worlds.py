@@ -1,6 +1,7 @@
 """Worlds, runs and stepping in this process."""
 
 import asyncio
+import signal
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
@@ -239,13 +240,14 @@ def test_a_live_world_ends_at_its_end():
         assert live.step() == 3
 
 
-def test_an_error_in_a_world_is_raised():
+@pytest.mark.parametrize("error", [ValueError, KeyboardInterrupt])  # The latter is no Ctrl-C.
+def test_an_error_in_a_world_is_raised(error):
     class Broken(Agent, symbol="ABroken"):
         x: int = 0
 
         @on("eTick")
         def fail(self, tick, moment):
-            raise ValueError("no good")
+            raise error("no good")
 
     world = World("ABroken#b", agents=[Broken], services=[each(eTick)])
     with pytest.raises(WorldStopped, match="no good"):
@@ -262,7 +264,7 @@ def test_an_interrupt_ends_a_world_and_is_raised():
     class Late(Generator, events=("eTick",)):
         def generate(self, tick):
             if tick.number == 3:
-                raise KeyboardInterrupt
+                signal.raise_signal(signal.SIGINT)  # As Ctrl-C does; the frame is completed.
             return [eTick()]
 
         def close(self):
@@ -276,7 +278,7 @@ def test_an_interrupt_ends_a_world_and_is_raised():
         with pytest.raises(KeyboardInterrupt):
             live.step(10)
         assert live.ended
-        assert live.frame == 3
+        assert live.frame == 4
 
 
 def test_asyncio_steps_a_world_without_blocking():

@@ -13,8 +13,8 @@ def room(angle):
     return 2.0 + 0.6 * sin(a) + 0.3 * cos(a) + 0.2 * sin(2 * a)
 
 
-def descriptor(size, many, kind):
-    return b"\xa5\x5a" + struct.pack("<IB", size | many << 30, kind)
+def descriptor(size, mode, kind):
+    return b"\xa5\x5a" + struct.pack("<IB", size | mode << 30, kind)
 
 
 def standard_sample(angle, metres, start, quality=15):

@@ -39,9 +39,9 @@ def say(text):
 def free_ports(count):
     """Ports that are not in use."""
     found = [socket.create_server(("localhost", 0)) for _ in range(count)]
-    ports = [one.getsockname()[1] for one in found]
-    for one in found:
-        one.close()
+    ports = [listener.getsockname()[1] for listener in found]
+    for listener in found:
+        listener.close()
     return ports
 
 

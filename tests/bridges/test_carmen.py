@@ -33,7 +33,7 @@ def log_of(tmp_path, *lines, **options):
 
 
 def only(said, topic):
-    (found,) = [one.reading for one in said if one.topic == topic]
+    (found,) = [message.reading for message in said if message.topic == topic]
     return found
 
 
@@ -104,7 +104,7 @@ def test_wheel_odometry(tmp_path):
 
 def test_a_range_that_is_no_number_is_no_hit(tmp_path):
     said, passed = log_of(tmp_path, "FLASER 3 1.5 nan inf 0 0 0 0 0 0 1 h 1")
-    (scan,) = [one.reading for one in said if isinstance(one.reading, Scan)]
+    (scan,) = [message.reading for message in said if isinstance(message.reading, Scan)]
     assert scan.ranges.tolist() == [1.5, 0.0, math.inf]
     assert read_reading(plain_reading(scan)).ranges.tolist() == scan.ranges.tolist()
     assert not passed
@@ -112,7 +112,7 @@ def test_a_range_that_is_no_number_is_no_hit(tmp_path):
 
 def test_a_correction_among_the_odometry_is_counted_and_passed_over(tmp_path):
     said, passed = log_of(tmp_path, odom(time=5.0), odom(7.0, 7.0, time=0), odom(time=4.0))
-    assert [one.stamp for one in said] == [5.0, 4.0]
+    assert [message.stamp for message in said] == [5.0, 4.0]
     assert len(passed.of("lines without a time")) == 1
     assert "line 2" in passed[0][1]
 
@@ -180,8 +180,8 @@ def test_a_file_without_readings_is_one_message(tmp_path, content):
 def test_topics_and_the_robot_are_up_to_the_world(tmp_path):
     lines = [flaser([1.0]), odom()]
     said, _ = log_of(tmp_path, *lines, topics=LogTopics("front", "", "there"), robot="r7")
-    assert [one.topic for one in said] == ["there", "front"]
-    assert {one.reading.robot for one in said} == {"r7"}
+    assert [message.topic for message in said] == ["there", "front"]
+    assert {message.reading.robot for message in said} == {"r7"}
     service = Carmen(str(tmp_path / "some.log"), scan="front", odometry="")
     assert service.publishes == ("front", "pose")
     assert Carmen.publishes == ()
@@ -224,31 +224,35 @@ def intel():
 @needs_intel
 def test_the_intel_log_is_read_as_it_is_written(intel):
     said, passed, scans, wheels = intel
-    assert Counter(one.topic for one in said) == {"scan": 910, "pose": 910, "odometry": 13700}
+    assert Counter(message.topic for message in said) == {
+        "scan": 910,
+        "pose": 910,
+        "odometry": 13700,
+    }
     assert Counter(what for what, _ in passed) == {"lines without a time": 841}
     assert len(scans) == 910
     assert len(wheels) == 13700
-    read = [one.reading for one in said if isinstance(one.reading, Scan)]
+    read = [message.reading for message in said if isinstance(message.reading, Scan)]
     for scan, (ranges, _, time) in zip(read, scans, strict=True):
         assert np.array_equal(scan.ranges, np.array(ranges, np.float32))
         assert (scan.first, scan.step, scan.time) == (-90.0, 1.0, time)
-    poses = [one.reading for one in said if one.topic == "pose"]
+    poses = [message.reading for message in said if message.topic == "pose"]
     found = [(pose.x, pose.y, math.radians(pose.angle)) for pose in poses]
     assert np.allclose(found, [pose for _, pose, _ in scans])
-    moved = [one.reading for one in said if one.topic == "odometry"]
+    moved = [message.reading for message in said if message.topic == "odometry"]
     assert np.allclose([(o.x, o.y, math.radians(o.angle), o.time) for o in moved], wheels)
 
 
 @needs_intel
 def test_a_beam_without_hit_is_no_event(intel):
     said, _, scans, _ = intel
-    read = [one.reading for one in said if one.topic == "scan"]
+    read = [message.reading for message in said if message.topic == "scan"]
     hit = sum(np.count_nonzero((scan.ranges > 0) & (scan.ranges < scan.range_max)) for scan in read)
     assert hit == sum(0 < dist < 80 for ranges, _, _ in scans for dist in ranges)
 
 
 @needs_intel
 def test_every_reading_can_travel(intel):
-    for one in intel[0][::97]:
-        plain = plain_reading(one.reading)
+    for message in intel[0][::97]:
+        plain = plain_reading(message.reading)
         assert plain_reading(read_reading(plain)) == plain

@@ -35,20 +35,20 @@ def said_of(ros, recorded, late=0.0, turn=0.2):
     The stamps of scans are `late` seconds late; their time increments correspond to a revolution of
     `turn` seconds.
     """
-    for one in recorded:
-        reading = one.reading
+    for sample in recorded:
+        reading = sample.reading
         if isinstance(reading, Odometry):
             message = ros.odometry(
                 reading.x, reading.y, math.radians(reading.angle), time=reading.time
             )
-            yield one.stamp, "/odom", message
+            yield sample.stamp, "/odom", message
             continue
         message = ros.scan(
             reading.ranges, reading.time + late, angle_min=math.radians(reading.first),
             angle_max=0.0, angle_increment=math.radians(reading.step),
             time_increment=turn / len(reading.ranges), range_max=reading.range_max,
         )  # fmt: skip
-        yield one.stamp, "/scan", message
+        yield sample.stamp, "/scan", message
 
 
 def bag(folder, step=1.0, late=0.0, odometry=True, turn=0.2):
@@ -70,7 +70,7 @@ def worst(scans):
 def played(path, **options):
     with RunningBridge(Rosbag(str(path), speed=0.0, **options)) as running:
         running.wait_for(running.ended, "the end of the bag")
-    return [one for _, one in running.published if isinstance(one, Scan)], running
+    return [published for _, published in running.published if isinstance(published, Scan)], running
 
 
 @pytest.mark.parametrize(("step", "late"), [(1.0, 0.0), (-1.0, 0.0), (1.0, 0.2)])
@@ -137,12 +137,16 @@ def _encoded(store, topic, message):
 def test_the_track_of_a_robot_corrects_its_scans():
     track = OdometryTrack(fastest=2.0, turning=360.0)
     recorded = drive(PLACE)
-    for one in recorded:
-        if isinstance(one.reading, Odometry):
-            at = one.reading
+    for message in recorded:
+        if isinstance(message.reading, Odometry):
+            at = message.reading
             track.add(at.time, Pose(at.x, at.y, at.angle))
             track.add(at.time, Pose(at.x, at.y, at.angle))
-    scans = [track.corrected(one.reading) for one in recorded if isinstance(one.reading, Scan)]
+    scans = [
+        track.corrected(message.reading)
+        for message in recorded
+        if isinstance(message.reading, Scan)
+    ]
     before, after = worst(scans)
     assert (before > 15.0, after < 0.3) == (True, True)
 

@@ -25,7 +25,7 @@ FORWARD, TURNING, BOTH = (1.0, 0.0), (0.0, 90.0), (0.5, -60.0)
 def scans_of(recorded, **options):
     counted = []
     ready = Compensator(uncorrected=lambda: counted.append(1), **options).all(recorded)
-    return [one.reading for one in ready if isinstance(one.reading, Scan)], len(counted)
+    return [message.reading for message in ready if isinstance(message.reading, Scan)], len(counted)
 
 
 def spreads(scans, place):
@@ -64,7 +64,7 @@ def test_a_sweep_over_many_readings_of_odometry_follows_each_of_them():
 
     scan = swept(0.5, 360, 1.0, 1.0 / 360, place)
     wheels = [Recorded(t, "odometry", _odometry(place(t), t)) for t in np.arange(0.0, 2.0, 0.1)]
-    at = [one for one in wheels if one.stamp < 1.6]
+    at = [wheel for wheel in wheels if wheel.stamp < 1.6]
     (corrected,), _ = scans_of([*at, Recorded(1.6, "scan", scan), *wheels[len(at) :]])
     before, after = spreads([corrected], place)
     assert (before > 20.0, after < 0.2) == (True, True)
@@ -79,11 +79,11 @@ def test_a_scan_waits_for_the_odometry_of_its_last_beams():
     scan = Recorded(1.01, "scan", swept(1.0, 360, 1.0, 0.2 / 360, place))
     wheels = [Recorded(t, "odometry", _odometry(place(t), t)) for t in (0.9, 1.0, 1.1, 1.2, 1.3)]
     compensator = Compensator()
-    ready = [one for each in (*wheels[:2], scan) for one in compensator.add(each)]
+    ready = [message for each in (*wheels[:2], scan) for message in compensator.add(each)]
     assert ready == wheels[:2]
     assert compensator.add(wheels[2]) == []
     passed = compensator.add(wheels[3])
-    assert [one.topic for one in passed] == ["scan", "odometry", "odometry"]
+    assert [message.topic for message in passed] == ["scan", "odometry", "odometry"]
     assert spreads([passed[0].reading], place)[1] < 0.2
 
 
@@ -96,7 +96,7 @@ def test_without_odometry_of_its_time_a_scan_is_counted_and_passed_on(times):
     place = partial(place_at, speed=0.0, turn=90.0)
     scan = Recorded(1.2, "scan", swept(1.0, 360, 1.0, 0.2 / 360, place))
     wheels = [Recorded(t, "odometry", _odometry(place(t), t)) for t in times]
-    scans, uncorrected = scans_of(sorted([scan, *wheels], key=lambda one: one.stamp))
+    scans, uncorrected = scans_of(sorted([scan, *wheels], key=lambda message: message.stamp))
     assert (len(scans), scans[0].path, uncorrected) == (1, (), 1)
 
 
@@ -105,7 +105,7 @@ def test_odometry_that_jumps_moves_no_wall():
     scan = Recorded(1.2, "scan", swept(1.0, 360, 1.0, 0.2 / 360, place))
     wheels = [Recorded(t, "odometry", _odometry(place(t), t)) for t in (0.9, 1.0, 1.05)]
     wheels += [Recorded(t, "odometry", _odometry(Pose(90.0, 0.0, 0.0), t)) for t in (1.1, 1.3)]
-    (scan,), uncorrected = scans_of(sorted([scan, *wheels], key=lambda one: one.stamp))
+    (scan,), uncorrected = scans_of(sorted([scan, *wheels], key=lambda message: message.stamp))
     assert (scan.path, uncorrected) == ((), 1)
 
 
@@ -118,10 +118,10 @@ def test_scans_with_simultaneous_beams_stay_unchanged():
 def test_the_time_offset_of_a_lidar_that_stamps_its_last_beam():
     place = partial(place_at, speed=0.0, turn=90.0)
     late = [
-        replace(one, reading=replace(one.reading, time=one.reading.time + 0.2))
-        if one.topic == "scan"
-        else one
-        for one in drive(place)
+        replace(message, reading=replace(message.reading, time=message.reading.time + 0.2))
+        if message.topic == "scan"
+        else message
+        for message in drive(place)
     ]
     right, wrong = scans_of(late, offset=-0.2)[0], scans_of(late)[0]
     assert spreads(right, place)[1] < 0.2
@@ -205,8 +205,10 @@ def test_a_map_has_thin_walls(poses):
     place = partial(place_at, speed=0.0, turn=90.0)
     recorded = drive(place, seconds=4.0)
     at_once = [
-        replace(one, reading=replace(one.reading, beam_time=0.0)) if one.topic == "scan" else one
-        for one in recorded
+        replace(message, reading=replace(message.reading, beam_time=0.0))
+        if message.topic == "scan"
+        else message
+        for message in recorded
     ]
     sharp, uncorrected = wall_cells(recorded, poses=poses)
     smeared, _ = wall_cells(at_once, poses=poses)
@@ -219,6 +221,6 @@ def test_without_odometry_matching_finds_the_motion_first():
     scans = partial(located_scans, recorded, matched=True, cell=0.05, farthest=0.0)
     located = list(scans())
     again = scans(motion=ScanMotion.of(located))
-    before, after = spreads([one.scan for one in again], place)
+    before, after = spreads([message.scan for message in again], place)
     assert (before > 8.0, after < 1.0) == (True, True)
     assert wall_cells(recorded, poses="matched")[1] == 0

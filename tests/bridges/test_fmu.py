@@ -3,6 +3,7 @@
 import gc
 import os
 import sys
+import tempfile
 import textwrap
 import zipfile
 
@@ -132,9 +133,11 @@ def test_starts_are_set_before_the_first_step(room):
         ({"path": "missing.fmu"}, "missing.fmu"),
     ],
 )
-def test_mistakes_are_explained(room, options, problem):
+def test_mistakes_are_explained(room, options, problem, tmp_path, monkeypatch):
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     with pytest.raises(MinervaError, match=problem):
         run(world(room=options.pop("path", room), **options), frames=2)
+    assert not list(tmp_path.iterdir())  # The extracted files are removed.
 
 
 def test_files_that_are_no_models_are_one_line(tmp_path):

@@ -76,7 +76,7 @@ def typed(desk, text, **options):
 
 
 def test_arrows_change_the_speed_within_bounds(desk):
-    speeds = [one.speed for one in typed(desk, "\x1b[A\x1bOA\x1b[A\x1b[B", step=0.4)]
+    speeds = [event.speed for event in typed(desk, "\x1b[A\x1bOA\x1b[A\x1b[B", step=0.4)]
     assert speeds == [0.4, 0.8, 1.0, 0.6]
 
 
@@ -95,8 +95,8 @@ def test_keys_of_ones_own_go_first(desk):
     keys = {"w": "eSpeed speed=0.8", "space": "eSpeed 0", "ä": "eObjective hall", "up": "eSpeed 1"}
     made = typed(desk, "w ä\x1b[A", keymap=keys, to="r1")
     events = [eSpeed(0.8), eSpeed(0.0), eObjective("hall"), eSpeed(1.0)]
-    assert [(one.type, one.values, one.receivers) for one in made] == [
-        (one.type, one.values, ("r1",)) for one in events
+    assert [(event.type, event.values, event.receivers) for event in made] == [
+        (event.type, event.values, ("r1",)) for event in events
     ]
 
 

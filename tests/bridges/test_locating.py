@@ -50,8 +50,8 @@ def drive(path, slip=0.0, corrected=False):
     return write(path, *lines)
 
 
-def off(one):
-    return math.dist((one.taken.x, one.taken.y), (one.published.x, one.published.y))
+def off(fix):
+    return math.dist((fix.taken.x, fix.taken.y), (fix.published.x, fix.published.y))
 
 
 def test_a_step_from_elsewhere():
@@ -70,7 +70,7 @@ def chained_angle(located):
 
 
 def test_good_wheels_are_right(tmp_path):
-    assert max(off(one) for one in located(drive(tmp_path / "a.log"))) < 1e-6
+    assert max(off(fix) for fix in located(drive(tmp_path / "a.log"))) < 1e-6
 
 
 @pytest.mark.parametrize("corrected", [False, True])
@@ -84,7 +84,7 @@ def test_wheels_drift_whether_or_not_the_log_was_corrected(tmp_path, corrected):
 
 def test_matching_puts_it_right(tmp_path):
     found = located(drive(tmp_path / "a.log", slip=1.5), matched=True)
-    assert max(off(one) for one in found) < 0.08
+    assert max(off(fix) for fix in found) < 0.08
     taken = found[-1].taken
     assert taken is not None
     assert abs(taken.angle - published_angle(found[-1])) < 4.0
@@ -94,8 +94,8 @@ def test_matching_puts_it_right(tmp_path):
 def test_without_odometry_it_uses_its_scans(tmp_path):
     lines = [line for line in drive(tmp_path / "a.log").read_text().splitlines() if "F" in line]
     found = located(write(tmp_path / "b.log", *lines), matched=True)
-    assert all(one.chained is None for one in found)
-    assert max(off(one) for one in found) < 0.25
+    assert all(fix.chained is None for fix in found)
+    assert max(off(fix) for fix in found) < 0.25
 
 
 def test_a_reading_of_the_same_time_is_where_the_scan_was(tmp_path):

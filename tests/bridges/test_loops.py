@@ -41,9 +41,10 @@ def silently(part):
 def lap():
     """The scans of just over one lap, their true poses, and their poses with drift."""
     readings = recorded(Block(24.0, 14.0))
-    scans = [one.reading for one in readings if one.topic == "scan"]
+    scans = [message.reading for message in readings if message.topic == "scan"]
     true = [
-        Pose(p.x, p.y, p.angle) for p in (one.reading for one in readings if one.topic == "pose")
+        Pose(p.x, p.y, p.angle)
+        for p in (message.reading for message in readings if message.topic == "pose")
     ]
     drifted = [true[0]]
     for before, after in pairwise(true):

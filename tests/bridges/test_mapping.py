@@ -33,9 +33,9 @@ def opener(path, **options):
     return lambda: CarmenLog(path, Passed(), **options)
 
 
-def drawn(path, told=lambda part: None, mounting=None, **choice):
+def drawn(path, report=lambda part: None, mounting=None, **choice):
     options = {"mounting": mounting} if mounting else {}
-    return draw_map(opener(path, **options), MapChoice(**choice), told)
+    return draw_map(opener(path, **options), MapChoice(**choice), report)
 
 
 def code_at(made, x, y):
@@ -53,10 +53,10 @@ def by_the_robot(made, path, mounting=None):
     """The grid of a robot that receives the events of gLaser at the poses of the log."""
     grid, options = np.zeros_like(made.grid), {"mounting": mounting} if mounting else {}
     posed = posed_scans(CarmenLog(path, Passed(), **options).readings())
-    for number, one in enumerate(posed):
-        row, column = (one.x - made.x) / made.cell, (one.y - made.y) / made.cell
-        robot = ARobot("r1", grid=grid, row=row, column=column, angle=one.angle, cell=made.cell)
-        evolved = evolve(robot.string, events_of(one.scan), [ARobot], Frame(number))
+    for number, pose in enumerate(posed):
+        row, column = (pose.x - made.x) / made.cell, (pose.y - made.y) / made.cell
+        robot = ARobot("r1", grid=grid, row=row, column=column, angle=pose.angle, cell=made.cell)
+        evolved = evolve(robot.string, events_of(pose.scan), [ARobot], Frame(number))
         (node,) = agents(evolved.scene)
         grid = ARobot.thaw(node).grid
     return grid
@@ -203,13 +203,13 @@ def test_wrong_choices(choice, why):
 
 
 @pytest.fixture
-def some(tmp_path):
+def recording(tmp_path):
     lines = [flaser([1.0, 2.0, 1.5], (x / 10, 0.3, x / 5), time=x) for x in range(8)]
     return write(tmp_path / "some.log", *lines)
 
 
-def test_saved_data_are_read_again(tmp_path, some):
-    made = drawn(some).map
+def test_saved_data_are_read_again(tmp_path, recording):
+    made = drawn(recording).map
     again = load_map(save_map(made, tmp_path / "map.pgm"))
     assert np.array_equal(again.cells, made.cells)
     assert set(np.unique(made.cells)) == {FREE, OCCUPIED, UNKNOWN}
@@ -218,13 +218,13 @@ def test_saved_data_are_read_again(tmp_path, some):
     assert again.start == pytest.approx((0.0, 0.3, 0.0))
 
 
-def test_the_files_are_those_of_a_map_server(tmp_path, some):
-    save_map(drawn(some).map, tmp_path / "map.pgm")
+def test_the_files_are_those_of_a_map_server(tmp_path, recording):
+    save_map(drawn(recording).map, tmp_path / "map.pgm")
     keys = dict(re.findall(r"(\w+): (.+)", (tmp_path / "map.yaml").read_text()))
     assert {"image", "resolution", "origin", "negate", "occupied_thresh", "free_thresh"} <= {*keys}
     assert keys["image"] == '"map.pgm"'
     magic, _, size, most = (tmp_path / "map.pgm").read_bytes().split(b"\n", 4)[:4]
-    shape = drawn(some).grid.shape
+    shape = drawn(recording).grid.shape
     assert (magic, size, most) == (b"P5", f"{shape[0]} {shape[1]}".encode(), b"255")
 
 
@@ -249,12 +249,12 @@ def test_unwritable_files_are_reported_before_the_work(tmp_path, into, why):
         draw(lambda: pytest.fail("opened"), tmp_path / into, MapChoice(), lambda part: None)
 
 
-def test_without_pillow_there_is_a_map_and_no_picture(tmp_path, some, monkeypatch):
+def test_without_pillow_there_is_a_map_and_no_picture(tmp_path, recording, monkeypatch):
     monkeypatch.setitem(sys.modules, "PIL", None)
-    (*_, said) = draw(opener(some), tmp_path / "map.pgm", MapChoice(), lambda part: None)
+    (*_, said) = draw(opener(recording), tmp_path / "map.pgm", MapChoice(), lambda part: None)
     assert "no picture: " in said
     assert "pip install 'minerva-bus[maps]'" in said
-    assert sorted(one.name for one in tmp_path.glob("map.*")) == ["map.pgm", "map.yaml"]
+    assert sorted(path.name for path in tmp_path.glob("map.*")) == ["map.pgm", "map.yaml"]
 
 
 # --- the command ---
@@ -264,19 +264,23 @@ def command(file, output=None, cell=0.05, farthest=0.0, begin=0.0, end=None):
     map_recording(file, output, cell, farthest, begin, end)
 
 
-def test_the_command_creates_three_files_and_lists_them(tmp_path, some, capsys):
-    some.write_text("FLASER garbage\n" + some.read_text())
-    command(some, tmp_path / "map.pgm")
+def test_the_command_creates_three_files_and_lists_them(tmp_path, recording, capsys):
+    recording.write_text("FLASER garbage\n" + recording.read_text())
+    command(recording, tmp_path / "map.pgm")
     said = capsys.readouterr().err
     assert "line 1 skipped: 'garbage' is not a number of beams (lines passed over: 1)" in said
     assert "map.yaml: " in said
     assert "from 8 scans" in said
-    assert sorted(one.name for one in tmp_path.glob("map.*")) == ["map.pgm", "map.png", "map.yaml"]
+    assert sorted(path.name for path in tmp_path.glob("map.*")) == [
+        "map.pgm",
+        "map.png",
+        "map.yaml",
+    ]
 
 
-def test_without_a_name_the_map_has_that_of_the_recording(tmp_path, some, monkeypatch, capsys):
+def test_without_a_name_the_map_has_that_of_the_recording(tmp_path, recording, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    command(some)
+    command(recording)
     assert (tmp_path / "some.pgm").exists()
     assert "some.png" in capsys.readouterr().err
 

@@ -75,7 +75,9 @@ def dilated(cells, reach):
 
 def at_plan(plan, drawn, code):
     """Plan cells under the drawn cells of a code, (n, 2), and the number of drawn cells."""
-    cells = [plan.cell_at(*drawn.centre_of(tuple(one))) for one in np.argwhere(drawn.cells == code)]
+    cells = [
+        plan.cell_at(*drawn.centre_of(tuple(index))) for index in np.argwhere(drawn.cells == code)
+    ]
     rows, columns = plan.cells.shape
     return np.array([(r, c) for r, c in cells if 0 <= r < rows and 0 <= c < columns]), len(cells)
 
@@ -134,7 +136,7 @@ def bag(place, folder, beams, yaw, suffix, told_yaw=None):
 def test_a_carmen_log_of_a_house(tmp_path, home, beams, yaw):
     drawn = mapped(carmen(home, tmp_path, beams, yaw), tmp_path)
     assert all(
-        found >= least for found, least in zip(overlap(home.plan, drawn), HOUSE, strict=True)
+        share >= least for share, least in zip(overlap(home.plan, drawn), HOUSE, strict=True)
     )
 
 
@@ -146,7 +148,7 @@ def test_a_bag_of_a_house(tmp_path, home, beams, yaw, suffix):
     pytest.importorskip("rosbags")
     drawn = mapped(bag(home, tmp_path, beams, yaw, suffix), tmp_path)
     assert all(
-        found >= least for found, least in zip(overlap(home.plan, drawn), HOUSE, strict=True)
+        share >= least for share, least in zip(overlap(home.plan, drawn), HOUSE, strict=True)
     )
 
 
@@ -154,7 +156,7 @@ def test_a_depot_by_both(tmp_path, depot):
     pytest.importorskip("rosbags")
     for log in (carmen(depot, tmp_path, 361, 90.0), bag(depot, tmp_path, 360, 90.0, "db3")):
         found = overlap(depot.plan, mapped(log, tmp_path))
-        assert all(one >= least for one, least in zip(found, DEPOT_PARTS, strict=True))
+        assert all(share >= least for share, least in zip(found, DEPOT_PARTS, strict=True))
 
 
 def test_a_laser_with_a_wrong_declared_angle_maps_another_house(tmp_path, home):

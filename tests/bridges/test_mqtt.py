@@ -120,7 +120,7 @@ def test_a_flood_is_received_completely(broker):
         for number in range(1, 5001):
             client.publish("home/kitchen/temperature", str(number), 1)
         eventually(lambda: eTemperature(5000.0, receivers=["kitchen"]) in heard, "the last")
-        flood = [one.celsius for one in heard[before:] if one.celsius > 0]
+        flood = [reading.celsius for reading in heard[before:] if reading.celsius > 0]
         assert flood == [float(number) for number in range(1, 5001)]
 
 
@@ -189,7 +189,7 @@ def test_views_are_published_where_they_change(broker):
             eventually(lambda n=count: len(client.heard) == n, f"{count} messages")
         show(service, heater)
         eventually(lambda: len(client.heard) == 4, "gone")
-    assert [one[:2] for one in client.heard] == [
+    assert [message[:2] for message in client.heard] == [
         ("home/hall/heater", b'{"on": true, "power": 1.5}'),
         ("robots/r", b"2.0 0.5"),
         ("robots/r", b"3.0 0.5"),
@@ -222,7 +222,7 @@ def test_it_reports_whether_it_is_present(broker):
         with running(service):
             eventually(lambda: client.heard, "it is there")
         eventually(lambda: len(client.heard) == 2, "it has left")
-        assert [one[1] for one in client.heard] == [b"online", b"offline"]
+        assert [message[1] for message in client.heard] == [b"online", b"offline"]
         lost = bridge(broker, status="minerva/status").open()
         eventually(lambda: len(client.heard) == 3, "it is there")
         lost._connection._close_socket()

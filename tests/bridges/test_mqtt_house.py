@@ -71,7 +71,7 @@ def test_the_house_of_the_readme(house):
         world = begin()
 
         def heard(*message, since=0):
-            there = lambda: message in [one[:2] for one in client.heard[since:]]  # noqa: E731
+            there = lambda: message in [entry[:2] for entry in client.heard[since:]]  # noqa: E731
             eventually(there, message, 40)
 
         heard("home/minerva", b"online")

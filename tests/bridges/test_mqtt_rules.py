@@ -109,7 +109,7 @@ def test_garbage(rule, payload, why):
 @given(st.binary(max_size=200) | st.recursive(
     st.none() | st.booleans() | st.floats() | st.integers() | st.text(),
     lambda inner: st.lists(inner) | st.dictionaries(st.sampled_from(["celsius", "open", "value", "s"]), inner),
-).map(lambda one: json.dumps(one).encode()))  # fmt: skip
+).map(lambda value: json.dumps(value).encode()))  # fmt: skip
 def test_any_payload_is_an_event_or_garbage(payload):
     for rule in (
         "eAir",

@@ -62,7 +62,7 @@ def test_south_and_west_are_negative(cable):
 
 def test_rmc_counts_until_gga_arrives(cable):
     report, found = positions(cable, rmc("115959.50"), gga(), rmc(), rmc())
-    assert [one.time for one in found] == [43199.5, 43200.0]
+    assert [fix.time for fix in found] == [43199.5, 43200.0]
     assert (found[0].altitude, found[0].accuracy) == (None, None)
     assert report["other sentences"] == 2
 
@@ -106,7 +106,7 @@ def test_sentences_without_a_position_are_counted_by_reason(cable):
 
 def test_midnight_does_not_turn_time_back_and_a_clock_that_jumps_is_followed(cable):
     _, found = positions(cable, gga("235959.00"), gga("000001.00"), gga("000000.50"), gga("010000"))
-    assert [one.time for one in found] == [86399.0, 86401.0, 86400.5, 90000.0]
+    assert [fix.time for fix in found] == [86399.0, 86401.0, 86400.5, 90000.0]
 
 
 def test_a_sentence_may_arrive_in_parts_and_inside_another(cable):

@@ -50,7 +50,7 @@ def decisions(path):
     made = []
     with Record(path) as record:
         for _, scene in record.strings():
-            state = next(one for one in agents(scene) if one.id == "r1").state
+            state = next(agent for agent in agents(scene) if agent.id == "r1").state
             made.append({key: str(state[key]) for key in keys})
     return made
 
@@ -72,8 +72,8 @@ def test_it_decides_as_the_simulated_robot_frame_by_frame(tmp_path, build, objec
     world.write_text(with_ros(endpoint))
     with RosRobot(plan, endpoint, *EXACT):
         ros, made = run(tmp_path, world, plan, objective)
-    for number, (one, other) in enumerate(zip(made, wanted, strict=False)):
-        assert one == other, f"frame {number}"
+    for number, (message, other) in enumerate(zip(made, wanted, strict=False)):
+        assert message == other, f"frame {number}"
     assert len(made) == len(wanted) > 20
     assert ros["digest"] == simulated["digest"]
 
@@ -94,13 +94,15 @@ def test_a_command_in_phases_is_whole_and_as_fast_as_allowed(command, lasts):
     assert seconds == pytest.approx(lasts, abs=1e-8)
 
 
-@pytest.mark.parametrize(("resolution", "told"), [(0.0, (1.23456, -9.87654)), (0.1, (1.2, -9.9))])
-def test_a_camera_has_the_configured_resolution(resolution, told):
+@pytest.mark.parametrize(
+    ("resolution", "position"), [(0.0, (1.23456, -9.87654)), (0.1, (1.2, -9.9))]
+)
+def test_a_camera_has_the_configured_resolution(resolution, position):
     camera = Camera(resolution=resolution)
     camera.joined(WorldInfo("w", Vocabulary.of(eCamera), 0, 0.1))
     seen = Sightings("r1", (Sighting("door", 1.23456, -9.87654),), 0.0)
     (event,) = camera.generate(Tick(Frame(0), "camera", readings=(seen,)))
-    assert (event.dist, event.angle) == pytest.approx(told, abs=1e-12)
+    assert (event.dist, event.angle) == pytest.approx(position, abs=1e-12)
 
 
 @pytest.mark.parametrize("resolution", [-1.0, float("inf"), float("nan")])

@@ -77,7 +77,7 @@ class Heard:
 
         def found():
             put()
-            return next((one for name, one in self.readings if name == topic), None)
+            return next((reading for name, reading in self.readings if name == topic), None)
 
         return eventually(found, f"a reading on {topic}; {self.bridge.report()}")
 
@@ -190,7 +190,7 @@ def test_rviz_sees_the_map_and_orders_by_goals(layout, capsys):
             clicked.put(messages().make(types.POSE_STAMPED, header=header, pose=pose))
 
         eventually(lambda: click(3.6, 1.2) or orders.given, "a goal is an order")
-        assert {one.marker for one in orders.given} == {"lab"}
+        assert {order.marker for order in orders.given} == {"lab"}
         said: list[str] = []
 
         def refused():
@@ -206,7 +206,10 @@ def test_rviz_sees_the_map_and_orders_by_goals(layout, capsys):
     assert (grid.info.origin.position.x, grid.info.origin.position.y) == (-1.0, 2.0)
     assert grid.data.tolist() == [-1, 0, 0, 0, 100, 100]
     way = messages().decode(types.PATH, ways[-1])
-    assert [(one.pose.position.x, one.pose.position.y) for one in way.poses] == [(0, 0), (1, 2)]
+    assert [(stamped.pose.position.x, stamped.pose.position.y) for stamped in way.poses] == [
+        (0, 0),
+        (1, 2),
+    ]
 
 
 def test_a_cmd_vel_is_stamped_with_its_gid_and_number():
@@ -218,13 +221,17 @@ def test_a_cmd_vel_is_stamped_with_its_gid_and_number():
         subscriber = hub.declare_subscriber("0/cmd_vel/**", heard.append)
         motors = session.publisher("cmd_vel", types.TWIST)
         eventually(lambda: motors.put(messages().twist(0.5, 90.0)) or len(heard) > 2, "they come")
-        tokens = [str(one.ok.key_expr) for one in hub.liveliness().get("@ros2_lv/**", timeout=5.0)]
+        tokens = [
+            str(reply.ok.key_expr) for reply in hub.liveliness().get("@ros2_lv/**", timeout=5.0)
+        ]
         subscriber.undeclare()
         session.close()
-    told = [Attachment.unpacked(one.attachment.to_bytes()) for one in heard]
-    assert [one.sequence - told[0].sequence for one in told] == list(range(len(told)))
-    assert len({one.gid for one in told}) == 1
-    assert any("/NN/%/%/motors" in one for one in tokens)
-    assert any("/MP/%/%/motors/%cmd_vel/geometry_msgs::msg::dds_::Twist_/" in one for one in tokens)
+    told = [Attachment.unpacked(sample.attachment.to_bytes()) for sample in heard]
+    assert [attachment.sequence - told[0].sequence for attachment in told] == list(range(len(told)))
+    assert len({attachment.gid for attachment in told}) == 1
+    assert any("/NN/%/%/motors" in token for token in tokens)
+    assert any(
+        "/MP/%/%/motors/%cmd_vel/geometry_msgs::msg::dds_::Twist_/" in token for token in tokens
+    )
     twist = messages().decode(types.TWIST, heard[0].payload.to_bytes())
     assert (twist.linear.x, twist.angular.z) == (0.5, pytest.approx(np.pi / 2))

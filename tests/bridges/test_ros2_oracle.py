@@ -63,10 +63,10 @@ def oracle(tmp_path):
         return started[-1]
 
     yield run
-    for one in started:
-        one.kill()
-        one.wait()
-        one.stdout.close()
+    for process in started:
+        process.kill()
+        process.wait()
+        process.stdout.close()
 
 
 def script(what, body):
@@ -81,7 +81,7 @@ def test_the_judge_receives_our_velocities(oracle):
 
         def there():
             tokens = hub.liveliness().get("@ros2_lv/0/*/*/*/MS/**", timeout=5.0)
-            return [one for one in tokens if "cmd_vel" in str(one.ok.key_expr)]
+            return [token for token in tokens if "cmd_vel" in str(token.ok.key_expr)]
 
         eventually(there, "the judge has subscribed")
 

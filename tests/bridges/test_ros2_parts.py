@@ -91,7 +91,7 @@ def test_an_attachment_is_that_of_zenohs_own_serializer():
     gid = bytes(range(16))
     packed = Attachment(7, 1_700_000_000_123_456_789, gid).packed()
     whole = (ext.Int64(7), ext.Int64(1_700_000_000_123_456_789))
-    assert packed == b"".join(ext.z_serialize(one).to_bytes() for one in (*whole, gid))
+    assert packed == b"".join(ext.z_serialize(value).to_bytes() for value in (*whole, gid))
     assert Attachment.unpacked(packed) == Attachment(7, 1_700_000_000_123_456_789, gid)
 
 
@@ -210,7 +210,7 @@ def test_a_sighting_of_a_robot_that_lags_behind():
 def commands(scene: Scene):
     seen = PhysicalGeometry()
     interpret(scene, seen)
-    return {name: one.command for name, one in seen.robots.items()}
+    return {name: robot.command for name, robot in seen.robots.items()}
 
 
 def test_turns_and_moves_within_a_place_are_commands():
@@ -358,11 +358,11 @@ def test_a_robot_without_commands_stops_and_receives_none():
     wheels = Wheels()
     wheels.driver.begin(DriveCommand(0.0, 5.0), 0.1, wheels.now)
     told = [wheels.step() for _ in range(300)]
-    assert any(one is not None and one.speed > 0 for one in told)
+    assert any(command is not None and command.speed > 0 for command in told)
     stopped = told.index(STILL, 30)
     assert stopped * wheels.STEP < 0.1 + wheels.driver.tolerances.dead_man + 0.05
     assert told[-1] is None
-    assert all(one is None or one == STILL for one in told[stopped:])
+    assert all(command is None or command == STILL for command in told[stopped:])
 
 
 def test_a_robot_whose_odometry_is_silent_stops_and_goes_on_after_it():

@@ -53,7 +53,7 @@ def endpoint(keys):
     with zenoh.open(config) as session:
         (reply,) = session.get(f"@/{session.zid()}/router", timeout=5.0)
         locators = json.loads(reply.ok.payload.to_string())["locators"]
-        yield next(one for one in locators if one.startswith("tls/127.0.0.1"))
+        yield next(locator for locator in locators if locator.startswith("tls/127.0.0.1"))
 
 
 def files(keys, name="robot"):

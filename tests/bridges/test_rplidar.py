@@ -218,8 +218,8 @@ def test_the_laser_does_not_know_that_the_lidar_is_real(cable):
     with Emulator(cable), RunningBridge(bridge(cable)) as runs:
         (scan,) = runs.readings(1)
     hits = list(laser.generate(Tick(Frame(1, 0.1, 0), "laser", readings=(scan,))))
-    assert [(one.angle, one.receivers) for one in hits] == [(a, ("r1",)) for a in (0, 90, 180, 270)]
-    assert [one.dist for one in hits] == pytest.approx(
+    assert [(hit.angle, hit.receivers) for hit in hits] == [(a, ("r1",)) for a in (0, 90, 180, 270)]
+    assert [hit.dist for hit in hits] == pytest.approx(
         [room(-a) for a in (0, 90, 180, 270)], abs=0.06
     )
 
@@ -234,7 +234,9 @@ class Counts(dict):
 
 def fed(packets, data, part=64):
     """All samples in the data as one object; the data arrive in parts."""
-    found = [one for at in range(0, len(data), part) for one in packets.feed(data[at : at + part])]
+    found = [
+        scan for at in range(0, len(data), part) for scan in packets.feed(data[at : at + part])
+    ]
     return Samples(*(np.concatenate([getattr(o, n) for o in found]) for n in Samples.__slots__))
 
 

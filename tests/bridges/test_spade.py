@@ -121,7 +121,7 @@ def test_variants_written_by_other_tools():
 @pytest.mark.parametrize(
     "metadata",
     [{}, {"performative": "shout"}, {"performative": "eos"}]
-    + [{"performative": "inform", "reply-by": one} for one in ("soon", "0001-01-01")],
+    + [{"performative": "inform", "reply-by": deadline} for deadline in ("soon", "0001-01-01")],
 )
 def test_messages_that_are_not_fipa(metadata):
     with pytest.raises(InvalidMessage):
@@ -133,7 +133,9 @@ def test_a_view_is_a_mailbox():
     mail = PMail(3, "clerk", performative="inform", content="x")
     interpret(TOutside("alice")(mail) + TOutside("bob")(), mailbox)
     assert mailbox.there == ["alice", "bob"]
-    assert [(one.to, one.frame, one.sender) for one in mailbox.mail] == [("alice", 3, "clerk")]
+    assert [(letter.to, letter.frame, letter.sender) for letter in mailbox.mail] == [
+        ("alice", 3, "clerk")
+    ]
 
 
 # --- the bridge without a server ------------------------------------------------------------------
@@ -262,17 +264,17 @@ def test_a_contract_net_with_a_spade_agent(rig, tmp_path, monkeypatch):
     assert done.returncode == 0, done.stderr + done.stdout
     with Record(tmp_path / "yard.mcap") as record:
         string = record.last()[1]
-    state = {one.id: dict(one.state) for one in agents(string)}
+    state = {agent.id: dict(agent.state) for agent in agents(string)}
     assert state["clerk"]["served"] == 1
     assert state["buyer"]["heard_from"] == ("alice propose 42", "alice inform delivered")
     heard = [json.loads(rig.lines.get(timeout=10)) for _ in range(5)]
-    assert [one["metadata"]["performative"] for one in heard] == [
+    assert [message["metadata"]["performative"] for message in heard] == [
         *("inform", "agree", "inform", "cfp", "accept-proposal")
     ]
     assert heard.pop(0)["body"] == "open"
     assert heard[1]["body"] == "done: a stamp"
-    assert {one["metadata"]["conversation-id"] for one in heard[:2]} == {"stamps"}
-    assert {one["metadata"]["in-reply-to"] for one in heard[:2]} == {"q1"}
+    assert {message["metadata"]["conversation-id"] for message in heard[:2]} == {"stamps"}
+    assert {message["metadata"]["in-reply-to"] for message in heard[:2]} == {"q1"}
     assert heard[2]["from"] == "buyer@localhost"
     assert heard[2]["body"] == 'PJob<what="käse & brot">'
     assert heard[2]["thread"] == heard[2]["metadata"]["conversation-id"] == "buyer/1"

@@ -91,7 +91,7 @@ def run(service):
 
 def ids(photo, dictionary):
     image = cv2.imread(str(photo), cv2.IMREAD_GRAYSCALE)
-    return [one.id for one in detector(dictionary_of(dictionary))(image)]
+    return [marker.id for marker in detector(dictionary_of(dictionary))(image)]
 
 
 def exact(dictionary, pixels, turned, blur):
@@ -125,7 +125,7 @@ def exact(dictionary, pixels, turned, blur):
 @pytest.mark.parametrize(("pixels", "blur"), [(24, 0.0), (40, 0.0), (40, 1.2), (160, 1.2)])
 def test_a_marker_is_as_large_as_it_is(dictionary, turned, pixels, blur):
     image, corners = exact(dictionary, pixels, turned, blur)
-    (found,) = [one for one in detector(dictionary)(image) if one.id == 7]
+    (found,) = [marker for marker in detector(dictionary)(image) if marker.id == 7]
     area, wanted = (cv2.contourArea(at.astype(np.float32)) for at in (found.corners, corners))
     assert (area / wanted) ** 0.5 == pytest.approx(1.0, abs=0.004)
     assert np.hypot(*(found.corners - corners).T).max() < 0.3
@@ -155,12 +155,12 @@ def test_a_photo_of_apriltags(photos):
     image = cv2.imread(str(photo), cv2.IMREAD_GRAYSCALE)
     found = detector(dictionary_of("tag36h11"))(image)
     lines = photo.with_suffix(".txt").read_text().splitlines()
-    numbers = [[float(one) for one in re.findall(r"[\d.]+", line)] for line in lines]
-    assert {one.id for one in found} == {int(line[0]) for line in numbers} == {0}
+    numbers = [[float(number) for number in re.findall(r"[\d.]+", line)] for line in lines]
+    assert {marker.id for marker in found} == {int(line[0]) for line in numbers} == {0}
     wanted = [np.reshape(line[1:], (4, 2)).mean(0) for line in numbers] + [np.array([370, 356])]
     assert len(found) == len(wanted) == 13
     for middle in wanted:
-        assert min(np.hypot(*(one.corners.mean(0) - middle)) for one in found) < 3.0
+        assert min(np.hypot(*(marker.corners.mean(0) - middle)) for marker in found) < 3.0
     assert ids(photo, "6X6_250") == []
 
 
@@ -209,10 +209,10 @@ def test_many_markers_of_which_some_have_names(tmp_path):
     cv2.imwrite(str(tmp_path / "one.png"), image)
     service = vision(tmp_path / "one.png", names={"1": "left", "3": "right"}, robot="x")
     ((_, seen),) = run(service)
-    assert [one.marker for one in seen.seen] == ["left", "right"]
+    assert [sighting.marker for sighting in seen.seen] == ["left", "right"]
     assert service.report()["unknown markers"] == 1
     ((_, seen),) = run(vision(tmp_path / "one.png"))
-    assert [one.marker for one in seen.seen] == ["1", "2", "3"]
+    assert [sighting.marker for sighting in seen.seen] == ["1", "2", "3"]
 
 
 def test_a_camera_that_sits_elsewhere(tmp_path):

@@ -496,7 +496,7 @@ def test_any_file(minerva, home, data, kind):
 @pytest.mark.parametrize("command", ["attach", "bridge"])
 def test_no_service_has_an_option_that_is_the_command_s_own(command):
     of_command = get_command(app).commands[command].params
-    own = {word for one in of_command for word in one.opts if word.startswith("--")}
+    own = {word for option in of_command for word in option.opts if word.startswith("--")}
     taken = {
         (name, option)
         for name in entries(SERVICES)

@@ -68,7 +68,7 @@ def files(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("words", "some", "others"),
+    ("words", "expected", "others"),
     [
         ("gr", ["graph"], ["run"]),
         ("run ", ["robot", "meadow", "a.toml", "deep/"], ["b.mcap", "notes.txt", ".hidden.toml"]),
@@ -118,9 +118,9 @@ def files(tmp_path):
         ("run meadow --collect n=mean(AFox.en", ["n=mean(AFox.energy"], []),
     ],
 )  # fmt: skip
-def test_a_line_is_completed(files, words, some, others):
+def test_a_line_is_completed(files, words, expected, others):
     found = completed(files, words)
-    assert set(some) <= set(found)
+    assert set(expected) <= set(found)
     assert not set(others) & set(found)
 
 

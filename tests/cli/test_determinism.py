@@ -137,7 +137,7 @@ def test_differences_are_named(tmp_path):
     assert (code, error) == (1, "")
     found = json.loads(out)
     assert (found["ok"], found["same"], found["frame"]) == (False, False, 2)
-    changes = {(one["agent"], one["attribute"]) for one in found["changes"]}
+    changes = {(change["agent"], change["attribute"]) for change in found["changes"]}
     attributes = ("time", "date", "chance", "hash", "order")
     assert changes >= {("APlant#a", attribute) for attribute in attributes}
     assert "count" in {attribute for _, attribute in changes}

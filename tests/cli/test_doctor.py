@@ -10,7 +10,7 @@ from minerva_bus.errors import BusError
 
 def findings(capsys):
     code = doctoring.examine(True)
-    return code, {one["what"]: one for one in json.loads(capsys.readouterr().out)}
+    return code, {check["what"]: check for check in json.loads(capsys.readouterr().out)}
 
 
 def test_this_machine_runs_worlds(capsys, tmp_path, monkeypatch):

@@ -116,9 +116,9 @@ def test_a_record_is_shown_without_its_code(folder):
         "frame 2, until 0.30 s: 1 AWalker",
     ]
     assert "    eStep" in lines
-    plain = [json.loads(one) for one in
+    plain = [json.loads(line) for line in
              minerva(folder, "replay", "r.mcap", "--no-code", "--json").stdout.splitlines()]  # fmt: skip
-    assert [one["string"] for one in plain] == [f"AWalker#w<x={x}>()" for x in (3, 4, 5)]
+    assert [row["string"] for row in plain] == [f"AWalker#w<x={x}>()" for x in (3, 4, 5)]
     for words in (("info", "r.mcap"), ("info", "r.mcap", "--frame", "1"), ("recover", "r.mcap"),
                   ("diff", "r.mcap", "r.mcap"), ("plot", "r.mcap")):  # fmt: skip
         assert minerva(folder, *words).returncode == 0, words

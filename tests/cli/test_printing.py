@@ -60,9 +60,9 @@ def test_these_lines_are_json_if_others_are(path):
     done = here(path.parent, "run", path, "--in-process", "--log-format", "json")
     assert json.loads(done.stdout)["frames"] == 5
     lines = [json.loads(line) for line in done.stderr.splitlines()]
-    said = [one for one in lines if "figures" in one["message"]]
+    said = [line for line in lines if "figures" in line["message"]]
     assert len(said) > 3
-    assert {(one["member"], one["level"]) for one in said} == {("in-process", "info")}
+    assert {(line["member"], line["level"]) for line in said} == {("in-process", "info")}
 
 
 def test_lines_arrive_complete_and_the_last_one_needs_no_end():
@@ -75,12 +75,12 @@ def test_lines_arrive_complete_and_the_last_one_needs_no_end():
             threading.Thread(target=sys.stdout.write, args=("x" * 50 + "\n",)) for _ in range(8)
         ]
         print()
-        for one in writers:
-            one.start()
-        for one in writers:
-            one.join()
+        for writer in writers:
+            writer.start()
+        for writer in writers:
+            writer.join()
         print("seven", end="", flush=True)
-    assert [one for one in told if "x" not in one or "six" in one] == [
+    assert [line for line in told if "x" not in line or "six" in line] == [
         "one", "two three four", "five", "", "six", "seven",
     ]  # fmt: skip
     assert "".join(told).count("x" * 50) == 8

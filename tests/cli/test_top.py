@@ -52,7 +52,7 @@ class Told:
         )
 
     def logs(self, since=0, member=""):
-        return tuple(one for one in (LogLine(1, 0.0, "steps", "hello"),) if one.number > since)
+        return tuple(line for line in (LogLine(1, 0.0, "steps", "hello"),) if line.number > since)
 
     def __getattr__(self, name):
         return lambda *what: self.told.append((name, *what))

@@ -32,7 +32,7 @@ def own_options(spec):
         found = read_world_file(find_world(spec)).options
     else:
         found = find_service(spec).__init__.__annotations__
-    return {f"--{one.replace('_', '-')}" for one in found}
+    return {f"--{option.replace('_', '-')}" for option in found}
 
 
 def wrong_with(words):

@@ -14,18 +14,21 @@ UNITS = sorted((DEPLOY / "systemd").glob("*.service"))
 def manifests(folder="kubernetes"):
     names = yaml.safe_load((DEPLOY / folder / "kustomization.yaml").read_text())["resources"]
     texts = [(DEPLOY / folder / name).read_text(encoding="utf-8") for name in names]
-    return [one for text in texts for one in yaml.safe_load_all(text)]
+    return [document for text in texts for document in yaml.safe_load_all(text)]
 
 
-MANIFESTS = {(one["kind"], one["metadata"]["name"]): one for one in manifests()}
+MANIFESTS = {(manifest["kind"], manifest["metadata"]["name"]): manifest for manifest in manifests()}
 # Those of a world in regions, whose coordinator has the same name in another namespace.
 OF_REGIONS = {
-    (one["kind"], one["metadata"]["name"]): one for one in manifests("kubernetes/regions")
+    (manifest["kind"], manifest["metadata"]["name"]): manifest
+    for manifest in manifests("kubernetes/regions")
 }
 COMPOSED_REGIONS = yaml.safe_load((DEPLOY / "docker" / "regions.yaml").read_text(encoding="utf-8"))
-SETS = {name: one for (kind, name), one in (OF_REGIONS | MANIFESTS).items()
+SETS = {name: manifest for (kind, name), manifest in (OF_REGIONS | MANIFESTS).items()
         if kind in ("StatefulSet", "Deployment")}  # fmt: skip
-PODS = {name: one["spec"]["template"]["spec"] for name, one in SETS.items()}
+PODS = {name: workload["spec"]["template"]["spec"] for name, workload in SETS.items()}
 CONTAINERS = [
-    one for pod in PODS.values() for one in [*pod.get("initContainers", []), *pod["containers"]]
+    container
+    for pod in PODS.values()
+    for container in [*pod.get("initContainers", []), *pod["containers"]]
 ]

@@ -24,13 +24,13 @@ def test_compose_is_of_the_compose_specification(name):
 
 
 def test_references_of_containers_exist():
-    for name, one in COMPOSE["services"].items():
-        for network in one["networks"]:
+    for name, container in COMPOSE["services"].items():
+        for network in container["networks"]:
             assert network in COMPOSE["networks"], name
-        for secret in one.get("secrets", []):
+        for secret in container.get("secrets", []):
             assert secret["source"] in COMPOSE["secrets"], name
             assert secret["target"].endswith(secret["source"])
-        for volume in one.get("volumes", []):
+        for volume in container.get("volumes", []):
             source = volume.partition(":")[0]
             there = source in COMPOSE["volumes"] or source.startswith(("..", "${"))
             assert there, f"{name}: {volume}"
@@ -39,9 +39,13 @@ def test_references_of_containers_exist():
 
 
 def test_each_member_has_its_own_key_and_no_other():
-    for name, one in (COMPOSED_REGIONS["services"] | COMPOSE["services"]).items():
-        if "attach" in one.get("command", ()):
-            assert [s["source"] for s in one["secrets"]] == ["ca.pem", f"{name}.pem", f"{name}.key"]
+    for name, container in (COMPOSED_REGIONS["services"] | COMPOSE["services"]).items():
+        if "attach" in container.get("command", ()):
+            assert [s["source"] for s in container["secrets"]] == [
+                "ca.pem",
+                f"{name}.pem",
+                f"{name}.key",
+            ]
 
 
 @pytest.mark.parametrize("name", COMPOSED_REGIONS["services"] | COMPOSE["services"])

@@ -25,8 +25,8 @@ def exported():
                          refused={"m": 1})  # fmt: skip
     found = {}
     for family in world_metrics(status, totals):
-        for one in family.samples:
-            found.setdefault(one.name, set()).update(one.labels)
+        for sample in family.samples:
+            found.setdefault(sample.name, set()).update(sample.labels)
     return found
 
 
@@ -51,7 +51,7 @@ def test_expressions_are_of_figures_that_there_are(title, expression):
         labels = set(re.findall(r"(\w+)\s*(?:=~|!~|!=|=)", matchers))
         assert labels <= names[name], f"{name} has no such label"
     for labels in re.findall(r"\bby \(([^)]*)\)", expression):
-        known = set().union(*(names[one] for one in used))
+        known = set().union(*(names[metric] for metric in used))
         assert set(re.findall(r"\w+", labels)) <= known
     assert expression.count("(") == expression.count(")")
 
@@ -67,7 +67,7 @@ def test_every_metric_of_trouble_is_shown():
 
 
 def test_panels_lie_beside_each_other():
-    assert len({one["id"] for one in DASHBOARD["panels"]}) == len(DASHBOARD["panels"])
+    assert len({panel["id"] for panel in DASHBOARD["panels"]}) == len(DASHBOARD["panels"])
     taken = set()
     for panel in DASHBOARD["panels"]:
         place = panel["gridPos"]
@@ -81,12 +81,12 @@ def test_panels_lie_beside_each_other():
 
 def test_panels_have_what_grafana_wants():
     assert DASHBOARD["schemaVersion"] >= 36
-    variables = {one["name"] for one in DASHBOARD["templating"]["list"]}
+    variables = {variable["name"] for variable in DASHBOARD["templating"]["list"]}
     for panel in DASHBOARD["panels"]:
         assert panel["type"] in ("stat", "timeseries")
         assert panel["title"]
         assert panel["fieldConfig"]["defaults"]["unit"]
-        assert len({one["refId"] for one in panel["targets"]}) == len(panel["targets"])
+        assert len({target["refId"] for target in panel["targets"]}) == len(panel["targets"])
         used = re.findall(r"\$\{?(\w+)", json.dumps(panel))
         assert set(used) <= variables | {"__rate_interval"}
 

@@ -42,9 +42,11 @@ def test_there_are_commands_to_look_at():
 def test_members_are_the_processes_of_the_world():
     file = read_world_file(find_world("robot"))
     assert "robot" in entries(WORLDS)
-    names = {one.name for one in file.processes}
+    names = {process.name for process in file.processes}
     attached = {
-        name for name, one in COMPOSE["services"].items() if "attach" in one.get("command", ())
+        name
+        for name, container in COMPOSE["services"].items()
+        if "attach" in container.get("command", ())
     }
     assert attached == names
     issued = set(re.findall(r"keys issue (\w+)", README)) | set(

@@ -22,7 +22,7 @@ PODS_NAMES = ("hosts-5d8c7b9f4-x2x7k", "hosts-5d8c7b9f4-q9l4d")
 def words(pod, **places):
     """The command of the pod's container, with paths and addresses of this machine."""
     (container,) = PODS[pod]["containers"]
-    found = {one.partition("=")[0]: one for one in container["args"]}
+    found = {argument.partition("=")[0]: argument for argument in container["args"]}
     assert {f"--{name}" for name in places} <= set(found)
     return list(
         {**found, **{f"--{name}": f"--{name}={at}" for name, at in places.items()}}.values()
@@ -47,7 +47,7 @@ def test_pods_join_are_given_agents_and_go(tmp_path):
 
         def member(name):
             with Client(local, "robot") as asked:
-                return {one.name: one for one in asked.operator.status().members}.get(name)
+                return {member.name: member for member in asked.operator.status().members}.get(name)
 
         def pod(name):
             return Run(tmp_path, *words("hosts", name=name, connect=door, keys=secret))

@@ -83,8 +83,8 @@ def test_a_world_waits_for_a_member_elsewhere_and_accepts_its_successor(world, u
         assert f'minerva_restarts_total{{member="steps",world="{world.name}"}} 0.0' in found
         logged = here(world.folder, "logs", "--json", "--connect", world.endpoint())
         lines = [json.loads(line) for line in logged.stdout.splitlines()]
-        assert any(one["member"] == "walkers" and one["level"] == "warning" for one in lines)
-        assert all(list(one) == FIELDS for one in lines)
+        assert any(line["member"] == "walkers" and line["level"] == "warning" for line in lines)
+        assert all(list(line) == FIELDS for line in lines)
         with apart(world) as other:
             its = url_in(other.says("metrics at http://"))
             assert got(its, "ready")[0] == 200
@@ -96,19 +96,19 @@ def test_a_world_waits_for_a_member_elsewhere_and_accepts_its_successor(world, u
             other.kill(signal.SIGTERM)
             assert other.ends() == 0
     printed = [json.loads(line) for line in world.lines]
-    assert all(list(one) == FIELDS and one["world"] == world.name for one in printed)
+    assert all(list(line) == FIELDS and line["world"] == world.name for line in printed)
     assert [
-        one for one in printed if "to be attached from other machines: walkers" in one["message"]
+        line for line in printed if "to be attached from other machines: walkers" in line["message"]
     ]
-    assert {one["message"] for one in lines} <= {one["message"] for one in printed}
+    assert {line["message"] for line in lines} <= {line["message"] for line in printed}
     assert json.loads("\n".join(world.output))["ended"] == "terminated"
 
 
 def test_a_coordinator_only_run_waits_for_all_members(tmp_path):
     path = write_world(tmp_path, MEMBERS)
     file = read_world_file(path, Overrides(coordinator_only=True))
-    assert [one.elsewhere for one in file.processes] == [True, True]
-    assert [one.elsewhere for one in read_world_file(path).processes] == [False, True]
+    assert [process.elsewhere for process in file.processes] == [True, True]
+    assert [process.elsewhere for process in read_world_file(path).processes] == [False, True]
     refused = here(tmp_path, "run", path, "--in-process")
     assert "walkers runs elsewhere: run without --in-process" in refused.stderr
 

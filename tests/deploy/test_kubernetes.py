@@ -17,11 +17,11 @@ from tests.runtime.running import here
 
 def test_manifests_are_of_their_schemas():
     validate = pytest.importorskip("kubernetes_validate")
-    for one in [*manifests(), *manifests("kubernetes/regions")]:
-        validate.validate(one, validate.latest_version(), strict=True)
+    for manifest in [*manifests(), *manifests("kubernetes/regions")]:
+        validate.validate(manifest, validate.latest_version(), strict=True)
 
 
-@pytest.mark.parametrize("container", CONTAINERS, ids=lambda one: one["name"])
+@pytest.mark.parametrize("container", CONTAINERS, ids=lambda container: container["name"])
 def test_pods_may_do_little(container):
     confined = container["securityContext"]
     assert confined["allowPrivilegeEscalation"] is False
@@ -37,11 +37,13 @@ def test_references_of_pods_exist(name):
     assert pod["securityContext"]["runAsNonRoot"] is True
     assert pod["automountServiceAccountToken"] is False
     claims = whole["spec"].get("volumeClaimTemplates", [])
-    volumes = {one["name"] for one in pod["volumes"]} | {one["metadata"]["name"] for one in claims}
+    volumes = {volume["name"] for volume in pod["volumes"]} | {
+        claim["metadata"]["name"] for claim in claims
+    }
     for container in [*pod.get("initContainers", []), *pod["containers"]]:
-        mounted = {one["name"] for one in container["volumeMounts"]}
+        mounted = {mount["name"] for mount in container["volumeMounts"]}
         assert mounted <= volumes
-        ports = {one["name"] for one in container.get("ports", [])}
+        ports = {port["name"] for port in container.get("ports", [])}
         for probe in ("startupProbe", "livenessProbe", "readinessProbe"):
             if probe in container:
                 assert container[probe]["httpGet"]["port"] in ports
@@ -61,8 +63,8 @@ def test_a_coordinator_that_waits_is_not_restarted():
 
 
 def test_secrets_are_those_that_the_page_makes():
-    named = {one["secret"]["secretName"] for pod in PODS.values() for one in pod["volumes"]
-             if "secret" in one}  # fmt: skip
+    named = {volume["secret"]["secretName"] for pod in PODS.values() for volume in pod["volumes"]
+             if "secret" in volume}  # fmt: skip
     assert named == set(re.findall(r"create secret generic (\S+)", README))
 
 
@@ -83,9 +85,9 @@ def test_pods_of_a_deployment_are_of_the_family_that_the_page_issues(tmp_path):
     told = subprocess.run(["bash", "-c", files], cwd=tmp_path, capture_output=True, text=True)
     secret = tmp_path / "secret"
     secret.mkdir()
-    for one in told.stdout.split():
-        shutil.copy(tmp_path / one.removeprefix("--from-file="), secret)
-    assert sorted(one.name for one in secret.iterdir()) == ["ca.pem", "hosts.key", "hosts.pem"]
+    for option in told.stdout.split():
+        shutil.copy(tmp_path / option.removeprefix("--from-file="), secret)
+    assert sorted(path.name for path in secret.iterdir()) == ["ca.pem", "hosts.key", "hosts.pem"]
     (host,) = PODS["hosts"]["containers"]
     (name,) = host["env"]
     assert name["valueFrom"]["fieldRef"]["fieldPath"] == "metadata.name"
@@ -94,7 +96,7 @@ def test_pods_of_a_deployment_are_of_the_family_that_the_page_issues(tmp_path):
     for pod in ("hosts-5d8c7b9f4-x2x7k", "hosts-" + "x" * 57):
         assert is_name(pod)
         assert KeyFolder(secret).credentials(pod).name == pod
-        assert [one for one in KeyFolder(tmp_path / "keys").rights() if covers(one, pod)] == [
+        assert [right for right in KeyFolder(tmp_path / "keys").rights() if covers(right, pod)] == [
             "hosts-*"
         ]
 
@@ -107,7 +109,7 @@ def test_only_permitted_agents_communicate():
         for rule in MANIFESTS["NetworkPolicy", "coordinator"]["spec"]["ingress"]
         for port in rule["ports"]
     }
-    ports = {one["containerPort"] for one in PODS["coordinator"]["containers"][0]["ports"]}
+    ports = {port["containerPort"] for port in PODS["coordinator"]["containers"][0]["ports"]}
     assert open_ports == ports
 
 

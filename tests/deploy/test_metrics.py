@@ -73,9 +73,9 @@ def got(url):
 def samples(url):
     families = text_string_to_metric_families(got(f"{url}/metrics")[1])
     return {
-        (one.name, *sorted(one.labels.items())): one.value
+        (sample.name, *sorted(sample.labels.items())): sample.value
         for family in families
-        for one in family.samples
+        for sample in family.samples
     }
 
 
@@ -105,7 +105,7 @@ def test_durations_are_counted_in_seconds_and_cumulate(url):
 
 def test_members_and_events_are_counted(url):
     found = samples(url)
-    host, water = (("member", one) for one in ("host", "water"))
+    host, water = (("member", name) for name in ("host", "water"))
     of = ("world", "pond")
     assert found["minerva_restarts_total", host, of] == 2
     assert found["minerva_restarts_total", water, of] == 0

@@ -25,15 +25,15 @@ def test_zenoh_reads_the_routers_configuration():
     assert json.loads(config.get_json("transport/link/protocols")) == ["tls"]
     assert json.loads(config.get_json("scouting/multicast/enabled")) is False
     listens = json.loads(config.get_json("listen/endpoints"))
-    assert all(one.startswith("tls/") for one in listens)
+    assert all(endpoint.startswith("tls/") for endpoint in listens)
 
 
 def checked_access(access):
     """Check the names in an access control section, since Zenoh ignores unknown names."""
     assert access["enabled"] is True
     assert access["default_permission"] == "deny"
-    rules = {one["id"] for one in access["rules"]}
-    subjects = {one["id"] for one in access["subjects"]}
+    rules = {rule["id"] for rule in access["rules"]}
+    subjects = {subject["id"] for subject in access["subjects"]}
     for policy in access["policies"]:
         assert set(policy["rules"]) <= rules
         assert set(policy["subjects"]) <= subjects
@@ -42,7 +42,7 @@ def checked_access(access):
 
 def test_the_router_forbids_what_it_does_not_allow():
     access = checked_access(json.loads(zenoh_config().get_json("access_control")))
-    assert [one["key_exprs"] for one in access["rules"]] == [["minerva/**"]]
+    assert [rule["key_exprs"] for rule in access["rules"]] == [["minerva/**"]]
 
 
 def test_the_rules_that_are_printed_are_ones_that_zenoh_takes(tmp_path):
@@ -55,11 +55,11 @@ def test_the_rules_that_are_printed_are_ones_that_zenoh_takes(tmp_path):
     config = zenoh_config()
     config.insert_json5("access_control", rules)
     access = checked_access(json.loads(config.get_json("access_control")))
-    assert {"coordinator", "robots-2"} <= {one["id"] for one in access["subjects"]}
+    assert {"coordinator", "robots-2"} <= {subject["id"] for subject in access["subjects"]}
     assert "minerva/robot/from/robots-2" in rules
 
 
-@pytest.mark.parametrize("unit", UNITS, ids=lambda one: one.stem)
+@pytest.mark.parametrize("unit", UNITS, ids=lambda unit: unit.stem)
 def test_units_are_ones_that_systemd_takes(unit, tmp_path):
     if shutil.which("systemd-analyze") is None:
         pytest.skip("systemd-analyze is not here")
@@ -73,7 +73,7 @@ def test_units_are_ones_that_systemd_takes(unit, tmp_path):
     assert (done.returncode, ours) == (0, [])
 
 
-@pytest.mark.parametrize("unit", UNITS, ids=lambda one: one.stem)
+@pytest.mark.parametrize("unit", UNITS, ids=lambda unit: unit.stem)
 def test_units_may_do_little(unit):
     settings = dict(re.findall(r"^(\w+)=(.*)$", unit.read_text(), re.M))
     assert settings["User"] == "minerva"

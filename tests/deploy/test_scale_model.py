@@ -79,7 +79,7 @@ def test_lateness_reaches_one_neighbour_further_with_each_frame(monkeypatch):
     monkeypatch.setattr(np.random, "default_rng", lambda _: Once())
     monkeypatch.setattr("benchmarks.scale_model._beside", _noting(ended))
     in_step(1.0, 16, spread=3.0, frames=8)
-    late = [(one > 0.5).sum() for one in ended]
+    late = [(values > 0.5).sum() for values in ended]
     assert late[:7] == [0, 1, 3, 6, 10, 13, 15]
 
 
@@ -104,7 +104,7 @@ def test_the_greatest_number_is_found():
 def test_limits_are_where_the_rate_is_just_kept():
     assert most_members(COSTS, 30) == pytest.approx((1 / 30 - 2e-4) / 5e-5, abs=1)
     assert most_bytes(COSTS, 30) == pytest.approx((1 / 30 - 2e-4) / 2e-9, rel=0.002)
-    by_regions = {one.regions: one for one in limits(COSTS, 30)}
+    by_regions = {limit.regions: limit for limit in limits(COSTS, 30)}
     one = by_regions[1]
     assert region_seconds(COSTS, FOX, one.agents, 1) <= 1 / 30
     assert region_seconds(COSTS, FOX, 1.01 * one.agents, 1) > 1 / 30

@@ -33,7 +33,9 @@ class Run:
                 self.digests.append(algorithm.scene.digest.hex())
                 self.events.append(list(single(instruction.record.events)))
 
-        runner = InProcessRunner(algorithm, [one.participant() for one in file.processes], watch)
+        runner = InProcessRunner(
+            algorithm, [process.participant() for process in file.processes], watch
+        )
         runner.start()
         while runner.ended is None:
             runner.handle(s.Begin())

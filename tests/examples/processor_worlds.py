@@ -114,8 +114,10 @@ event = "eTick"
 
 def results(path: Path, frames: int, options: dict[str, str]) -> list[str]:
     run = Run(path, frames, **options)
-    events = [hashlib.blake2b(str(one).encode(), digest_size=8).hexdigest() for one in run.events]
-    return [f"{digest} {told}" for digest, told in zip(run.digests, events, strict=True)]
+    events = [
+        hashlib.blake2b(str(event).encode(), digest_size=8).hexdigest() for event in run.events
+    ]
+    return [f"{digest} {hashed}" for digest, hashed in zip(run.digests, events, strict=True)]
 
 
 def main() -> None:

@@ -97,10 +97,10 @@ def test_the_page_shows_what_the_code_makes(capsys: pytest.CaptureFixture[str]):
     made, shown = capsys.readouterr().out.splitlines()[:24], blocks("text")[0].splitlines()
     assert len(made) == len(shown)
     changed = [
-        (one, other)
+        (left, right)
         for line, there in zip(made, shown, strict=True)
-        for one, other in zip(line.ljust(72), there.ljust(72), strict=True)
-        if one != other
+        for left, right in zip(line.ljust(72), there.ljust(72), strict=True)
+        if left != right
     ]
     assert len(changed) <= 4, changed
 

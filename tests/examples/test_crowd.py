@@ -91,7 +91,7 @@ def test_signs_lead_round_corners_to_the_nearest_exit():
         cell = tuple((ahead[cell] / CELL).astype(int).tolist())
         steps.append(cell)
     assert cell == (4, 4)
-    assert all(free[one] for one in steps)
+    assert all(free[step] for step in steps)
     assert (2, 0) in steps or (1, 0) in steps
 
 
@@ -108,7 +108,7 @@ def run(plan: Path) -> Run:
 
 
 def people(string: Any) -> list[dict[str, Any]]:
-    return [dict(one.state) for one in agents(string) if one.symbol == "APerson"]
+    return [dict(agent.state) for agent in agents(string) if agent.symbol == "APerson"]
 
 
 def test_all_get_out_and_the_world_ends(run: Run):
@@ -116,14 +116,14 @@ def test_all_get_out_and_the_world_ends(run: Run):
     assert 40 < len(run.scenes) < 600
     (building,) = agents(run.scenes[-1])
     assert building.state == {"inside": 0, "out": 12}
-    assert len([one for frame in run.events for one in frame if one.type == "eOut"]) == 12
+    assert len([event for frame in run.events for event in frame if event.type == "eOut"]) == 12
 
 
 def test_they_do_not_walk_through_walls_and_hardly_into_each_other(run: Run):
     walls = np.array([list(line) for line in reversed(SMALL.splitlines())]).T == "#"
     deepest: list[float] = []
     for string in run.scenes:
-        places = np.array([(one["x"], one["y"]) for one in people(string)]).reshape(-1, 2)
+        places = np.array([(person["x"], person["y"]) for person in people(string)]).reshape(-1, 2)
         cells = (places / CELL).astype(int)
         assert not walls[cells[:, 0], cells[:, 1]].any()
         apart = np.hypot(*(places[:, None] - places[None]).transpose(2, 0, 1))

@@ -52,7 +52,7 @@ KINDS = [Meadow, Rabbit, Fox]
 
 
 def state(scene: Scene, agent: str) -> dict[str, object]:
-    return dict(next(one for one in agents(scene) if one.id == agent).state)
+    return dict(next(candidate for candidate in agents(scene) if candidate.id == agent).state)
 
 
 # --- agents without a bus -------------------------------------------------------------------------
@@ -181,7 +181,7 @@ def test_they_live_die_and_talk():
         assert 0 < population["ARabbit"] < 300
         assert 0 < population["AFox"] < 20
     ids = {agent.id for agent in agents(run.algorithm.scene)}
-    assert any(":" in one for one in ids), "nobody was born"
+    assert any(":" in id for id in ids), "nobody was born"
     assert not {"r1", "r2", "r3", "r4", "r5", "r6"} <= ids, "nobody died"
     said = {"eRustle", "eProwl", "eAlarm", "eHowl", "eBite", "eMeal", "eGraze", "eGrass", "eRain"}
     assert said <= set(run.heard)

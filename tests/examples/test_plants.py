@@ -70,14 +70,16 @@ def test_turns_are_to_the_left_and_to_the_right_by_about_the_fork():
 
 
 def test_heirs_are_smaller_and_weaker_ones_more_so():
-    strong, weak = (one.state for one in agents(grown(bud("[X]Y", length=2, shrink=0.5, orders=6))))
+    strong, weak = (
+        agent.state for agent in agents(grown(bud("[X]Y", length=2, shrink=0.5, orders=6)))
+    )
     assert (strong["length"], strong["orders"]) == (1, 5)
     assert (weak["length"], weak["orders"]) == (0.5, 4)
 
 
 def test_it_goes_on_in_all_buds_at_once_until_their_orders_are_over():
     counts = [
-        [one.symbol for one in agents(grown(bud("F[+X][-X]", orders=3), times))].count("ABud")
+        [agent.symbol for agent in agents(grown(bud("F[+X][-X]", orders=3), times))].count("ABud")
         for times in range(5)
     ]
     assert counts == [1, 2, 4, 8, 0]
@@ -109,13 +111,15 @@ def test_the_garden_keeps_its_distance_and_is_the_same_in_any_number_of_processe
     run = Run(WORLD, 14)
     assert Run(WORLD, 14, "plants.processes=3").digests == run.digests
     assert Run(WORLD, 14, 'collisions.ignore=[["*", "*"]]').digests[-1] != run.digests[-1]
-    told = {one.receivers[0] for frame in run.events for one in frame if one.type == "eCollision"}
+    told = {
+        event.receivers[0] for frame in run.events for event in frame if event.type == "eCollision"
+    }
     nodes: list[Any] = [node for opens, node in walk(run.scenes[-1]) if opens]
     alive = {node.id: node for node in nodes if isinstance(node, AgentNode)}
     assert told
-    assert not {one for one in told & alive.keys() if not alive[one].state.get("crowded", True)}
+    assert not {id for id in told & alive.keys() if not alive[id].state.get("crowded", True)}
     symbols = [node.symbol for node in nodes]
-    assert {"oak", "fir"} & {one.split(":")[0] for one in alive}
+    assert {"oak", "fir"} & {id.split(":")[0] for id in alive}
     assert symbols.count("PFlower") > 3
     assert symbols.count("ABud") > 20
 

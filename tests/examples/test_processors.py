@@ -45,9 +45,9 @@ def as_it_is():
     return json.loads(run(WORLDS))
 
 
-def assert_same(expected, found):
+def assert_same(expected, computed):
     for world, frames in expected.items():
-        differ = [n for n, told in enumerate(frames) if told != found[world][n]]
+        differ = [n for n, line in enumerate(frames) if line != computed[world][n]]
         assert not differ, f"{world} differs first in frame {differ[0]} of {len(frames)}"
 
 

@@ -35,7 +35,9 @@ def lived(norms, frames=500):
     runner.start()
     while runner.ended is None:
         runner.handle(Begin())
-    return runner.ended.figures, [one.state for one in agents(algorithm.scene) if "c" in one.id]
+    return runner.ended.figures, [
+        agent.state for agent in agents(algorithm.scene) if "c" in agent.id
+    ]
 
 
 def test_norms_make_the_difference():
@@ -68,7 +70,7 @@ def test_a_horn_reaches_only_cars_ahead_in_the_lane():
     heard = set()
     for t in range(40):
         now = evolve(scene, [eHonk(condition='lane == "east" and s > -20.0')], [Car], Frame(t))
-        heard |= {one.id for one in agents(now.scene) if not one.state["stop"]}
+        heard |= {agent.id for agent in agents(now.scene) if not agent.state["stop"]}
     assert heard == {"ahead"}
 
 
@@ -99,4 +101,4 @@ def test_the_readme_has_the_norms_of_the_world():
     for block in README.split("```toml\n")[1:]:
         for line in block.split("\n```")[0].splitlines():
             name = line.split(" = ")[0]
-            assert any(one.startswith(line) for one in WORLD.splitlines()), name
+            assert any(entry.startswith(line) for entry in WORLD.splitlines()), name

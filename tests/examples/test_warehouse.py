@@ -88,7 +88,7 @@ def test_a_bid_that_is_no_number_is_not_understood():
     manager = evolve(manager, [eOrder("A5", "south"), eStep()], KINDS).scene
     bid = {"protocol": "fipa-contract-net", "conversation_id": "manager/1", "sender": "c"}
     done = evolve(manager, [eMessage("propose", "cheap", **bid), eStep()], KINDS, Frame(1))
-    assert [one.performative for one in done.emitted["manager"]] == ["not-understood"]
+    assert [message.performative for message in done.emitted["manager"]] == ["not-understood"]
 
 
 def test_an_order_for_what_is_not_there_is_passed_over():
@@ -124,7 +124,7 @@ class Run:
             self.messages += [event for event in events if event.type == "eMessage"]
 
     def state(self, who):
-        return next(dict(one.state) for one in agents(self.algorithm.scene) if one.id == who)
+        return next(dict(agent.state) for agent in agents(self.algorithm.scene) if agent.id == who)
 
 
 def test_transports_are_called_bid_for_and_done():
@@ -136,8 +136,8 @@ def test_transports_are_called_bid_for_and_done():
     assert "not-understood" not in acts
     done = sum(message.performative == "inform" for message in run.messages)
     assert done == manager["done"]
-    for one in agents(run.algorithm.scene):
-        assert one.id == "manager" or 0 < one.state["battery"] <= 100
+    for agent in agents(run.algorithm.scene):
+        assert agent.id == "manager" or 0 < agent.state["battery"] <= 100
 
 
 def test_a_carrier_serves_one_manager():

@@ -59,7 +59,7 @@ def test_departed_members_are_listed_up_to_a_limit():
             comes("returns")
     assert len(list(members)) == MAX_DEPARTED + 3
     members.change(comes("last"), MemberChange.WENT)
-    names = {one.name for one in members}
+    names = {member.name for member in members}
     assert {"home", "stays", "returns", "guest-1", "last"} <= names
     assert "guest-0" not in names
     assert members.get("guest-0").state is MemberState.LEFT
@@ -187,7 +187,7 @@ def test_only_what_goes_to_the_newcomer_moves(names, hosts, newcomer):
 
 def test_agents_spread_over_hosts():
     names = [f"a{n}" for n in range(1000)]
-    counts = [sum(place(one, ["h1", "h2", "h3", "h4"]) == host for one in names)
+    counts = [sum(place(name, ["h1", "h2", "h3", "h4"]) == host for name in names)
               for host in ("h1", "h2", "h3", "h4")]  # fmt: skip
     assert min(counts) > 180
     assert place("a", []) is None
@@ -228,7 +228,7 @@ def test_two_frames_are_never_due_closer_than_a_period_unless_one_was_late(rate,
 def test_a_string_taken_apart_and_put_together_is_the_same(w):
     composition = Composition(w)
     assert composition.scene == w
-    parts = {one: scene_of(node) for one, node in composition.fragments.items()}
+    parts = {id: scene_of(node) for id, node in composition.fragments.items()}
     assert fill(composition.skeleton, parts) == w
     assert set(composition.agents()) == {agent.id for agent in agents(w)}
     for agent in agents(w):
@@ -245,11 +245,11 @@ def test_replacing_equals_writing_the_whole_file(w, other, chance):
         node for node in other if not (isinstance(node, AgentNode) or list(agents(scene_of(node))))
     ]
     changes = {
-        one: chance.choice([EMPTY, Scene(tuple(free)), scene_of(*free, node)])
-        for one, node in composition.fragments.items()
+        id: chance.choice([EMPTY, Scene(tuple(free)), scene_of(*free, node)])
+        for id, node in composition.fragments.items()
         if chance.random() < 0.6
     }
-    parts = {one: scene_of(node) for one, node in composition.fragments.items()}
+    parts = {id: scene_of(node) for id, node in composition.fragments.items()}
     wanted = fill(composition.skeleton, parts | changes)
     composition.replace(changes)
     assert composition.scene == wanted
@@ -271,7 +271,7 @@ def test_replacing_equals_writing_the_whole_file(w, other, chance):
 def test_whether_the_skeleton_is_another(before, changes, another):
     composition = Composition(read(before))
     old = composition.skeleton
-    assert composition.replace({one: read(text) for one, text in changes.items()}) is another
+    assert composition.replace({id: read(text) for id, text in changes.items()}) is another
     assert (composition.skeleton is old) is not another
 
 

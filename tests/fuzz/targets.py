@@ -65,7 +65,7 @@ MOST = 500
 
 WORLD = World("yard", parse("AWalker#a<x=0> · AWalker#b<x=1>"), yard.vocabulary, seed=7)
 _ENTRY = struct.Struct(">II")
-_folder = Path(tempfile.mkdtemp(prefix="minerva-fuzz-"))
+_folder = tempfile.TemporaryDirectory(prefix="minerva-fuzz-")
 
 
 @dataclass(frozen=True)
@@ -85,7 +85,7 @@ class Target:
 
 
 def _file(name, data):
-    path = _folder / name
+    path = Path(_folder.name) / name
     path.write_bytes(data)
     return path
 
@@ -187,11 +187,11 @@ def _bag(data):
 # --- devices and networks ---
 
 _CDR = {
-    b"s": ("sensor_msgs/msg/LaserScan", lambda one: ros.scan_of(one, "r")),
-    b"o": ("nav_msgs/msg/Odometry", lambda one: ros.odometry_of(one, "r")),
-    b"b": ("sensor_msgs/msg/BatteryState", lambda one: ros.battery_of(one, "r")),
-    b"i": ("sensor_msgs/msg/Image", lambda one: images.image_of(one, "r")),
-    b"f": ("sensor_msgs/msg/CompressedImage", lambda one: images.file_of(one, "r")),
+    b"s": ("sensor_msgs/msg/LaserScan", lambda message: ros.scan_of(message, "r")),
+    b"o": ("nav_msgs/msg/Odometry", lambda message: ros.odometry_of(message, "r")),
+    b"b": ("sensor_msgs/msg/BatteryState", lambda message: ros.battery_of(message, "r")),
+    b"i": ("sensor_msgs/msg/Image", lambda message: images.image_of(message, "r")),
+    b"f": ("sensor_msgs/msg/CompressedImage", lambda message: images.file_of(message, "r")),
 }
 
 

@@ -136,13 +136,13 @@ def test_infinite_numbers_never_enter_a_string(number):
 
 @NO_NUMBERS
 def test_infinite_numbers_are_no_readings(number):
-    for one in (
+    for reading in (
         Odometry("r", number, 0.0, 0.0, 0.0, 0.0, 0.0),
         Battery("r", number, 12.0, 0.0),
         Scan("r", np.ones(3, np.float32), number, 1.0, 10.0, 0.0),
     ):
         with pytest.raises(ProtocolError, match="finite"):
-            DECODER.readings("scan", "a", encode(m.Readings("a", "scan", 1, (one,))))
+            DECODER.readings("scan", "a", encode(m.Readings("a", "scan", 1, (reading,))))
 
 
 def test_beams_without_a_number_hit_nothing():

@@ -23,15 +23,15 @@ def inputs(name):
 def test_the_corpus_is_read_or_refused_in_words(name):
     found = inputs(name)
     assert found, "an empty corpus"
-    assert all(one.stat().st_size <= 40_000 for one in found)
-    for one in found:
-        TARGETS[name](one.read_bytes())
+    assert all(path.stat().st_size <= 40_000 for path in found)
+    for path in found:
+        TARGETS[name](path.read_bytes())
 
 
 @pytest.mark.parametrize("name", TARGETS)
 def test_so_is_what_was_cut_off_or_changed(name):
-    for one in inputs(name):
-        data, chance = one.read_bytes(), random.Random(one.name)
+    for path in inputs(name):
+        data, chance = path.read_bytes(), random.Random(path.name)
         for _ in range(CHANGES):
             changed = bytearray(data[: chance.randrange(len(data) + 1)] or data)
             for _ in range(chance.randrange(4)):

@@ -180,7 +180,9 @@ def frames(draw):
 
 def sent(result: Evolved):
     """Sent events by type, since the world's order sorts types anyway."""
-    events = [e for one in result.emitted.values() for e in one] + list(single(result.batches))
+    events = [e for events in result.emitted.values() for e in events] + list(
+        single(result.batches)
+    )
     return {name: [e for e in events if e.type == name] for name in TYPES}
 
 
@@ -232,7 +234,7 @@ def test_a_long_column_is_digested_by_chunks_that_are_kept():
 def test_parts_beside_one_another_are_the_whole(w, data):
     part = w.pieces[0]
     at = data.draw(st.integers(0, part.count))
-    cut = [one for one in (part.take(slice(0, at)), part.take(slice(at, None))) if one.count]
+    cut = [half for half in (part.take(slice(0, at)), part.take(slice(at, None))) if half.count]
     assert Scene(tuple(cut)) == w
     assert str(Scene(tuple(cut))) == str(w)
     assert packed(Scene(tuple(cut))) == w
@@ -243,7 +245,7 @@ def test_numbers_digest_as_they_print(count):
     """3 and 3.0 print the same, and so do integers beyond 2^53 that float64 can represent."""
     for number in (3, 2**53 + 2, 10**16 - 2, 2**62):
         whole = parse(" · ".join([f"P<n={number}>"] * count))
-        real = Scene(tuple(one.__class__("P", ("n",), (float(number),)) for one in whole.nodes))
+        real = Scene(tuple(node.__class__("P", ("n",), (float(number),)) for node in whole.nodes))
         assert (str(whole) == str(real)) == (whole == real)
 
 
@@ -292,10 +294,10 @@ def test_columns_of_a_wrong_type_or_length_are_refused(wrong):
 @given(st.lists(st.text("ab01:-_", min_size=1, max_size=6), unique=True, min_size=1), st.data())
 def test_ids_are_found_whatever_form_they_have(texts, data):
     ids, wanted = Ids.of(texts), data.draw(st.lists(st.sampled_from([*texts, "a", "b10", "zz"])))
-    expected = [texts.index(one) if one in texts else -1 for one in wanted]
+    expected = [texts.index(text) if text in texts else -1 for text in wanted]
     assert ids.rows_of(Ids.of(wanted)).tolist() == expected if wanted else True
     assert ids.texts() == texts
-    assert [ids.row_of(one) for one in texts] == list(range(len(texts)))
+    assert [ids.row_of(text) for text in texts] == list(range(len(texts)))
     assert Ids.of(texts) == Ids(None, ids.spelled)
     assert (Ids(None, ids.spelled).hashes == ids.hashes).all()
     assert ids.text_of(slice(None)) == Ids(None, ids.spelled).text_of(slice(None))
@@ -325,15 +327,15 @@ def test_a_population_in_parts_becomes_what_it_becomes_whole(frame, data):
     w, events, moment = frame
     part = w.pieces[0]
     at = data.draw(st.integers(0, part.count))
-    cut = [one for one in (part.take(slice(0, at)), part.take(slice(at, None))) if one.count]
+    cut = [half for half in (part.take(slice(0, at)), part.take(slice(at, None))) if half.count]
     whole = eta(w, events, [Many], moment)
-    parts = [eta(Scene((one,)), events, [Many], moment) for one in cut]
+    parts = [eta(Scene((piece,)), events, [Many], moment) for piece in cut]
     together = EMPTY
-    for one in parts:
-        together += one.scene
+    for evolved in parts:
+        together += evolved.scene
     assert together == whole.scene
     for name in TYPES:
-        assert [event for one in parts for event in sent(one)[name]] == sent(whole)[name]
+        assert [event for part in parts for event in sent(part)[name]] == sent(whole)[name]
 
 
 @given(shoals(), st.sampled_from(["", "x > 0", "calm == true"]))
@@ -343,7 +345,7 @@ def test_a_view_of_all_is_the_views_of_each(w, condition):
         for form in (One, Many)
         for string in (w, plain(w))
     ]
-    assert all(one == shown[0] for one in shown)
+    assert all(string == shown[0] for string in shown)
     assert str(shown[1]) == str(shown[2])
 
 

@@ -142,9 +142,9 @@ def test_eta_distributes_over_concatenation(case, cut):
 
 @law
 @given(lived, lived)
-def test_an_agent_never_knows_of_the_others(one, other):
+def test_an_agent_never_knows_of_the_others(case, other):
     """An agent evolves the same alone and with others, so hosts can share the work."""
-    w, events, frame = one
+    w, events, frame = case
     for node in w.nodes:
         alone = evolve(scene_of(node), events, FAMILY, frame).scene
         again = evolve(scene_of(node) + other[0], events, FAMILY, frame).scene

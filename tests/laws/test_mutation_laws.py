@@ -25,8 +25,8 @@ def check(vocabulary, made, *before):
     assert vocabulary.read(str(made)) == made
     assert len(ids_of(made)) == len(list(agents(made)))
     allowed = SMALL
-    for one in before:
-        allowed = allowed.joined(extent(one))
+    for string in before:
+        allowed = allowed.joined(extent(string))
     assert extent(made).within(allowed)
 
 
@@ -75,8 +75,8 @@ def test_the_same_stream_makes_the_same_mutants(drawn):
         chance = np.random.default_rng(seed)
         return [mutator.mutated(w, chance), mutator.crossed(w, v, chance)]
 
-    assert [(str(one.scene), one.how) for one in made()] == [
-        (str(one.scene), one.how) for one in made()
+    assert [(str(mutant.scene), mutant.how) for mutant in made()] == [
+        (str(mutant.scene), mutant.how) for mutant in made()
     ]
 
 

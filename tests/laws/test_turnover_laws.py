@@ -64,7 +64,7 @@ def through(plain):
 def fish(ids: Ids, number: float) -> Columns:
     """Fish whose state identifies them."""
     rows = np.arange(len(ids))
-    names = np.array([f"{one}é" for one in ids], object)
+    names = np.array([f"{id}é" for id in ids], object)
     made = Fish.many(ids, x=rows + number, age=rows, calm=rows % 2 == 0, name=names)
     (piece,) = made.pieces
     assert isinstance(piece, Columns)
@@ -97,15 +97,15 @@ def generations(draw):
     return old, row_delta, now
 
 
-def shown(some: Columns) -> Columns:
+def shown(columns: Columns) -> Columns:
     """A view of the fish with the id of each."""
-    (piece,) = TMove(some.column("x"))(PDot(some.ids, 1.0)).pieces
+    (piece,) = TMove(columns.column("x"))(PDot(columns.ids, 1.0)).pieces
     return piece
 
 
-def from_scratch(some: Columns) -> Columns:
+def from_scratch(columns: Columns) -> Columns:
     """Equal columns without any information about their origin."""
-    (piece,) = READER.scene(through([1, plain_columns(some)])).pieces
+    (piece,) = READER.scene(through([1, plain_columns(columns)])).pieces
     return piece
 
 
@@ -116,8 +116,8 @@ def from_scratch(some: Columns) -> Columns:
 def test_a_turnover_leaves_the_others_in_their_order(generation):
     old, row_delta, now = generation
     gone, born = set(row_delta.gone.tolist()), set(row_delta.born.tolist())
-    left = [one for row, one in enumerate(old.ids) if row not in gone]
-    assert [one for row, one in enumerate(now.ids) if row not in born] == left
+    left = [id for row, id in enumerate(old.ids) if row not in gone]
+    assert [id for row, id in enumerate(now.ids) if row not in born] == left
     assert VOCABULARY.check(Scene((now,))) == Scene((now,))
     ages = dict(zip(old.ids, old.column("age").tolist(), strict=True))
     assert all(ages.get(node.id, node.values[1]) == node.values[1] for node in now.nodes())
@@ -137,7 +137,7 @@ def test_a_patch_with_births_and_deaths_makes_the_new_of_the_old(generation, kno
     made = patched(old, patch)
     assert Scene((made,)) == Scene((now,))
     assert made.nodes() == now.nodes()
-    assert [one.dtype for one in made.columns] == [one.dtype for one in now.columns]
+    assert [column.dtype for column in made.columns] == [column.dtype for column in now.columns]
 
 
 @given(generations(), st.booleans())
@@ -171,15 +171,15 @@ def test_a_record_has_the_patch_alone(generation):
 @given(st.lists(generations(), min_size=1, max_size=3))
 def test_a_string_in_parts_finds_newborns(parts):
     """Only an id that another part already has is rejected."""
-    old = [one.with_columns(one.columns) for one, _, _ in parts]
-    ids = [Ids.of([f"p{n}-{one}" for one in part.ids]) for n, part in enumerate(old)]
-    before = [fish(one, 0.5) for one in ids]
+    old = [part.with_columns(part.columns) for part, _, _ in parts]
+    ids = [Ids.of([f"p{n}-{id}" for id in part.ids]) for n, part in enumerate(old)]
+    before = [fish(id, 0.5) for id in ids]
     composition = Composition(Scene(tuple(before)))
     after = {}
     for name, part, (_, row_delta, now) in zip(composition.parts, before, parts, strict=True):
         born = now.take(row_delta.born) if len(row_delta.born) else None
         after[name] = Scene((part.updated(row_delta, born),))
-    texts = Counter(one for scene in after.values() for one in scene.pieces[0].ids)
+    texts = Counter(id for scene in after.values() for id in scene.pieces[0].ids)
     if max(texts.values()) > 1:
         with pytest.raises(VocabularyError, match="two agents have the id"):
             composition.replace(after)
@@ -256,7 +256,7 @@ def test_all_neighbours_are_found_and_no_others(count, seed):
 @given(st.lists(st.text("ab01:-_", min_size=1, max_size=64)))
 def test_hashes_of_many_are_those_of_each(texts):
     ids = Ids.of(texts)
-    assert ids.hashes.tolist() == [hash_of(one) for one in texts]
+    assert ids.hashes.tolist() == [hash_of(text) for text in texts]
 
 
 @given(st.lists(st.integers(0, 120), unique=True, min_size=1), st.booleans())
@@ -264,7 +264,7 @@ def test_numbered_ids_are_found_among_spelled_ones(numbers, rising):
     mine = Ids.numbered("f", np.array(sorted(numbers) if rising else numbers))
     others = ["f", "f00", "f1x", "g1", "f007", *[f"f{n}" for n in range(121)]]
     texts = mine.texts()
-    expected = [texts.index(one) if one in texts else -1 for one in others]
+    expected = [texts.index(text) if text in texts else -1 for text in others]
     assert mine.rows_of(Ids.of(others)).tolist() == expected
 
 

@@ -30,7 +30,7 @@ def boundaries(data):
 def frames_in(data, folder, check=True):
     with record_of(data, folder) as record:
         read = list(record.strings(check))
-        return record.complete, [frame.number for frame, _ in read], [one for _, one in read]
+        return record.complete, [frame.number for frame, _ in read], [string for _, string in read]
 
 
 def cuts(data):
@@ -38,8 +38,8 @@ def cuts(data):
     places = boundaries(data)
     end = next((place for place in places[:-1] if data[place] == 0x0F), len(data))
     around = [place + by for place in places if place <= end for by in (-1, 0, 4, 9)]
-    middles = [(one + other) // 2 for one, other in pairwise(places)]
-    return sorted({one for one in [0, 1, 7, 8, *around, *middles] if 0 <= one <= len(data)})
+    middles = [(start + end) // 2 for start, end in pairwise(places)]
+    return sorted({place for place in [0, 1, 7, 8, *around, *middles] if 0 <= place <= len(data)})
 
 
 @pytest.mark.parametrize("finished", [True, False])
@@ -134,12 +134,12 @@ def test_flipped_bytes_are_errors_of_ours_or_do_no_harm(tmp_path_factory, flips)
     strings = strings_of("meadow")[1:]
     try:
         with record_of(bytes(data), tmp_path_factory.mktemp("flipped")) as record:
-            read = [(frame.number, one) for frame, one in record.strings(check=True)]
+            read = [(frame.number, string) for frame, string in record.strings(check=True)]
             list(record.log())
     except RecordError as error:
         assert "\n" not in str(error)
     else:
-        assert all(one == strings[number] for number, one in read)
+        assert all(string == strings[number] for number, string in read)
 
 
 @given(st.binary(max_size=300))

@@ -45,7 +45,9 @@ def futures(record, number, file, seed):
         if isinstance(notice, s.FrameDone):
             digests.append(notice.record.digest)
 
-    runner = InProcessRunner(algorithm, [one.participant() for one in file.processes], watch)
+    runner = InProcessRunner(
+        algorithm, [process.participant() for process in file.processes], watch
+    )
     runner.start()
     while runner.ended is None:
         runner.handle(s.Begin())
@@ -108,7 +110,7 @@ def test_a_missing_frame_ends_a_rerun(tmp_path):
     with record_of(bytes_of("meadow"), tmp_path) as record:
         algorithm = FrameAlgorithm(file.world)
         rerun = Rerun(record, algorithm)
-        runner = InProcessRunner(algorithm, [one.participant() for one in file.processes])
+        runner = InProcessRunner(algorithm, [process.participant() for process in file.processes])
         runner.start()
         algorithm.frame = 3
         with pytest.raises(Exception, match="frame 3 is not in the record, so the run cannot"):

@@ -96,12 +96,12 @@ def test_a_damaged_chunk_costs_its_own_frames_and_those_up_to_the_next_string(
         broken = data[:at] + bytes(size) + data[at + size :]
     own = frames_of_chunks(data, tmp_path)
     numbers, losses = kept(broken, tmp_path)
-    before = [frame for one in own[:chunk] for frame in one]
-    after = [frame for one in own[chunk + 1 :] for frame in one]
+    before = [frame for group in own[:chunk] for frame in group]
+    after = [frame for group in own[chunk + 1 :] for frame in group]
     assert numbers[: len(before)] == before
     assert numbers[len(before) :] == after[len(after) - (len(numbers) - len(before)) :]
     if losses.lost:
-        assert [frame for one in losses.lost for frame in one] == [
+        assert [frame for span in losses.lost for frame in span] == [
             *range(losses.lost[0].start, numbers[-1] + 1)
         ][: len(losses.lost[0])]
     assert losses.damage or (losses.cut and not finished)
@@ -242,7 +242,9 @@ def test_any_damage_is_no_traceback_and_costs_no_frame_before_it(
     whole = bytes_of("meadow", finished=finished)
     own = frames_of_chunks(whole, folder)
     ends = [at + size for at, size in parts(whole, CHUNK)]
-    before = [frame for one, end in zip(own, ends, strict=True) if end <= first for frame in one]
+    before = [
+        frame for group, end in zip(own, ends, strict=True) if end <= first for frame in group
+    ]
     try:
         with record_of(data, folder) as record:
             info = info_of(record, check=True)
@@ -409,17 +411,19 @@ def test_a_damaged_record_is_gone_on_from(chunk, tmp_path):
     path.write_bytes(flipped(data, parts(data, CHUNK)[chunk][0] + 80))
     resumed = read_resumed(path, "", Overrides(record=str(on), frames=62))
     assert any("is damaged: bytes" in note for note in resumed.notes)
-    strings = {number + 1: one for number, one in enumerate(strings_of("meadow")[1:])}
+    strings = {number + 1: string for number, string in enumerate(strings_of("meadow")[1:])}
     begin = resumed.world.past.frame
     assert resumed.world.scene == strings[begin]
     algorithm = FrameAlgorithm(resumed.world)
     lived = {}
 
-    def watch(told):
-        if isinstance(told, s.FrameDone):
-            lived[told.frame + 1] = algorithm.scene
+    def watch(message):
+        if isinstance(message, s.FrameDone):
+            lived[message.frame + 1] = algorithm.scene
 
-    runner = InProcessRunner(algorithm, [one.participant() for one in resumed.processes], watch)
+    runner = InProcessRunner(
+        algorithm, [process.participant() for process in resumed.processes], watch
+    )
     runner.start()
     while runner.ended is None:
         runner.handle(s.Begin())
@@ -442,7 +446,7 @@ def test_recover_overwrites_nothing(tmp_path):
     with pytest.raises(RecordError, match="cut off before anything"):
         recover(path, tmp_path / "none.mcap")
     assert done.path.read_bytes() == before
-    assert sorted(one.name for one in tmp_path.iterdir()) == ["run.mcap", "run.recovered.mcap"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["run.mcap", "run.recovered.mcap"]
 
 
 def test_the_command_reports_losses(tmp_path):

@@ -39,7 +39,9 @@ def check(old, new, vocabulary):
 
 
 @settings(max_examples=40)
-@given(worlds().flatmap(lambda one: st.tuples(st.just(one), any_strings(one[0]), st.randoms())))
+@given(
+    worlds().flatmap(lambda world: st.tuples(st.just(world), any_strings(world[0]), st.randoms()))
+)
 def test_any_string_is_made_of_any_other(given):
     (vocabulary, old), other, chance = given
     pieces = [*old.pieces, *other.pieces]

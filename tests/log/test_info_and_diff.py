@@ -21,8 +21,8 @@ mcap = pytest.importorskip("mcap")
 
 def files(folder, *data) -> tuple[Any, Any]:
     a, b = (folder / f"{name}.mcap" for name in "ab")
-    for path, one in zip((a, b), data, strict=False):
-        path.write_bytes(one)
+    for path, content in zip((a, b), data, strict=False):
+        path.write_bytes(content)
     return a, b
 
 
@@ -112,7 +112,7 @@ def test_another_seed(tmp_path, capsys):
     code, found = diff(tmp_path, bytes_of("meadow"), bytes_of("meadow", seed=8), capsys)
     assert code == 1
     assert found["before"] == ["seed 7 in A, 8 in B"]
-    strings = strings_of("meadow"), [one for _, one in happened("meadow", 8)[1]]
+    strings = strings_of("meadow"), [string for _, string in happened("meadow", 8)[1]]
     first = next(n for n in range(60) if strings[0][n + 1] != strings[1][n])
     assert found["frame"] == first
     assert found["changes"]
@@ -177,7 +177,7 @@ def test_for_people(tmp_path, capsys):
     paths = files(tmp_path, bytes_of("robot"), bytes_of("robot"))
     assert show_difference(*paths, as_json=False) == 0
     assert capsys.readouterr().out == "the same: 12 frames\n"
-    grid = next(one.state["grid"] for one in frames[4][1].nodes if one.symbol == "ARobot").copy()
+    grid = next(node.state["grid"] for node in frames[4][1].nodes if node.symbol == "ARobot").copy()
     grid[5, 7] += 1
     file, _ = happened("robot")
     stream = io.BytesIO()

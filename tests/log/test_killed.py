@@ -66,7 +66,7 @@ def killed(folder, moment, flush, durable):
             pass  # Delay into the middle of a frame.
         run.send_signal(signal.SIGKILL)
         said += run.stdout.read().splitlines(keepends=True)
-    return path, max([0, *(int(one) for one in said if one.endswith("\n"))])
+    return path, max([0, *(int(line) for line in said if line.endswith("\n"))])
 
 
 @pytest.fixture(scope="module")
@@ -171,7 +171,7 @@ def test_a_file_that_may_not_grow_ends_the_record_and_not_the_world(tmp_path, wh
     path = tmp_path / "run.mcap"
     limited = lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))  # noqa: E731
     said = recorded_run(path, preexec_fn=limited)
-    [line] = [one for one in said.splitlines() if "the world continues without a record" in one]
+    [line] = [line for line in said.splitlines() if "the world continues without a record" in line]
     assert "File too large" in line
     confirmed = int(line.split("of which ")[1].split(" frames")[0])
     assert path.stat().st_size <= limit

@@ -84,7 +84,7 @@ def test_few_frames_resumed_in_another_layout(few):
 
 
 @pytest.fixture(scope="module")
-def many():
+def record():
     with tempfile.TemporaryDirectory(prefix="mnv") as folder:
         yield Layouts(1000, folder)
 
@@ -92,12 +92,12 @@ def many():
 @pytest.mark.slow
 @pytest.mark.timeout(900)
 @pytest.mark.parametrize(("count", "kind"), LAYOUTS)
-def test_a_thousand_frames_in_every_layout(many, count, kind):
-    many.check(count, kind)
+def test_a_thousand_frames_in_every_layout(record, count, kind):
+    record.check(count, kind)
 
 
 @pytest.mark.slow
 @pytest.mark.timeout(900)
-def test_a_thousand_frames_reckoned_again_and_resumed(many):
-    many.check_reckoned_again()
-    many.check_resumed(500, 8, "unix")
+def test_a_thousand_frames_reckoned_again_and_resumed(record):
+    record.check_reckoned_again()
+    record.check_resumed(500, 8, "unix")

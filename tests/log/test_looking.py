@@ -37,7 +37,7 @@ def test_a_frame_is_shown_with_its_events(info):
     assert shown[0] == "frame 7, 0.28 s of the world: 3 AFox, 1 AMeadow, 6 ARabbit"
     assert shown[1] == f"  digest  {strings_of('meadow')[7].digest.hex()}"
     record, _ = happened("meadow")[1][7]
-    assert [line.strip() for line in shown[3:]] == [str(one) for one in single(record.events)]
+    assert [line.strip() for line in shown[3:]] == [str(event) for event in single(record.events)]
 
 
 def test_the_end_is_shown(info):

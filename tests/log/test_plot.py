@@ -62,8 +62,11 @@ WORLD = Vocabulary.of(TAt, Walker, Mole, Name, Wind)
 def where(text, most=0):
     found = Surveyor(WORLD, most).places(WORLD.read(text))
     return {
-        kind: [tuple(round(v, 6) for v in row) for row in zip(one.x, one.y, one.angle, strict=True)]
-        for kind, one in found.items()
+        kind: [
+            tuple(round(v, 6) for v in row)
+            for row in zip(track.x, track.y, track.angle, strict=True)
+        ]
+        for kind, track in found.items()
     }
 
 
@@ -107,8 +110,8 @@ def test_tracks_are_where_agents_were(name, tmp_path):
     assert len(story.times) == len(strings)
     followed = Surveyor(vocabulary).places(strings[-1])
     assert followed
-    for some in followed.values():
-        for agent, x, y in zip(some.ids, some.x, some.y, strict=True):
+    for columns in followed.values():
+        for agent, x, y in zip(columns.ids, columns.x, columns.y, strict=True):
             track = story.tracks[agent]
             assert (track.x[-1], track.y[-1], track.times[-1]) == (x, y, story.times[-1])
             assert story.is_there(track)

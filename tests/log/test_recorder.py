@@ -77,7 +77,7 @@ def test_a_run_is_recorded(durable, tmp_path):
     assert recorder.frames == len(frames)
     with Record(path) as record:
         assert record.complete
-        assert [one for _, one in record.strings(check=True)] == strings_of("meadow")[1:]
+        assert [string for _, string in record.strings(check=True)] == strings_of("meadow")[1:]
         assert [line.text for line in record.log()] == ["hello"]
 
 
@@ -123,7 +123,7 @@ def test_an_interrupt_in_the_midst_of_a_frame_leaves_it_whole(tmp_path, monkeypa
     recorder.close()
     assert not said
     with record_of(disk.kept, tmp_path) as record:
-        assert [one for _, one in record.strings(check=True)] == strings_of("meadow")[1:6]
+        assert [string for _, string in record.strings(check=True)] == strings_of("meadow")[1:6]
 
 
 def test_written_frames_are_flushed_after_a_while(tmp_path):
@@ -177,7 +177,7 @@ def test_a_full_disk_is_reported_once_and_written_frames_are_readable(
         "run.mcap: No space left on device; the world continues without a record, of which"
     )
     with record_of(disk.kept, tmp_path) as record:
-        read = [one for _, one in record.strings(check=True)]
+        read = [string for _, string in record.strings(check=True)]
     assert not record.complete
     assert recorder.frames <= len(read) < 60
     assert f"{recorder.frames} frames can be read" in message
@@ -244,7 +244,7 @@ def test_a_disk_that_stands_still_holds_nothing_up_for_long(tmp_path, monkeypatc
     recorder.close()
     assert f"{recorder.lost} frames are not in the record" in said[-1]
     with record_of(disk.kept, tmp_path) as record:
-        read = {frame.number: one for frame, one in record.strings(check=True)}
+        read = {frame.number: string for frame, string in record.strings(check=True)}
     assert len(read) == 60 - recorder.lost
     assert read[59] == frames[59][1]
 
@@ -427,4 +427,4 @@ def test_frames_are_in_order_with_either_writer(monkeypatch, tmp_path):
     recorder.close()
     assert len(writers) == 60
     with record_of(disk.kept, tmp_path) as record:
-        assert [one for _, one in record.strings(check=True)] == strings_of("meadow")[1:]
+        assert [string for _, string in record.strings(check=True)] == strings_of("meadow")[1:]

@@ -27,10 +27,10 @@ def test_frames_and_strings_survive_a_round_trip(name, tmp_path):
         read = list(record.strings(check=True))
     assert record.complete
     assert [frame.number for frame, _ in read] == list(range(len(frames)))
-    for (frame, string), (told, after) in zip(read, frames, strict=True):
+    for (frame, string), (done, after) in zip(read, frames, strict=True):
         assert string == after
-        assert frame.digest == told.digest
-        assert list(single(frame.events)) == list(single(told.events))
+        assert frame.digest == done.digest
+        assert list(single(frame.events)) == list(single(done.events))
         assert frame.seconds == pytest.approx(0.01 * frame.number)
 
 
@@ -71,15 +71,15 @@ def test_seeking_does_not_begin_at_the_beginning(tmp_path, monkeypatch):
 
 def test_frames_that_were_left_out_leave_all_others_right(tmp_path):
     file, frames = happened("meadow")
-    kept = [one for one in frames if one[0].frame % 5 not in (1, 2)]
+    kept = [pair for pair in frames if pair[0].frame % 5 not in (1, 2)]
     stream = io.BytesIO()
     writer = RecordWriter(stream, description(file))
-    for told, string in kept:
-        writer.frame(told, string, 0.0, {})
+    for done, string in kept:
+        writer.frame(done, string, 0.0, {})
     writer.finish()
     with record_of(stream.getvalue(), tmp_path) as record:
         read = [(frame.number, string) for frame, string in record.strings(check=True)]
-        assert read == [(told.frame, string) for told, string in kept]
+        assert read == [(done.frame, string) for done, string in kept]
         assert record.string(6) == frames[5][1]
         with pytest.raises(RecordError, match="frame 7 is not in the record"):
             record.string(7)
@@ -89,8 +89,8 @@ def test_a_wrong_digest_is_found(tmp_path, monkeypatch):
     file, frames = happened("meadow")
     stream = io.BytesIO()
     writer = RecordWriter(stream, description(file))
-    for told, string in frames[:2]:
-        writer.frame(told, string, 0.0, {})
+    for done, string in frames[:2]:
+        writer.frame(done, string, 0.0, {})
     wrong = lambda number, events, edit, _: encode_frame(number, events, edit, bytes(16))  # noqa: E731
     monkeypatch.setattr("minerva_bus.log.writer.encode_frame", wrong)
     writer.frame(*frames[2], 0.0, {})

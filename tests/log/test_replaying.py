@@ -42,11 +42,11 @@ def lived(name):
     world, overrides = WORLDS[name]
     file, seen, digests = world_file(world, **overrides), Seen(name), []
     algorithm = FrameAlgorithm(file.world)
-    members = [one.participant() for one in file.processes]
+    members = [process.participant() for process in file.processes]
 
-    def watch(told):
-        if isinstance(told, s.FrameDone):
-            digests.append(told.record.digest)
+    def watch(message):
+        if isinstance(message, s.FrameDone):
+            digests.append(message.record.digest)
 
     runner = InProcessRunner(algorithm, [*members, Member("seen", seen)], watch)
     runner.start()
@@ -83,7 +83,7 @@ class Projector:
 
     @property
     def digests(self):
-        return [one.record.digest for one in self.told if isinstance(one, s.FrameDone)]
+        return [message.record.digest for message in self.told if isinstance(message, s.FrameDone)]
 
 
 @pytest.mark.parametrize("name", WORLDS)
@@ -102,7 +102,7 @@ def test_its_views_and_strings_are_those_of_the_run(name, tmp_path):
 def test_it_may_begin_in_the_middle(name, tmp_path):
     projector, (shown, _) = Projector(name, tmp_path, begin=7), lived(name)
     projector.play()
-    assert projector.seen.shown == [one for one in shown if one[0] >= 7]
+    assert projector.seen.shown == [item for item in shown if item[0] >= 7]
 
 
 @pytest.mark.parametrize("name", WORLDS)

@@ -52,12 +52,14 @@ def lived(file, stop=None):
     algorithm, digests = FrameAlgorithm(file.world), {}
     record = recording(file, algorithm, lambda text: pytest.fail(text))
 
-    def watch(told):
-        if isinstance(told, s.FrameDone):
-            record.frame(told)
-            digests[told.frame] = told.record.digest
+    def watch(message):
+        if isinstance(message, s.FrameDone):
+            record.frame(message)
+            digests[message.frame] = message.record.digest
 
-    runner = InProcessRunner(algorithm, [one.participant() for one in file.processes], watch)
+    runner = InProcessRunner(
+        algorithm, [process.participant() for process in file.processes], watch
+    )
     runner.start()
     while runner.ended is None and algorithm.frame != stop:
         runner.handle(s.Begin())
@@ -74,9 +76,9 @@ def test_a_run_that_is_stopped_anywhere_goes_on_as_if_it_never_was(name, tmp_pat
         lived(world_file(world, record=str(cut), **overrides), stop)
         resumed = read_resumed(cut, "", Overrides(record=str(on)))
         assert resumed.world.past.frame == stop
-        assert lived(resumed) == {n: one for n, one in whole.items() if n >= stop}
+        assert lived(resumed) == {n: digest for n, digest in whole.items() if n >= stop}
         with Record(on) as record:
-            assert {one.number: one.digest for one, _ in record.strings(check=True)} == whole
+            assert {frame.number: frame.digest for frame, _ in record.strings(check=True)} == whole
 
 
 def test_a_run_that_was_resumed_is_resumed(tmp_path):
@@ -87,7 +89,7 @@ def test_a_run_that_was_resumed_is_resumed(tmp_path):
         after = lived(read_resumed(path, "", Overrides()), stop)
         assert after.items() <= whole.items()
     with Record(path) as record:
-        assert [one.digest for one in record.frames()] == list(whole.values())
+        assert [frame.digest for frame in record.frames()] == list(whole.values())
         assert record.complete
 
 
@@ -102,7 +104,7 @@ def test_a_full_disk_leaves_a_resumed_record_unchanged(tmp_path, monkeypatch):
     monkeypatch.setattr(RecordWriter, "flush", full)
     with pytest.raises(RecordError, match="cannot be written: No space left on device"):
         lived(read_resumed(path, "", Overrides()))
-    assert [one.name for one in tmp_path.iterdir()] == ["run.mcap"]
+    assert [path.name for path in tmp_path.iterdir()] == ["run.mcap"]
     assert path.read_bytes() == before
 
 
@@ -135,7 +137,7 @@ def test_settings_of_a_resumed_run_apply_to_the_next_one(tmp_path):
 def test_a_record_that_is_cut_off_has_its_last_whole_checkpoint(name, tmp_path):
     _, frames = happened(name)
     data = bytes_of(name, flush_every=3, finished=False)
-    digests = [happened(name)[0].world.scene.digest, *(one.digest for one, _ in frames)]
+    digests = [happened(name)[0].world.scene.digest, *(string.digest for string, _ in frames)]
     with record_of(data, tmp_path) as record:
         first = record._chunks.places[1].begin
     for size in range(first, len(data), max(1, (len(data) - first) // 12)):
@@ -157,12 +159,12 @@ def test_a_checkpoint_lists_new_data(tmp_path):
     second = Checkpoint(4, {"a": {"n": 1}, "b": {"n": [3]}}, reached=frozenset("pq"))
     third = Checkpoint(6, second.saved, reached=frozenset("pqr"), reaching=frozenset(["AFox"]))
     found, before = Checkpoint(), None
-    for one in (first, second, third):
-        kept = Kept.of(one)
+    for string in (first, second, third):
+        kept = Kept.of(string)
         step = decode_checkpoint(encode_checkpoint(kept, before), reader)
         assert step.whole == (before is None)
         found, before = step.after(found), kept
-        assert found == one
+        assert found == string
     assert decode_checkpoint(encode_checkpoint(Kept.of(second), Kept.of(first)), reader).new == (
         Checkpoint(4, {"b": {"n": [3]}}, reached=frozenset("pq"))
     )
@@ -261,12 +263,14 @@ def test_waiting_events_of_people_are_in_the_frame(tmp_path):
     record = recording(file, algorithm, lambda text: pytest.fail(text))
     order = file.world.vocabulary.events["eStep"]()
 
-    def watch(told):
-        if isinstance(told, s.FrameDone):
-            algorithm.inbox.events["~order"] = [order] if told.frame == 3 else []
-            record.frame(told)
+    def watch(message):
+        if isinstance(message, s.FrameDone):
+            algorithm.inbox.events["~order"] = [order] if message.frame == 3 else []
+            record.frame(message)
 
-    runner = InProcessRunner(algorithm, [one.participant() for one in file.processes], watch)
+    runner = InProcessRunner(
+        algorithm, [process.participant() for process in file.processes], watch
+    )
     runner.start()
     while algorithm.frame < 4:
         runner.handle(s.Begin())

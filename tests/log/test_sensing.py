@@ -53,16 +53,19 @@ ALL = {
 LOCKSTEP = ALL_KINDS.split("[process.noise]")[0]
 
 
-def same(one, other):
+def same(first, other):
     """Whether readings are identical bit by bit."""
-    plain = [(told.topic, told.member, told.frame, told.readings) for told in (one, other)]
+    plain = [
+        (readings.topic, readings.member, readings.frame, readings.readings)
+        for readings in (first, other)
+    ]
     return plain[0][:3] == plain[1][:3] and [*map(plain_reading, plain[0][3])] == [
         *map(plain_reading, plain[1][3])
     ]
 
 
 def heard(record) -> list[Any]:
-    return [told for _, told in record.sensed()]
+    return [readings for _, readings in record.sensed()]
 
 
 @pytest.mark.parametrize("schema", ALL)
@@ -112,14 +115,14 @@ def test_a_robots_scans_are_in_its_record(tmp_path):
     assert done.returncode == 0, done.stderr
     with Record(path) as record:
         told = heard(record)
-        assert {(one.topic, one.member) for one in told} == {("scan", "physics")}
-        frames = [one.frame for one in told]
+        assert {(readings.topic, readings.member) for readings in told} == {("scan", "physics")}
+        frames = [readings.frame for readings in told]
         assert frames == sorted(set(frames))
         assert [time for time, _ in record.sensed()] == pytest.approx([0.1 * n for n in frames])
-        assert all(len(scan.ranges) > 10 for one in told for scan in one.readings)
+        assert all(len(scan.ranges) > 10 for readings in told for scan in readings.readings)
     shown = topics_in(path)
-    scans = [json.loads(one.data) for one in shown["topics/scan/physics/LaserScan"]]
-    assert len(scans) == len([scan for one in told for scan in one.readings])
+    scans = [json.loads(row.data) for row in shown["topics/scan/physics/LaserScan"]]
+    assert len(scans) == len([scan for readings in told for scan in readings.readings])
     robot = told[-1].readings[-1].robot
     assert scans[0]["frame_id"] == robot
     assert json.loads(shown["transforms"][-1].data)["child_frame_id"] == robot
@@ -131,7 +134,7 @@ def test_the_bus_and_one_process_give_the_same_result(tmp_path):
     summary(here(tmp_path, "run", path, "--in-process", "--record", "alone.mcap", *words))
     summary(minerva(tmp_path, "run", path, "--record", "bus.mcap", *words))
     with Record(tmp_path / "alone.mcap") as alone, Record(tmp_path / "bus.mcap") as bus:
-        key = lambda told: (told.frame, told.topic)  # noqa: E731
+        key = lambda readings: (readings.frame, readings.topic)  # noqa: E731
         one, other = sorted(heard(alone), key=key), sorted(heard(bus), key=key)
     assert len(one) == len(other) >= 25
     assert all(map(same, one, other))
@@ -201,8 +204,8 @@ def test_readings_that_are_too_fast_are_dropped_and_counted(tmp_path, monkeypatc
                     " than they could be written"]  # fmt: skip
     with Record(path) as record:
         told = heard(record)
-        assert [one.frame for one in told if isinstance(one, Readings)] == [0, 1, 2]
-        assert sum(one.count for one in told if isinstance(one, Dropped)) == 4
+        assert [message.frame for message in told if isinstance(message, Readings)] == [0, 1, 2]
+        assert sum(message.count for message in told if isinstance(message, Dropped)) == 4
     info = here(tmp_path, "info", path).stdout
     assert "topics      battery 3 (4 messages dropped)" in info
 
@@ -284,7 +287,7 @@ def test_readings_of_a_frame_that_was_cut_off_are_left_out(tmp_path):
     writer.finish()
     with record_of(stream.getvalue(), tmp_path) as record:
         kept = [message for topic, message in record.messages(2) if topic == c.SENSED]
-    assert [cast("Readings", decode_sensed(one.data)).frame for one in kept] == [0, 1]
+    assert [cast("Readings", decode_sensed(message.data)).frame for message in kept] == [0, 1]
 
 
 def test_no_topics_no_ear(tmp_path):

@@ -93,7 +93,7 @@ def test_other_agents_live_through_the_same_events(recorded):
     code, found = swapped(folder, "walkers=others:Lame")
     assert code == 1
     assert found["difference"]["frame"] == 4
-    assert {one["attribute"] for one in found["difference"]["changes"]} == {"x"}
+    assert {change["attribute"] for change in found["difference"]["changes"]} == {"x"}
     assert found["digest"] != whole["digest"]
 
 

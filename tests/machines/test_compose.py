@@ -12,7 +12,7 @@ from tests.machines.conftest import ROOT, needs, run
 from tests.runtime.running import eventually
 
 pytestmark = [pytest.mark.deploy, pytest.mark.timeout(900)]
-OURS = [name for name, one in COMPOSE["services"].items() if "profiles" not in one]
+OURS = [name for name, container in COMPOSE["services"].items() if "profiles" not in container]
 
 
 @pytest.fixture

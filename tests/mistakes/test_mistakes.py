@@ -41,7 +41,7 @@ def explained(mistake: Mistake, text: str) -> None:
         assert f"garden.py:{mistake.line}" in text
 
 
-@pytest.mark.parametrize("mistake", MISTAKES, ids=lambda one: one.name)
+@pytest.mark.parametrize("mistake", MISTAKES, ids=lambda mistake: mistake.name)
 def test_a_mistake_is_explained_in_a_few_lines(mistake, tmp_path, minerva):
     path = mistake.write(tmp_path)
     code, text = minerva(tmp_path, "run", path, "--in-process")
@@ -54,7 +54,7 @@ def test_a_mistake_is_explained_in_a_few_lines(mistake, tmp_path, minerva):
         explained(mistake, said)
 
 
-@pytest.mark.parametrize("allowed", HARMLESS, ids=lambda one: one.name)
+@pytest.mark.parametrize("allowed", HARMLESS, ids=lambda allowed: allowed.name)
 def test_permitted_actions_log_nothing(allowed, tmp_path, minerva):
     code, text = minerva(tmp_path, "run", allowed.write(tmp_path), "--in-process")
     assert code == 0

@@ -245,9 +245,9 @@ class Network:
         """Write the hosts file of each host, with the names and addresses on shared networks."""
         for host in self.hosts.values():
             lines = ["127.0.0.1 localhost"]
-            for one in self.hosts.values():
-                shared = sorted(set(host.addresses) & set(one.addresses))
-                lines += [f"{one.addresses[net]} {one.name}" for net in shared[:1]]
+            for peer in self.hosts.values():
+                shared = sorted(set(host.addresses) & set(peer.addresses))
+                lines += [f"{peer.addresses[net]} {peer.name}" for net in shared[:1]]
             place = NAMES / host.space
             place.mkdir(parents=True, exist_ok=True)
             (place / "hosts").write_text("\n".join(lines) + "\n")

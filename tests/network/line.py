@@ -29,14 +29,14 @@ def port(name):
     return device
 
 
-def carry(one, other, seconds, lost):
+def carry(near, other, seconds, lost):
     """Forward frames in both directions forever."""
     random, dropped = Random(1), 0
     on_the_way = deque()
-    to = {one: other, other: one}
+    to = {near: other, other: near}
     while True:
         wait = on_the_way[0][0] - time.monotonic() if on_the_way else 1.0
-        ready, _, _ = select.select([one, other], [], [], max(0.0, wait))
+        ready, _, _ = select.select([near, other], [], [], max(0.0, wait))
         for device in ready:
             frame = os.read(device, LONGEST)
             if random.random() < lost:

@@ -58,8 +58,8 @@ class Spread:
         """Copy the key and certificates of a member to its host."""
         folder = host.folder / "keys"
         folder.mkdir(mode=0o700)
-        for one in ("ca.pem", f"{name}.pem", f"{name}.key"):
-            shutil.copy(self.keys.folder / one, folder / one)
+        for file in ("ca.pem", f"{name}.pem", f"{name}.key"):
+            shutil.copy(self.keys.folder / file, folder / file)
 
     def begin(self, *words):
         """Start the world and wait until all members have joined."""
@@ -137,8 +137,8 @@ class Spread:
 
     def close(self):
         """End all its processes, whatever their state."""
-        for one in [*self.runs.values(), *([self.world] if hasattr(self, "world") else [])]:
-            one.__exit__()
+        for run in [*self.runs.values(), *([self.world] if hasattr(self, "world") else [])]:
+            run.__exit__()
 
 
 __all__ = ["HERE", "PORT", "THERE", "Spread", "eventually"]

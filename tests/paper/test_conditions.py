@@ -228,7 +228,7 @@ conditions = st.recursive(
 @given(conditions, st.lists(st.fixed_dictionaries(STATES), min_size=1, max_size=5))
 def test_of_many_it_holds_as_of_each(condition, states):
     dtypes = {"a": np.int64, "b": np.float64, "c": np.bool_, "d": object}
-    arrays = {name: np.array([one[name] for one in states], t) for name, t in dtypes.items()}
+    arrays = {name: np.array([state[name] for state in states], t) for name, t in dtypes.items()}
     assert holds_of_many(condition, arrays, len(states)).tolist() == [
         holds(condition, state) for state in states
     ]

@@ -9,7 +9,7 @@ from pathlib import Path
 ROOT = Path(__file__).parents[2]
 DOCUMENT = (ROOT / "PAPER.md").read_text()
 CODE = ("minerva_bus", "agents/minerva_agents", "services/minerva_services")
-PROJECT = tuple(Path(__file__).parents[2] / one for one in CODE)
+PROJECT = tuple(Path(__file__).parents[2] / path for path in CODE)
 ROBOT = ("agents/minerva_agents/robot", "services/minerva_services", "minerva_bus")
 PACKAGES = ("minerva_bus", "minerva_agents", "minerva_services", "tests", "running")
 """Imports of these packages mean that a test runs the engine; `running` starts worlds."""
@@ -64,7 +64,7 @@ def names(path):
     for file in files:
         if file.suffix == ".py":
             defined = _defined(ast.parse(file.read_text()), "")
-            made |= {file.stem, *defined, *(f"{file.stem}.{one}" for one in defined)}
+            made |= {file.stem, *defined, *(f"{file.stem}.{name}" for name in defined)}
     return frozenset(made)
 
 
@@ -77,11 +77,11 @@ def _defined(tree, prefix):
             made |= _defined(node, inner)
         elif isinstance(node, ast.Assign | ast.AnnAssign):
             targets = node.targets if isinstance(node, ast.Assign) else [node.target]
-            for one in targets:
-                if isinstance(one, ast.Name):
-                    made.add(prefix + one.id)
-                elif isinstance(one, ast.Attribute):
-                    made.add(prefix + one.attr)
+            for target in targets:
+                if isinstance(target, ast.Name):
+                    made.add(prefix + target.id)
+                elif isinstance(target, ast.Attribute):
+                    made.add(prefix + target.attr)
         elif isinstance(node, ast.If | ast.Try | ast.With | ast.For | ast.Match | ast.While):
             made |= _defined(node, prefix)
     return made
@@ -90,7 +90,7 @@ def _defined(tree, prefix):
 def has(path, name):
     defined = names(path)
     plain = name.lstrip("@")
-    return plain in defined or any(one.endswith(f".{plain.lstrip('.')}") for one in defined)
+    return plain in defined or any(name.endswith(f".{plain.lstrip('.')}") for name in defined)
 
 
 def test_every_path_of_a_row_exists():
@@ -107,8 +107,8 @@ def test_every_path_of_a_row_exists():
 def tokens():
     """The text in backquotes in cells of rows, each with the module named before it."""
     for row in ROWS:
-        paths = [found(one, row) for one in quoted(row.intro) if PATH.fullmatch(one)]
-        tested = next((one for one in paths if one is not None and "tests" in one.parts), None)
+        paths = [found(path, row) for path in quoted(row.intro) if PATH.fullmatch(path)]
+        tested = next((path for path in paths if path is not None and "tests" in path.parts), None)
         for cell in row.cells[1:]:
             module = None
             for token in quoted(cell):
@@ -152,8 +152,8 @@ def imported(file):
 
 def runs_the_engine(file):
     return any(
-        one.startswith(PACKAGES) and not one.startswith("minerva_bus.testing")
-        for one in imported(file)
+        module.startswith(PACKAGES) and not module.startswith("minerva_bus.testing")
+        for module in imported(file)
     )
 
 

@@ -178,10 +178,10 @@ def test_it_does_not_depend_on_placement(frame, data):
     w, events, moment = frame
     part = w.pieces[0]
     at = data.draw(st.integers(0, part.count))
-    cut = [one for one in (part.take(slice(0, at)), part.take(slice(at, None))) if one.count]
+    cut = [half for half in (part.take(slice(0, at)), part.take(slice(at, None))) if half.count]
     together = EMPTY
-    for one in cut:
-        together += evolve(Scene((one,)), events, [Many], moment).scene
+    for piece in cut:
+        together += evolve(Scene((piece,)), events, [Many], moment).scene
     assert together == evolve(w, events, [Many], moment).scene
 
 

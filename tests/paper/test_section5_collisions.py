@@ -178,7 +178,7 @@ class Story:
                 events = single(instruction.record.events)
                 self.digests.append(algorithm.scene.digest.hex())
                 self.scenes.append(algorithm.scene)
-                self.collisions.append([one for one in events if one.type == "eCollision"])
+                self.collisions.append([event for event in events if event.type == "eCollision"])
 
         runner = InProcessRunner(algorithm, members, watch)
         runner.start()
@@ -221,9 +221,9 @@ def test_the_geometry_is_that_of_alpha_beta_and_delta() -> None:
 def test_agents_bounce_and_know_each_other_by_events_only() -> None:
     story = play()
     hits = sum(agent.state["hits"] for agent in agents(story.scenes[-1]))  # pyright: ignore
-    told = [one for frame in story.collisions for one in frame]
+    told = [event for frame in story.collisions for event in frame]
     assert hits == len(told) > 40
-    assert {"", "b0"} < {one.other for one in told}
+    assert {"", "b0"} < {event.other for event in told}
     for agent in agents(story.scenes[-1]):
         state: Any = agent.state
         assert math.hypot(state["vx"], state["vy"]) == pytest.approx(2.0)
@@ -232,20 +232,22 @@ def test_agents_bounce_and_know_each_other_by_events_only() -> None:
 
 def test_an_event_reports_what_the_previous_frame_showed() -> None:
     story = play()
-    for shown, told in pairwise(range(80)):
+    for shown, frame in pairwise(range(80)):
         view_of = story.scenes[shown - 1] if shown else billiards()
-        place: dict[str, Any] = {one.id: one.state for one in agents(view_of)}
+        place: dict[str, Any] = {agent.id: agent.state for agent in agents(view_of)}
         close = {
-            (one, other)
-            for one in place
+            (first, other)
+            for first in place
             for other in place
-            if one != other
+            if first != other
             and math.dist(
-                (place[one]["x"], place[one]["y"]), (place[other]["x"], place[other]["y"])
+                (place[first]["x"], place[first]["y"]), (place[other]["x"], place[other]["y"])
             )
             <= 2 * RADIUS
         }
-        found = {(one.receivers[0], one.other) for one in story.collisions[told] if one.other}
+        found = {
+            (event.receivers[0], event.other) for event in story.collisions[frame] if event.other
+        }
         assert found == close
 
 
@@ -272,7 +274,7 @@ def test_physics_and_scene_geometry_report_the_same_collisions() -> None:
         story = Story(scene, members, 8)
         (robot,) = agents(story.scenes[-1])
         stories.append(robot.state["told"])
-        names = {one.names for frame in story.collisions for one in frame}
+        names = {event.names for frame in story.collisions for event in frame}
         assert names == {eCollision.fields.names}
     assert stories[0][0] == stories[1][0] == "PMap 3.000 2.000 -1 0 True"
     assert stories[0][1] == stories[1][1] == "PMap 3.000 2.000 -1 0 False"

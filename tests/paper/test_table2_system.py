@@ -141,7 +141,7 @@ class Setting:
         ]
         members += [Host(f"host{n}", self.kinds, run) for n in range(self.hosts)]
         members.append(Member("screen", Screen(run, self.visual)))
-        named = frozenset(one.name for one in members)
+        named = frozenset(member.name for member in members)
         world = World(
             "w", self.w0, self.vocabulary, order=Order(self.order), policy=self.policy,
             expected=named, frames=self.most,
@@ -167,7 +167,7 @@ class Setting:
         run, lam = Run(), Lambda(kinds_of(self.kinds))
         types = sorted(
             self.vocabulary.events,
-            key=lambda one: (self.order.index(one) if one in self.order else 99, one),
+            key=lambda event: (self.order.index(event) if event in self.order else 99, event),
         )
         sources = {"#agents": lam.emitted, **self.script}
         generators = [
@@ -411,7 +411,9 @@ def families(draw):
     """A string of the family, and the events of three generators for a few frames."""
     w0 = draw(family_strings())
     plain = st.lists(family_events(w0), max_size=4)
-    seen = family_events(w0, visual=True).map(lambda some: [e for e in some if e.type == "eShow"])
+    seen = family_events(w0, visual=True).map(
+        lambda events: [e for e in events if e.type == "eShow"]
+    )
     made = [draw(plain), draw(plain), draw(st.lists(seen, max_size=4))]
 
     def script(frames):

@@ -100,10 +100,10 @@ def figure(shape: Shape, who: str) -> Scene:
     return TPlace(x, y, angle)(one)
 
 
-def scene_of(some: Sequence[Shape], agents: int) -> Scene:
+def scene_of(shapes: Sequence[Shape], agents: int) -> Scene:
     """Shapes owned by the agents in turn; every (agents + 1)-th shape is scenery."""
     scene = EMPTY
-    for number, shape in enumerate(some):
+    for number, shape in enumerate(shapes):
         one = number % (agents + 1)
         scene += figure(shape, f"a{one}" if one < agents else "")
     return scene

@@ -193,9 +193,9 @@ def test_no_sequence_of_commands_makes_bodies_overlap(seed: int) -> None:
         poses = {name: arena.pose(name) for name in radii}
         for name, pose in poses.items():
             assert gap_to_walls(pose, walls) >= radii[name] - TOUCHES
-        for one, other in combinations(radii, 2):
-            apart = math.dist((poses[one].x, poses[one].y), (poses[other].x, poses[other].y))
-            assert apart >= radii[one] + radii[other] - TOUCHES
+        for first, other in combinations(radii, 2):
+            apart = math.dist((poses[first].x, poses[first].y), (poses[other].x, poses[other].y))
+            assert apart >= radii[first] + radii[other] - TOUCHES
 
 
 @settings(deadline=None)

@@ -135,7 +135,7 @@ TOGETHER = ball("a", 0.0, 0.0) + ball("b", 0.75, 0.0)
 def test_a_collision_is_reported_when_it_begins() -> None:
     service = joined()
     story = [TOGETHER, TOGETHER, APART, TOGETHER]
-    assert [len(told(service, one, frame)) for frame, one in enumerate(story)] == [2, 0, 0, 2]
+    assert [len(told(service, scene, frame)) for frame, scene in enumerate(story)] == [2, 0, 0, 2]
     assert service.report() == {"collisions": 2}
     assert type(service.save()["count"]) is int
 
@@ -143,7 +143,7 @@ def test_a_collision_is_reported_when_it_begins() -> None:
 def test_or_as_long_as_it_lasts() -> None:
     service = joined(persist=True)
     story = [TOGETHER, TOGETHER, APART, TOGETHER]
-    begins = [[e.begins for e in told(service, one, n)] for n, one in enumerate(story)]
+    begins = [[e.begins for e in told(service, scene, n)] for n, scene in enumerate(story)]
     assert begins == [[True, True], [False, False], [], [True, True]]
     assert service.report() == {"collisions": 2}
 
@@ -176,11 +176,11 @@ def test_many_contacts_are_saved_as_few_values() -> None:
         ContactPair(f"a{n}", f"b{n}" if n % 3 else "", math.cos(n), math.sin(n))
         for n in range(LISTED + 1)
     ]
-    for many in (pairs, pairs[:LISTED]):
-        saved = ContactMemory(many).save()
+    for known in (pairs, pairs[:LISTED]):
+        saved = ContactMemory(known).save()
         again = ContactMemory.restored(saved)
         assert again.save() == saved
-        assert all(map(again.knows, many))
+        assert all(map(again.knows, known))
         assert not again.knows(ContactPair("a1", "b2", 1.0, 0.0))
     assert values_in(pack(ContactMemory(pairs).save()), 100) < 10
 
@@ -236,13 +236,13 @@ scenes = st.lists(shapes, max_size=14)
 @given(scenes, st.integers(1, 5), st.integers(0, 3))
 @settings(max_examples=40)
 @example([("block", 1.0, 1.0, 0.0, 0.5, 0.5), ("disc", 1.25, 1.25, 0.0, 0.125, 0.5)], 1, 0)
-def test_the_grid_leaves_nothing_out(some: list[Shape], agents: int, ignored: int) -> None:
-    found = volumes(scene_of(some, agents), VOCABULARY)
+def test_the_grid_leaves_nothing_out(shapes: list[Shape], agents: int, ignored: int) -> None:
+    found = volumes(scene_of(shapes, agents), VOCABULARY)
     pairs = [("PBody", "PBar"), ("PBlock", "*")][:ignored]
     owners = Owners.among(found)
     told = contacts(found, owners, pairs)
     rows = zip(owners.of[told.first].tolist(), owners.of[told.second].tolist(), strict=True)
-    agents_told = {(one, other) for one, other in rows if other >= 0}
+    agents_told = {(row, other) for row, other in rows if other >= 0}
     expected: set[tuple[int, int]] = set()
     walls: set[int] = set()
     for i, j in itertools.permutations(range(len(found)), 2):
@@ -256,8 +256,8 @@ def test_the_grid_leaves_nothing_out(some: list[Shape], agents: int, ignored: in
             expected |= {(int(one), int(other))} if other >= 0 else set()
     assert agents_told == expected
     assert {
-        one
-        for one, other in zip(owners.of[told.first], owners.of[told.second], strict=True)
+        owner
+        for owner, other in zip(owners.of[told.first], owners.of[told.second], strict=True)
         if other < 0
     } == walls
 
@@ -267,32 +267,39 @@ spans = st.tuples(*[st.sampled_from((0.0, 0.25, 1.0, 40.0))] * 2)
 boxes = st.lists(st.tuples(corners, spans), max_size=25)
 
 
-def boxes_of(some: list[Any]) -> Boxes:
-    lower = np.array([corner for corner, _ in some], np.float64).reshape(-1, 2)
-    return Boxes(lower, lower + np.array([span for _, span in some]).reshape(-1, 2))
+def boxes_of(rectangles: list[Any]) -> Boxes:
+    lower = np.array([corner for corner, _ in rectangles], np.float64).reshape(-1, 2)
+    return Boxes(lower, lower + np.array([span for _, span in rectangles]).reshape(-1, 2))
 
 
 @given(boxes, boxes)
 @settings(max_examples=40)
 @example([((0.0, 0.0), (0.0, 0.0))], [((0.0, 0.0), (0.0, 0.0))])
-def test_pairs_of_boxes_are_those_of_brute_force(some: list[Any], others: list[Any]) -> None:
-    one, other = boxes_of(some), boxes_of(others)
+def test_pairs_of_boxes_are_those_of_brute_force(rectangles: list[Any], others: list[Any]) -> None:
+    first, other = boxes_of(rectangles), boxes_of(others)
 
     def meet(a: Boxes, i: int, b: Boxes, j: int) -> bool:
         return bool((a.lower[i] <= b.upper[j]).all() and (b.lower[j] <= a.upper[i]).all())
 
-    every = [(i, j) for i in range(len(one)) for j in range(len(other)) if meet(one, i, other, j)]
-    assert list(zip(*(rows.tolist() for rows in pairs_between(one, other)), strict=True)) == every
-    own = [(i, j) for i in range(len(one)) for j in range(i + 1, len(one)) if meet(one, i, one, j)]
-    assert list(zip(*(rows.tolist() for rows in pairs_among(one)), strict=True)) == own
+    every = [
+        (i, j) for i in range(len(first)) for j in range(len(other)) if meet(first, i, other, j)
+    ]
+    assert list(zip(*(rows.tolist() for rows in pairs_between(first, other)), strict=True)) == every
+    own = [
+        (i, j)
+        for i in range(len(first))
+        for j in range(i + 1, len(first))
+        if meet(first, i, first, j)
+    ]
+    assert list(zip(*(rows.tolist() for rows in pairs_among(first)), strict=True)) == own
 
 
 def test_boxes_very_far_away_and_very_large_are_no_trouble() -> None:
-    some = boxes_of(
+    scattered = boxes_of(
         [((0.0, 0.0), (1.0, 1.0)), ((1e300, 0.0), (1.0, 1.0)), ((-1e9, -1e9), (4e9, 4e9))]
     )
-    one, other = pairs_among(some)
-    assert list(zip(one.tolist(), other.tolist(), strict=True)) == [(0, 2)]
+    first, other = pairs_among(scattered)
+    assert list(zip(first.tolist(), other.tolist(), strict=True)) == [(0, 2)]
 
 
 def test_of_many_only_those_close_by_are_looked_at() -> None:
@@ -308,11 +315,11 @@ def test_of_many_only_those_close_by_are_looked_at() -> None:
 # --- comparison with pymunk -----------------------------------------------------------------------
 
 
-def pymunk_shapes(found: Volumes, body: pymunk.Body) -> list[pymunk.Shape]:
+def pymunk_shapes(solids: Volumes, body: pymunk.Body) -> list[pymunk.Shape]:
     made: list[pymunk.Shape] = []
-    for row in range(len(found)):
-        core = [tuple(p) for p in found.points[found.first[row] : found.first[row + 1]].tolist()]
-        radius = float(found.radius[row])
+    for row in range(len(solids)):
+        core = [tuple(p) for p in solids.points[solids.first[row] : solids.first[row + 1]].tolist()]
+        radius = float(solids.radius[row])
         if len(core) == 1:
             made.append(pymunk.Circle(body, radius, core[0]))
         elif len(core) == 2:
@@ -334,10 +341,10 @@ def anywhere(seed: int, count: int) -> list[Shape]:
     return shapes
 
 
-def depths_by_pymunk(found: Volumes) -> dict[tuple[int, int], float]:
+def depths_by_pymunk(solids: Volumes) -> dict[tuple[int, int], float]:
     """Depths by pair of rows, the smaller row first."""
     space = pymunk.Space()
-    others = pymunk_shapes(found, space.static_body)
+    others = pymunk_shapes(solids, space.static_body)
     space.add(*others)
     number = {shape: row for row, shape in enumerate(others)}
     depths: dict[tuple[int, int], float] = {}
@@ -365,8 +372,8 @@ def test_contacts_agree_with_pymunk(seed: int, count: int) -> None:
 @given(shapes, shapes)
 @example(("block", 0.0, 0.0, 30.0, 1 / 8, 1 / 8), ("block", 1 / 8, 0.0, 30.0, 1 / 8, 1 / 8))
 @settings(max_examples=60)
-def test_along_the_normal_by_the_depth_and_they_just_touch(one: Shape, other: Shape) -> None:
-    found = volumes(scene_of([one, other], 2), VOCABULARY)
+def test_along_the_normal_by_the_depth_and_they_just_touch(first: Shape, other: Shape) -> None:
+    found = volumes(scene_of([first, other], 2), VOCABULARY)
     pair = np.array([0]), np.array([len(found) - 1])
     touch = touches(found, *pair)
     if not len(touch.first):
@@ -385,15 +392,15 @@ def test_along_the_normal_by_the_depth_and_they_just_touch(one: Shape, other: Sh
         assert len(touches(out, *pair).first)
     # The contact point is at most half of the overlap away from either shape.
     place = TPlace(*touch.point[0].tolist(), 0.0)(PBody(depth / 2 + 1e-6))
-    probe = volumes(scene_of([one, other], 2) + place, VOCABULARY)
+    probe = volumes(scene_of([first, other], 2) + place, VOCABULARY)
     last = len(probe) - 1
     assert len(touches(probe, np.array([0, last - 1]), np.array([last, last])).first) == 2
 
 
 @given(shapes, shapes)
 @settings(max_examples=40)
-def test_it_is_the_same_from_the_other_side(one: Shape, other: Shape) -> None:
-    found = volumes(scene_of([one, other], 2), VOCABULARY)
+def test_it_is_the_same_from_the_other_side(first: Shape, other: Shape) -> None:
+    found = volumes(scene_of([first, other], 2), VOCABULARY)
     rows = np.array([0]), np.array([len(found) - 1])
     forth, back = touches(found, *rows), touches(found, *rows[::-1])
     assert len(forth.first) == len(back.first)

@@ -32,7 +32,7 @@ from tests.collision_event import eCollision
 def stopped(arena: Arena, *commands: tuple[str, float, float]) -> dict[str, Contact | None]:
     for name, turn, forward in commands:
         arena.drive(name, turn, forward)
-    return {one.name: one.contact for one in arena.step(0.1)}
+    return {body.name: body.contact for body in arena.step(0.1)}
 
 
 def close(contact: Contact | None, other: str, x: float, y: float, nx: float, ny: float) -> bool:

@@ -20,7 +20,7 @@ def generator(seed: int = 7) -> np.random.Generator:
 def steps(model: MotionModel, turn: float, forward: float) -> np.ndarray:
     rng = generator()
     made = [model.sample(turn, forward, rng) for _ in range(MANY)]
-    return np.array([(one.turn_deg, one.forward_m, one.after_deg) for one in made])
+    return np.array([(sample.turn_deg, sample.forward_m, sample.after_deg) for sample in made])
 
 
 @pytest.mark.parametrize(
@@ -89,9 +89,9 @@ def test_missed_markers_and_mistaken_ones() -> None:
     made = SightingModel(miss=0.3, mistake=0.2).sample(seen, NAMES, generator())
     assert len(made) / MANY == pytest.approx(0.7, abs=0.01)
     for other in ("desk", "lamp"):
-        share = sum(one.marker == other for one in made) / len(made)
+        share = sum(sighting.marker == other for sighting in made) / len(made)
         assert share == pytest.approx(0.1, abs=0.01)
-    assert {(one.distance, one.angle) for one in made} == {(1.0, 2.0)}
+    assert {(sighting.distance, sighting.angle) for sighting in made} == {(1.0, 2.0)}
 
 
 def test_the_only_marker_is_never_mistaken() -> None:

@@ -88,31 +88,31 @@ def ids(count: int) -> list[str]:
     return [f"a{number}" for number in range(count)]
 
 
-def spots(some: Sequence[Point], names: Sequence[str] | None = None) -> Scene:
+def spots(points: Sequence[Point], names: Sequence[str] | None = None) -> Scene:
     """A figure for each point, in columns if their number is even, otherwise as single nodes."""
-    names = ids(len(some)) if names is None else names
-    if len(some) % 2 == 0 and some:
-        x, y, vx = np.array(some, float).T.copy()
+    names = ids(len(points)) if names is None else names
+    if len(points) % 2 == 0 and points:
+        x, y, vx = np.array(points, float).T.copy()
         return TMove(x, y)(PSpot(np.array(names, object), vx))
-    both = zip(some, names, strict=True)
+    both = zip(points, names, strict=True)
     return Scene(tuple(n for (x, y, vx), who in both for n in TMove(x, y)(PSpot(who, vx)).pieces))
 
 
-def way(one: float, other: float, size: float) -> float:
+def way(start: float, other: float, size: float) -> float:
     """Signed distance along an axis, the shorter way around if the axis has a period `size`."""
     if not size:
-        return other - one
-    one, other = one % size, other % size
-    return min((other - one + shift for shift in (-size, 0.0, size)), key=abs)
+        return other - start
+    start, other = start % size, other % size
+    return min((other - start + shift for shift in (-size, 0.0, size)), key=abs)
 
 
-def brute_force(some: Sequence[Point], radius: float, periodic: bool) -> list[tuple[Any, ...]]:
+def brute_force(points: Sequence[Point], radius: float, periodic: bool) -> list[tuple[Any, ...]]:
     """(receiver, neighbour, dx, dy, distance, vx) of all pairs, in order."""
     size = (WIDTH, HEIGHT) if periodic else (0.0, 0.0)
     found = []
-    for i, one in enumerate(some):
-        for j, other in enumerate(some):
-            dx, dy = way(one[0], other[0], size[0]), way(one[1], other[1], size[1])
+    for i, point in enumerate(points):
+        for j, other in enumerate(points):
+            dx, dy = way(point[0], other[0], size[0]), way(point[1], other[1], size[1])
             if i != j and dx * dx + dy * dy <= radius * radius:
                 found.append((i, j, dx, dy, math.sqrt(dx * dx + dy * dy), other[2]))
     return found
@@ -130,24 +130,24 @@ def plane(radius: float, periodic: bool, **rest: Any) -> Neighbours:
 @example([(0.0, 0.0, 1.0), (8.0, 6.0, 2.0), (7.5, 5.5, 3.0)], 1.0, True)
 @example([(0.0, 0.0, 1.0), (0.0, 0.0, 2.0)], 0.125, False)
 def test_neighbours_are_those_of_brute_force(
-    some: list[Point], radius: float, periodic: bool
+    points: list[Point], radius: float, periodic: bool
 ) -> None:
-    events = told(plane(radius, periodic), spots(some))
-    expected = brute_force(some, radius, periodic)
+    events = told(plane(radius, periodic), spots(points))
+    expected = brute_force(points, radius, periodic)
     found = [(e.receivers, e.who, e.dx, e.dy, e.distance, e.vx) for e in events]
     assert found == [((f"a{i}",), f"a{j}", *rest) for i, j, *rest in expected]
 
 
 @given(points, radii, st.booleans(), st.integers(1, 4))
 def test_the_nearest_are_first_and_limited_in_number(
-    some: list[Point], radius: float, periodic: bool, nearest: int
+    points: list[Point], radius: float, periodic: bool, nearest: int
 ) -> None:
-    events = told(plane(radius, periodic, nearest=nearest), spots(some))
+    events = told(plane(radius, periodic, nearest=nearest), spots(points))
     expected: list[tuple[str, str]] = []
-    pairs = brute_force(some, radius, periodic)
-    for one in range(len(some)):
-        mine = sorted((row for row in pairs if row[0] == one), key=lambda row: (row[4], row[1]))
-        expected += [(f"a{one}", f"a{row[1]}") for row in mine[:nearest]]
+    pairs = brute_force(points, radius, periodic)
+    for number in range(len(points)):
+        mine = sorted((row for row in pairs if row[0] == number), key=lambda row: (row[4], row[1]))
+        expected += [(f"a{number}", f"a{row[1]}") for row in mine[:nearest]]
     assert [(e.receivers[0], e.who) for e in events] == expected
 
 
@@ -194,14 +194,14 @@ def test_an_empty_view_and_a_lonely_agent_are_quiet() -> None:
 
 @given(points, radii, st.booleans(), radii)
 def test_a_summary_adds_up_single_lines(
-    some: list[Point], radius: float, periodic: bool, apart: float
+    points: list[Point], radius: float, periodic: bool, apart: float
 ) -> None:
     service = plane(radius, periodic, event="eFlock", summary=True, apart=apart)
-    events = told(service, spots(some))
-    pairs = brute_force(some, radius, periodic)
-    assert [event.receivers[0] for event in events] == ids(len(some))
-    for one, event in enumerate(events):
-        mine = [row[2:] for row in pairs if row[0] == one]
+    events = told(service, spots(points))
+    pairs = brute_force(points, radius, periodic)
+    assert [event.receivers[0] for event in events] == ids(len(points))
+    for number, event in enumerate(events):
+        mine = [row[2:] for row in pairs if row[0] == number]
         close = [row for row in mine if row[2] < apart]
         count = max(len(mine), 1)
         assert event.number == len(mine)
@@ -215,13 +215,13 @@ def test_a_summary_adds_up_single_lines(
 
 @given(points, st.randoms(use_true_random=False))
 def test_collision_events_do_not_depend_on_the_order_of_agents(
-    some: list[Point], random: Any
+    points: list[Point], random: Any
 ) -> None:
-    order = list(range(len(some)))
+    order = list(range(len(points)))
     random.shuffle(order)
-    mixed = spots([some[row] for row in order], [f"a{row}" for row in order])
+    mixed = spots([points[row] for row in order], [f"a{row}" for row in order])
     for options in ({}, {"event": "eSums", "summary": True}, {"nearest": 3}):
-        plain = told(joined(radius=1.5, **options), spots(some))
+        plain = told(joined(radius=1.5, **options), spots(points))
         again = told(joined(radius=1.5, **options), mixed)
         key = lambda event: (event.receivers, str(event))  # noqa: E731
         if "nearest" not in options:  # among equally near neighbours the order decides
@@ -266,7 +266,7 @@ cells = st.lists(
 
 @given(cells, st.integers(1, 2), st.booleans(), st.sampled_from(["moore", "von neumann"]))
 def test_lattice_counts_are_those_of_brute_force(
-    some: list[tuple[int, int, int, float]], reach: int, periodic: bool, hood: str
+    sites: list[tuple[int, int, int, float]], reach: int, periodic: bool, hood: str
 ) -> None:
     service = joined(
         event="eLike",
@@ -278,20 +278,20 @@ def test_lattice_counts_are_those_of_brute_force(
         periodic=periodic,
         hood=hood,
     )
-    both = enumerate(some)
+    both = enumerate(sites)
     view = Scene(tuple(PCell(f"a{n}", *values).pieces[0] for n, values in both))
     events = told(service, view)
-    assert [event.receivers[0] for event in events] == ids(len(some))
-    for row, (one, event) in enumerate(zip(some, events, strict=True)):
+    assert [event.receivers[0] for event in events] == ids(len(sites))
+    for row, (site, event) in enumerate(zip(sites, events, strict=True)):
         near = []
-        for number, other in enumerate(some):
-            dx = abs(way(one[0], other[0], 7.0 if periodic else 0))
-            dy = abs(way(one[1], other[1], 5.0 if periodic else 0))
+        for number, other in enumerate(sites):
+            dx = abs(way(site[0], other[0], 7.0 if periodic else 0))
+            dy = abs(way(site[1], other[1], 5.0 if periodic else 0))
             inside = max(dx, dy) <= reach if hood == "moore" else dx + dy <= reach
             if number != row and inside:
                 near.append(other)
         assert event.number == len(near)
-        assert event.same == sum(other[2] == one[2] for other in near)
+        assert event.same == sum(other[2] == site[2] for other in near)
         assert event.age == sum(other[3] for other in near) / max(len(near), 1)
 
 

@@ -92,16 +92,16 @@ def test_a_step_of_boids_is_that_of_reynolds_rules_by_brute_force() -> None:
     heading = np.stack((columns["vx"], columns["vy"]), axis=1)
     size = flock.side(60)
     expected = heading.copy()
-    for one in range(60):
-        delta = (place - place[one] + size / 2) % size - size / 2
+    for number in range(60):
+        delta = (place - place[number] + size / 2) % size - size / 2
         distance = np.hypot(*delta.T)
-        near = (distance <= flock.VISION) & (np.arange(60) != one)
+        near = (distance <= flock.VISION) & (np.arange(60) != number)
         if near.any():
             close = near & (distance < flock.SEPARATION)
             turn = flock.COHERE * delta[near].sum(0) - flock.SEPARATE * delta[close].sum(0)
             turn += flock.MATCH * heading[near].sum(0)
-            expected[one] += turn / near.sum()
-            expected[one] /= np.hypot(*expected[one])
+            expected[number] += turn / near.sum()
+            expected[number] /= np.hypot(*expected[number])
     after = run(flock, 60, 1)[1].pieces[0]
     np.testing.assert_allclose(after.column("vx"), expected[:, 0], atol=1e-12)
     np.testing.assert_allclose(after.column("vy"), expected[:, 1], atol=1e-12)

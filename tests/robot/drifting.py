@@ -49,7 +49,7 @@ class House:
         moment = Tick(frame, "physics")
         said: dict[str, list[Any]] = {"physics": list(self.physics.generate(moment))}
         for name, service in (("scan", self.laser), ("sightings", self.camera)):
-            readings = tuple(one for topic, one in moment.published if topic == name)
+            readings = tuple(reading for topic, reading in moment.published if topic == name)
             said[name] = list(service.generate(Tick(frame, name, readings=readings)))
         orders = [] if self.frame else [eSpeed(0.8), eObjective("kitchen")]
         events = collect(ORDER, {**said, "people": [*orders, eDecide()]})

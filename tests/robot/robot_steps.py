@@ -39,7 +39,7 @@ def changed(before, robot):
     return sorted(name for name in state if not same(state[name], node.state[name]))
 
 
-def same(one, other):
-    if isinstance(one, np.ndarray):
-        return np.array_equal(one, other)
-    return one == other
+def same(left, other):
+    if isinstance(left, np.ndarray):
+        return np.array_equal(left, other)
+    return left == other

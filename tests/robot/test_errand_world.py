@@ -72,10 +72,10 @@ def test_an_errand_is_done_and_then_the_objective_which_ends_the_world(hall):
     assert run.of("eTake", "eTaken", "ePut", "eDelivered", "eGivenUp") == [
         ("r1", "eTake"), ("p1", "eTaken"), ("r1", "ePut"), ("r1", "eDelivered"),
     ]  # fmt: skip
-    assert {name: one.marker for name, one in run.parcels().items()} == {
+    assert {name: parcel.marker for name, parcel in run.parcels().items()} == {
         "p1": "door", "p2": "door", "p3": "window",
     }  # fmt: skip
-    assert [one.carrier for one in run.parcels().values()] == ["", "", ""]
+    assert [parcel.carrier for parcel in run.parcels().values()] == ["", "", ""]
     assert run.runner.ended.figures["collisions"] == 0
 
 

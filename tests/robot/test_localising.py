@@ -94,7 +94,7 @@ def test_by_its_wheels_alone_it_drifts():
 
 
 def test_by_its_laser_it_does_not():
-    by_wheels, by_laser = (np.array(driven(one).errors) for one in ("odometry", "matching"))
+    by_wheels, by_laser = (np.array(driven(way).errors) for way in ("odometry", "matching"))
     assert by_laser[:, 0].mean() < 0.12
     assert by_laser[-20:, 0].mean() < by_wheels[-20:, 0].mean() / 2
     assert by_laser[-20:, 1].mean() < by_wheels[-20:, 1].mean() / 2
@@ -108,7 +108,7 @@ def test_the_same_seed_gives_the_same_robot():
 
 
 def test_a_scan_is_drawn_after_the_decision():
-    node = next(one for one in agents(scene({"localise": "matching"})) if one.id == "r1")
+    node = next(agent for agent in agents(scene({"localise": "matching"})) if agent.id == "r1")
     robot = ALocalisingRobot.thaw(node)
     lasers = [eLaser(1.0 + 0.02 * number, 4.0 * number) for number in range(20)]
     done = evolve(robot.string, [*lasers, eDecide()], [ALocalisingRobot], Frame(1))

@@ -40,8 +40,8 @@ class Watched:
         file = read_world_file(path, Overrides(options=options))
         self.algorithm = FrameAlgorithm(file.world)
         members = [process.participant() for process in file.processes]
-        self.physics = next(one.service for one in members if one.name == "physics")
-        self.runner = InProcessRunner(self.algorithm, members, lambda told: None)
+        self.physics = next(member.service for member in members if member.name == "physics")
+        self.runner = InProcessRunner(self.algorithm, members, lambda message: None)
         self.runner.start()
         self.apart, self.cells = 0.0, set()
 

@@ -58,8 +58,8 @@ def distances(blocked, start):
 def check_path(blocked, path, start):
     """Check that the path begins at the start, has only legal moves and the stated length."""
     assert path.cells[0] == start
-    assert all(can_move(blocked, one, other) for one, other in pairwise(path.cells))
-    lengths = [math.dist(one, other) for one, other in pairwise(path.cells)]
+    assert all(can_move(blocked, cell, other) for cell, other in pairwise(path.cells))
+    lengths = [math.dist(cell, other) for cell, other in pairwise(path.cells)]
     assert all(length in (1.0, ROOT2) for length in lengths)
     diagonals = sum(length > 1 for length in lengths)
     assert path.length == len(lengths) - diagonals + ROOT2 * diagonals

@@ -143,7 +143,7 @@ def test_straightened_ways_are_clear_and_lead_to_the_end(seed):
     grid, room = floor(), room_of(0.18, 0.1)
     grid[random.random(grid.shape) < 0.01] = 9
     free = np.argwhere(~blocked(grid, (0.5, 0.5), room))
-    start, goal = (tuple(one) for one in random.choice(free, 2).tolist())
+    start, goal = (tuple(cell) for cell in random.choice(free, 2).tolist())
     at = start[0] + random.random(), start[1] + random.random()
     path = shortest_path(blocked(grid, at, room), start, goal)
     if path is not None:

@@ -98,7 +98,7 @@ def test_robots_start_side_by_side():
     string = scene({"robots": 5})
     assert [robot.id for robot in robots(string)] == ["r1", "r2", "r3", "r4", "r5"]
     found = places(string)
-    gaps = [math.dist(one, other) for one in found for other in found if one is not other]
+    gaps = [math.dist(first, other) for first in found for other in found if first is not other]
     assert min(gaps) >= 3 * 0.18
     assert max(gaps) < 3
 

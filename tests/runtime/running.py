@@ -249,14 +249,16 @@ class World(Run):
             return {}
         self.frame = found.frame
         strange = (0, os.getpid())
-        self.pids |= {one.name: one.pid for one in found.members if one.pid not in strange}
-        return {one.name: asdict(one) for one in found.members}
+        self.pids |= {
+            member.name: member.pid for member in found.members if member.pid not in strange
+        }
+        return {member.name: asdict(member) for member in found.members}
 
     def coordinator(self):
         """The process id of the coordinator: the launcher's only child that is not a member."""
 
         def alone():
-            members = {one["pid"] for one in self.members().values()}
+            members = {member["pid"] for member in self.members().values()}
             others = set(children(self.process.pid)) - members
             return others if members and len(others) == 1 else None
 

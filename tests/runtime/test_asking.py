@@ -46,7 +46,7 @@ def test_list_as_json(world):
     (found,) = lines(ask(world, "list", "--json", "--world", world.name))
     assert found["world"] == world.name
     assert found["agents"] >= 4
-    assert [one["member"] for one in found["members"]] == ["steps", "walkers", "wishes"]
+    assert [member["member"] for member in found["members"]] == ["steps", "walkers", "wishes"]
     assert found["members"][1]["kinds"] == ["AWalker"]
     assert found["members"][1]["pid"] == world.members()["walkers"]["pid"]
     (again,) = lines(ask(world, "list", "--json", "--connect", world.endpoint()))
@@ -56,10 +56,10 @@ def test_list_as_json(world):
 def test_echo_events(world):
     done = ask(world, "echo", "eStep", "--count", "3", "--json")
     found = lines(done)
-    assert [one["type"] for one in found] == ["eStep"] * 3
-    frames = [one["frame"] for one in found]
+    assert [event["type"] for event in found] == ["eStep"] * 3
+    frames = [event["frame"] for event in found]
     assert frames == list(range(frames[0], frames[0] + 3))
-    assert all(isinstance(one["data"]["count"], int) for one in found)
+    assert all(isinstance(row["data"]["count"], int) for row in found)
     shown = ask(world, "echo", "eStep", "--count", "2").stdout.splitlines()
     assert len(shown) == 2
     assert "eStep<count=" in shown[0]
@@ -71,13 +71,13 @@ def test_echo_all(world):
 
 def test_echo_fragments(world):
     found = lines(ask(world, "echo", "AWalker", "--count", "4", "--json"))
-    assert all(one["text"].startswith("AWalker#") for one in found)
+    assert all(row["text"].startswith("AWalker#") for row in found)
 
 
 def test_echo_a_view(world):
     found = lines(ask(world, "echo", "eShow", "--count", "2", "--json"))
     assert len(found) == 2
-    assert all(one["text"].startswith("TAt<x=") and "AWalker" not in one["text"] for one in found)
+    assert all(row["text"].startswith("TAt<x=") and "AWalker" not in row["text"] for row in found)
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])

@@ -86,9 +86,9 @@ def cause(world, kind, function=""):
     return eventually(named, f"a cause {kind!r}\n{world.text}")
 
 
-def called(found):
+def called(halt):
     """The function of a cause; none while it imports a compiler, whose imports are too deep."""
-    return found.place.function if found.place is not None else ""
+    return halt.place.function if halt.place is not None else ""
 
 
 def test_a_pending_request_of_a_study_that_waits(faulty):

@@ -128,7 +128,7 @@ def test_readings_of_a_free_sensor_count_and_drops_are_reported(tmp_path):
         world.runs("gauge", "reader", "newest")
 
         def figures():
-            members = {one.name: one.figures for one in asked.operator.status().members}
+            members = {member.name: member.figures for member in asked.operator.status().members}
             reader, newest = members["reader"], members["newest"]
             enough = reader.get("read", 0) > 30 and newest.get("dropped", 0) > 0
             return (reader, newest) if enough else None

@@ -26,8 +26,8 @@ def test_messages_of_all_keys_arrive_in_sending_order():
             hub.put("little" if number % 3 else "much", b"%d" % number, congestion_control=block)
         found = [inbox.wait() for _ in range(300)]
         told = [x if isinstance(x, bytes) else x.payload.to_bytes() for x in found]
-        assert [int(one) for one in told] == list(range(300))
-        assert [isinstance(one, bytes) for one in found] == [n % 3 == 0 for n in range(300)]
+        assert [int(entry) for entry in told] == list(range(300))
+        assert [isinstance(entry, bytes) for entry in found] == [n % 3 == 0 for n in range(300)]
         assert inbox.ready() is None
         inbox.close()
         kept.undeclare()
@@ -67,7 +67,7 @@ def test_items_from_the_side_and_a_full_channel_do_not_block_each_other(monkeypa
         while len(found) < 2000:
             item = inbox.wait()
             found += [] if item is None or isinstance(item, TimerTick) else [item]
-        assert [one for one in found if isinstance(one, int)] == list(range(1000))
+        assert [entry for entry in found if isinstance(entry, int)] == list(range(1000))
         assert found.count(("a", b"x")) == 1000
         thread.join()
         inbox.close()

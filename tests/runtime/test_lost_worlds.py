@@ -65,18 +65,18 @@ def test_a_link_that_dies_is_let_go():
     """
     hub, endpoint = open_hub("hub")
     with hub, open_client("one", endpoint) as client:
-        mine = [str(one.src) for one in client.info.links()]
+        mine = [str(link.src) for link in client.info.links()]
         for address in (endpoint, *mine):
 
             def lets_go(address=address):
                 found = [
                     (
-                        struct.unpack("ii", one.getsockopt(socket.SOL_SOCKET, socket.SO_LINGER, 8))[
-                            0
-                        ],
-                        one.getsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT),
+                        struct.unpack(
+                            "ii", connection.getsockopt(socket.SOL_SOCKET, socket.SO_LINGER, 8)
+                        )[0],
+                        connection.getsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT),
                     )
-                    for one in sockets_to(address)
+                    for connection in sockets_to(address)
                 ]
                 return found and set(found) == {(0, 4000)}
 

@@ -90,21 +90,21 @@ def test_a_status_has_phases_and_events(operator):
     assert status.events["eStep"] > 0
     assert status.happenings[-1].number >= len(status.happenings)
     later = operator.status(status.happenings[-1].number).happenings
-    assert all(one.number > status.happenings[-1].number for one in later)
+    assert all(happening.number > status.happenings[-1].number for happening in later)
 
 
 def test_a_member_is_restarted(world, operator):
-    before = {one.name: one.pid for one in operator.status().members}
+    before = {member.name: member.pid for member in operator.status().members}
     assert told(world, "restart", "walkers") == f"{world.name}: restarting walkers\n"
 
     def successor():
-        now = {one.name: one for one in operator.status().members}["walkers"]
+        now = {member.name: member for member in operator.status().members}["walkers"]
         return now.state == "present" and now.pid != before["walkers"]
 
     eventually(successor, "another process")
-    lines = [json.loads(one) for one in told(world, "logs", "walkers", "--json").splitlines()]
-    assert "restarting on request" in [one["message"] for one in lines]
-    assert {one["member"] for one in lines} == {"walkers"}
+    lines = [json.loads(line) for line in told(world, "logs", "walkers", "--json").splitlines()]
+    assert "restarting on request" in [line["message"] for line in lines]
+    assert {line["member"] for line in lines} == {"walkers"}
     assert "walkers │ restarting on request" in told(world, "logs")
 
 

@@ -52,7 +52,7 @@ def hexadecimal(body: str) -> tuple[str, bytes]:
     first, *lines = body.strip("\n").split("\n")
     found = [HEX_LINE.match(line) for line in lines]
     assert all(found), body
-    return first.removeprefix("# "), bytes.fromhex("".join(one[1] for one in found if one))
+    return first.removeprefix("# "), bytes.fromhex("".join(groups[1] for groups in found if groups))
 
 
 def examples(kind: str) -> list[tuple[str, bytes]]:
@@ -286,7 +286,7 @@ def test_reals_are_written_as_documented(number: float) -> None:
 WORD = (1 << 64) - 1
 M0, M1 = 0xD2E7470EE14C6C93, 0xCA5A826395121157
 K0, K1 = 0x9E3779B97F4A7C15, 0xBB67AE8584CAA73B
-assert all(f"0x{one:X}" in DOCUMENT for one in (M0, M1, K0, K1))
+assert all(f"0x{constant:X}" in DOCUMENT for constant in (M0, M1, K0, K1))
 
 
 def philox(key: int) -> Iterator[int]:
@@ -349,9 +349,9 @@ def test_the_streams_of_the_document_are_those_of_the_code(vector: list[str]) ->
     drawing = Context(Frame(at[1], seed=at[0]), f"#{who}").chance
     if event_type:
         drawing = Rng.of(hash_of(who), answer_key(*at, event_type[0]))
-    for told in map(float.fromhex, numbers):
+    for expected in map(float.fromhex, numbers):
         word = (word + 0x9E3779B97F4A7C15) & WORD
-        assert number(mix(word)) == told == drawing.random()
+        assert number(mix(word)) == expected == drawing.random()
 
 
 def test_there_are_vectors_of_every_stream() -> None:
@@ -593,6 +593,6 @@ def test_a_host_and_an_observer_that_decline_columns(tmp_path: Path) -> None:
         patch.setitem(globals(), "COUNTING", source)
         counters = '[process.counters]\nagents = "counting:Counter"\n'
         summary = run(whole, world + counters, **members)
-    assert [summary[one] for one in ("digest", "bars", "drawn")] == [
-        plain[one] for one in ("digest", "bars", "drawn")
+    assert [summary[name] for name in ("digest", "bars", "drawn")] == [
+        plain[name] for name in ("digest", "bars", "drawn")
     ]

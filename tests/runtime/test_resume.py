@@ -22,8 +22,8 @@ def recorded(tmp_path, frames, **world):
     return path, whole
 
 
-def same(folder, one, other):
-    done = here(folder, "diff", one, other)
+def same(folder, first, other):
+    done = here(folder, "diff", first, other)
     assert done.returncode == 0, done.stdout
 
 

@@ -211,7 +211,7 @@ def router():
     with zenoh.open(config) as session:
         (reply,) = session.get(f"@/{session.zid()}/router", timeout=5.0)
         found = json.loads(reply.ok.payload.to_string())["locators"]
-        yield next(one for one in found if one.startswith("tcp/127.0.0.1"))
+        yield next(locator for locator in found if locator.startswith("tcp/127.0.0.1"))
 
 
 def test_the_older_of_two_that_see_each_other_through_a_router_stops(tmp_path, router):

@@ -34,11 +34,13 @@ def frames_within(operator, wanted):
 
 
 def state(operator, name):
-    return {one.name: one.state for one in operator.status().members}.get(name)
+    return {member.name: member.state for member in operator.status().members}.get(name)
 
 
 def present(operator, *names):
-    eventually(lambda: all(state(operator, one) == "present" for one in names), f"{names} are here")
+    eventually(
+        lambda: all(state(operator, name) == "present" for name in names), f"{names} are here"
+    )
 
 
 def attached(world, name):

@@ -47,7 +47,7 @@ def rain():
 
 
 def frame(world) -> tuple[list[int], Any]:
-    done = [one for one in world.receive(s.Begin()) if isinstance(one, s.FrameDone)]
+    done = [message for message in world.receive(s.Begin()) if isinstance(message, s.FrameDone)]
     return [event.number for event in single(done[0].record.events)], done[0].inputs
 
 
@@ -75,7 +75,7 @@ def test_a_journal_has_what_was_taken_and_what_waits():
 def test_events_in_columns_are_taken_whole():
     world = rain()
     world.receive(m.Emitted("rain", (Events.repeated(eDrop(1), 10), eDrop(2))))
-    (done,) = [one for one in world.receive(s.Begin()) if isinstance(one, s.FrameDone)]
+    (done,) = [message for message in world.receive(s.Begin()) if isinstance(message, s.FrameDone)]
     assert [event.number for event in single(done.record.events)] == [1, 2]
 
 
@@ -173,7 +173,7 @@ def test_large_messages_are_opened_one_at_a_time_and_members_take_turns():
         large.taken(opened[-1])
         found.append((opened[-1].large.member, opened[-1].message.events[0].number))
     assert found == [("a", 1), ("b", 3), ("a", 2)]
-    assert [large.behind(one) for one in "ab"] == [0, 0]
+    assert [large.behind(member) for member in "ab"] == [0, 0]
 
 
 def test_a_large_message_that_is_wrong_is_handed_over_with_what_is_wrong():
@@ -322,7 +322,7 @@ def joined(session, world, name, **faces):
     token = session.liveliness().declare_token(keys.alive(name))
     eventually(lambda: heard, "it is greeted")
     put(session, keys.sent_by(name), epoch + encode(m.Hello(name, PROTOCOL_VERSION, **faces)))
-    eventually(lambda: any(one[0] == "welcome" for one in heard), "it is welcome")
+    eventually(lambda: any(message[0] == "welcome" for message in heard), "it is welcome")
     return epoch, heard, (kept, token)
 
 
@@ -333,7 +333,9 @@ def test_a_flooding_member_is_removed_and_frames_continue(world, what):
     with open_client(name, world.endpoint()) as session:
         epoch, heard, kept = joined(session, world, name, generates=("eSeen",))
         put(session, Keys(world.name).sent_by(name), epoch + message())
-        refused = eventually(lambda: [one for one in heard if one[0] == "refused"], "an answer")
+        refused = eventually(
+            lambda: [message for message in heard if message[0] == "refused"], "an answer"
+        )
         assert refused == [["refused", problem]]
         assert kept
     world.says(f"{name} │ broke the protocol: {problem[:30]}")
@@ -348,7 +350,7 @@ def test_a_viewer_with_very_many_kinds_may_not_join(world):
         epoch = stamp(int(str(cast("Any", reply).ok.key_expr).rpartition("/")[2]))
         kept = session.declare_subscriber(
             keys.to("viewer"),
-            lambda one: heard.append(unpack(one.payload.to_bytes()[len(epoch) :])),
+            lambda sample: heard.append(unpack(sample.payload.to_bytes()[len(epoch) :])),
         )
         token = session.liveliness().declare_token(keys.alive("viewer"))
         eventually(lambda: heard, "it is greeted")
@@ -358,7 +360,7 @@ def test_a_viewer_with_very_many_kinds_may_not_join(world):
 
         def answers():
             # A member that takes long is greeted again.
-            return [one for one in heard if one[0] != "greet"]
+            return [message for message in heard if message[0] != "greet"]
 
         eventually(answers, "it is answered")
         assert answers()[0][0] == "refused"

@@ -109,7 +109,7 @@ class Eye(Generator, events=("eSeen",)):
     topics = ("sight",)
 
     def generate(self, tick):
-        return [eSeen(int(one.distance)) for r in tick.readings for one in r.seen]
+        return [eSeen(int(sighting.distance)) for r in tick.readings for sighting in r.seen]
 
 
 class Screen(Device, draws=("eShow",)):

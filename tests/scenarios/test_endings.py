@@ -160,7 +160,7 @@ def test_messages_after_the_end_are_ignored():
     bus.start()
     bus.run()
     bus.trace.clear()
-    for told in (
+    for stimulus in (
         s.Begin(),
         s.End("again"),
         s.Silent(),
@@ -172,7 +172,7 @@ def test_messages_after_the_end_are_ignored():
         s.Abandoned("add"),
         s.Vanished("host"),
     ):
-        bus.handle(told)
+        bus.handle(stimulus)
     assert bus.ended.figures == {"adders": 1, "added": 1}
     assert not any("ended" in line for line in bus.trace)
 

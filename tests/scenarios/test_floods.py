@@ -22,10 +22,10 @@ def test_a_paused_world_keeps_so_many_events_and_no_more(monkeypatch):
     said = []
     for number in range(25):
         out = world.receive(m.Emitted("rain", (eDrop(number),)))
-        said += [one.text for one in out if isinstance(one, s.Notify)]
+        said += [message.text for message in out if isinstance(message, s.Notify)]
     assert said == ["event queue full: 10 events wait for a frame; dropping further events"]
     assert world.members.get("rain").dropped == 15
-    done = [one for one in world.receive(s.Begin()) if isinstance(one, s.FrameDone)]
+    done = [message for message in world.receive(s.Begin()) if isinstance(message, s.FrameDone)]
     assert [event.number for event in done[0].record.events] == list(range(10))
 
 
@@ -38,5 +38,5 @@ def test_waiting_events_count_after_succession(monkeypatch):
     for number in range(8, 20):
         world.receive(m.Emitted("rain", (eDrop(number),)))
     assert world.members.get("rain").dropped == 10
-    done = [one for one in world.receive(s.Begin()) if isinstance(one, s.FrameDone)]
+    done = [message for message in world.receive(s.Begin()) if isinstance(message, s.FrameDone)]
     assert [event.number for event in done[0].record.events] == list(range(10))

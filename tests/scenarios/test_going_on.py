@@ -50,7 +50,7 @@ def test_it_needs_no_more_hosts_than_before():
     bus.run(3)
     before = bus.algorithm.scene
     bus.run(1)
-    fewer = {name: one for name, one in setting.members.items() if name != "more"}
+    fewer = {name: member for name, member in setting.members.items() if name != "more"}
     world = replace(setting.world, expected=frozenset(fewer))
     assert resumed(world, bus, before, fewer).digests == setting.undisturbed[0][4:]
 

@@ -39,7 +39,7 @@ class Written:
 
     def _observe(self, notice):
         if isinstance(notice, FrameDone):
-            self.journal.members(one.name for one in self.bus.algorithm.members.active())
+            self.journal.members(member.name for member in self.bus.algorithm.members.active())
             self.journal.frame(notice.inputs)
             if self.journal.is_long:
                 self.journal.rewrite()

@@ -112,7 +112,7 @@ def strings(scene, script, kinds, vocabulary, most=120):
         if copies(scene, len(events)) > most:
             return
         evolved = evolve(scene, events, kinds, Frame(frame, 0.1, SEED), Policy.LITERAL)
-        emitted = [event for one in ids(scene) for event in evolved.emitted.get(one, ())]
+        emitted = [event for id in ids(scene) for event in evolved.emitted.get(id, ())]
         scene = evolved.scene
         yield scene
 
@@ -184,13 +184,13 @@ def test_a_world_is_evolve_on_the_whole_string(case, count, seed):
     bus = bus_of(*what)
     play(bus, Random(seed), [])
     note("\n".join(bus.trace))
-    digests = [one.digest.hex() for one in wanted]
+    digests = [scene.digest.hex() for scene in wanted]
     if EMPTY in wanted:
         digests = digests[: wanted.index(EMPTY) + 1]
     assert bus.digests == digests
     assert in_one_process(*what) == digests
-    for one in wanted:
-        assert len(ids(one)) == len(set(ids(one)))
+    for string in wanted:
+        assert len(ids(string)) == len(set(ids(string)))
 
 
 MANY = Minnow.many("m", 70, x=np.arange(70.0)) + POND.read("ALily#l(AMinnow#x · AMother#o)")
@@ -204,7 +204,7 @@ def test_agents_in_columns_are_agents(hosts, columns):
     scene = MANY if columns else Scene(MANY.nodes)
     bus = ran(scene, script[:2], hosts, frames=2)
     wanted = list(strings(Scene(MANY.nodes), script[:2], SCHOOL, POND, most=1 << 20))
-    assert bus.digests == [one.digest.hex() for one in wanted]
+    assert bus.digests == [scene.digest.hex() for scene in wanted]
     assert len(ids(wanted[0])) > 2 * 70
 
 
@@ -303,8 +303,8 @@ def test_copies_send_in_their_own_names_and_are_answered():
     assert [event.sender for event in bus.records[1].events] == ["t:0-2"]
     heard = {event.receivers for event in bus.records[2].events}
     assert heard == {("t:0-2",)}
-    answered = [one.id for one in agents(bus.algorithm.scene) if one.state["answered"]]
-    assert {one.split(":2-")[0] for one in answered} == {"t:0-2"}
+    answered = [agent.id for agent in agents(bus.algorithm.scene) if agent.state["answered"]]
+    assert {id.split(":2-")[0] for id in answered} == {"t:0-2"}
 
 
 def test_a_member_may_not_send_in_the_name_of_a_copy_that_is_not():
@@ -372,7 +372,7 @@ def test_the_coordinator_is_killed_at_any_step():
         bus = bus_of(*what)
         steps = 0
         while bus.ended is None and (links := bus.ready()):
-            bus.step(next((one for one in links if one != ("begin", "")), links[0]))
+            bus.step(next((link for link in links if link != ("begin", "")), links[0]))
             steps += 1
             if steps == after and len(bus.records) < len(whole):
                 bus.kill_coordinator()
@@ -395,7 +395,7 @@ def test_hosts_that_die_and_return_change_nothing():
             links = bus.ready()
             if not links:
                 break
-            bus.step(next((one for one in links if one != ("begin", "")), links[0]))
+            bus.step(next((link for link in links if link != ("begin", "")), links[0]))
         assert bus.digests == whole
 
 
@@ -425,5 +425,5 @@ def ran_with(norm, *what):
     bus = bus_of(*what, norms=(norm,))
     bus.run()
     assert bus.ended is not None
-    assert all("few is broken" in one for one in bus.said)
+    assert all("few is broken" in line for line in bus.said)
     return bus

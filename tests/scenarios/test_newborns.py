@@ -15,9 +15,9 @@ def test_a_newborn_gets_no_event_of_the_frame_of_its_birth_and_all_of_the_next()
     host = Member("host", None, [Mother, Counter])
 
     def tell(stimulus):
-        for one in world.receive(stimulus):
-            if isinstance(one, s.Send) and one.to in ("host", s.HOSTS, s.EVERYONE):
-                for said in host.receive(one.message):
+        for message in world.receive(stimulus):
+            if isinstance(message, s.Send) and message.to in ("host", s.HOSTS, s.EVERYONE):
+                for said in host.receive(message.message):
                     tell(said)
 
     tell(s.Appeared("host"))

@@ -35,9 +35,9 @@ def live(scene, norms, kinds=KINDS, hosts=1, frames=8, before=(), **rest):
     found = []
     algorithm = FrameAlgorithm(street(scene, norms, members, frames=frames, **rest))
 
-    def watch(told):
-        if isinstance(told, FrameDone):
-            found.append((told.events, algorithm.scene))
+    def watch(message):
+        if isinstance(message, FrameDone):
+            found.append((message.events, algorithm.scene))
 
     runner = InProcessRunner(algorithm, [make() for make in members.values()], watch)
     runner.start()
@@ -64,11 +64,15 @@ def test_a_rejected_event_has_no_receivers():
     without, _, _ = live(w, ())
     loud = Norm("loud", on=("eShout",), when="event.loud > 1.5")
     frames, _, figures = live(w, (loud,))
-    refused = sum(one.loud > 1.5 for events, _ in without for one in events if one.type == "eShout")
+    refused = sum(
+        event.loud > 1.5 for events, _ in without for event in events if event.type == "eShout"
+    )
     assert refused > 2
     assert figures == {"norm_loud": refused}
     assert sum(happened(without, "eShout")) - sum(happened(frames, "eShout")) == refused
-    assert all(one.loud <= 1.5 for events, _ in frames for one in events if one.type == "eShout")
+    assert all(
+        event.loud <= 1.5 for events, _ in frames for event in events if event.type == "eShout"
+    )
     heard = [
         sum(state["heard"] for state in states(run[-1][1]).values()) for run in (without, frames)
     ]
@@ -78,14 +82,14 @@ def test_a_rejected_event_has_no_receivers():
 def test_it_uses_the_senders_state_at_delivery():
     w = "ARunner#slow<speed=-9> · ARunner#fast<speed=9>"
     frames, _, _ = live(w, (Norm("n", on=("eShout",), when="speed > 5"),), frames=3)
-    senders = {one.sender for events, _ in frames for one in events if one.type == "eShout"}
+    senders = {event.sender for events, _ in frames for event in events if event.type == "eShout"}
     assert senders == {"slow"}
 
 
 def test_a_sanctioned_event_happens_and_its_sender_is_fined_in_the_next_frame():
     frames, _, _ = live("ARunner#a", (SHOUT,), frames=4)
     assert happened(frames, "eShout") == [0, 1, 1, 1]
-    fines = [one for events, _ in frames for one in events if one.type == "eFine"]
+    fines = [event for events, _ in frames for event in events if event.type == "eFine"]
     assert fines == [eFine(5, "fine", receivers=["a"])] * 2
     assert happened(frames, "eFine") == [0, 0, 1, 1]
     assert states(frames[-1][1])["a"]["fined"] == 10
@@ -129,7 +133,9 @@ def test_a_rejected_agent_stands_still_and_sends_nothing():
     frames, _, figures = live(w, (Norm("limit", when="speed > 20"),), frames=5)
     assert states(frames[-1][1])["a"] == states(VOCABULARY.read(w))["a"]
     assert states(frames[-1][1])["b"]["x"] < -20
-    assert {one.sender for events, _ in frames for one in events if one.type == "eShout"} == {"b"}
+    assert {event.sender for events, _ in frames for event in events if event.type == "eShout"} == {
+        "b"
+    }
     assert figures == {"norm_limit": 5}
 
 
@@ -163,7 +169,7 @@ def test_a_newborn_that_may_not_be_is_not_born_and_its_parent_stands_still():
     assert {tuple(states(scene)) for _, scene in frames} == {("a",)}
     end = [states(scene)["a"] for _, scene in frames]
     assert {state["births"] for state in end} == {1}
-    stood = sum(one["x"] == two["x"] for one, two in pairwise(end))
+    stood = sum(left["x"] == right["x"] for left, right in pairwise(end))
     assert 0 < stood == figures["norm_young"]
 
 
@@ -227,8 +233,8 @@ def alone():
     run = live(STRING, ALL, (One, Light))
     assert set(run[2]) == {f"norm_{norm.name}" for norm in ALL}
     assert isinstance(run[1].scene.pieces[0], Columns)
-    assert {":" in one for one in states(run[1].scene)} == {True, False}
-    assert len([one for one in states(run[1].scene) if ":" not in one]) < 151
+    assert {":" in id for id in states(run[1].scene)} == {True, False}
+    assert len([id for id in states(run[1].scene) if ":" not in id]) < 151
     return digests(run)
 
 
@@ -246,8 +252,8 @@ def test_a_few_that_are_no_columns_live_as_those_that_are():
         other = Norm("shouts", on=("eShout",))
         runs.append(live(Scene(crowd.nodes), (other, *ALL[:3]), (One, Light), frames=5)[0][-1][1])
     few, many = map(states, runs)
-    first = [one for one in many if int(one[1:].split(":")[0]) < 20]
-    assert {one: many[one] for one in first} == few
+    first = [id for id in many if int(id[1:].split(":")[0]) < 20]
+    assert {id: many[id] for id in first} == few
 
 
 def test_it_goes_on_from_any_frame(alone):
@@ -261,7 +267,7 @@ def test_it_goes_on_from_any_frame(alone):
         again = MemoryBus(replace(world, scene=bus.algorithm.scene, past=checkpoint), members)
         again.start()
         again.run()
-        assert again.digests == [one.hex() for one in alone[0]][stop:]
+        assert again.digests == [digest.hex() for digest in alone[0]][stop:]
         assert again.ended.figures == alone[1]
 
 
@@ -284,7 +290,7 @@ def test_a_host_that_dies_changes_nothing(alone):
         bus.run(2)
         bus.restart("runners-0")
     bus.run()
-    assert bus.digests == [one.hex() for one in alone[0]]
+    assert bus.digests == [digest.hex() for digest in alone[0]]
 
 
 # --- people ---
@@ -297,7 +303,7 @@ class Passes(Generator, events=("eShout",)):
         return self.events
 
     def generate(self, tick):
-        return [eShout(2 * one.loud) for one in tick.orders]
+        return [eShout(2 * order.loud) for order in tick.orders]
 
 
 class Keys(Generator, events=("eShout",), lockstep=False):
@@ -320,7 +326,9 @@ def ordered(members, orders, norms=(HUSH,), expected=None, emitted=()):
     for name, event in emitted:
         bus.handle(Emitted(name, (event,)))
     bus.run(2)
-    return [str(e) for one in bus.records for e in single(one.events) if e.type == "eShout"], bus
+    return [
+        str(e) for record in bus.records for e in single(record.events) if e.type == "eShout"
+    ], bus
 
 
 @pytest.mark.parametrize("through", [{}, {"passes": service("passes", Passes)}])
@@ -389,5 +397,5 @@ def test_an_order_that_is_handed_over_is_obeyed_once_whenever_the_coordinator_di
         bus.algorithm.source.wait_with(waits)
     bus.settle()
     bus.run(3)
-    shouts = [e.loud for one in bus.records for e in single(one.events) if e.type == "eShout"]
+    shouts = [e.loud for record in bus.records for e in single(record.events) if e.type == "eShout"]
     assert shouts.count(8.0) == 1, whole

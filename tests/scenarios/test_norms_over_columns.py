@@ -281,8 +281,8 @@ def norm(draw, name):
 def test_rows_are_judged_as_agents_one_by_one_are(norms):
     scenes, events, figures = in_columns(norms)
     other_scenes, other_events, other_figures = one_by_one(norms)
-    assert [walkers(one) for one in scenes] == [walkers(one) for one in other_scenes]
-    assert [one.digest for one in scenes] == [one.digest for one in other_scenes]
+    assert [walkers(scene) for scene in scenes] == [walkers(scene) for scene in other_scenes]
+    assert [scene.digest for scene in scenes] == [scene.digest for scene in other_scenes]
     assert events == other_events
     assert figures == other_figures
 

@@ -15,7 +15,7 @@ from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.testing.memory_bus import MemoryBus
 
-FOUR = " · ".join(f"ACounter#{one}" for one in "abcd")
+FOUR = " · ".join(f"ACounter#{id}" for id in "abcd")
 
 
 def pond(hosts, placement, text=FOUR, **rest):
@@ -41,7 +41,7 @@ def on(machine, name, make):
 
 def homes(bus):
     distribution = bus.algorithm.placement
-    return {one: distribution.host_of(one) for one in bus.algorithm.composition.fragments}
+    return {id: distribution.host_of(id) for id in bus.algorithm.composition.fragments}
 
 
 def counts(bus):
@@ -76,7 +76,7 @@ def test_agents_beyond_the_capacity_of_hosts_stand_still():
     bus = pond({"east": "1"}, PlacementRules(agents_per_host=3))
     bus.run(2)
     assert sorted(counts(bus).values()) == [0, 2, 2, 2]
-    assert [one for one in bus.said if "1 agents have no host and do not evolve" in one]
+    assert [line for line in bus.said if "1 agents have no host and do not evolve" in line]
     bus.makers["west"] = host("west", Counter)
     bus.appear("west")
     bus.run(1)
@@ -88,7 +88,7 @@ def test_agents_beyond_the_capacity_of_hosts_stand_still():
 def test_it_is_reported_once_until_something_changes():
     bus = pond({"east": "1"}, PlacementRules(agents_per_host=3))
     bus.run(40)
-    assert len([one for one in bus.said if "do not evolve" in one]) == 1
+    assert len([line for line in bus.said if "do not evolve" in line]) == 1
 
 
 def test_kinds_that_no_host_offers_are_named_once():
@@ -105,11 +105,11 @@ def test_kinds_that_no_host_offers_are_named_once():
     bus.vanish("west")
     bus.settle()
     bus.run(2)
-    assert len([one for one in bus.said if "no host offers" in one]) == 2
+    assert len([line for line in bus.said if "no host offers" in line]) == 2
 
 
 def shoal(hosts, placement, text, **rest):
-    members = {"steps": service("steps", Steps)} | {one: host(one, Minnow) for one in hosts}
+    members = {"steps": service("steps", Steps)} | {name: host(name, Minnow) for name in hosts}
     bus = MemoryBus(world(text, members, placement=placement, seed=5, **rest), members)
     bus.start()
     return bus
@@ -138,7 +138,7 @@ def test_excess_rows_of_a_population_stand_still():
     assert len(parts) == 2
     still = [name for name, _ in parts if homes(bus)[name] is None]
     assert len(still) == 1
-    assert any("50 agents have no host" in one for one in bus.said)
+    assert any("50 agents have no host" in line for line in bus.said)
 
 
 def test_a_host_that_dies_amid_a_frame_leaves_its_string_as_it_is():

@@ -153,7 +153,7 @@ def world(text, norms=(WALL,), hosts=1, **rest):
 
 
 def states(bus):
-    return {one.id: one.state for one in agents(bus.algorithm.scene) if "x" in one.state}
+    return {agent.id: agent.state for agent in agents(bus.algorithm.scene) if "x" in agent.state}
 
 
 def together(bus, frames):

@@ -33,11 +33,11 @@ def columns(event, senders):
 
 
 def said(out):
-    return " ".join(one.text for one in out if isinstance(one, s.Notify))
+    return " ".join(message.text for message in out if isinstance(message, s.Notify))
 
 
 def happened(world):
-    (done,) = [one for one in world.receive(s.Begin()) if isinstance(one, s.FrameDone)]
+    (done,) = [message for message in world.receive(s.Begin()) if isinstance(message, s.FrameDone)]
     return [str(event) for event in single(done.record.events)]
 
 
@@ -98,8 +98,8 @@ def test_the_events_of_one_that_is_no_more_are_left_out_and_counted(in_columns):
     assert "broke" not in said(world.receive(m.Emitted("rain", events)))
     out = world.receive(s.Begin())
     assert "sent 1 events from agents that are not in the string" in said(out)
-    (done,) = [one for one in out if isinstance(one, s.FrameDone)]
-    assert [str(event) for one in done.record.events for event in (one if in_columns else [one])] \
+    (done,) = [message for message in out if isinstance(message, s.FrameDone)]
+    assert [str(event) for events in done.record.events for event in (events if in_columns else [events])] \
         == ["eAdd<n=1> from #a"]  # fmt: skip
     assert world.members.get("rain").dropped == 1
 
@@ -107,7 +107,7 @@ def test_the_events_of_one_that_is_no_more_are_left_out_and_counted(in_columns):
 def test_it_speaks_for_agents_in_columns():
     text = " · ".join(f"AFrog#f{n}" for n in range(MANY))
     senders = [f"f{n}" for n in range(MANY)]
-    for speaks_for in (("AFrog",), tuple(f"#{one}" for one in senders)):
+    for speaks_for in (("AFrog",), tuple(f"#{sender}" for sender in senders)):
         world = begun(text, rain=speaks_for)
         assert world.composition.parts
         assert "broke" not in said(

@@ -148,7 +148,7 @@ def test_a_fragment_with_agents_of_many_kinds_goes_where_all_are_offered():
     bus = counters("ALily#l(AFrog#f(ACounter#c))", members=members)
     bus.start()
     bus.run(2)
-    assert [name for name, one in bus.alive.items() if one.host.fragments] == ["all"]
+    assert [name for name, process in bus.alive.items() if process.host.fragments] == ["all"]
     assert "ALily#l<steps=4>" in str(bus.algorithm.scene)
 
 

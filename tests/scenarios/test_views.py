@@ -382,4 +382,4 @@ def test_key_views_and_what_differs_add_up_to_the_view_of_the_whole(hosts):
     assert shown(bus, "late") == wanted[-len(shown(bus, "late")) :]
     assert len(shown(bus, "late")) >= 12
     patches = [p for r in sent if isinstance(r, m.EvolveReply) for p in r.view_patches.values()]
-    assert any(c.rows is not None for some in patches for p in some.values() for c in p.changes)
+    assert any(c.rows is not None for patch in patches for p in patch.values() for c in p.changes)

@@ -181,7 +181,7 @@ def test_a_host_that_answers_for_agents_of_another_is_shut_out(how):
 @pytest.mark.parametrize("name", ["a", "b"])
 def test_a_patch_of_a_view_that_there_is_not_is_refused(name):
     bus = started(members={"other": host("other", Counter)}, expected=["add"])
-    (mine,) = [one for one, it in bus.alive.items() if [*it.host.fragments] == [name]]
+    (mine,) = [id for id, it in bus.alive.items() if [*it.host.fragments] == [name]]
     bus.hold(("down", mine))
     bus.frame()
     patch = Delta(1, ("PDot",), ())
@@ -226,9 +226,13 @@ def test_the_trace_of_one_that_is_shut_out():
 def test_an_agent_may_not_become_two_with_an_id_of_another():
     """Only the coordinator sees the whole string; it names the sender."""
     bus = started(members={"other": host("other", Counter)})
-    ids = {name: sorted(one.host.fragments) for name, one in bus.alive.items() if one.host.kinds}
+    ids = {
+        name: sorted(process.host.fragments)
+        for name, process in bus.alive.items()
+        if process.host.kinds
+    }
     assert sorted(ids.values()) == [["a"], ["b"]]
-    (thief,) = [name for name, mine in ids.items() if mine == ["a"]]
+    (thief,) = [name for name, held in ids.items() if held == ["a"]]
     bus.hold(("down", thief))
     bus.frame()
     twins = VOCABULARY.read("ACounter#a · ACounter#b<n=5>")

@@ -16,7 +16,7 @@ RIGHTS = st.builds(
     Rights, NAMES, st.frozensets(st.sampled_from(MEMBERS), min_size=1), topics=TOPICS,
     revoked=st.booleans(),
 )  # fmt: skip
-MANY = st.lists(RIGHTS, unique_by=lambda one: one.name, max_size=4)
+MANY = st.lists(RIGHTS, unique_by=lambda rights: rights.name, max_size=4)
 
 
 def may(access, name, flow, message, key):
@@ -32,28 +32,28 @@ def may(access, name, flow, message, key):
         rule["id"] in of_name
         and flow in rule["flows"]
         and message in rule["messages"]
-        and any(zenoh.KeyExpr(one).includes(wanted) for one in rule["key_exprs"])
+        and any(zenoh.KeyExpr(expression).includes(wanted) for expression in rule["key_exprs"])
         for rule in access["rules"]
     )
 
 
 @given(MANY)
 @settings(max_examples=30)
-def test_a_message_in_another_name_is_rejected(many):
-    access = access_control(KEYS, many, [])
-    for one in many:
-        others = {other.name for other in many} - {one.name} | {COORDINATOR, "*"}
+def test_a_message_in_another_name_is_rejected(holders):
+    access = access_control(KEYS, holders, [])
+    for holder in holders:
+        others = {other.name for other in holders} - {holder.name} | {COORDINATOR, "*"}
         for key in (KEYS.all, KEYS.tick, KEYS.evolve, KEYS.record, KEYS.view("e"),
-                    KEYS.to(one.name), "**", f"{KEYS.base}/**", KEYS.epoch(9)):  # fmt: skip
-            assert not may(access, one.name, "ingress", "put", key)
+                    KEYS.to(holder.name), "**", f"{KEYS.base}/**", KEYS.epoch(9)):  # fmt: skip
+            assert not may(access, holder.name, "ingress", "put", key)
         for other in others:
-            assert not may(access, one.name, "ingress", "put", KEYS.sent_by(other))
-            assert not may(access, one.name, "ingress", "liveliness_token", KEYS.alive(other))
-            assert not may(access, one.name, "ingress", "put", KEYS.topic("scan", other))
+            assert not may(access, holder.name, "ingress", "put", KEYS.sent_by(other))
+            assert not may(access, holder.name, "ingress", "liveliness_token", KEYS.alive(other))
+            assert not may(access, holder.name, "ingress", "put", KEYS.topic("scan", other))
             link = KEYS.link(other, "tls/a:1")
-            assert not may(access, one.name, "ingress", "liveliness_token", link)
+            assert not may(access, holder.name, "ingress", "liveliness_token", link)
             for key in (control_key("w", other), asking_key("w", other), control_key("w")):
-                assert not may(access, one.name, "ingress", "query", key)
+                assert not may(access, holder.name, "ingress", "query", key)
         for key in (
             "**",
             f"{KEYS.base}/**",
@@ -61,22 +61,22 @@ def test_a_message_in_another_name_is_rejected(many):
             f"{KEYS.base}/to/*",
             KEYS.alive("*"),
         ):
-            assert not may(access, one.name, "ingress", "declare_subscriber", key)
-        assert not may(access, one.name, "ingress", "declare_queryable", control_key("w"))
+            assert not may(access, holder.name, "ingress", "declare_subscriber", key)
+        assert not may(access, holder.name, "ingress", "declare_queryable", control_key("w"))
 
 
 @given(MANY)
 @settings(max_examples=30)
-def test_every_member_does_what_its_roles_allow(many):
-    access = access_control(KEYS, many, [])
-    for one in many:
+def test_every_member_does_what_its_roles_allow(holders):
+    access = access_control(KEYS, holders, [])
+    for holder in holders:
 
-        def has(*roles, one=one):
-            return one.may(*roles)
+        def has(*roles, holder=holder):
+            return holder.may(*roles)
 
-        name, there = one.name, not one.revoked
+        name, there = holder.name, not holder.revoked
         topic = KEYS.topic("scan", name)
-        confined = not one.topics or "scan" in one.topics
+        confined = not holder.topics or "scan" in holder.topics
         expected = [
             ("ingress", "put", KEYS.sent_by(name), there),
             ("ingress", "liveliness_token", KEYS.alive(name), there),
@@ -119,19 +119,21 @@ def test_a_region_accepts_only_what_its_neighbours_may_send():
 
 @given(MANY, st.booleans())
 @settings(max_examples=30)
-def test_no_id_is_unknown_and_none_is_there_twice(many, carrier):
+def test_no_id_is_unknown_and_none_is_there_twice(holders, carrier):
     """Zenoh accepts unknown ids silently."""
-    many = [
-        *many, Rights("mid", frozenset({ROUTER})), Rights(COORDINATOR, frozenset({HUB}))
+    holders = [
+        *holders, Rights("mid", frozenset({ROUTER})), Rights(COORDINATOR, frozenset({HUB}))
     ]  # fmt: skip
-    access = access_control(KEYS, many, ["unixsock-stream"], carrier=carrier)
+    access = access_control(KEYS, holders, ["unixsock-stream"], carrier=carrier)
     assert access["default_permission"] == "deny"
     for what in ("rules", "subjects"):
-        ids = [one["id"] for one in access[what]]
+        ids = [entry["id"] for entry in access[what]]
         assert len(ids) == len(set(ids))
         used = {id for policy in access["policies"] for id in policy[what]}
         assert used == set(ids)
     named = {id for policy in access["policies"] for id in policy["subjects"]}
-    expected = {one.name for one in many if not one.revoked and one.name != COORDINATOR}
+    expected = {
+        holder.name for holder in holders if not holder.revoked and holder.name != COORDINATOR
+    }
     assert named == expected | {"by unixsock-stream"} | ({COORDINATOR} if carrier else set())
     zenoh.Config().insert_json5("access_control", str(access).replace("True", "true"))

@@ -196,12 +196,12 @@ def test_every_key_is_reported(key):
 
 
 @pytest.mark.parametrize(
-    ("key", "told"),
+    ("key", "purpose"),
     [("minerva/w/from/a", "from"), ("minerva/w/all", "all"), ("minerva/w/x", ""), ("**", ""),
      ("minerva/wy/all", ""), ("a/minerva/w/all", ""), ("minerva/w", "")],
 )  # fmt: skip
-def test_purposes_of_keys(key, told):
-    assert kind(key) == told
+def test_purposes_of_keys(key, purpose):
+    assert kind(key) == purpose
 
 
 # --- the switch ---

@@ -46,22 +46,22 @@ COMMON_NAMES = STARTS | STARTS.map(lambda start: f"{start}-*")
 
 
 @given(COMMON_NAMES, COMMON_NAMES, st.text("ab-", max_size=6))
-def test_names_overlap_if_a_member_matches_both(one, other, member):
+def test_names_overlap_if_a_member_matches_both(first, other, member):
     """Zenoh's key expressions are the reference."""
-    chunks = [zenoh.KeyExpr(name.replace("*", "$*")) for name in (one, other)]
-    assert overlap(one, other) == overlap(other, one) == chunks[0].intersects(chunks[1])
+    chunks = [zenoh.KeyExpr(name.replace("*", "$*")) for name in (first, other)]
+    assert overlap(first, other) == overlap(other, first) == chunks[0].intersects(chunks[1])
     if member:
-        assert covers(one, member) == chunks[0].intersects(zenoh.KeyExpr(member))
+        assert covers(first, member) == chunks[0].intersects(zenoh.KeyExpr(member))
 
 
 @given(st.sets(COMMON_NAMES, max_size=4), st.text("ab-", min_size=1, max_size=6))
 def test_a_name_has_one_owner_and_revocation_takes_precedence(names, member):
     rights = {name: Rights(name, frozenset({"agent"}), revoked="b" in name) for name in names}
-    found = [one for name, one in rights.items() if covers(name, member)]
+    found = [right for name, right in rights.items() if covers(name, member)]
     held = rights_of(member, rights)
     assert (held is None) == (found == [])
     assert held is None or held in found
-    assert held is None or held.revoked == any(one.revoked for one in found)
+    assert held is None or held.revoked == any(right.revoked for right in found)
 
 
 @pytest.mark.parametrize("role", ["agent", "generator", "view", "operator"])
@@ -129,7 +129,7 @@ def test_names_that_only_begin_alike_are_others(folder):
 def test_it_is_listed_as_a_family(folder):
     assert "hosts-*" in here(folder.folder.parent, "keys", "list").stdout
     told = json.loads(here(folder.folder.parent, "keys", "list", "--json").stdout)
-    listed = {one["name"]: one["family"] for one in told}
+    listed = {row["name"]: row["family"] for row in told}
     assert (listed["hosts"], listed["lone-a"], listed["coordinator"]) == (True, False, False)
 
 
@@ -224,8 +224,8 @@ def test_a_family_certificate_admits_members_of_the_family_only(world, door, key
         open_client("inside", world.endpoint()) as inside,
         open_client("hosts-z", door, own=keys.credentials("hosts-z")) as session,
     ):
-        kept = inside.declare_subscriber(f"{base}/**", lambda one: heard.append(str(one.key_expr))
-                                         if one.payload.to_bytes() == b"evil" else None)  # fmt: skip
+        kept = inside.declare_subscriber(f"{base}/**", lambda sample: heard.append(str(sample.key_expr))
+                                         if sample.payload.to_bytes() == b"evil" else None)  # fmt: skip
         tokens = [session.liveliness().declare_token(f"{base}/alive/{name}") for name in names]
 
         def says():
@@ -252,8 +252,8 @@ def test_a_name_outside_a_family_does_not_match(world, door, keys):
         tokens = [session.liveliness().declare_token(f"{alive}/{name}")
                   for name in ("hosts-q", "hostsx")]  # fmt: skip
         there = eventually(
-            lambda: [found for one in inside.liveliness().get(f"{alive}/hosts*".replace("*", "$*"))
-                     if one.ok and "hostsx" in (found := str(one.ok.key_expr))], "its own token"
+            lambda: [found for reply in inside.liveliness().get(f"{alive}/hosts*".replace("*", "$*"))
+                     if reply.ok and "hostsx" in (found := str(reply.ok.key_expr))], "its own token"
         )  # fmt: skip
         assert there == [f"{alive}/hostsx"]
         assert "hosts-q" not in world.members()
@@ -281,7 +281,7 @@ def test_one_of_a_family_is_refused_by_its_own_name(
 def test_a_query_needs_no_name(world, door):
     who = ("--connect", door, "--world", world.name, "--keys", "keys/hosts.pem")
     told = here(world.folder, "list", "--json", *who)
-    assert "steps" in [one["member"] for one in json.loads(told.stdout)["members"]], told.stderr
+    assert "steps" in [row["member"] for row in json.loads(told.stdout)["members"]], told.stderr
 
 
 def test_a_family_gives_no_orders_that_its_role_does_not_include(world, door, keys):
@@ -312,8 +312,8 @@ def test_a_family_s_names_are_names(world, door, keys, name):
         eventually(lambda: refused(world, "hosts-*") > before, "its token is refused")
         session.put(f"{base}/from/{name}", b"evil")
         eventually(lambda: refused(world, "hosts-*") > before + 1, "and what it says")
-        for one in session.get(f"{base}/ask/{name}", payload=b"\x81\xa3ask\xa6status", timeout=5):
-            assert b"a member's name has up to" in one.ok.payload.to_bytes()
+        for reply in session.get(f"{base}/ask/{name}", payload=b"\x81\xa3ask\xa6status", timeout=5):
+            assert b"a member's name has up to" in reply.ok.payload.to_bytes()
         token.undeclare()
     world.says("hosts-* │ messages of a member are ignored: a member's name has up to")
     assert name not in world.members()

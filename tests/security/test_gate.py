@@ -92,7 +92,7 @@ def test_without_certificates_all_may_do_all():
 @pytest.mark.parametrize("name", ["a$*", "*", "", "a b", "\x1b[2J", "ä", "-a", "a" * 65])
 def test_a_client_without_name_is_a_stranger(name):
     said = []
-    guard = Admission(Keys("w"), Limits(), ListenConfig(), lambda *told: said.append(told))
+    guard = Admission(Keys("w"), Limits(), ListenConfig(), lambda *line: said.append(line))
     assert guard.keeps_out(name)
     assert guard.keeps_out(name)
     assert guard.rules.refused == {STRANGERS: 2}
@@ -104,7 +104,7 @@ class Folder:
     """Keys that change while a guard uses them."""
 
     def __init__(self, *rights):
-        self.now, self.stamp, self.readable = {one.name: one for one in rights}, 0, True
+        self.now, self.stamp, self.readable = {holder.name: holder for holder in rights}, 0, True
 
     def rights(self):
         if not self.readable:
@@ -112,7 +112,7 @@ class Folder:
         return dict(self.now)
 
     def change(self, *rights):
-        self.now, self.stamp = {one.name: one for one in rights}, self.stamp + 1
+        self.now, self.stamp = {holder.name: holder for holder in rights}, self.stamp + 1
 
 
 def guarded(folder):
@@ -120,7 +120,7 @@ def guarded(folder):
     own: Any = None  # No session is opened.
     security = Security(own, "", folder.rights, lambda: folder.stamp)
     return Admission(
-        Keys("w"), Limits(), ListenConfig(security=security), lambda *told: said.append(told)
+        Keys("w"), Limits(), ListenConfig(security=security), lambda *line: said.append(line)
     ), said
 
 
@@ -172,7 +172,7 @@ def test_values_count_as_well_and_a_message_of_too_many_is_let_through_to_be_ref
 def test_hellos_count_for_one_and_for_all():
     gate = AdmissionRules(Limits(hellos=2, all_hellos=5), clock=Clock())
     assert [gate.has_hello("a") for _ in range(3)] == [True, True, False]
-    assert [gate.has_hello(one) for one in "bbcd"] == [True, True, True, False]
+    assert [gate.has_hello(member) for member in "bbcd"] == [True, True, True, False]
 
 
 def test_a_member_over_its_time_allowance_is_ignored_for_a_while():

@@ -221,7 +221,9 @@ def test_a_member_speaks_on_its_own_keys_only(world, door, keys, inside):
         put(session, f"{base}/topic/battery/sensor", evil)
         put(session, f"{base}/from/sensor", evil)
         eventually(lambda: len([k for k, data in heard if data == evil]) >= 2, "its own arrive")
-        there = [str(one.ok.key_expr) for one in inside.liveliness().get(f"{base}/**") if one.ok]
+        there = [
+            str(reply.ok.key_expr) for reply in inside.liveliness().get(f"{base}/**") if reply.ok
+        ]
         del tokens
     keys_of_evil = sorted(key for key, data in heard if data == evil)
     assert keys_of_evil == [f"{base}/from/sensor", f"{base}/topic/battery/sensor"]
@@ -253,8 +255,8 @@ def test_a_subscription_to_everything_receives_nothing(world, door, keys):
                  f"minerva/{world.name}/record", f"minerva/{world.name}/view/*")]  # fmt: skip
         eventually(lambda: len(ticks) > 5, "ticks come")
         assert [heard for heard, _ in spied if heard] == []
-        assert not [one for one in spy.get("@/**") if one.ok and str(one.ok.key_expr) != ""
-                    and "/router" in str(one.ok.key_expr)]  # fmt: skip
+        assert not [reply for reply in spy.get("@/**") if reply.ok and str(reply.ok.key_expr) != ""
+                    and "/router" in str(reply.ok.key_expr)]  # fmt: skip
         kept.undeclare()
 
 
@@ -401,7 +403,7 @@ def test_a_query_in_another_name_is_rejected(world, door, keys, key):
         for name in (world.name, "*"):
             answers = session.get(f"minerva/{name}/{key}", payload=b"\x81\xa3ask\xa6status",
                                   timeout=5.0)  # fmt: skip
-            assert [one.ok for one in answers] == []
+            assert [answer.ok for answer in answers] == []
 
 
 # --- the string afterwards ---

@@ -295,8 +295,8 @@ def test_invalid_values_are_rejected_in_one_line(keys, words, said):
 
 
 def test_an_empty_list_has_aligned_titles(keys):
-    for one in ("sensor.pem", "coordinator.pem"):
-        (keys.folder / one).unlink()
+    for file in ("sensor.pem", "coordinator.pem"):
+        (keys.folder / file).unlink()
     titles = "name  roles  state  until  for"
     assert here(keys.folder.parent, "keys", "list").stdout.splitlines() == [titles]
     keys.issue("a", Wanted(("view",)))
@@ -316,13 +316,13 @@ def test_the_commands_do_it_all(tmp_path):
     )
     ask("issue", "desk", "--role", "view,operator")
     ask("revoke", "hostA")
-    listed = {one["name"]: one for one in json.loads(ask("list", "--json"))}
+    listed = {row["name"]: row for row in json.loads(ask("list", "--json"))}
     assert listed["hostA"]["state"] == "revoked"
     assert listed["hostA"]["kinds"] == ["AFox", "ARabbit"]
     assert listed["desk"]["roles"] == ["operator", "view"]
     assert listed["coordinator"]["hosts"][:2] == ["a.example", "b.example"]
     assert "hostA" in ask("list")
-    assert set(ROLES) >= {role for one in listed.values() for role in one["roles"]}
+    assert set(ROLES) >= {role for row in listed.values() for role in row["roles"]}
 
 
 def test_a_folder_that_cannot_be_read_is_reported(tmp_path):

@@ -66,8 +66,8 @@ def test_the_router_holds_the_world_s_rules(chain):
         open_client("spy", place, own=keys.credentials("spy")) as spy,
     ):
         kept = inside.declare_subscriber(
-            f"{base}/**", lambda one: heard.append(str(one.key_expr))
-            if one.payload.to_bytes() == b"evil" else None
+            f"{base}/**", lambda sample: heard.append(str(sample.key_expr))
+            if sample.payload.to_bytes() == b"evil" else None
         )  # fmt: skip
 
         def says(key):
@@ -109,7 +109,7 @@ def test_commands_connect_through_it_too(chain):
     with Run(world.folder, "attach", "yard:Noise", *who, "keys", "--name", "sensor") as attached:
         present(world, "sensor")
         told = here(world.folder, "list", "--json", *who, "keys/ann.pem")
-        states = {one["member"]: one["state"] for one in json.loads(told.stdout)["members"]}
+        states = {row["member"]: row["state"] for row in json.loads(told.stdout)["members"]}
         assert states["sensor"] == "present"
         seen = here(world.folder, "echo", "eShow", "--count", "1", *who, "keys/screen.pem")
         assert "TAt" in seen.stdout, seen.stderr

@@ -55,7 +55,7 @@ def silent():
 
 def test_a_member_with_a_certificate_joins(hub, keys):
     with open_client("sensor", hub, own=keys.credentials("sensor")) as session:
-        assert [str(one) for one in session.info.routers_zid()]
+        assert [str(router) for router in session.info.routers_zid()]
 
 
 def told(endpoint, own=None, patience=0.5):

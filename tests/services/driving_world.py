@@ -193,7 +193,7 @@ class Yard(InProcessRunner):
             Member("laser", Laser()),
             Member("represent", Each("eRepresent", represents_every)),
         ]
-        names = frozenset({"physics", *(one.name for one in others)})
+        names = frozenset({"physics", *(other.name for other in others)})
         world = World("yard", scene, VOCABULARY, seed, 0.1, ORDER, expected=names)
         members = [self.mortal, *others]
         super().__init__(FrameAlgorithm(world), members, self._saw, deliver=self._delivered)  # type: ignore[arg-type]
@@ -231,10 +231,10 @@ class Yard(InProcessRunner):
 
     @property
     def digests(self) -> list[bytes]:
-        return [one.digest for one in self.frames]
+        return [frame.digest for frame in self.frames]
 
     def events(self, frame: int, event_type: str) -> list[Event]:
-        return [one for one in single(self.frames[frame].events) if one.type == event_type]
+        return [event for event in single(self.frames[frame].events) if event.type == event_type]
 
     def pose(self, name: str) -> tuple[float, ...]:
         """The pose of a body in the physics world: x, y in metres, angle in degrees."""
@@ -242,7 +242,7 @@ class Yard(InProcessRunner):
 
     def belief(self, frame: int, name: str) -> Any:
         """The state of an agent in the string at the beginning of a frame."""
-        (found,) = [one for one in agents(self.scenes[frame]) if one.id == name]
+        (found,) = [agent for agent in agents(self.scenes[frame]) if agent.id == name]
         return Belief(**found.state)
 
 

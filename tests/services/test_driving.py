@@ -51,7 +51,7 @@ def test_a_scan_is_taken_where_the_action_of_the_frame_before_has_led() -> None:
     yard = Yard(alone(x=1.0, y=1.0, speed=0.25)).run(6)
     assert yard.events(0, "eLaser") == []
     for frame in range(1, 6):
-        (ahead,) = [one.dist for one in yard.events(frame, "eLaser") if one.angle == 0]
+        (ahead,) = [event.dist for event in yard.events(frame, "eLaser") if event.angle == 0]
         believed = yard.belief(frame, "r")
         assert believed.x == 1.0 + 0.25 * frame
         assert ahead == pytest.approx(6.0 - believed.x, abs=1e-6)
@@ -60,7 +60,7 @@ def test_a_scan_is_taken_where_the_action_of_the_frame_before_has_led() -> None:
 def test_a_wall_stops_a_robot_and_the_next_frame_reports_it() -> None:
     yard = Yard(alone(x=5.0, y=1.0, speed=0.25)).run(8)
     collisions = {frame: yard.events(frame, "eCollision") for frame in range(8)}
-    assert [frame for frame, found in collisions.items() if found] == [4, 5, 6, 7]
+    assert [frame for frame, events in collisions.items() if events] == [4, 5, 6, 7]
     (first,) = collisions[4]
     assert first.receivers == ("r",)
     assert first.shortfall == pytest.approx(5.0 + 4 * 0.25 - (6.0 - RADIUS))
@@ -75,9 +75,9 @@ def test_two_robots_receive_their_own_sensors_and_see_each_other() -> None:
     scene = room(6, 4) + driver("a", x=1.0, y=2.0) + driver("b", x=3.0, y=2.0, angle=180.0)
     yard = Yard(scene).run(3)
     for name, ahead in (("a", 3.0 - 1.0 - RADIUS), ("b", 3.0 - 1.0 - RADIUS)):
-        mine = [one for one in yard.events(2, "eLaser") if one.receivers == (name,)]
+        mine = [event for event in yard.events(2, "eLaser") if event.receivers == (name,)]
         assert len(mine) == 90
-        (found,) = [one.dist for one in mine if one.angle == 0]
+        (found,) = [event.dist for event in mine if event.angle == 0]
         assert found == pytest.approx(ahead, abs=1e-6)
     assert yard.belief(2, "a").heard != yard.belief(2, "b").heard
 
@@ -85,8 +85,8 @@ def test_two_robots_receive_their_own_sensors_and_see_each_other() -> None:
 def test_the_robot_that_drives_into_another_is_notified() -> None:
     scene = room(6, 4) + driver("a", x=1.0, y=2.0, speed=0.25) + driver("b", x=2.0, y=2.0)
     yard = Yard(scene).run(5)
-    told = [one for frame in range(5) for one in yard.events(frame, "eCollision")]
-    assert {one.receivers for one in told} == {("a",)}
+    told = [event for frame in range(5) for event in yard.events(frame, "eCollision")]
+    assert {event.receivers for event in told} == {("a",)}
     assert yard.pose("a") == pytest.approx((2.0 - 2 * RADIUS, 2.0, 0.0))
     assert yard.pose("b") == (2.0, 2.0, 0.0)
 
@@ -103,7 +103,7 @@ def test_the_same_seed_gives_the_same_strings_and_another_seed_others() -> None:
     one, again, other = (Yard(CROWD, seed, noisy).run(15).digests for seed in (7, 7, 8))
     assert one == again
     assert one[:1] == other[:1]
-    assert all(mine != its for mine, its in zip(one[1:], other[1:], strict=True))
+    assert all(reading != its for reading, its in zip(one[1:], other[1:], strict=True))
 
 
 def test_noise_makes_beliefs_drift() -> None:

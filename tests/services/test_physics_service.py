@@ -48,7 +48,7 @@ def marker(name: str, x: float, y: float) -> Scene:
 
 
 def show(service: Physics, frame: int, *scene: Scene) -> None:
-    whole = Scene(tuple(node for one in (FLOOR, *scene) for node in one))
+    whole = Scene(tuple(node for nodes in (FLOOR, *scene) for node in nodes))
     service.show(View(frame, "eRepresent", INFO.vocabulary.check(whole)))
 
 
@@ -62,7 +62,7 @@ def run(service: Physics, number: int = 1, seed: int = 7) -> tuple[Tick, list[An
 
 
 def readings(moment: Tick, kind: type) -> dict[str, Any]:
-    return {one.robot: one for _, one in moment.published if isinstance(one, kind)}
+    return {reading.robot: reading for _, reading in moment.published if isinstance(reading, kind)}
 
 
 def test_before_the_first_view_there_is_nothing() -> None:
@@ -135,9 +135,9 @@ def test_markers_appear_and_disappear() -> None:
     for frame, place in ((0, 3.0), (1, 3.5)):
         show(service, frame, robot(), marker("m", place, 2.0))
         (image,) = readings(run(service, frame + 1)[0], Sightings).values()
-        assert [(one.marker, one.distance, one.angle) for one in image.seen] == [
-            ("m", place - 2, 0)
-        ]
+        assert [
+            (sighting.marker, sighting.distance, sighting.angle) for sighting in image.seen
+        ] == [("m", place - 2, 0)]
     show(service, 2, robot())
     (image,) = readings(run(service, 3)[0], Sightings).values()
     assert image.seen == ()
@@ -149,7 +149,7 @@ def test_published_messages() -> None:
         service, 0, robot("b", x=1.0), robot("a", turn=90), marker("m", 2.5, 3.0), marker("n", 3, 3)
     )
     moment, _ = run(service, 3)
-    assert [(topic, one.robot) for topic, one in moment.published] == [
+    assert [(topic, reading.robot) for topic, reading in moment.published] == [
         ("scan", "a"), ("scan", "b"), ("sightings", "a"), ("sightings", "b"),
     ]  # fmt: skip
     scan = readings(moment, Scan)["a"]
@@ -159,7 +159,9 @@ def test_published_messages() -> None:
     assert scan.ranges.dtype == np.float32
     assert scan.ranges.tolist() == pytest.approx([2, 8**0.5, 2, 8**0.5, 2, 8**0.5, 0.8, 8**0.5])
     image = readings(moment, Sightings)["a"]
-    assert [(one.marker, one.distance) for one in image.seen] == [("m", pytest.approx(1.25**0.5))]
+    assert [(sighting.marker, sighting.distance) for sighting in image.seen] == [
+        ("m", pytest.approx(1.25**0.5))
+    ]
     assert image.seen[0].angle == pytest.approx(-26.565, abs=1e-3)
 
 
@@ -251,9 +253,13 @@ def test_a_successor_goes_on_whenever_its_predecessor_died() -> None:
             show(always_new, frame, *view)
         expected, got = run(undisturbed, frame + 1), run(always_new, frame + 1)
         assert got[1] == expected[1]
-        for (_, one), (_, other) in zip(got[0].published, expected[0].published, strict=True):
-            assert one.ranges.tobytes() == other.ranges.tobytes() if isinstance(one, Scan) else True
-            assert one == other if isinstance(one, Sightings) else True
+        for (_, reading), (_, other) in zip(got[0].published, expected[0].published, strict=True):
+            assert (
+                reading.ranges.tobytes() == other.ranges.tobytes()
+                if isinstance(reading, Scan)
+                else True
+            )
+            assert reading == other if isinstance(reading, Sightings) else True
         saved = always_new.save()
         assert saved == undisturbed.save()
         always_new = successor(saved, **NOISY)  # died after the tick: shown the same view again

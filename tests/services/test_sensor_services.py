@@ -67,7 +67,7 @@ def test_equal_beams_of_two_scans_are_two_events_where_the_type_has_a_time(beams
         event = EventType("eLaser", dist=Metres, angle=Degrees, **more)
         laser.joined(WorldInfo("w", Vocabulary.of(event), 0, 0.1))
         events = list(single(laser.generate(tick(1, *scans))))
-        count[name] = len({str(one) for one in events})
+        count[name] = len({str(event) for event in events})
     assert count == {"plain": beams, "timed": 2 * beams}
 
 
@@ -207,6 +207,6 @@ def test_many_beams_are_events_in_columns_and_the_same_as_one_by_one() -> None:
             )
         ]
         assert len(batch) == len(few) == 90
-        for one, other in zip(single((batch,)), few, strict=True):
-            assert (one.type, one.receivers) == (other.type, other.receivers)
-            assert one.values == pytest.approx(other.values, abs=1e-9)
+        for sent, other in zip(single((batch,)), few, strict=True):
+            assert (sent.type, sent.receivers) == (other.type, other.receivers)
+            assert sent.values == pytest.approx(other.values, abs=1e-9)

@@ -189,7 +189,7 @@ def test_a_history_of_regions_is_shortened(monkeypatch):
 def test_a_history_that_fails_is_shortened_to_what_it_takes(monkeypatch):
     """One order counts twice in any circumstances, so nothing else remains."""
     repeat_orders(monkeypatch)
-    wanted = next(one for one in map(drawn, range(MOST)) if "pub eMark" in asks(one))
+    wanted = next(text for text in map(drawn, range(MOST)) if "pub eMark" in asks(text))
     failed = tried(replace(wanted, acts_from=0, frames=6))
     assert failed.wrong
     short = shortest(failed)

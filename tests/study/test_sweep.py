@@ -185,7 +185,7 @@ def test_a_csv_table(tmp_path):
         "2,elm,6,0001,,,3,2.5,,1.0\n"
         '3,007x,,,,,,,"it, failed",2.0\n'
     )
-    assert [one.name for one in tmp_path.iterdir()] == ["t.csv"]
+    assert [path.name for path in tmp_path.iterdir()] == ["t.csv"]
 
 
 def test_a_parquet_table_has_types(tmp_path):

@@ -44,7 +44,7 @@ class Fox(Agent, symbol="AFox"):
 def test_annotations_are_the_state():
     assert Fox.kind.name == "AFox"
     assert Fox.kind.fields.names == ("x", "energy", "births")
-    assert [str(one.type) for one in Fox.kind.fields.all] == ["real m", "real", "int"]
+    assert [str(field.type) for field in Fox.kind.fields.all] == ["real m", "real", "int"]
     assert Fox.kind.subscribes == {"eHit", "eStep"}
 
 
@@ -296,16 +296,16 @@ class Herdsman(Agent, symbol="AHerdsman"):
 
 eDo = EventType("eDo", deed=str)
 DEEDS = {
-    "length": lambda many, moment: setattr(many, "x", np.ones(9)),
-    "type": lambda many, moment: setattr(many, "n", many.n * 1.5),
-    "infinite": lambda many, moment: setattr(many, "x", np.where(many.x > 2, np.inf, many.x)),
-    "stranger": lambda many, moment: setattr(many, "y", 1),
-    "id": lambda many, moment: setattr(many, "id", "b"),
-    "mask": lambda many, moment: many.die(many.x),
-    "births": lambda many, moment: many.bear(),
-    "stream": lambda many, moment: moment.random,
-    "events": lambda many, moment: moment.emit(eDo(np.array(["a", "b"], object))),
-    "returned": lambda many, moment: EMPTY,
+    "length": lambda herd, moment: setattr(herd, "x", np.ones(9)),
+    "type": lambda herd, moment: setattr(herd, "n", herd.n * 1.5),
+    "infinite": lambda herd, moment: setattr(herd, "x", np.where(herd.x > 2, np.inf, herd.x)),
+    "stranger": lambda herd, moment: setattr(herd, "y", 1),
+    "id": lambda herd, moment: setattr(herd, "id", "b"),
+    "mask": lambda herd, moment: herd.die(herd.x),
+    "births": lambda herd, moment: herd.bear(),
+    "stream": lambda herd, moment: moment.random,
+    "events": lambda herd, moment: moment.emit(eDo(np.array(["a", "b"], object))),
+    "returned": lambda herd, moment: EMPTY,
 }
 
 
@@ -330,10 +330,10 @@ def test_an_error_in_a_population_names_agent_event_and_frame(deed, said):
 
 
 def test_the_dead_may_be_infinite():
-    DEEDS["dies"] = lambda many, moment: (
+    DEEDS["dies"] = lambda herd, moment: (
         (
-            setattr(many, "x", np.where(many.x > 2, np.inf, many.x)),
-            many.die(many.x > 2),
+            setattr(herd, "x", np.where(herd.x > 2, np.inf, herd.x)),
+            herd.die(herd.x > 2),
         )[2:]
         or None
     )

@@ -24,7 +24,7 @@ W = Vocabulary.of(eRoll, Die).read("ADie#a · ADie#b · ADie#c(ADie#d)")
 def rolls(w, frame):
     from minerva_bus.grammar.scene import agents
 
-    return {one.id: one.values for one in agents(evolve(w, [eRoll()], [Die], frame).scene)}
+    return {agent.id: agent.values for agent in agents(evolve(w, [eRoll()], [Die], frame).scene)}
 
 
 def test_the_same_key_gives_the_same_numbers():

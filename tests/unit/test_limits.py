@@ -51,10 +51,10 @@ def test_arrays_are_held_to_a_range_too():
 
 
 @given(st.floats(-1e9, 1e9), st.floats(-1e9, 1e9), st.floats(-2e9, 2e9))
-def test_a_type_with_a_range_reads_back_and_holds_what_lies_in_it(one, other, number):
-    kind = Type("real", "m", range=Range(min(one, other), max(one, other)))
+def test_a_type_with_a_range_reads_back_and_holds_what_lies_in_it(first, other, number):
+    kind = Type("real", "m", range=Range(min(first, other), max(first, other)))
     assert parse_type(str(kind)) == kind
-    if min(one, other) <= number <= max(one, other):
+    if min(first, other) <= number <= max(first, other):
         assert kind.fit(number) == number
     else:
         with pytest.raises(Unfit):

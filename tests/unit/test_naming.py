@@ -24,6 +24,8 @@ ARCHAIC = re.compile(
     re.IGNORECASE,
 )
 """Use instead: again, recently, gradually, bools, without success, increasingly, received."""
+VAGUE_BINDING = re.compile(rf"\b(?:{'|'.join(sorted(VAGUE))})\b *(?:[,):]|in\b|=[^=])")
+"""What follows a vague name where a loop or a function binds it; other modules are not parsed."""
 AUDIBLE = re.compile(r"sound")
 """Paths of texts about audible sounds, in which "heard" is allowed."""
 TEXTS = {".py", ".md", ".toml", ".txt", ".js", ".html", ".yaml", ".sh"}
@@ -55,6 +57,18 @@ def vague(tree):
     return sum(name in VAGUE for node in ast.walk(tree) for name in targets(node))
 
 
+def loops_and_parameters(text):
+    """The vague names that a module binds in loops and as parameters, each with its line."""
+    if not VAGUE_BINDING.search(text):
+        return []
+    nodes = list(ast.walk(ast.parse(text)))
+    loops = [node for node in nodes if isinstance(node, ast.For | ast.AsyncFor | ast.comprehension)]
+    bound = [(name.lineno, name.id) for loop in loops for name in ast.walk(loop.target)
+             if isinstance(name, ast.Name)]  # fmt: skip
+    bound += [(name.lineno, name.arg) for name in nodes if isinstance(name, ast.arg)]
+    return sorted((line, name) for line, name in bound if name in VAGUE)
+
+
 def homonyms():
     """Public class names that several modules define, with these modules."""
     homes = defaultdict(list)
@@ -73,19 +87,22 @@ def archaic(path, text):
 
 
 @cache
-def archaic_files():
-    """Files of the project that contain an archaic expression: code, documents, help texts."""
+def texts():
+    """The path and the text of each file of the project: code, documents, help texts."""
     listed = subprocess.run(
         ["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, text=True, check=True
     ).stdout
     return [
-        path
+        (path, (ROOT / path).read_text(encoding="utf-8"))
         for path in sorted(filter(None, listed.split("\0")))
-        if path not in SELF
-        and (ROOT / path).suffix in TEXTS
-        and (ROOT / path).is_file()
-        and archaic(path, (ROOT / path).read_text(encoding="utf-8"))
+        if (ROOT / path).suffix in TEXTS and (ROOT / path).is_file()
     ]
+
+
+@cache
+def archaic_files():
+    """Files of the project that contain an archaic expression."""
+    return [path for path, text in texts() if path not in SELF and archaic(path, text)]
 
 
 def test_no_more_vague_names_than_in_the_baseline():
@@ -94,6 +111,18 @@ def test_no_more_vague_names_than_in_the_baseline():
     more = {path: n for path, n in counts.items() if n > allowed.get(path, 0)}
     assert not more, f"name loop variables and parameters by their noun, not one of {VAGUE}"
     assert counts == allowed, "shorten naming.toml: python tests/unit/test_naming.py"
+
+
+@pytest.mark.skipif(not (ROOT / ".git").exists(), reason="lists the files with git")
+def test_no_loop_variable_or_parameter_has_a_vague_name():
+    """In all modules, tests too; in the packages the test above counts every variable."""
+    places = [
+        f"{path}:{line}: {name}"
+        for path, text in texts()
+        if path.endswith(".py")
+        for line, name in loops_and_parameters(text)
+    ]
+    assert not places, "name them by their noun"
 
 
 def test_a_class_name_has_one_meaning_but_for_the_baseline():
@@ -136,6 +165,16 @@ def test_archaic_words_are_recognized(path, text, expressions):
 ])  # fmt: skip
 def test_vague_names_are_counted(code, count):
     assert vague(ast.parse(code)) == count
+
+
+@pytest.mark.parametrize(("code", "names"), [
+    ("for one in x:\n    pass", ["one"]), ("[x for x in y for a, (many, b) in x]", ["many"]),
+    ("def f(told, /, *some, mine=1, **found): pass", ["found", "mine", "some", "told"]),
+    ("lambda found: 0", ["found"]), ("async def f(one: int): pass", ["one"]),
+    ("found = one\nf(many=1)\nfor event in some:\n    told: int = 1", []),
+])  # fmt: skip
+def test_vague_loop_variables_and_parameters_are_listed(code, names):
+    assert [name for _, name in loops_and_parameters(code)] == names
 
 
 def write_baseline():

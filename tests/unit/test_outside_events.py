@@ -1,10 +1,14 @@
 """Events from outside of all regions: generators that run freely, people, and who is refused."""
 
+import signal
 import time
 from functools import partial
 from pathlib import Path
 
+import pytest
+
 from minerva_bus import Generator, Vocabulary, on
+from minerva_bus.errors import WorldStopped
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
@@ -69,6 +73,30 @@ def test_a_generator_that_runs_freely_reaches_all_regions_once():
     assert (summary.reached, summary.figures["regions"]) == (True, 3)
     heard = Scene(tuple(Guest(f"g{n}", rings=123).string.nodes[0] for n in range(7)))
     assert summary.digest == VOCABULARY.check(heard).digest.hex()
+
+
+def test_a_signal_interrupts_regions_after_a_frame_and_code_that_raises_its_exception_fails():
+    def run(act):
+        class Late(Clock, events=("eRing",)):
+            def generate(self, tick):
+                if tick.number == 2:
+                    act()
+                return ()
+
+        processes = Process("guests", agents=(Guest,)), Process("late", Late)
+        described = world(expected=frozenset(each.name for each in processes))
+        file = WorldFile(Path("w.toml"), described, 0.0, processes, partition=ById(2))
+        return RegionRun(file, Console(quiet=True), time.monotonic()).run()
+
+    def fail():
+        raise KeyboardInterrupt
+
+    # Each region has the generator, and a second signal would not wait for the end of the frame.
+    signals = iter([signal.SIGINT])
+    ended = run(lambda: [signal.raise_signal(number) for number in signals])
+    assert (ended.ended, ended.frames) == ("interrupted", 3)
+    with pytest.raises(WorldStopped, match="late failed in frame 2: code of the world: Keyboard"):
+        run(fail)
 
 
 def whole():

@@ -38,13 +38,13 @@ def outcome(function, *numbers):
         return type(error)
 
 
-def assert_close(found, expected, *numbers):
+def assert_close(result, expected, *numbers):
     if isinstance(expected, type) or not math.isfinite(expected) or expected == 0:
-        same = found is expected if isinstance(expected, type) else bits(found) == bits(expected)
-        assert same, (numbers, found, expected)
+        same = result is expected if isinstance(expected, type) else bits(result) == bits(expected)
+        assert same, (numbers, result, expected)
     else:
-        assert abs(found - expected) <= ULPS * math.ulp(expected), (numbers, found, expected)
-        assert math.copysign(1, found) == math.copysign(1, expected)
+        assert abs(result - expected) <= ULPS * math.ulp(expected), (numbers, result, expected)
+        assert math.copysign(1, result) == math.copysign(1, expected)
 
 
 @pytest.mark.parametrize("name", ONE)
@@ -88,12 +88,12 @@ def same_in_an_array(function, *columns):
         few = function(*(np.array(column[:FEW]) for column in columns)).tolist()
         many = function(*(np.array(column * times) for column in columns)).tolist()
     assert [*map(bits, few)] == [*map(bits, many[: len(few)])]
-    for numbers, found in zip(zip(*columns, strict=True), many[: len(columns[0])], strict=True):
+    for numbers, result in zip(zip(*columns, strict=True), many[: len(columns[0])], strict=True):
         expected = outcome(function, *numbers)
         if isinstance(expected, type):
-            assert not math.isfinite(found), (numbers, found)
+            assert not math.isfinite(result), (numbers, result)
         else:
-            assert bits(found) == bits(expected), (numbers, found, expected)
+            assert bits(result) == bits(expected), (numbers, result, expected)
 
 
 @pytest.mark.parametrize("name", ONE)
@@ -183,9 +183,9 @@ def test_one_draws_what_many_draw(words):
     many = RngBatch(np.array(words, np.uint64))
     each = [Rng(word) for word in words]
     for drawn in ("normal", "exponential", "random"):
-        expected = [getattr(one, drawn)() for one in each]
+        expected = [getattr(stream, drawn)() for stream in each]
         assert getattr(many, drawn)().tolist() == expected
-    assert many.normal(3, 0.1).tolist() == [one.normal(3, 0.1) for one in each]
+    assert many.normal(3, 0.1).tolist() == [stream.normal(3, 0.1) for stream in each]
 
 
 def test_normal_numbers_of_a_generator_are_those_of_its_uniform_ones():

@@ -8,7 +8,7 @@ import threading
 import pytest
 
 from minerva_bus.errors import BusError
-from minerva_bus.launch.registry import WorldLock, running
+from minerva_bus.launch.registry import WorldLock, find, running
 from minerva_bus.launch.runtime_folder import make_runtime_folder, runtime_folder
 
 
@@ -123,3 +123,19 @@ def test_a_world_starts_while_another_process_lists_the_worlds(tmp_path, monkeyp
     with pytest.raises(BusError, match="a world 'w' runs here already"):
         WorldLock("w")
     lock.release()
+
+
+def test_of_several_worlds_the_preferred_one_is_chosen(tmp_path, monkeypatch):
+    monkeypatch.setenv("MINERVA_RUNTIME_DIR", str(tmp_path))
+    locks = [WorldLock("a")]
+    locks[0].publish("tcp/127.0.0.1:1")
+    assert find(preferred="b").world == "a"  # The file's world may run under another name.
+    locks.append(WorldLock("b"))
+    locks[1].publish("tcp/127.0.0.1:2")
+    assert find(preferred="b").world == "b"
+    assert find("a", preferred="b").world == "a"
+    for preferred in ("", "c"):
+        with pytest.raises(BusError, match="several worlds run on this machine"):
+            find(preferred=preferred)
+    for lock in locks:
+        lock.release()

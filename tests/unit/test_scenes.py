@@ -25,7 +25,7 @@ def figure(value):
 
 
 @pytest.mark.parametrize(
-    ("one", "other", "same"),
+    ("first", "other", "same"),
     [
         (1, 1.0, True),
         (1, True, False),
@@ -44,8 +44,8 @@ def figure(value):
         (EMPTY, "", False),
     ],
 )
-def test_nodes_and_strings_are_equal_when_they_print_the_same(one, other, same):
-    a, b = figure(one), figure(other)
+def test_nodes_and_strings_are_equal_when_they_print_the_same(first, other, same):
+    a, b = figure(first), figure(other)
     assert (a == b) is same
     assert (scene_of(a) == scene_of(b)) is same
     assert (str(scene_of(a)) == str(scene_of(b))) is same

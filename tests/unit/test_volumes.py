@@ -47,9 +47,9 @@ def found(scene: Scene) -> Volumes:
     return volumes(scene, VOCABULARY)
 
 
-def cores(some: Volumes) -> list[list[tuple[float, float]]]:
-    ends = zip(some.first[:-1], some.first[1:], strict=True)
-    return [[(x, y) for x, y in some.points[a:b].tolist()] for a, b in ends]
+def cores(volumes: Volumes) -> list[list[tuple[float, float]]]:
+    ends = zip(volumes.first[:-1], volumes.first[1:], strict=True)
+    return [[(x, y) for x, y in volumes.points[a:b].tolist()] for a, b in ends]
 
 
 def test_a_disc_is_where_transformations_lead() -> None:

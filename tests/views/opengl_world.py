@@ -103,7 +103,7 @@ def like(pixels, color, tolerance=12):
 
 def at(painter, x, y, z):
     """The pixel (x, y) of a place."""
-    found = painter.project(*(np.array([one], float) for one in (x, y, z)))
+    found = painter.project(*(np.array([value], float) for value in (x, y, z)))
     return np.array([found[0][0], found[1][0]])
 
 

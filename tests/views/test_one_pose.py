@@ -34,7 +34,7 @@ def moment():
     file = read_world_file(find_world("robot"), Overrides(options={"parcels": ""}))
     algorithm = FrameAlgorithm(file.world)
     runner = InProcessRunner(
-        algorithm, [one.participant() for one in file.processes], lambda _: None
+        algorithm, [process.participant() for process in file.processes], lambda _: None
     )
     runner.start()
     for _ in range(FRAMES):
@@ -57,7 +57,7 @@ def blob(pixels, color=ORANGE, tolerance=24):
 
 
 def projected(painter, x, y, height):
-    at = painter.project(*(np.array([one], float) for one in (x, y, height)))
+    at = painter.project(*(np.array([value], float) for value in (x, y, height)))
     return np.array([at[0][0], at[1][0]])
 
 

@@ -124,7 +124,7 @@ def test_signs_are_at_their_pins_and_can_be_clicked():
     for words, place in (("attic", (3.0, 2.0)), ("cellar", (8.0, 5.0))):
         ball = at(painter, *place, painter._scene.pins.sizes.height)
         assert np.hypot(*(balls - ball).T).min() < 4
-        box = next(one for one in reversed(painter.labels()) if one.text == words)
+        box = next(label for label in reversed(painter.labels()) if label.text == words)
         plate = (box.left + box.right) / 2, (box.top + box.bottom) / 2
         assert pick(picture(scene), painter.project, painter.labels(), plate) == Hit(label=words)
         assert pick(picture(scene), painter.project, painter.labels(), ball) == Hit(label=words)
@@ -139,16 +139,16 @@ def test_lines_are_drawn_on_the_floor():
 
 def test_a_line_that_is_a_detail_of_a_disc_lies_on_it():
     body = Discs(
-        *(np.array([one]) for one in (1.0, 1.0, 0.0, 0.5, 0.3)),
+        *(np.array([value]) for value in (1.0, 1.0, 0.0, 0.5, 0.3)),
         np.zeros((1, 3), np.uint8), np.array([False]), ("",), ("a",),
     )  # fmt: skip
     lines = picture(PWay((0.9, 1.1), (1.0, 1.2)) + PWay((0.9, 9.1), (1.0, 1.2))).items
-    ears, way = (type(one)(one.points, one.form, "a") for one in lines)
-    assert [one.level > 0.3 for one in raised_lines(Picture((body, ears, way)), 0.01)] == [
+    ears, way = (type(line)(line.points, line.form, "a") for line in lines)
+    assert [line.level > 0.3 for line in raised_lines(Picture((body, ears, way)), 0.01)] == [
         True,
         False,
     ]
-    assert [one.level for one in raised_lines(Picture((ears, body)), 0.01)] == [0.01]
+    assert [line.level for line in raised_lines(Picture((ears, body)), 0.01)] == [0.01]
 
 
 def test_a_ribbon_keeps_its_width_and_counts_its_metres():
@@ -161,7 +161,7 @@ def test_beams_and_the_selected_agent_are_shown():
     scene = floor() + TPut(6.0, 4.0)(PRobot("r1", 0.3))
     shown = picture(scene)
     (discs,) = shown.of(Discs)
-    mine = Discs(*(getattr(discs, one) for one in discs.__slots__[:8]), ("r1",))
+    mine = Discs(*(getattr(discs, name) for name in discs.__slots__[:8]), ("r1",))
     beams = Beams(6.0, 4.0, np.array([[6.0, 7.0], [7.0, 7.0]]), np.array([True, True]))
     painter, before = drawn(scene)
     painter.draw(Sight(Picture((*shown.items[:1], mine)), (beams,), selected="r1"))
@@ -176,7 +176,7 @@ def test_the_followed_agent_is_in_the_middle():
     scene = floor() + TPut(9.0, 2.0)(PRobot("r1", 0.3))
     shown = picture(scene)
     (discs,) = shown.of(Discs)
-    mine = Discs(*(getattr(discs, one) for one in discs.__slots__[:8]), ("r1",))
+    mine = Discs(*(getattr(discs, name) for name in discs.__slots__[:8]), ("r1",))
     painter, _ = drawn(scene)
     painter.draw(Sight(Picture((*shown.items[:1], mine)), selected="r1", follows=True))
     assert at(painter, 9.0, 2.0, 0.0) == pytest.approx([450, 300], abs=1)
@@ -224,7 +224,7 @@ def test_painters_in_one_process_do_not_disturb_one_another():
 
 def test_ten_thousand_discs_are_one_call_and_all_of_them_are_there():
     side = 100
-    x, y = (one.ravel() * 1.0 for one in np.meshgrid(np.arange(side), np.arange(side)))
+    x, y = (axis.ravel() * 1.0 for axis in np.meshgrid(np.arange(side), np.arange(side)))
     n = side * side
     discs = Discs(
         x, y, np.zeros(n), np.full(n, 0.3), np.full(n, 0.2),

@@ -50,7 +50,7 @@ def said(screen, tmp_path, monkeypatch):
     """Run `minerva run robot` with a window; yields the file with its output."""
     monkeypatch.setenv("MINERVA_RUNTIME_DIR", str(tmp_path))
     monkeypatch.setenv("DISPLAY", screen.display)
-    for name in [one for one in os.environ if one.startswith(("SDL_", "WAYLAND_"))]:
+    for name in [variable for variable in os.environ if variable.startswith(("SDL_", "WAYLAND_"))]:
         monkeypatch.delenv(name)
     words = ["-m", "minerva_bus", "run", "robot", "--rate", "20", "--view"]
     words.append(f"opengl:width={SIZE[0]},height={SIZE[1]}")
@@ -77,9 +77,9 @@ def drawn(string, *names):
 
 def string_of(operator):
     """The current string of the world: static nodes, and agents in their current state."""
-    texts = [operator.fragment(one.id) if hasattr(one, "id") else "" for one in START.pieces]
+    texts = [operator.fragment(piece.id) if hasattr(piece, "id") else "" for piece in START.pieces]
     nodes = zip(START.pieces, texts, strict=True)
-    return Scene(tuple(vocabulary.read(text).pieces[0] if text else one for one, text in nodes))
+    return Scene(tuple(vocabulary.read(text).pieces[0] if text else node for node, text in nodes))
 
 
 def test_a_persons_hands_reach_the_world(screen, said):
@@ -93,7 +93,7 @@ def test_a_persons_hands_reach_the_world(screen, said):
             return screen.pixels()[top : top + SIZE[1], left : left + SIZE[0]]
 
         def happened(text):
-            return any(text in one.text for one in ask.status().happenings)
+            return any(text in happening.text for happening in ask.status().happenings)
 
         def shows(pixels, x, y):
             part = (
@@ -149,4 +149,4 @@ def rests(status):
 
 
 def present(operator):
-    return [one.name for one in operator.status().members if one.state == "present"]
+    return [member.name for member in operator.status().members if member.state == "present"]

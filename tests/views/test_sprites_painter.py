@@ -40,7 +40,7 @@ from minerva_services.views.window.painter import Beams, Sight
 
 def color_at(painter, pixels, x, y):
     right, down = painter.camera.to_screen(x, y)
-    return tuple(int(one) for one in pixels[round(down), round(right)])
+    return tuple(int(channel) for channel in pixels[round(down), round(right)])
 
 
 def near(color, wanted, tolerance=14):
@@ -98,8 +98,8 @@ def test_a_floor_may_be_turned(angle, x):
 def test_a_floor_that_was_moved_by_hand_is_drawn_as_if_it_were_new(nearer):
     sight = Sight(picture(floor() + TPut(4.0, 2.5)(PRobot("r1", 0.3))))
     painter, fresh = SpritePainter(), SpritePainter()
-    for one in (painter, fresh):
-        one.offscreen((900, 640))
+    for painted in (painter, fresh):
+        painted.offscreen((900, 640))
     painter.draw(sight)
     painter.zoom(nearer, painter.camera.to_screen(1.05, 2.5))  # a wall
     painter.draw(sight)
@@ -125,11 +125,11 @@ def test_a_manual_view_stays_until_fit_is_requested():
 def test_a_matrix_that_replaces_another_is_drawn_again():
     ground, (old,), (new,) = (
         MatrixLayer(),
-        *(picture(one).of(Tiles) for one in (floor(), floor(20, 9))),
+        *(picture(scene).of(Tiles) for scene in (floor(), floor(20, 9))),
     )
     canvas, camera = pygame.Surface((900, 600), 0, 32), MapCamera(4.0, 2.5, 100.0, (900, 600))
     ground.draw(canvas, old, camera)
-    keys = [(id(one.cells), id(one.form)) for one in (old, new)]
+    keys = [(id(tiles.cells), id(tiles.form)) for tiles in (old, new)]
     ground._cache[keys[1]] = ground._cache.pop(keys[0])
     ground.draw(canvas, new, camera)
     fresh = canvas.copy()

@@ -40,7 +40,7 @@ def test_all_pictures_are_kept_where_one_wants_them(tmp_path):
     device = joined(tmp_path / "w.png", frames=True, width=200, height=150)
     for frame in (0, 10):
         device.show(view(frame, PDot(1.0)))
-    assert sorted(one.name for one in tmp_path.iterdir()) == ["w-000000.png", "w-000010.png"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["w-000000.png", "w-000010.png"]
 
 
 def test_the_same_view_is_the_same_picture(tmp_path):
@@ -80,7 +80,9 @@ def test_a_video_misses_no_frame(tmp_path):
     device.close()
     with av.open(str(tmp_path / "a.mp4")) as file:
         assert float(file.streams.video[0].average_rate) == pytest.approx(10)
-        found = [middle_of(one.to_ndarray(format="rgb24"), ROBOT, 40)[0] for one in file.decode()]
+        found = [
+            middle_of(frame.to_ndarray(format="rgb24"), ROBOT, 40)[0] for frame in file.decode()
+        ]
     assert len(found) == 12
     assert (np.diff(found) > 5).all()
 

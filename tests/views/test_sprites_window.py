@@ -131,7 +131,7 @@ class Office:
 
         def there():
             members = self.operator.status().members
-            return any((one.name, one.state) == (name, state) for one in members)
+            return any((member.name, member.state) == (name, state) for member in members)
 
         eventually(there, f"{name} is {state}")
 
@@ -142,14 +142,14 @@ class Office:
     def heard(self, text, within):
         """Whether an event with this text occurs within so many seconds."""
         until = time.monotonic() + within
-        while not any(str(one) == text for one in list(self.events)):
+        while not any(str(event) == text for event in list(self.events)):
             if time.monotonic() > until:
                 return False
             time.sleep(0.02)
         return True
 
     def click_on(self, label):
-        box = next(one for one in self.painter.labels() if one.text == label)
+        box = next(drawn for drawn in self.painter.labels() if drawn.text == label)
         middle = (box.left + box.right) / 2, (box.top + box.bottom) / 2
         self.screen.click(self.left + middle[0], self.top + middle[1])
 

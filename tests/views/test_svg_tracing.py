@@ -18,8 +18,8 @@ def painted(paths: tuple[tuple[str, str], ...], shape: tuple[int, ...]) -> NDArr
     cells = np.full(shape, "", object)
     for color, data in paths:
         assert _RECTANGLE.sub("", data) == ""
-        for found in _RECTANGLE.findall(data):
-            row, column, rows, columns, back = map(int, found)
+        for rectangle in _RECTANGLE.findall(data):
+            row, column, rows, columns, back = map(int, rectangle)
             assert rows == back
             area = cells[row : row + rows, column : column + columns]
             assert area.shape == (rows, columns)

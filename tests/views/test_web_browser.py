@@ -71,7 +71,7 @@ class Building:
         self.lines: list[str] = []
         threading.Thread(target=self._gather, daemon=True).start()
         line = eventually(
-            lambda: next((one for one in list(self.lines) if "http://" in one), ""), "no page"
+            lambda: next((line for line in list(self.lines) if "http://" in line), ""), "no page"
         )
         self.url = line[line.index("http://") :].strip()
         found = json.loads((runtime / "robot.json").read_text())
@@ -161,7 +161,7 @@ LABEL_MIDDLE = 5
 
 def marker(name):
     """The position of a marker."""
-    return next((one.x[0], one.y[0]) for one in START.of(Texts) if one.texts[0] == name)
+    return next((text.x[0], text.y[0]) for text in START.of(Texts) if text.texts[0] == name)
 
 
 def pixel_of(page, x, y, high):
@@ -188,7 +188,7 @@ def test_the_page_requests_nothing_from_other_hosts(page, building):
     here = building.url.removeprefix("http://").partition("/")[0]
     allowed = (f"http://{here}", f"ws://{here}", f"blob:http://{here}", "data:")
     assert page.asked
-    assert [one for one in page.asked if not one.startswith(allowed)] == []
+    assert [url for url in page.asked if not url.startswith(allowed)] == []
 
 
 def test_a_click_on_a_marker_in_the_world_sets_the_objective(page, building):
@@ -259,7 +259,9 @@ def test_two_browsers_show_the_same_and_are_independent(page, building, chromium
         killer.send("Browser.crash")
     first = frame_on(page)
     eventually(lambda: frame_on(page) > first + 3, "the page of the other browser stands still")
-    assert "present" in {one.state for one in building.status().members if one.name == "web"}
+    assert "present" in {
+        member.state for member in building.status().members if member.name == "web"
+    }
 
 
 def test_pause_step_and_resume(page, building):
@@ -281,7 +283,7 @@ def label_of(page, building, name):
 
 
 def test_a_click_on_the_name_of_a_robot_selects_it(page, building):
-    markers = [(one.x[0], one.y[0]) for one in START.of(Texts) if one.texts[0]]
+    markers = [(text.x[0], text.y[0]) for text in START.of(Texts) if text.texts[0]]
     others = [pixel_of(page, *place, 1.12 * PIN_HEIGHT) for place in markers]
     page.get_by_role("button", name="Pause").click()
     eventually(lambda: building.status().paused, "no pause")
@@ -307,4 +309,4 @@ def test_the_end_is_on_the_page_soon(page, building):
     os.kill(building.process.pid, signal.SIGINT)
     building.process.wait(PATIENCE)
     page.get_by_text("the world has ended").first.wait_for()
-    assert not [one for one in building.lines if "Traceback" in one]
+    assert not [line for line in building.lines if "Traceback" in line]

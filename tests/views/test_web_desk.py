@@ -50,7 +50,11 @@ class Room:
 
     def inputs(self, kind):
         handles = list(self.gui._gui_input_handle_from_uuid.values())
-        return {one.label: one for one in handles if type(one).__name__ == f"Gui{kind}Handle"}
+        return {
+            handle.label: handle
+            for handle in handles
+            if type(handle).__name__ == f"Gui{kind}Handle"
+        }
 
     def options(self, label):
         """The options of a dropdown; empty while a form is removed and created again."""
@@ -114,7 +118,7 @@ def test_a_form_sends_its_event_to_the_selected_agent_or_to_all(room):
     form._send("eBring", form.data())
     room.desk.select("d")
     form._send("eBring", form.data())
-    assert [str(one) for one in room.operator.told] == [
+    assert [str(order) for order in room.operator.told] == [
         'eBring<source="inn", target="bar", times=0, gently=false>',
         'eBring<source="inn", target="bar", times=0, gently=false> to #d',
     ]
@@ -127,7 +131,7 @@ def test_a_click_selects_an_agent_and_sends_a_text(room):
     room.open()
     room.desk.click(Clicked("c", "c"))
     room.desk.click(Clicked(text="bar"))
-    assert [str(one) for one in room.operator.told] == ['eGo<place="bar"> to #c']
+    assert [str(order) for order in room.operator.told] == ['eGo<place="bar"> to #c']
 
 
 def test_a_robot_that_accepts_no_orders_gets_none_and_the_page_shows_it(room):
@@ -210,8 +214,8 @@ def test_events_of_every_frame_do_not_drown_the_rest():
     )
     rates = {"eLaser": 900.0, "eGo": 0.1}
     feed.update(replace(Nobody().status(0), happenings=entries, events=rates))
-    assert [one.number for one in feed.chosen(NOTABLE, 9)] == [5]
-    assert [one.number for one in feed.chosen(ALL, 3)] == [197, 198, 199]
+    assert [happening.number for happening in feed.chosen(NOTABLE, 9)] == [5]
+    assert [happening.number for happening in feed.chosen(ALL, 3)] == [197, 198, 199]
     assert feed.choices == (NOTABLE, ALL, "eGo", "eLaser")
     assert feed.last == 199
 

@@ -39,20 +39,20 @@ def stage():
 
 
 def names(sent):
-    return Counter(type(one).__name__ for one in sent)
+    return Counter(type(message).__name__ for message in sent)
 
 
 def updates(sent):
     """Updated properties by node."""
     found = {}
-    for one in sent:
-        if type(one).__name__ == "SceneNodeUpdateMessage":
-            found.setdefault(one.name, set()).update(one.updates)
+    for message in sent:
+        if type(message).__name__ == "SceneNodeUpdateMessage":
+            found.setdefault(message.name, set()).update(message.updates)
     return found
 
 
 def removed(sent):
-    return {one.name for one in sent if type(one).__name__ == "RemoveSceneNodeMessage"}
+    return {message.name for message in sent if type(message).__name__ == "RemoveSceneNodeMessage"}
 
 
 def test_a_world_is_sent_once_and_then_only_what_has_changed(stage):

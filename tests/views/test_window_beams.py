@@ -55,4 +55,4 @@ def test_the_scan_of_the_picture_is_taken():
     scans.add(scan("nobody"))
     assert len(scans.beams(picture, 0.2)) == 1
     scans.add(scan("b2"))
-    assert [one.x for one in scans.beams(picture, 0.2)] == [0.0, 3.0]
+    assert [beam.x for beam in scans.beams(picture, 0.2)] == [0.0, 3.0]

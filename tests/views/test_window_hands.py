@@ -95,7 +95,7 @@ def test_keys_change_a_number_from_what_the_agent_has():
     made, ledger = hands(), Ledger(speed=0.5)
     for key in (Action.MORE, Action.MORE, Action.LESS):
         made.press(key, BUGS).do(ledger)  # the agent has not received it yet
-    assert [one.split("=")[1] for one in ledger.told] == ["0.6>", "0.7>", "0.6>"]
+    assert [order.split("=")[1] for order in ledger.told] == ["0.6>", "0.7>", "0.6>"]
     ledger.speed = 2.0  # set by another user
     made.press(Action.MORE, BUGS).do(ledger)
     assert ledger.told[-1] == "order eHaste<speed=2.1>"

@@ -50,8 +50,8 @@ def frames_of(path):
     av = pytest.importorskip("av")
     found = []
     with av.open(str(path)) as file, suppress(av.error.InvalidDataError):
-        for one in file.decode(video=0):  # up to the point at which its writer was killed
-            found.append(one.to_ndarray(format="rgb24"))
+        for frame in file.decode(video=0):  # up to the point at which its writer was killed
+            found.append(frame.to_ndarray(format="rgb24"))
     return found
 
 

@@ -109,7 +109,7 @@ class Nobody:
         member = MemberStatus("gate", "present", orders=self.types)
         return WorldStatus(
             "yard", 7, 0.1, "events", rate=10.0, hz=9.5, members=(member,), events=self.events,
-            happenings=tuple(one for one in self.happenings if one.number > since),
+            happenings=tuple(happening for happening in self.happenings if happening.number > since),
         )  # fmt: skip
 
     def named(self, by):

@@ -69,7 +69,7 @@ def from_member(vocabulary):
         st.builds(
             m.Hello, member=members, version=numbers, service=texts(),
             kinds=st.lists(st.sampled_from(sorted(vocabulary.kinds)), max_size=2, unique=True).map(
-                lambda found: tuple(vocabulary.kinds[one] for one in found)
+                lambda symbols: tuple(vocabulary.kinds[symbol] for symbol in symbols)
             ),
             generates=few, lockstep=st.booleans(), orders=few, draws=few, coupled=st.booleans(),
             every=numbers, rate=reals().map(abs), topics=few, publishes=few, pid=numbers, host=texts(), people=st.booleans(), ahead=st.booleans(), plain=st.booleans(),
@@ -146,13 +146,13 @@ heard = vocabularies().flatmap(lambda v: st.tuples(st.just(v), to_member(v)))
 recorded = vocabularies().flatmap(lambda v: st.tuples(st.just(v), records(v)))
 
 
-def same(one, other):
+def same(left, other):
     """Equality of messages; vocabularies by their content, arrays by their values."""
-    if is_dataclass(one) and not isinstance(one, Scene) and type(one).__eq__ is object.__eq__:
-        pairs = [(getattr(one, f.name), getattr(other, f.name)) for f in fields(one)]
-        return type(one) is type(other) and all(same(*pair) for pair in pairs)
-    if isinstance(one, np.ndarray):
-        return one.dtype == other.dtype and one.tobytes() == other.tobytes()
-    if isinstance(one, tuple):
-        return len(one) == len(other) and all(map(same, one, other))
-    return one == other
+    if is_dataclass(left) and not isinstance(left, Scene) and type(left).__eq__ is object.__eq__:
+        pairs = [(getattr(left, f.name), getattr(other, f.name)) for f in fields(left)]
+        return type(left) is type(other) and all(same(*pair) for pair in pairs)
+    if isinstance(left, np.ndarray):
+        return left.dtype == other.dtype and left.tobytes() == other.tobytes()
+    if isinstance(left, tuple):
+        return len(left) == len(other) and all(map(same, left, other))
+    return left == other

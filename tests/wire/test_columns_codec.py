@@ -111,8 +111,8 @@ def test_columns_that_have_travelled_are_the_same(w):
     assert back == w
     assert back.nodes == w.nodes
     assert all(
-        one.array.dtype == other.array.dtype
-        for one, other in zip(back.pieces[0].columns, w.pieces[0].columns, strict=True)
+        column.array.dtype == other.array.dtype
+        for column, other in zip(back.pieces[0].columns, w.pieces[0].columns, strict=True)
     )
 
 

@@ -85,12 +85,12 @@ def spoilt(plain, odd):
     if isinstance(plain, float):
         yield odd
     elif isinstance(plain, list):
-        for place, one in enumerate(plain):
-            for other in spoilt(one, odd):
+        for place, value in enumerate(plain):
+            for other in spoilt(value, odd):
                 yield [*plain[:place], other, *plain[place + 1 :]]
     elif isinstance(plain, dict):
-        for name, one in plain.items():
-            for other in spoilt(one, odd):
+        for name, value in plain.items():
+            for other in spoilt(value, odd):
                 yield {**plain, name: other}
     elif isinstance(plain, msgpack.ExtType) and plain.code == 2:
         for other in spoilt(unpack(plain.data), odd):
@@ -104,10 +104,10 @@ def test_a_message_with_a_number_that_is_none_is_refused(read, plain):
     assert read(msgpack.packb(plain))
     count = 0
     for odd in ODD:
-        for one in spoilt(plain, odd):
+        for damaged in spoilt(plain, odd):
             count += 1
             with pytest.raises((ProtocolError, SceneError)):
-                read(msgpack.packb(one))
+                read(msgpack.packb(damaged))
     assert count
 
 

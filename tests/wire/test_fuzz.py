@@ -214,8 +214,8 @@ def test_any_value_for_any_datum(value):
 
 @few
 @given(junk, junk)
-def test_any_state_for_an_agent(one, two):
-    for state in ([one], [one, two], one):
+def test_any_state_for_an_agent(first, second):
+    for state in ([first], [first, second], first):
         scene = [1, ["AWalker", "w", state, 0]]
         refused_or_read(msgpack.packb(["evolved", 0, 0, {"w": scene}, {}, {}]))
         refused_or_read(msgpack.packb(["view", "eShow", 0, 0, {"w": [1, ["PDot", state]]}, scene]))

@@ -224,12 +224,12 @@ def test_the_name_of_a_message_is_found(name, items):
 
 @given(st.lists(st.sampled_from([eNear(1.0), eNear(2.0, receivers=["b"]), eBare(), eText("ä"),
                                  Events.repeated(eNear(3.0), 2)]), max_size=30))  # fmt: skip
-def test_very_many_events_are_sent_in_columns(some):
-    told = tuple(some) * 60
+def test_very_many_events_are_sent_in_columns(events):
+    told = tuple(events) * 60
     packed = in_columns(told)
     for event_type in ("eNear", "eBare", "eText"):
-        assert [one for one in single(packed) if one.type == event_type] == [
-            one for one in single(told) if one.type == event_type
+        assert [event for event in single(packed) if event.type == event_type] == [
+            event for event in single(told) if event.type == event_type
         ]
     assert in_columns(told[:1000]) == told[:1000]
 

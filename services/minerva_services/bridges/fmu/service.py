@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from minerva_bus.errors import MisuseError
 from minerva_services.bridging.stepped_model import Model, SteppedModel
 from minerva_services.options import require
 
@@ -43,6 +44,10 @@ class Fmu(SteppedModel):
         from minerva_services.bridges.fmu.model import FmuModel
 
         model = FmuModel(self._path, self.starts)
-        for variable in (*self.outputs.values(), *self.inputs):
-            model.check(variable)
+        try:
+            for variable in (*self.outputs.values(), *self.inputs):
+                model.check(variable)
+        except MisuseError:
+            model.close()
+            raise
         return model
