@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Generator
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 from minerva_bus.blame import report, whole
 from minerva_bus.errors import WorldStopped
+from minerva_bus.frame.member import Refusal
 from minerva_bus.launch.console import Console
 from minerva_bus.uncaught import VARIABLE
 
@@ -36,3 +39,15 @@ class CodeFailure:
             f"{failed}: {what}; the world stops ({VARIABLE}=1 shows all frames)",
             f"{failed}; the world stops{hint}",
         )
+
+
+@contextmanager
+def own_members() -> Generator[None]:
+    """Raise WorldStopped if the region refuses a member of its own: no new process would help.
+
+    As the error of a member, it would be read as the world's refusal of the region.
+    """
+    try:
+        yield
+    except Refusal as error:
+        raise WorldStopped(str(error)) from None

@@ -16,6 +16,7 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.collection import ORDERS
 from minerva_bus.frame.inbox import MAX_WAITING
 from minerva_bus.frame.member import Member, Outgoing, WorldRestarted
+from minerva_bus.launch.failures import own_members
 from minerva_bus.launch.free_running import close_services
 from minerva_bus.launch.in_process import members_of
 from minerva_bus.launch.region_checkpoint import RegionCheckpoint
@@ -107,6 +108,7 @@ class RegionMember(Member):
             self._out += self.parcel(arrived)
         self.send_again(range(self.region.partition.count))
 
+    @own_members()
     def _repeat(self, frame: int) -> None:
         """Run the frames of the process before this one again; others have what it sent."""
         if frame > self.region.frame and not self._journal.exists:
@@ -237,11 +239,9 @@ class RegionMember(Member):
         figures, sent = dict[str, int](), frames * count * (count - 1)
         if sent:  # The coordinator adds them up to the mean over all regions.
             figures["parcel_bytes"] = round(self._parcels.sent_bytes / sent)
-        if ended is None:
-            return figures
         # The members of one region report the figures of all, because generators are equal, and
         # the coordinator those of norms.
-        if self.region.number != FIRST:
+        if ended is None or self.region.number != FIRST:
             return figures
         broken = violations(ended.figures)
         members = {name: value for name, value in ended.figures.items() if name not in broken}
@@ -267,6 +267,7 @@ class RegionMember(Member):
                 self._save()
             yield self._run_frame()
 
+    @own_members()
     def _run_frame(self) -> m.TickReply:
         region, self.frame = self.region, self.region.frame
         self._parcels.frame_begun()
@@ -292,9 +293,8 @@ class RegionMember(Member):
     def _observe(self, notice: Notice) -> None:
         if isinstance(notice, s.FrameDone):
             self._done = notice
-        elif isinstance(notice, s.Notify):
-            if notice.member != ORDERS:  # The coordinator logs those.
-                self._log(f"{notice.member}: {notice.text}")
+        elif isinstance(notice, s.Notify) and notice.member != ORDERS:  # The coordinator logs it.
+            self._log(f"{notice.member}: {notice.text}")
         elif isinstance(notice, s.Stopping) and self.region.algorithm.failed:
             # A region's algorithm ends by itself only because of a failure.
             raise WorldStopped(notice.reason)

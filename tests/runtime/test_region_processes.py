@@ -31,6 +31,7 @@ from minerva_bus.log.reader import Record
 from minerva_bus.runtime.region_links import ParcelArrived
 
 LOUD = """
+from minerva_bus import Event
 from yard import *
 
 class LoudSteps(Steps, events=("eStep",)):
@@ -253,15 +254,16 @@ said = true
     assert "views in real time (screen) in one process" in done.stderr
 
 
-def test_an_error_in_code_stops_all_regions(path):
-    (path.parent / "loud.py").write_text(
-        LOUD.replace('print("tick")', 'raise ValueError("broken")')
-    )
+@pytest.mark.parametrize(("fault", "reported"), [
+    ('raise ValueError("broken")', "failed in frame 5: steps: LoudSteps.generate: ValueError"),
+    # A new process would do the same.
+    ("return [Event('eStep', ('count',), (1,), sender='a')]", "failed in frame 5: .*steps: it sent eStep from #a, but"),
+])  # fmt: skip
+def test_an_error_in_code_stops_all_regions(path, fault, reported):
+    (path.parent / "loud.py").write_text(LOUD.replace('print("tick")', fault))
     done = minerva(path.parent, "run", path, "--rate", 0, "--regions", 2)
     assert done.returncode == 1
-    assert re.search(
-        r"region-[01] │ failed in frame 5: steps: LoudSteps.generate: ValueError", done.stderr
-    )
+    assert re.search(f"region-[01] │ {reported}", done.stderr)
 
 
 def test_a_journal_omits_an_entry_that_was_cut_off(tmp_path):
