@@ -6,11 +6,11 @@ The observation and the action are those of training, so a policy that was train
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any, TypeAlias, cast
+from typing import Any, Final, TypeAlias, cast
 
 import numpy as np
 from gymnasium import spaces
@@ -20,6 +20,7 @@ from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.symbols import EventType
+from minerva_bus.input_files import check_input
 from minerva_bus.rl.acting import Acting, AnySpace, acting_of
 from minerva_bus.rl.observing import Observe, Observing, observing_of
 from minerva_bus.rl.states import KindStates
@@ -30,6 +31,15 @@ from minerva_bus.world.views import visualize
 
 Policy: TypeAlias = Callable[[Any], Any]
 """A function of an observation that returns an action."""
+
+MAX_MODEL_BYTES: Final = 2 << 30
+"""Bytes of an .onnx file: the limit of its format."""
+
+_DTYPES: Final[Mapping[str, Any]] = {
+    "tensor(float)": np.float32,
+    "tensor(double)": np.float64,
+}
+"""Kinds of inputs that an observation can have."""
 
 
 def follow_policy(
@@ -129,7 +139,8 @@ def onnx_policy(path: str | Path, space: AnySpace) -> Policy:
         path: of the file; its input has the shape of an observation, after one of batches.
         space: of the actions; for a `Discrete` one the output may be a score for each action.
 
-    Raises MisuseError if onnxruntime is missing or cannot read the file.
+    Raises MisuseError if onnxruntime is missing or cannot read the file, and when it decides, if
+    the observation has another shape.
 
     """
     runtime: Any = needed("onnxruntime", "onnx")
@@ -137,15 +148,24 @@ def onnx_policy(path: str | Path, space: AnySpace) -> Policy:
     # With several threads the order of sums, and so the last bit of a result, would vary.
     options.intra_op_num_threads = options.inter_op_num_threads = 1
     try:
+        check_input(Path(path), MAX_MODEL_BYTES)
         session = runtime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
     # Its exceptions have no common class.
     except Exception as error:
         raise MisuseError(f"{path}: onnxruntime cannot read it: {error!s:.200}") from None
-    given = session.get_inputs()[0]
-    dtype = np.float64 if given.type == "tensor(double)" else np.float32
+    inputs = [(given.name, given.type) for given in session.get_inputs()]
+    if len(inputs) != 1 or inputs[0][1] not in _DTYPES:
+        own = ", ".join(f"{name}: {kind}" for name, kind in inputs) or "none"
+        raise MisuseError(f"{path}: its inputs are {own}; expected one, of floats: the observation")
+    name, dtype = inputs[0][0], _DTYPES[inputs[0][1]]
 
     def decide(observation: Any) -> Any:
-        output = session.run(None, {given.name: np.asarray(observation, dtype)[None]})[0][0]
+        seen = np.asarray(observation, dtype)
+        try:
+            output = session.run(None, {name: seen[None]})[0][0]
+        except Exception as error:
+            of = f"an observation of shape {seen.shape}"
+            raise MisuseError(f"{path}: it has no action for {of}: {error!s:.200}") from None
         if isinstance(space, spaces.Discrete) and np.size(output) > 1:
             return int(np.argmax(output))
         return output

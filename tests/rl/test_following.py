@@ -1,15 +1,20 @@
 """Trained policies as agents."""
 
+import os
+
 import numpy as np
 import pytest
 
 pytest.importorskip("gymnasium")
 pytest.importorskip("pettingzoo")
 
+from gymnasium import spaces
 from rl_pond import Fish, ShyFish, ePick, eSwim, pond, pond_of, shy
 
 from minerva_bus import MinervaError, run
+from minerva_bus.errors import MisuseError
 from minerva_bus.rl import follow_policy, parallel_env
+from minerva_bus.rl.following import onnx_policy
 
 
 def test_a_policy_acts_as_in_training():
@@ -72,6 +77,17 @@ def test_a_policy_is_an_onnx_file(tmp_path):
     path = tmp_path / "policy.onnx"
     made = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
     onnx.save(made, path)
+    with pytest.raises(MisuseError, match=r"no action for an observation of shape \(3,\): "):
+        onnx_policy(path, spaces.Box(-1, 1, (2,)))(np.zeros(3))
+    made.graph.input.append(helper.make_tensor_value_info("more", double, [None, 2]))
+    onnx.save(made, tmp_path / "two")
+    os.mkfifo(tmp_path / "pipe")
+    for name, problem in (
+        ("two", "its inputs are seen: .*, more: .*; expected one"),
+        ("pipe", "a pipe"),
+    ):
+        with pytest.raises(MisuseError, match=problem):
+            onnx_policy(tmp_path / name, spaces.Box(-1, 1, (2,)))
 
     class Read(Fish):
         follow = follow_policy(path, when="eTick", act=eSwim, observe=["x", "food"])
