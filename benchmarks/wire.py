@@ -15,8 +15,8 @@ import sys
 import time
 import timeit
 from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 ROUNDS = 9
@@ -48,18 +48,38 @@ def _is_ours(name: str) -> bool:
     return name.partition(".")[0] == "minerva_bus"
 
 
-def cases(module: Callable[[str], ModuleType]) -> Mapping[str, Case]:
+def cases(module: Callable[[str], Any]) -> Mapping[str, Case]:
     """Functions to encode and to decode each message, with a tree's modules."""
+    m, codec = module("minerva_bus.frame.messages"), module("minerva_bus.wire.codec")
+    vocabulary, messages = _messages(module)
+    decoder = codec.Decoder(vocabulary)
+
+    def case(message: Any) -> Case:
+        make: Callable[[], Any] = message if callable(message) else lambda: message
+        sent = make()
+        data = codec.encode(sent)
+        if isinstance(sent, m.TickRequest | m.EvolveRequest):
+            decode = partial(decoder.to_member, data)
+        else:
+            decode = partial(decoder.from_member, sent.member, data)
+        # The first call compiles the decoder, for which it has to find the tree's modules.
+        decode()
+        return lambda: codec.encode(make()), decode
+
+    return {name: case(message) for name, message in messages.items()}
+
+
+def _messages(module: Callable[[str], Any]) -> tuple[Any, Mapping[str, Any]]:
+    """A vocabulary, and messages by their description, or functions that make them."""
     import numpy as np
 
     bus, m = module("minerva_bus"), module("minerva_bus.frame.messages")
-    codec = module("minerva_bus.wire.codec")
     column = module("minerva_bus.grammar.column").Column
     columns = module("minerva_bus.grammar.columns").Columns
     ids, scene = module("minerva_bus.grammar.ids").Ids, bus.Scene
     near = bus.EventType("eNear", distance=bus.Metres)
 
-    class Fox(bus.Agent, symbol="AFox"):
+    class Fox(bus.Agent, symbol="AFox"):  # pyright: ignore
         x: float = 0.0
         name: str = ""
 
@@ -67,7 +87,7 @@ def cases(module: Callable[[str], ModuleType]) -> Mapping[str, Case]:
         def near(self, event: Any, moment: Any) -> None:
             """Process an event."""
 
-    class Fish(bus.Agent, symbol="AFish"):
+    class Fish(bus.Agent, symbol="AFish"):  # pyright: ignore
         x: float = 0.0
 
     vocabulary = bus.Vocabulary.of(near, bus.Primitive("PStar", size=bus.Metres), Fox, Fish)
@@ -101,17 +121,7 @@ def cases(module: Callable[[str], ModuleType]) -> Mapping[str, Case]:
         "evolved, 2,000 agents in columns": lambda: m.EvolveReply("h", 7, 0, {"~f": fishes()}),
         "report": m.Report("h", {"agents": 2000, "load": 0.5}),
     }
-    decoder = codec.Decoder(vocabulary)
-
-    def case(message: Any) -> Case:
-        make = message if callable(message) else lambda: message
-        sent = make()
-        data = codec.encode(sent)
-        if isinstance(sent, m.TickRequest | m.EvolveRequest):
-            return lambda: codec.encode(make()), lambda: decoder.to_member(data)
-        return lambda: codec.encode(make()), lambda: decoder.from_member(sent.member, data)
-
-    return {name: case(message) for name, message in messages.items()}
+    return vocabulary, messages
 
 
 def measure(trees: list[Mapping[str, Case]]) -> dict[str, list[list[float]]]:
