@@ -64,6 +64,34 @@ class FrameCosts(Sink):
         return spent * min(1.0, 2 * CAPACITY / max(1, self._messages))
 
 
+def coordinate(
+    expected: frozenset[str],
+    listening: Callable[[str], None],
+    write: Callable[[object], None],
+) -> None:
+    """Coordinate the world of the members `expected`.
+
+    `listening` gets the endpoint, and `write` the end of each frame and the lines of the log.
+    """
+    costs = FrameCosts()
+
+    def done(message: s.FrameDone) -> None:
+        write([message.frame, time.monotonic(), costs.path])
+
+    def log(who: str, text: str, _: str) -> None:
+        write(f"{who}: {text}"[:2000])
+
+    world = World(
+        NAME,
+        VOCABULARY.read(" · ".join(f"AFox#f{n}" for n in range(AGENTS))),
+        VOCABULARY,
+        dt=1 / RATE,
+        expected=expected,
+    )
+    Receiver.receive = costs.counting(Receiver.receive)  # pyright: ignore[reportAttributeAccessIssue]
+    coordinator(world, listening, done, said=log, rate=RATE, sinks=[costs]).run()
+
+
 @contextmanager
 def running(host: bool) -> Iterator[tuple[str, SimpleQueue[tuple[int, float, float]], list[str]]]:
     """Run a world in separate processes; yields its endpoint, its frame ends and its log."""
@@ -72,30 +100,14 @@ def running(host: bool) -> Iterator[tuple[str, SimpleQueue[tuple[int, float, flo
     parts = [Member("steps", Steps())]
     parts += [Member("host", None, [Fox])] if host else []
 
-    def listening(endpoint: str) -> None:
-        os.write(write_at, (json.dumps(endpoint) + "\n").encode())
+    def writer(descriptor: int) -> Callable[[object], None]:
+        def write(item: object) -> None:
+            os.write(descriptor, (json.dumps(item) + "\n").encode())
 
-    def coordinate() -> None:
-        costs = FrameCosts()
+        return write
 
-        def done(message: s.FrameDone) -> None:
-            ended = [message.frame, time.monotonic(), costs.path]
-            os.write(write_frames, (json.dumps(ended) + "\n").encode())
-
-        def log(who: str, text: str, _: str) -> None:
-            os.write(write_frames, (json.dumps(f"{who}: {text}"[:2000]) + "\n").encode())
-
-        world = World(
-            NAME,
-            VOCABULARY.read(" · ".join(f"AFox#f{n}" for n in range(AGENTS))),
-            VOCABULARY,
-            dt=1 / RATE,
-            expected=frozenset(member.name for member in parts),
-        )
-        Receiver.receive = costs.counting(Receiver.receive)  # pyright: ignore[reportAttributeAccessIssue]
-        coordinator(world, listening, done, said=log, rate=RATE, sinks=[costs]).run()
-
-    children = [forked(coordinate)]
+    names = frozenset(member.name for member in parts)
+    children = [forked(lambda: coordinate(names, writer(write_at), writer(write_frames)))]
     endpoint = json.loads(os.fdopen(read_at, "r").readline())
     children += [
         forked(lambda member=member: MemberProcess(member, NAME, endpoint, print).run())
