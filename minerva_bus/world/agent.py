@@ -39,6 +39,7 @@ from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.scene import AGENT_ID, EMPTY, AgentNode, Scene
 from minerva_bus.grammar.symbols import AgentKind
 from minerva_bus.grammar.unique_ids import no_id
+from minerva_bus.world.class_attributes import expose_attributes
 from minerva_bus.world.compiling import marked_compiled, marked_views
 from minerva_bus.world.context import Context
 from minerva_bus.world.declaring import (
@@ -50,7 +51,6 @@ from minerva_bus.world.declaring import (
     state_of,
     takes_batch,
 )
-from minerva_bus.world.expressions import expose_attributes
 from minerva_bus.world.lineage import check_births, child_id
 from minerva_bus.world.population_of_one import as_one, view_as_one
 

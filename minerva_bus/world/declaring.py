@@ -8,7 +8,7 @@ from typing import Any, ClassVar, Final, get_origin, get_type_hints
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.fields import Default, Fields
-from minerva_bus.world.expressions import NO_DEFAULT, default_of
+from minerva_bus.world.class_attributes import NO_DEFAULT, default_of
 from minerva_bus.world.signatures import check_signature
 
 ON = "_minerva_on"
