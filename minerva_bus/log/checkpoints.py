@@ -28,7 +28,8 @@ from minerva_bus.wire.plain import (
     pack,
     unpack,
 )
-from minerva_bus.wire.values import Reader, plain_event_list
+from minerva_bus.wire.reader import Reader
+from minerva_bus.wire.values import plain_event_list
 
 
 @dataclass(frozen=True, slots=True)

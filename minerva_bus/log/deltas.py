@@ -26,7 +26,8 @@ from minerva_bus.grammar.fitting import Unfit
 from minerva_bus.grammar.scene import EMPTY, AgentNode, Piece, Scene, Scoped, with_scope
 from minerva_bus.wire.columns import is_patch, plain_patch
 from minerva_bus.wire.plain import as_list
-from minerva_bus.wire.values import Reader, plain_scene
+from minerva_bus.wire.reader import Reader
+from minerva_bus.wire.values import plain_scene
 
 StringDelta = list[Any]
 

@@ -27,7 +27,8 @@ from minerva_bus.wire.plain import (
     pack,
     unpack,
 )
-from minerva_bus.wire.values import Reader, plain_event, plain_scene
+from minerva_bus.wire.reader import Reader
+from minerva_bus.wire.values import plain_event, plain_scene
 from minerva_bus.wire.vocabulary import plain_vocabulary, read_vocabulary
 from minerva_bus.world.norms import Norm, Then
 from minerva_bus.world.order import Order

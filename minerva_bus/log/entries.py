@@ -42,7 +42,8 @@ from minerva_bus.wire.plain import (
     pack,
     unpack,
 )
-from minerva_bus.wire.values import Reader, plain_event_list, plain_scene
+from minerva_bus.wire.reader import Reader
+from minerva_bus.wire.values import plain_event_list, plain_scene
 
 FORMAT: Final = 3
 """Version of these entries, and so of records and journals."""

@@ -19,7 +19,7 @@ from minerva_bus.regions.part import PartMessage
 from minerva_bus.wire.declared import Encode, MessageCodec, by_name, message_codec
 from minerva_bus.wire.limits import DEFAULT, Limits
 from minerva_bus.wire.plain import as_list, as_text, uncollected, unpack
-from minerva_bus.wire.values import Reader
+from minerva_bus.wire.reader import Reader
 from minerva_bus.wire.weighing import check_weight, lightest, name_in
 
 _EMPTY: Final = Vocabulary()

@@ -18,7 +18,7 @@ from minerva_bus.errors import ProtocolError
 from minerva_bus.frame.schema import Mark, Wire
 from minerva_bus.wire.fields import DeclaredField, FieldCodec, Write, field_codec
 from minerva_bus.wire.plain import as_map
-from minerva_bus.wire.values import Reader
+from minerva_bus.wire.reader import Reader
 
 Encode = Callable[[Any], bytes]
 Decode = Callable[[Reader, tuple[str, ...], list[Any]], Any]

@@ -29,8 +29,9 @@ from minerva_bus.wire.plain import (
     as_text,
     name_of,
 )
+from minerva_bus.wire.reader import Reader
 from minerva_bus.wire.readings import plain_reading, read_reading
-from minerva_bus.wire.values import Reader, plain_event_list, plain_scene
+from minerva_bus.wire.values import plain_event_list, plain_scene
 from minerva_bus.wire.vocabulary import plain_kind, plain_vocabulary, read_kind, read_vocabulary
 from minerva_bus.world.readings import Reading
 

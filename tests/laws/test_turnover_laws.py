@@ -34,7 +34,7 @@ from minerva_bus.grammar.row_delta import RowDelta
 from minerva_bus.log.deltas import apply_delta, delta_between
 from minerva_bus.wire.columns import plain_columns, plain_patch
 from minerva_bus.wire.limits import Limits
-from minerva_bus.wire.values import Reader
+from minerva_bus.wire.reader import Reader
 from minerva_bus.world.context import Frame
 from minerva_bus.world.policy import Policy
 from minerva_bus.world.rng import RngBatch, hash_of

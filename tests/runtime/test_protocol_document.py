@@ -25,7 +25,8 @@ from minerva_bus.launch.reading import read_world_file
 from minerva_bus.wire import codec
 from minerva_bus.wire.columns import plain_patch
 from minerva_bus.wire.limits import DEFAULT
-from minerva_bus.wire.values import Reader, plain_event, plain_scene, plain_value
+from minerva_bus.wire.reader import Reader
+from minerva_bus.wire.values import plain_event, plain_scene, plain_value
 from minerva_bus.wire.vocabulary import plain_vocabulary, read_vocabulary
 from minerva_bus.world.context import Context, Frame
 from minerva_bus.world.policy import Policy

@@ -8,7 +8,7 @@ from minerva_bus.launch.reading import read_world_file
 from minerva_bus.log.description import plain_norm, read_norms
 from minerva_bus.settings.overrides import Overrides
 from minerva_bus.wire.limits import DEFAULT
-from minerva_bus.wire.values import Reader
+from minerva_bus.wire.reader import Reader
 from minerva_bus.world.norms import Norm, Then
 
 WORLD = """

@@ -28,7 +28,8 @@ from minerva_bus.wire.arrays import plain_ids
 from minerva_bus.wire.codec import Decoder, encode
 from minerva_bus.wire.columns import plain_columns, plain_events, plain_patch
 from minerva_bus.wire.limits import Limits
-from minerva_bus.wire.values import Reader, plain_scene
+from minerva_bus.wire.reader import Reader
+from minerva_bus.wire.values import plain_scene
 
 PDot = Primitive("PDot", size=float, name=str)
 TMove = Transformation("TMove", x=Metres)

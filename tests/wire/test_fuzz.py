@@ -22,7 +22,7 @@ from minerva_bus.wire.codec import Decoder, encode
 from minerva_bus.wire.keys import Keys, checked_name
 from minerva_bus.wire.limits import Limits
 from minerva_bus.wire.plain import unpack
-from minerva_bus.wire.values import Reader
+from minerva_bus.wire.reader import Reader
 from minerva_bus.wire.vocabulary import plain_vocabulary, read_vocabulary
 
 law = settings(max_examples=40, deadline=None, suppress_health_check=list(HealthCheck))

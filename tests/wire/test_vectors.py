@@ -19,7 +19,8 @@ from minerva_bus.wire.arrays import read_ids
 from minerva_bus.wire.codec import Decoder
 from minerva_bus.wire.epochs import stamped
 from minerva_bus.wire.plain import unpack
-from minerva_bus.wire.values import Reader, plain_value
+from minerva_bus.wire.reader import Reader
+from minerva_bus.wire.values import plain_value
 from minerva_bus.wire.vocabulary import read_vocabulary
 from tools.protocol_vectors import FILES, FOLDER, contents
 

@@ -1,0 +1,281 @@
+"""Reads values, strings and events from plain data, whose form values.py describes."""
+
+from __future__ import annotations
+
+from typing import Any, cast
+
+import msgpack
+import numpy as np
+
+from minerva_bus.errors import ProtocolError, VocabularyError
+from minerva_bus.grammar.batch import AnyEvent
+from minerva_bus.grammar.events import Event
+from minerva_bus.grammar.ids import Ids
+from minerva_bus.grammar.literals import DEPTH
+from minerva_bus.grammar.scene import (
+    AGENT_ID,
+    EMPTY,
+    AgentNode,
+    FigureNode,
+    Node,
+    Piece,
+    Scene,
+    TransformationNode,
+    agents,
+)
+from minerva_bus.grammar.types import Unfit
+from minerva_bus.grammar.unique_ids import same_id
+from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.wire.columns import ColumnsReader
+from minerva_bus.wire.limits import DEFAULT, Limits
+from minerva_bus.wire.plain import as_int, as_list, as_text, name_of, unpack
+from minerva_bus.wire.values import HEADER, MATRIX, PLAIN_TYPES, are_plain_lists
+from minerva_bus.wire.weighing import STRING
+
+_MAX_ERROR_CHARS = 300
+_ITEMS = {"P": 2, "T": 3, "A": 4}
+"""Items of a node by the first letter of its symbol."""
+
+
+class Reader:
+    """Reads values by a vocabulary; all results are typed and within the limits.
+
+    Raises ProtocolError, and VocabularyError for unknown symbols and wrong types.
+    """
+
+    def __init__(self, vocabulary: Vocabulary, limits: Limits = DEFAULT) -> None:
+        self.vocabulary = vocabulary
+        self.limits = limits
+        self._depth = 0
+        self._slots = False
+        self._ids: set[str] = set()
+        self._columns_ids: list[Ids] = []
+        self.columns = ColumnsReader(vocabulary, limits)
+
+    def value(self, plain: Any) -> Any:
+        """A value, before it is fitted to a type."""
+        kind: type[Any] = plain.__class__
+        if kind in PLAIN_TYPES:
+            return plain
+        if kind is msgpack.ExtType and plain.code == MATRIX:
+            return _matrix(plain.data)
+        if kind is not list and kind is not msgpack.ExtType:
+            raise ProtocolError(f"a value cannot be {name_of(plain)}")
+        # Values are read recursively, so their nesting must be bounded, unlike that of scopes. A
+        # context manager would cost more than the rest: most lists are short or flat.
+        if self._depth >= DEPTH:
+            raise ProtocolError(f"values are nested more than {DEPTH} deep")
+        self._depth += 1
+        try:
+            return self._items(plain) if kind is list else self._extension(plain)
+        finally:
+            self._depth -= 1
+
+    def _items(self, items: list[Any]) -> tuple[Any, ...]:
+        # Most lists are long and flat, such as routes.
+        if PLAIN_TYPES.issuperset(map(type, items)):
+            return tuple(items)
+        if self._depth < DEPTH and are_plain_lists(items, list):
+            return tuple(map(tuple, items))
+        return tuple([self.value(item) for item in items])
+
+    def _extension(self, extension: msgpack.ExtType) -> Scene:
+        if extension.code != STRING:
+            raise ProtocolError(f"extension {extension.code} is unknown")
+        return self.scene(unpack(extension.data, self.limits))
+
+    def view(self, plain: Any) -> Scene:
+        """A string of L(E), which has no agents."""
+        scene = self.scene(plain)
+        agent = next(agents(scene), None)
+        if agent is not None:
+            raise ProtocolError(f"a view holds the agent {agent.symbol}#{agent.id}")
+        return scene
+
+    def skeleton(self, plain: Any) -> Scene:
+        """A string whose agents are slots: without state and scope."""
+        # Slots are accepted in skeletons only: anywhere else an agent without state is an error.
+        self._slots = True
+        try:
+            return self.scene(plain)
+        finally:
+            self._slots = False
+
+    def scene(self, plain: Any) -> Scene:
+        """A string of the vocabulary, in which ids are unique."""
+        # A string that is a value within another one has ids of its own.
+        outer, self._ids, self._columns_ids = (self._ids, self._columns_ids), set(), []
+        try:
+            scene = self._scene(as_list(plain, "a string"))
+            self._check_ids()
+            return scene
+        finally:
+            self._ids, self._columns_ids = outer
+
+    def _check_ids(self) -> None:
+        """Raise ProtocolError for an id that is in several columns, or in columns and a node."""
+        if not self._columns_ids or (len(self._columns_ids) == 1 and not self._ids):
+            return
+        twice = Ids.in_common(
+            [*self._columns_ids, *([Ids.of(sorted(self._ids))] if self._ids else [])]
+        )
+        if twice is not None:
+            raise ProtocolError(same_id(twice)[:_MAX_ERROR_CHARS])
+
+    def _scene(self, flat: list[Any]) -> Scene:
+        if not flat:
+            raise ProtocolError("a string must begin with its count")
+        # The length is checked before any node is made.
+        if len(flat) > self.limits.nodes:
+            raise ProtocolError(f"a string of {len(flat)} symbols, over {self.limits.nodes}")
+        wanted = [as_int(flat[0], "the count of a string")]
+        opened: list[tuple[Any, ...]] = []
+        levels: list[list[Piece]] = [[]]
+        for node in flat[1:]:
+            if not wanted[-1]:
+                raise ProtocolError("a string has data after its end")
+            wanted[-1] -= 1
+            count = self._piece(as_list(node, "a symbol"), levels[-1], opened)
+            if count:
+                wanted.append(count)
+                levels.append([])
+            # A node may end the scopes of several nodes around it.
+            while len(wanted) > 1 and not wanted[-1]:
+                wanted.pop()
+                scope = Scene(tuple(levels.pop()))
+                levels[-1].append(_close(opened.pop(), scope))
+            if len(wanted) > self.limits.depth:
+                raise ProtocolError(f"a string is nested more than {self.limits.depth} deep")
+        if wanted[-1] or len(wanted) > 1:
+            raise ProtocolError("a string is cut off")
+        return Scene(tuple(levels[0])) if levels[0] else EMPTY
+
+    def _piece(self, piece: list[Any], level: list[Piece], opened: list[tuple[Any, ...]]) -> int:
+        if piece and type(piece[0]) is int:
+            columns = self.columns.columns(piece)
+            if columns.ids is not None:
+                self._columns_ids.append(columns.ids)
+            level.append(columns)
+            return 0
+        return self._node(piece, level, opened)
+
+    def _node(self, node: list[Any], level: list[Piece], opened: list[tuple[Any, ...]]) -> int:
+        """Read one symbol; a figure, or a node with an empty scope, is complete at once."""
+        symbol = as_text(node[0] if node else None, "a symbol")
+        kind = symbol[:1]
+        if len(node) != _ITEMS.get(kind, 0):
+            raise ProtocolError(f"{symbol[:40]!r} with {len(node) - 1} items is no symbol")
+        agent_id = self._new_id(node[1]) if kind == "A" else ""
+        names, values = self._values(symbol, agent_id, node[2] if kind == "A" else node[1])
+        if kind == "P":
+            level.append(FigureNode(symbol, names, values))
+            return 0
+        count = as_int(node[-1], "the count of a scope")
+        head = (symbol, agent_id, names, values)
+        if count:
+            opened.append(head)
+        else:
+            level.append(_close(head, EMPTY))
+        return count
+
+    def _new_id(self, plain: Any) -> str:
+        agent_id = self._id(plain)
+        if agent_id in self._ids:
+            raise ProtocolError(same_id(agent_id)[:_MAX_ERROR_CHARS])
+        self._ids.add(agent_id)
+        return agent_id
+
+    def _id(self, plain: Any) -> str:
+        agent_id = as_text(plain, "an id")
+        # Slots may have the name of a part, such as ~AFox.1, which is not a valid agent id.
+        plain_id = agent_id.removeprefix("~").replace(".", "_") if self._slots else agent_id
+        if AGENT_ID.fullmatch(plain_id) is None:
+            raise ProtocolError(f"{agent_id[:40]!r} is not a valid agent id")
+        return agent_id
+
+    def _values(self, symbol: str, agent_id: str, plain: Any):
+        owner = f"{symbol}#{agent_id}" if agent_id else symbol
+        try:
+            fields = self.vocabulary.fields(symbol)
+            if plain is None and agent_id and (self._slots or not fields.names):
+                return (), ()
+            given = self._data(owner, plain)
+            if len(given) != len(fields.names):
+                raise Unfit(f"{owner} has {len(given)} values; expected {len(fields.names)}")
+            # Values are fitted to the declared types here, so all decoded values are typed.
+            return fields.refit(owner, fields.names, given)
+        except Unfit as unfit:
+            raise VocabularyError(str(unfit)[:_MAX_ERROR_CHARS], source="fragment") from None
+
+    def event(self, plain: Any) -> AnyEvent:
+        """An event of the vocabulary, or a batch."""
+        items = as_list(plain, "an event")
+        if len(items) == 6:
+            return self.columns.events(items)
+        if len(items) not in (2, 5):
+            raise ProtocolError(f"an event must have 2, 5 or 6 items, not {len(items)}")
+        name = as_text(items[0], "an event's type")
+        declared = self.vocabulary.events.get(name)
+        if declared is None:
+            raise VocabularyError(f"no event type {name[:40]!r}", source="event")
+        given = self._data(name, items[1])
+        condition, sender, receivers = "", "", ()
+        if len(items) == 5:
+            condition, sender = as_text(items[2], "a condition"), as_text(items[3], "a sender")
+            if condition:
+                self.vocabulary.check_condition(name, condition, "event")
+            ids = [self._id(item) for item in as_list(items[4], "receivers")]
+            # Sorted and unique, because equal events of different members must compare equal.
+            receivers = tuple(sorted(set(ids))) if len(ids) > 1 else tuple(ids)
+        if len(given) != len(declared.fields.names):
+            wanted = ", ".join(declared.fields.names) or "no data"
+            raise VocabularyError(
+                f"{name} has {len(given)} data; expected {wanted}", source="event"
+            )
+        try:
+            names, values = declared.fields.refit(name, declared.fields.names, given)
+        except Unfit as unfit:
+            raise VocabularyError(str(unfit)[:_MAX_ERROR_CHARS], source="event") from None
+        return Event(name, names, values, condition, sender, receivers)
+
+    def _data(self, name: str, plain: Any) -> tuple[Any, ...]:
+        items = as_list(plain, f"the values of {name}")
+        # The usual case: scalars, which are values as they are.
+        if PLAIN_TYPES.issuperset(map(type, items)):
+            return tuple(items)
+        return tuple([self.value(item) for item in items])
+
+    def events(self, plain: Any) -> tuple[AnyEvent, ...]:
+        """Events in order."""
+        items = as_list(plain, "events")
+        # The declared counts of batches are added up before any of them is read.
+        count = sum(map(_count, items))
+        if count > self.limits.events:
+            raise ProtocolError(f"{count} events at once, over {self.limits.events}")
+        return tuple([self.event(item) for item in items])
+
+
+def _count(plain: Any) -> int:
+    """The declared number of events of an item."""
+    items = cast("list[Any]", plain) if isinstance(plain, list) else []
+    return max(1, items[1]) if len(items) == 6 and type(items[1]) is int else 1
+
+
+def _close(head: tuple[Any, ...], scope: Scene) -> Node:
+    symbol, agent_id, names, values = head
+    if agent_id:
+        return AgentNode(symbol, agent_id, names, values, scope)
+    return TransformationNode(symbol, names, values, scope)
+
+
+def _matrix(data: bytes) -> Any:
+    if len(data) < HEADER.size:
+        raise ProtocolError("a matrix is cut off")
+    kind, rows, columns = HEADER.unpack_from(data)
+    if kind not in (b"i", b"r"):
+        raise ProtocolError(f"a matrix of kind {kind!r}; expected b'i' or b'r'")
+    dtype = np.dtype("<i2" if kind == b"i" else "<f8")
+    # Python's integers cannot overflow, so sizes near 2^64 do not pass.
+    if len(data) - HEADER.size != rows * columns * dtype.itemsize:
+        raise ProtocolError(f"a matrix of {rows}x{columns} has {len(data) - HEADER.size} bytes")
+    return np.frombuffer(data, dtype, offset=HEADER.size).reshape(rows, columns)
