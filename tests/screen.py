@@ -64,14 +64,14 @@ class Screen:
 
     def window(self):
         """The number of the program's window, its left and its top; None if there is none."""
-        found = self.hands("search", "--onlyvisible", "--class", "minerva").split()
-        if not found:
+        windows = self.hands("search", "--onlyvisible", "--class", "minerva").split()
+        if not windows:
             return None
-        shown = self.hands("getwindowgeometry", "--shell", found[-1]).splitlines()
+        shown = self.hands("getwindowgeometry", "--shell", windows[-1]).splitlines()
         values = dict(line.split("=", 1) for line in shown if "=" in line)
         if "Y" not in values:  # already closed: SDL tries one window before the one that it shows
             return None
-        return int(found[-1]), int(values["X"]), int(values["Y"])
+        return int(windows[-1]), int(values["X"]), int(values["Y"])
 
     def ask_to_close(self, window):
         """Send the message that a window manager sends when the user clicks on the close button."""

@@ -78,8 +78,8 @@ class Two:
             self.waiting += events
 
     def state(self, name):
-        one = self.people[name].conversation(self.id, "ba"[name == "b"])
-        return one.state if one else ""
+        conversation = self.people[name].conversation(self.id, "ba"[name == "b"])
+        return conversation.state if conversation else ""
 
     def notes(self, name):
         return self.people[name].notes
@@ -349,8 +349,8 @@ def test_every_state_leads_to_an_end(protocol):
 
 def test_an_outside_agent_keeps_the_messages_of_a_frame():
     scene = Outside("o").string
-    told = [eMessage("inform", str(n), sender="a", receivers=["o"]) for n in range(2)]
-    scene = evolve(scene, [*told, eMessage("inform", sender="o")], [Outside], Frame(4)).scene
+    messages = [eMessage("inform", str(n), sender="a", receivers=["o"]) for n in range(2)]
+    scene = evolve(scene, [*messages, eMessage("inform", sender="o")], [Outside], Frame(4)).scene
     (node,) = agents(scene)
     assert [
         (message.parameters["frame"], message.parameters["content"])

@@ -62,8 +62,8 @@ def record(tmp_path):
         writer = RecordWriter(stream, Description(world, "", 0.0, {}, began=10**18))
         for frame in sorted({frame for frame, _ in events}):
             those = tuple(event for when, event in events if when == frame)
-            told = FrameRecord(frame, those, {}, world.scene.digest)
-            writer.frame(told, world.scene, 0.0, {})
+            done = FrameRecord(frame, those, {}, world.scene.digest)
+            writer.frame(done, world.scene, 0.0, {})
         writer.finish()
         path = tmp_path / "run.mcap"
         path.write_bytes(stream.getvalue())
@@ -98,11 +98,15 @@ def test_mermaid(record, capsys):
 
 def test_one_conversation(record, capsys):
     show_conversation(record(TALK), "boss/1", None, True)
-    told = json.loads(capsys.readouterr().out)
-    assert told["agents"] == ["boss", "b", "c"]
-    assert [message["performative"] for message in told["messages"]] == ["cfp", "refuse", "propose"]
-    assert told["messages"][0]["receivers"] == ["b", "c"]
-    assert told["messages"][0]["content"] == "two; <lines>\n#1"
+    answer = json.loads(capsys.readouterr().out)
+    assert answer["agents"] == ["boss", "b", "c"]
+    assert [message["performative"] for message in answer["messages"]] == [
+        "cfp",
+        "refuse",
+        "propose",
+    ]
+    assert answer["messages"][0]["receivers"] == ["b", "c"]
+    assert answer["messages"][0]["content"] == "two; <lines>\n#1"
 
 
 def test_a_picture_of_what_xml_cannot_hold_is_xml_all_the_same(record, tmp_path):
@@ -148,12 +152,12 @@ def test_a_conversation_that_is_not_there(record):
 
 
 def test_too_many_for_a_picture(record, capsys):
-    many = record(
+    long = record(
         [(n, said("inform", "a", "b", conversation=f"a/{n % 20}")) for n in range(MOST + 1)]
     )
     with pytest.raises(RecordError, match=r"choose one with --conversation: .* and 12 more"):
-        show_conversation(many, "", None, False)
-    show_conversation(many, "", None, True)
+        show_conversation(long, "", None, False)
+    show_conversation(long, "", None, True)
     assert len(json.loads(capsys.readouterr().out)["messages"]) == MOST + 1
 
 

@@ -23,8 +23,8 @@ def section(title):
 
 
 def block(kind):
-    (found,) = re.findall(rf"^```{kind}\n(.*?)^```$", DOCUMENT, re.M | re.S)
-    return found
+    (text,) = re.findall(rf"^```{kind}\n(.*?)^```$", DOCUMENT, re.M | re.S)
+    return text
 
 
 def test_the_acts():
@@ -68,10 +68,10 @@ def test_its_agents_converse():
 
 
 def test_its_bridge_can_be_made():
-    told = tomllib.loads(block("toml outside"))
+    table = tomllib.loads(block("toml outside"))
     options = {
         name: setting
-        for name, setting in told["process"]["xmpp"].items()
+        for name, setting in table["process"]["xmpp"].items()
         if name not in ("service", "speaks_for")
     }
     assert Spade(**options).generates() == ("eMessage",)

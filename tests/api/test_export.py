@@ -80,9 +80,9 @@ def test_a_range_of_frames_has_the_rows_of_these_frames(recorded):
     for name, table in live.tables.items():
         rows = [row for row in table.rows() if 4 <= row[table.columns.index("frame")] <= 7]
         assert repr(list(done.tables[name].rows())) == repr(rows)
-    some = export(path, collect={"n": count(Frog), "x": Frog.x.every(4)}, begin=1, every=5)
-    assert some.table()["frame"].tolist() == [5, 10]
-    assert set(some.table("x")["frame"]) == {4, 8, 12}
+    exported = export(path, collect={"n": count(Frog), "x": Frog.x.every(4)}, begin=1, every=5)
+    assert exported.table()["frame"].tolist() == [5, 10]
+    assert set(exported.table("x")["frame"]) == {4, 8, 12}
 
 
 def test_a_record_that_was_cut_off_is_exported_up_to_its_last_frame(recorded, tmp_path):
@@ -125,13 +125,13 @@ def test_files_have_the_rows_of_live_files(recorded, tmp_path, ending):
     export(path, collect=COLLECT, into=tmp_path / f"later.{ending}")
     run(pond(), frames=12, seed=3, collect=COLLECT, into=tmp_path / f"live.{ending}")
     for table in ("frames", "AFrog", "eCroak", "AFrog_late"):
-        one, other = (tmp_path / f"{name}-{table}.{ending}" for name in ("later", "live"))
+        first, other = (tmp_path / f"{name}-{table}.{ending}" for name in ("later", "live"))
         if ending == "csv":
-            assert one.read_bytes() == other.read_bytes()
+            assert first.read_bytes() == other.read_bytes()
         else:
             parquet = pytest.importorskip("pyarrow.parquet")
             # As texts, because NaN is not equal to itself.
-            assert repr(parquet.read_table(one).to_pydict()) == repr(
+            assert repr(parquet.read_table(first).to_pydict()) == repr(
                 parquet.read_table(other).to_pydict()
             )
 

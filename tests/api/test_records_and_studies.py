@@ -45,9 +45,9 @@ def test_a_record_of_a_world_is_replayed_compared_and_resumed(tmp_path):
     with pytest.raises(WorldFileError, match="name it"):
         replay(a)
     record(pond(), b, frames=10, seed=6)
-    found = diff(a, b)
-    assert not found.same
-    assert found.frame == 0
+    difference = diff(a, b)
+    assert not difference.same
+    assert difference.frame == 0
     assert diff(a, a).same
     resumed = resume(a, pond(), frames=20)
     assert (resumed.frames, resumed.digest) == (20, whole.digest)
@@ -70,8 +70,8 @@ def test_a_changed_agent_is_found_by_a_replay(tmp_path):
     record(world, path, frames=5)
     assert replay(path, world).same
     Frog.step = 2
-    found = replay(path, world)
-    assert (found.same, found.frame) == (False, 0)
+    result = replay(path, world)
+    assert (result.same, result.frame) == (False, 0)
 
 
 def test_check_describes_worlds_and_files(tmp_path):
@@ -98,9 +98,9 @@ def test_a_sweep_returns_one_table():
     assert len(curves) == 2 * 3 * 5
     assert curves["n"].tolist() == [2] * 15 + [5] * 15
     assert curves["frogs"].tolist() == curves["n"].tolist()
-    one = run(many(), frames=4, seed=2, n=5, collect={"x": Frog.x.mean()}).table()
+    alone = run(many(), frames=4, seed=2, n=5, collect={"x": Frog.x.mean()}).table()
     rows = (curves["n"] == 5) & (curves["seed"] == 2)
-    assert np.array_equal(curves["x"][rows], one["x"])
+    assert np.array_equal(curves["x"][rows], alone["x"])
 
 
 def test_a_sweep_without_collected_data_returns_outcomes():

@@ -65,9 +65,9 @@ def test_other_libraries_read_a_joined_parquet_file(tmp_path, library):
     join_parts(
         [JoinedPart(written(tmp_path / f"{n}.arrow", [rows(n)])) for n in range(20)], joined, TYPES
     )
-    found = reader.read_parquet(joined)
-    assert list(found["frame"]) == [n for n in range(20) for _ in range(5)]
-    assert list(found["x19"]) == list(rows(0)["x19"]) * 20
+    table = reader.read_parquet(joined)
+    assert list(table["frame"]) == [n for n in range(20) for _ in range(5)]
+    assert list(table["x19"]) == list(rows(0)["x19"]) * 20
 
 
 def test_parts_are_joined_in_the_memory_of_a_few_of_them(tmp_path):

@@ -45,8 +45,8 @@ def capsules(step=0.9, compensation=lambda k: 12 + k % 3, angle=0.0, wall=room):
     while True:
         angles = [angle + step * k for k in range(32)]
         eighths = [compensation(k) for k in range(32)]
-        found = [(wall(a - d / 8), d) for a, d in zip(angles, eighths, strict=True)]
-        yield capsule(angle % 360, found, first)
+        pairs = [(wall(a - d / 8), d) for a, d in zip(angles, eighths, strict=True)]
+        yield capsule(angle % 360, pairs, first)
         angle, first = (angle + 32 * step) % 360, False
 
 

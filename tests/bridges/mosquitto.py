@@ -16,10 +16,10 @@ needs_mosquitto = pytest.mark.skipif(FOUND is None, reason="mosquitto is not ins
 
 def eventually(what, why, patience=PATIENCE):
     until = time.monotonic() + patience
-    while not (found := what()):
+    while not (result := what()):
         assert time.monotonic() < until, f"{why}: not within {patience:.0f} s"
         time.sleep(0.01)
-    return found
+    return result
 
 
 def free_port():

@@ -38,9 +38,9 @@ def say(text):
 
 def free_ports(count):
     """Ports that are not in use."""
-    found = [socket.create_server(("localhost", 0)) for _ in range(count)]
-    ports = [listener.getsockname()[1] for listener in found]
-    for listener in found:
+    listeners = [socket.create_server(("localhost", 0)) for _ in range(count)]
+    ports = [listener.getsockname()[1] for listener in listeners]
+    for listener in listeners:
         listener.close()
     return ports
 

@@ -33,8 +33,8 @@ def log_of(tmp_path, *lines, **options):
 
 
 def only(said, topic):
-    (found,) = [message.reading for message in said if message.topic == topic]
-    return found
+    (reading,) = [message.reading for message in said if message.topic == topic]
+    return reading
 
 
 @pytest.mark.parametrize(
@@ -237,8 +237,8 @@ def test_the_intel_log_is_read_as_it_is_written(intel):
         assert np.array_equal(scan.ranges, np.array(ranges, np.float32))
         assert (scan.first, scan.step, scan.time) == (-90.0, 1.0, time)
     poses = [message.reading for message in said if message.topic == "pose"]
-    found = [(pose.x, pose.y, math.radians(pose.angle)) for pose in poses]
-    assert np.allclose(found, [pose for _, pose, _ in scans])
+    corrected = [(pose.x, pose.y, math.radians(pose.angle)) for pose in poses]
+    assert np.allclose(corrected, [pose for _, pose, _ in scans])
     moved = [message.reading for message in said if message.topic == "odometry"]
     assert np.allclose([(o.x, o.y, math.radians(o.angle), o.time) for o in moved], wheels)
 

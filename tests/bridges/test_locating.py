@@ -55,8 +55,8 @@ def off(fix):
 
 
 def test_a_step_from_elsewhere():
-    found = moved(Pose(1.0, 1.0, 90.0), Pose(5.0, 5.0, 0.0), Pose(7.0, 6.0, 30.0))
-    assert (found.x, found.y, found.angle) == pytest.approx((0.0, 3.0, 120.0))
+    step = moved(Pose(1.0, 1.0, 90.0), Pose(5.0, 5.0, 0.0), Pose(7.0, 6.0, 30.0))
+    assert (step.x, step.y, step.angle) == pytest.approx((0.0, 3.0, 120.0))
 
 
 def published_angle(located):
@@ -76,26 +76,26 @@ def test_good_wheels_are_right(tmp_path):
 @pytest.mark.parametrize("corrected", [False, True])
 def test_wheels_drift_whether_or_not_the_log_was_corrected(tmp_path, corrected):
     """The bridge undoes corrections in the log, so both logs have the same wheel odometry."""
-    found = located(drive(tmp_path / "a.log", slip=3.0, corrected=corrected))
-    turned = chained_angle(found[-1]) - published_angle(found[-1])
+    fixes = located(drive(tmp_path / "a.log", slip=3.0, corrected=corrected))
+    turned = chained_angle(fixes[-1]) - published_angle(fixes[-1])
     assert turned == pytest.approx(9 * 3.0)
-    assert 0.2 < off(found[-1]) < 0.6
+    assert 0.2 < off(fixes[-1]) < 0.6
 
 
 def test_matching_puts_it_right(tmp_path):
-    found = located(drive(tmp_path / "a.log", slip=1.5), matched=True)
-    assert max(off(fix) for fix in found) < 0.08
-    taken = found[-1].taken
+    fixes = located(drive(tmp_path / "a.log", slip=1.5), matched=True)
+    assert max(off(fix) for fix in fixes) < 0.08
+    taken = fixes[-1].taken
     assert taken is not None
-    assert abs(taken.angle - published_angle(found[-1])) < 4.0
-    assert chained_angle(found[-1]) - published_angle(found[-1]) == pytest.approx(9 * 1.5)
+    assert abs(taken.angle - published_angle(fixes[-1])) < 4.0
+    assert chained_angle(fixes[-1]) - published_angle(fixes[-1]) == pytest.approx(9 * 1.5)
 
 
 def test_without_odometry_it_uses_its_scans(tmp_path):
     lines = [line for line in drive(tmp_path / "a.log").read_text().splitlines() if "F" in line]
-    found = located(write(tmp_path / "b.log", *lines), matched=True)
-    assert all(fix.chained is None for fix in found)
-    assert max(off(fix) for fix in found) < 0.25
+    fixes = located(write(tmp_path / "b.log", *lines), matched=True)
+    assert all(fix.chained is None for fix in fixes)
+    assert max(off(fix) for fix in fixes) < 0.25
 
 
 def test_a_reading_of_the_same_time_is_where_the_scan_was(tmp_path):

@@ -126,13 +126,13 @@ def places(*recorded):
 
 
 def test_a_scan_is_between_the_odometry_before_and_after():
-    found = places(wheels(1.0, 1.0, 0.0), scanned(1.25), wheels(2.0, 2.0, 40.0))
-    assert found == [pytest.approx((1.25, 10.0))]
+    poses = places(wheels(1.0, 1.0, 0.0), scanned(1.25), wheels(2.0, 2.0, 40.0))
+    assert poses == [pytest.approx((1.25, 10.0))]
 
 
 def test_it_turns_the_shorter_way():
-    (found,) = places(wheels(1.0, 0.0, 170.0), scanned(1.5), wheels(2.0, 0.0, -170.0))
-    assert found == pytest.approx((0.0, 180.0))
+    (poses,) = places(wheels(1.0, 0.0, 170.0), scanned(1.5), wheels(2.0, 0.0, -170.0))
+    assert poses == pytest.approx((0.0, 180.0))
 
 
 def test_at_an_end_the_nearest_odometry_will_do():
@@ -149,8 +149,8 @@ def test_a_place_without_features_is_unknown():
 
 
 def test_the_scans_own_metadata_take_precedence():
-    told = Recorded(1.0, "pose", Odometry("r1", 7.0, 0.0, 5.0, 0.0, 0.0, 1.0))
-    assert places(wheels(1.0), told, scanned(1.0), scanned(1.0), wheels(1.0)) == [
+    report = Recorded(1.0, "pose", Odometry("r1", 7.0, 0.0, 5.0, 0.0, 0.0, 1.0))
+    assert places(wheels(1.0), report, scanned(1.0), scanned(1.0), wheels(1.0)) == [
         (7.0, 5.0),
         (0.0, 0.0),
     ]

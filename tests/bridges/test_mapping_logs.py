@@ -34,9 +34,9 @@ class Building:
         name = f"at {pose}"
         if name not in self.arena.bodies:
             self.arena.add_body(name, pose[0], pose[1], pose[2], RADIUS)
-        found = self.arena.scan(name, beams, first, step, RANGE)
+        distances = self.arena.scan(name, beams, first, step, RANGE)
         self.arena.remove_body(name)
-        return found
+        return distances
 
 
 @cache
@@ -109,11 +109,11 @@ def carmen(place, folder, beams, yaw):
     step = 180.0 / (beams - beams % 2)
     lines = []
     for number, (x, y, angle) in enumerate(place.poses):
-        found = place.scan((x, y, angle), beams, yaw - 90.0, step)
-        ranges = np.where(found < RANGE, found, SICK_SEES_NOTHING).round(3)
+        distances = place.scan((x, y, angle), beams, yaw - 90.0, step)
+        ranges = np.where(distances < RANGE, distances, SICK_SEES_NOTHING).round(3)
         robot, laser = (x, y, math.radians(angle)), (x, y, math.radians(angle + yaw))
-        told = {"first": -math.pi / 2, "step": math.radians(step)} if yaw else {}
-        line = robot_laser(ranges, laser, robot, **told) if yaw else flaser(ranges, robot)
+        options = {"first": -math.pi / 2, "step": math.radians(step)} if yaw else {}
+        line = robot_laser(ranges, laser, robot, **options) if yaw else flaser(ranges, robot)
         lines.append(line.replace(" 1.0 host 1.0", f" {number}.0 host {number}.0"))
     return write(folder / "drive.log", *lines)
 
@@ -155,8 +155,8 @@ def test_a_bag_of_a_house(tmp_path, home, beams, yaw, suffix):
 def test_a_depot_by_both(tmp_path, depot):
     pytest.importorskip("rosbags")
     for log in (carmen(depot, tmp_path, 361, 90.0), bag(depot, tmp_path, 360, 90.0, "db3")):
-        found = overlap(depot.plan, mapped(log, tmp_path))
-        assert all(share >= least for share, least in zip(found, DEPOT_PARTS, strict=True))
+        shares = overlap(depot.plan, mapped(log, tmp_path))
+        assert all(share >= least for share, least in zip(shares, DEPOT_PARTS, strict=True))
 
 
 def test_a_laser_with_a_wrong_declared_angle_maps_another_house(tmp_path, home):

@@ -143,8 +143,8 @@ def test_a_broker_that_dies_and_returns(broker, capfd):
         with broker.client("home/#") as client:
             ready(service, client, heard)
             show(service, 'TRoom<room="bath">(PHeater<on=true, power=1>)')
-            told = ("home/bath/heater/set", b"ON", False)
-            eventually(lambda: told in client.heard, "published")
+            command = ("home/bath/heater/set", b"ON", False)
+            eventually(lambda: command in client.heard, "published")
         broker.kill()
         eventually(lambda: service.report().get("failures"), "the loss is noticed")
         show(service, 'TRoom<room="bath">(PHeater<on=false, power=1>)')

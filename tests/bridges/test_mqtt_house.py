@@ -36,8 +36,8 @@ def test_a_thermostat():
 def commands():
     """Topics and payloads of the publish commands in the README."""
     text = (FOLDER / "README.md").read_text(encoding="utf-8")
-    found = re.findall(r"mosquitto_pub -t (\S+) -m (?:'([^']+)'|(\S+))", text)
-    return [(topic, quoted or plain) for topic, quoted, plain in found]
+    published = re.findall(r"mosquitto_pub -t (\S+) -m (?:'([^']+)'|(\S+))", text)
+    return [(topic, quoted or plain) for topic, quoted, plain in published]
 
 
 @pytest.fixture

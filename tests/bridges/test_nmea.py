@@ -50,20 +50,20 @@ def positions(cable, *lines, **options):
 
 
 def test_a_fix_becomes_a_position(cable):
-    report, (found,) = positions(cable, gga(), robot="boat", error=2.0)
-    assert found == Position("boat", 52.5, pytest.approx(13.4), 79.5, pytest.approx(1.6), 43200.0)
+    report, (fix,) = positions(cable, gga(), robot="boat", error=2.0)
+    assert fix == Position("boat", 52.5, pytest.approx(13.4), 79.5, pytest.approx(1.6), 43200.0)
     assert report["readings"] == 2
 
 
 def test_south_and_west_are_negative(cable):
-    _, (found,) = positions(cable, gga(lat="3352.1200,S", lon="07030.0000,W"))
-    assert (found.latitude, found.longitude) == (pytest.approx(-33.868667), -70.5)
+    _, (fix,) = positions(cable, gga(lat="3352.1200,S", lon="07030.0000,W"))
+    assert (fix.latitude, fix.longitude) == (pytest.approx(-33.868667), -70.5)
 
 
 def test_rmc_counts_until_gga_arrives(cable):
-    report, found = positions(cable, rmc("115959.50"), gga(), rmc(), rmc())
-    assert [fix.time for fix in found] == [43199.5, 43200.0]
-    assert (found[0].altitude, found[0].accuracy) == (None, None)
+    report, fixes = positions(cable, rmc("115959.50"), gga(), rmc(), rmc())
+    assert [fix.time for fix in fixes] == [43199.5, 43200.0]
+    assert (fixes[0].altitude, fixes[0].accuracy) == (None, None)
     assert report["other sentences"] == 2
 
 
@@ -82,7 +82,7 @@ def test_missing_fields_of_a_sentence_are_unknown(cable, fields, altitude, accur
 
 
 def test_sentences_without_a_position_are_counted_by_reason(cable):
-    report, found = positions(
+    report, fixes = positions(
         cable,
         gga(quality=0),
         rmc(status="V"),
@@ -97,7 +97,7 @@ def test_sentences_without_a_position_are_counted_by_reason(cable):
         gga(up="nan"),
         "x" * 1000,
     )
-    assert found == []
+    assert fixes == []
     assert report["without a fix"] == 3
     assert report["checksum errors"] == 2
     assert report["other sentences"] >= 1
@@ -105,8 +105,8 @@ def test_sentences_without_a_position_are_counted_by_reason(cable):
 
 
 def test_midnight_does_not_turn_time_back_and_a_clock_that_jumps_is_followed(cable):
-    _, found = positions(cable, gga("235959.00"), gga("000001.00"), gga("000000.50"), gga("010000"))
-    assert [fix.time for fix in found] == [86399.0, 86401.0, 86400.5, 90000.0]
+    _, fixes = positions(cable, gga("235959.00"), gga("000001.00"), gga("000000.50"), gga("010000"))
+    assert [fix.time for fix in fixes] == [86399.0, 86401.0, 86400.5, 90000.0]
 
 
 def test_a_sentence_may_arrive_in_parts_and_inside_another(cable):
@@ -114,8 +114,8 @@ def test_a_sentence_may_arrive_in_parts_and_inside_another(cable):
         runs.wait_for(lambda: runs.state == "open", "it is open")
         for byte in (gga()[20:] + "\r\n" + gga()[:30] + gga() + "\r\n").encode():
             cable.write(bytes((byte,)))
-        (found,) = runs.readings(1)
-        assert found.latitude == 52.5
+        (fix,) = runs.readings(1)
+        assert fix.latitude == 52.5
 
 
 def test_pulled_out_and_plugged_in_again(cable, capsys):

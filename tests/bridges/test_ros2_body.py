@@ -146,9 +146,9 @@ def test_the_pose_of_odometry_on_the_map_is_published():
         with Base(Ros2Network(endpoint)) as base, Body(endpoint, map_frame="map") as body:
             base.session.subscribe("/tf", types.TRANSFORMS, heard.append)
             body.frames(Move(), Move(0.0, 0.05), Move(), Move())
-    (told,) = messages().decode(types.TRANSFORMS, heard[-1]).transforms
-    at = told.transform
-    assert (told.header.frame_id, told.child_frame_id) == ("map", "wheels")
+    (transform,) = messages().decode(types.TRANSFORMS, heard[-1]).transforms
+    at = transform.transform
+    assert (transform.header.frame_id, transform.child_frame_id) == ("map", "wheels")
     # The view places the robot at (5, 5), independent of its odometry.
     assert (at.translation.x, at.translation.y) == pytest.approx((5.0, 5.0 - 0.05), abs=0.02)
     assert heading_of(at.rotation) == pytest.approx(90.0, abs=1.0)

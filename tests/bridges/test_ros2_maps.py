@@ -55,8 +55,8 @@ def test_a_late_subscriber_receives_the_map():
 
 def test_a_map_survives_a_round_trip():
     cells = np.array([[0, 1, 9], [1, 9, 0]], np.int16)
-    told = grid(occupancy(cells), width=2, height=3)
-    assert np.array_equal(grid_of(told).cells, cells)
+    message = grid(occupancy(cells), width=2, height=3)
+    assert np.array_equal(grid_of(message).cells, cells)
 
 
 @pytest.mark.parametrize(

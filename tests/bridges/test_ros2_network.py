@@ -37,14 +37,14 @@ def scan(frame="laser", ranges=RANGES):
 def transforms(yaw):
     make = messages()
     turned = make.pose(0.0, 0.0, yaw).orientation
-    one = make.make(
+    transform = make.make(
         "geometry_msgs/msg/TransformStamped",
         header=make.header("base_link", 0), child_frame_id="laser",
         transform=make.make(
             "geometry_msgs/msg/Transform", translation=make.vector(-0.04), rotation=turned
         ),
     )  # fmt: skip
-    return make.make(types.TRANSFORMS, transforms=[one])
+    return make.make(types.TRANSFORMS, transforms=[transform])
 
 
 class Heard:
@@ -90,12 +90,12 @@ def test_a_scan_has_its_mount(layout):
         lasting.put(transforms(90.0))
         laser = session.publisher("scan", types.LASER_SCAN)
         with Heard(Ros2(endpoint, layout=layout)) as heard:
-            found = heard.until(lambda: laser.put(scan()), "scan")
+            reading = heard.until(lambda: laser.put(scan()), "scan")
         session.close()
-    assert (found.mount_x, found.mount_angle) == (pytest.approx(-0.04), pytest.approx(90.0))
-    assert found.ranges.tolist() == pytest.approx([0.5, 1.0, 12.0, 0.0, 0.0, 12.0])
-    assert (found.first, found.step) == pytest.approx((-28.6479, 11.4592), abs=1e-3)
-    assert (found.robot, found.time, found.range_max) == ("r1", 1.5, 12.0)
+    assert (reading.mount_x, reading.mount_angle) == (pytest.approx(-0.04), pytest.approx(90.0))
+    assert reading.ranges.tolist() == pytest.approx([0.5, 1.0, 12.0, 0.0, 0.0, 12.0])
+    assert (reading.first, reading.step) == pytest.approx((-28.6479, 11.4592), abs=1e-3)
+    assert (reading.robot, reading.time, reading.range_max) == ("r1", 1.5, 12.0)
 
 
 def test_garbage_and_what_has_no_place_are_counted():
@@ -226,9 +226,11 @@ def test_a_cmd_vel_is_stamped_with_its_gid_and_number():
         ]
         subscriber.undeclare()
         session.close()
-    told = [Attachment.unpacked(sample.attachment.to_bytes()) for sample in heard]
-    assert [attachment.sequence - told[0].sequence for attachment in told] == list(range(len(told)))
-    assert len({attachment.gid for attachment in told}) == 1
+    attachments = [Attachment.unpacked(sample.attachment.to_bytes()) for sample in heard]
+    assert [attachment.sequence - attachments[0].sequence for attachment in attachments] == list(
+        range(len(attachments))
+    )
+    assert len({attachment.gid for attachment in attachments}) == 1
     assert any("/NN/%/%/motors" in token for token in tokens)
     assert any(
         "/MP/%/%/motors/%cmd_vel/geometry_msgs::msg::dds_::Twist_/" in token for token in tokens

@@ -126,5 +126,5 @@ print(json.dumps([made, topic_keyexpr(5, "/a/b", name, made), endpoint_livelines
     assert messages().hash(vector) == made
     assert ours.key_of("a/b", vector, made) == key
     # The root namespace is "/", which rmw_zenoh encodes as %.
-    told = ours.topic_token("abc", "motors", 3, "MP", "a/b", vector, made, lasting=False)
-    assert told == token
+    produced = ours.topic_token("abc", "motors", 3, "MP", "a/b", vector, made, lasting=False)
+    assert produced == token

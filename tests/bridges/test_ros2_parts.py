@@ -149,10 +149,10 @@ def test_a_laser_on_a_shelf_on_the_robot():
     tree = frames(
         transform("base_link", "shelf", x=-0.1, yaw=90.0), transform("shelf", "laser", x=0.2)
     )
-    found = tree.mounting("base_link", "laser")
-    assert found is not None
-    assert near(found.mount, -0.1, 0.2, 90.0)
-    assert not found.flipped
+    mounting = tree.mounting("base_link", "laser")
+    assert mounting is not None
+    assert near(mounting.mount, -0.1, 0.2, 90.0)
+    assert not mounting.flipped
 
 
 def test_a_base_that_hangs_on_another_frame():
@@ -160,9 +160,9 @@ def test_a_base_that_hangs_on_another_frame():
         transform("base_footprint", "base_link", x=0.1, yaw=90.0),
         transform("base_footprint", "laser", x=0.3),
     )
-    found = tree.mounting("base_link", "laser")
-    assert found is not None
-    assert near(found.mount, 0.0, -0.2, -90.0)
+    mounting = tree.mounting("base_link", "laser")
+    assert mounting is not None
+    assert near(mounting.mount, 0.0, -0.2, -90.0)
 
 
 def test_frames_that_are_not_connected():
@@ -174,10 +174,10 @@ def test_frames_in_a_circle_end():
 
 
 def test_a_laser_upside_down():
-    found = frames(transform("base_link", "laser", roll=180.0)).mounting("base_link", "laser")
-    assert found is not None
-    assert found.flipped
-    assert near(found.mount, 0.0, 0.0, 0.0)
+    mounting = frames(transform("base_link", "laser", roll=180.0)).mounting("base_link", "laser")
+    assert mounting is not None
+    assert mounting.flipped
+    assert near(mounting.mount, 0.0, 0.0, 0.0)
 
 
 @pytest.mark.parametrize("text", ["1", "1, 2, x", "1, 2, nan"])
@@ -199,8 +199,8 @@ def test_a_scan_of_a_robot_that_lags_behind_is_of_the_same_walls():
 
 
 def test_a_sighting_of_a_robot_that_lags_behind():
-    told = Sightings("", (Sighting("door", 2.0, 0.0),), 0.0)
-    (seen,) = seen_from(Pose(0.0, -1.0, 90.0), told, "r1").seen
+    sightings = Sightings("", (Sighting("door", 2.0, 0.0),), 0.0)
+    (seen,) = seen_from(Pose(0.0, -1.0, 90.0), sightings, "r1").seen
     assert (seen.marker, seen.distance, seen.angle) == ("door", pytest.approx(1.0), 90.0)
 
 
@@ -239,10 +239,10 @@ def test_poses_between_two():
     track = OdometryTrack(fastest=1.0, turning=90.0)
     track.add(10.0, Pose(0.0, 0.0, 170.0))
     track.add(12.0, Pose(1.0, 0.0, -170.0))
-    found = track.at(11.0)
-    assert found is not None
-    assert (found.x, found.y) == pytest.approx((0.5, 0.0))
-    assert abs(found.angle) == pytest.approx(180.0)
+    pose = track.at(11.0)
+    assert pose is not None
+    assert (pose.x, pose.y) == pytest.approx((0.5, 0.0))
+    assert abs(pose.angle) == pytest.approx(180.0)
     assert track.covers(11.0)
     assert not track.covers(12.5)
 
@@ -272,16 +272,16 @@ class Wheels:
         self.driver.update(self.now, self.pose, self.now)
 
     def step(self):
-        told = self.driver.velocity(self.now)
-        if told is not None:
-            self.velocity = told
+        velocity = self.driver.velocity(self.now)
+        if velocity is not None:
+            self.velocity = velocity
         self.fastest = max(self.fastest, abs(self.velocity.speed))
         moved = driven(self.pose, self.velocity, self.STEP)
         self.pose = moved if moved.x < self.wall else Pose(self.pose.x, self.pose.y, moved.angle)
         self.now += self.STEP
         if not self.deaf:
             self.driver.update(self.now, self.pose, self.now)
-        return told
+        return velocity
 
     def carry_out(self, command, seconds=0.1, most=2000):
         self.driver.begin(command, seconds, self.now)
@@ -357,12 +357,12 @@ def test_a_stop_at_a_wall_is_reported():
 def test_a_robot_without_commands_stops_and_receives_none():
     wheels = Wheels()
     wheels.driver.begin(DriveCommand(0.0, 5.0), 0.1, wheels.now)
-    told = [wheels.step() for _ in range(300)]
-    assert any(command is not None and command.speed > 0 for command in told)
-    stopped = told.index(STILL, 30)
+    commands = [wheels.step() for _ in range(300)]
+    assert any(command is not None and command.speed > 0 for command in commands)
+    stopped = commands.index(STILL, 30)
     assert stopped * wheels.STEP < 0.1 + wheels.driver.tolerances.dead_man + 0.05
-    assert told[-1] is None
-    assert all(command is None or command == STILL for command in told[stopped:])
+    assert commands[-1] is None
+    assert all(command is None or command == STILL for command in commands[stopped:])
 
 
 def test_a_robot_whose_odometry_is_silent_stops_and_goes_on_after_it():

@@ -64,11 +64,11 @@ def files(keys, name="robot"):
 
 def test_messages_go_over_a_secured_link(keys, endpoint):
     network, heard = Ros2Network(endpoint, **files(keys)), []
-    one, other = Ros2Session(network, "one"), Ros2Session(network, "other")
-    one.subscribe("cmd_vel", types.TWIST, heard.append)
+    first, other = Ros2Session(network, "one"), Ros2Session(network, "other")
+    first.subscribe("cmd_vel", types.TWIST, heard.append)
     motors = other.publisher("cmd_vel", types.TWIST)
     eventually(lambda: motors.put(messages().twist(0.5, 0.0)) or heard, "a twist comes")
-    one.close()
+    first.close()
     other.close()
 
 

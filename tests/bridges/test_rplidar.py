@@ -45,8 +45,8 @@ def wall(beams=BEAMS):
 
 def off(scan):
     """Largest range error of a scan in metres, over all beams with a hit."""
-    found = np.asarray(scan.ranges, float)
-    return float(np.abs(found - wall(len(found)))[found > 0].max())
+    ranges = np.asarray(scan.ranges, float)
+    return float(np.abs(ranges - wall(len(ranges)))[ranges > 0].max())
 
 
 # --- complete scans over a serial line ---
@@ -234,26 +234,26 @@ class Counts(dict):
 
 def fed(packets, data, part=64):
     """All samples in the data as one object; the data arrive in parts."""
-    found = [
+    scans = [
         scan for at in range(0, len(data), part) for scan in packets.feed(data[at : at + part])
     ]
-    return Samples(*(np.concatenate([getattr(o, n) for o in found]) for n in Samples.__slots__))
+    return Samples(*(np.concatenate([getattr(o, n) for o in scans]) for n in Samples.__slots__))
 
 
 def test_the_document_s_formula_gives_the_angles_of_a_capsule():
     first = [(1.0 + k / 100, 2 * k) for k in range(32)]
     data = capsule(350.0, first) + capsule(6.0, first)
-    found = fed(ExpressPackets(Counts()), data)
+    samples = fed(ExpressPackets(Counts()), data)
     raw = [350.0 + 16.0 / 32 * k for k in range(32)]
-    assert found.angles == pytest.approx([(a - 2 * k / 8) % 360 for k, a in enumerate(raw)])
-    assert found.distances == pytest.approx([metres for metres, _ in first])
-    assert found.starts.nonzero()[0].tolist() == [20]
+    assert samples.angles == pytest.approx([(a - 2 * k / 8) % 360 for k, a in enumerate(raw)])
+    assert samples.distances == pytest.approx([metres for metres, _ in first])
+    assert samples.starts.nonzero()[0].tolist() == [20]
 
 
 def test_a_turn_begins_once_however_capsules_lie():
     data = b"".join(islice(capsules(step=1.05, angle=3.7), 60))
-    found = fed(ExpressPackets(Counts()), data)
-    begun = np.flatnonzero(found.starts)
+    samples = fed(ExpressPackets(Counts()), data)
+    begun = np.flatnonzero(samples.starts)
     assert set(np.diff(begun)) <= {342, 343}
     assert len(begun) == int((59 * 32 * 1.05 + 3.7) // 360)
 
@@ -261,9 +261,9 @@ def test_a_turn_begins_once_however_capsules_lie():
 def test_no_angle_is_made_up_across_a_lost_capsule():
     stream = list(islice(capsules(), 12))
     counts = Counts()
-    found = fed(ExpressPackets(counts), b"".join(stream[:4] + stream[8:]))
+    samples = fed(ExpressPackets(counts), b"".join(stream[:4] + stream[8:]))
     assert counts == {"lost packets": 1}
-    assert np.abs(found.distances - [room(a) for a in found.angles]).max() < 0.02
+    assert np.abs(samples.distances - [room(a) for a in samples.angles]).max() < 0.02
 
 
 def test_a_sample_of_no_distance_is_no_hit():

@@ -84,9 +84,9 @@ def vision(source, **options):
 
 
 def run(service):
-    told = Told()
-    service.run(told, Never())
-    return told
+    published = Told()
+    service.run(published, Never())
+    return published
 
 
 def ids(photo, dictionary):
@@ -153,14 +153,14 @@ def test_a_photo_of_apriltags(photos):
     """All tags of the list, and one on the shaded side that the list omits."""
     photo = next(photos.glob("apriltag_*.jpg"))
     image = cv2.imread(str(photo), cv2.IMREAD_GRAYSCALE)
-    found = detector(dictionary_of("tag36h11"))(image)
+    markers = detector(dictionary_of("tag36h11"))(image)
     lines = photo.with_suffix(".txt").read_text().splitlines()
     numbers = [[float(number) for number in re.findall(r"[\d.]+", line)] for line in lines]
-    assert {marker.id for marker in found} == {int(line[0]) for line in numbers} == {0}
+    assert {marker.id for marker in markers} == {int(line[0]) for line in numbers} == {0}
     wanted = [np.reshape(line[1:], (4, 2)).mean(0) for line in numbers] + [np.array([370, 356])]
-    assert len(found) == len(wanted) == 13
+    assert len(markers) == len(wanted) == 13
     for middle in wanted:
-        assert min(np.hypot(*(marker.corners.mean(0) - middle)) for marker in found) < 3.0
+        assert min(np.hypot(*(marker.corners.mean(0) - middle)) for marker in markers) < 3.0
     assert ids(photo, "6X6_250") == []
 
 
@@ -186,10 +186,10 @@ def test_a_marker_at_a_known_place(tmp_path, dictionary, distance, angle, up, tu
     cv2.imwrite(str(tmp_path / "one.png"), image)
     ((topic, seen),) = run(vision(tmp_path / "one.png", dictionary=dictionary, names={"7": "door"}))
     assert (topic, seen.robot, seen.time) == ("sightings", "r", 0.0)
-    (one,) = seen.seen
-    assert one.marker == "door"
-    assert one.distance == pytest.approx(distance, rel=0.02)
-    assert one.angle == pytest.approx(angle, abs=0.4)
+    (sighting,) = seen.seen
+    assert sighting.marker == "door"
+    assert sighting.distance == pytest.approx(distance, rel=0.02)
+    assert sighting.angle == pytest.approx(angle, abs=0.4)
 
 
 def test_a_marker_that_is_seen_as_an_exact_square():
@@ -330,10 +330,10 @@ def test_a_video(tmp_path, capfd):
     write_video(tmp_path / "walk.avi", walk(6))
     service = vision(tmp_path / "walk.avi", speed=0.0, topic="front")
     assert service.publishes == ("front",)
-    told = run(service)
-    assert [topic for topic, _ in told] == ["front"] * 6
-    assert [seen.time for _, seen in told] == pytest.approx([i / 20 for i in range(6)])
-    distances = [seen.seen[0].distance for _, seen in told]
+    published = run(service)
+    assert [topic for topic, _ in published] == ["front"] * 6
+    assert [seen.time for _, seen in published] == pytest.approx([i / 20 for i in range(6)])
+    distances = [seen.seen[0].distance for _, seen in published]
     assert distances == pytest.approx([3.0 - 0.1 * i for i in range(6)], rel=0.03)
     assert "walk.avi has ended\n" in capfd.readouterr().out
 
@@ -354,8 +354,8 @@ def test_a_folder_of_images_some_of_which_are_none(tmp_path, capfd):
     (tmp_path / "3.png").mkdir()
     (tmp_path / "notes.txt").write_text("none of these")
     service = vision(tmp_path, speed=0.0, fps=5.0)
-    told = run(service)
-    assert [seen.time for _, seen in told] == pytest.approx([0.0, 0.6])
+    published = run(service)
+    assert [seen.time for _, seen in published] == pytest.approx([0.0, 0.6])
     assert service.report()["garbage"] == 3
     assert capfd.readouterr().out.count("not a readable image") == 1
 

@@ -66,11 +66,11 @@ def vision(source):
 
 @contextmanager
 def running(service):
-    stop, told = threading.Event(), Told()
-    thread = threading.Thread(target=service.run, args=(told, stop))
+    stop, published = threading.Event(), Told()
+    thread = threading.Thread(target=service.run, args=(published, stop))
     thread.start()
     try:
-        yield told
+        yield published
     finally:
         stop.set()
         thread.join(30)
@@ -81,17 +81,17 @@ def test_a_stream_that_stops_and_resumes(capfd):
     with camera() as server:
         port = server.server_port
         service = vision(f"http://ann:secret@127.0.0.1:{port}/stream.mjpg")
-        with running(service) as told:
-            eventually(lambda: len(told) > 3, "it sees")
-            assert told[0][1].seen[0].marker == "5"
-            assert told[0][1].seen[0].distance == pytest.approx(1.0, rel=0.03)
+        with running(service) as published:
+            eventually(lambda: len(published) > 3, "it sees")
+            assert published[0][1].seen[0].marker == "5"
+            assert published[0][1].seen[0].distance == pytest.approx(1.0, rel=0.03)
             server.off.set()
             server.shutdown()
             server.server_close()
             eventually(lambda: service.report().get("failures"), "the loss is noticed")
-            told.clear()
+            published.clear()
             with camera(port):
-                eventually(lambda: told, "it sees again")
+                eventually(lambda: published, "it sees again")
     said = capfd.readouterr().out
     assert "retrying" in said
     assert f"vision: http://127.0.0.1:{port}/stream.mjpg is back\n" in said
@@ -102,13 +102,13 @@ def test_a_stream_that_falls_silent(monkeypatch):
     with camera() as server:
         monkeypatch.setattr("minerva_services.sensors.vision.live.IMAGE_SECONDS", 1.0)
         service = vision(f"http://127.0.0.1:{server.server_port}/")
-        with running(service) as told:
-            eventually(lambda: told, "it sees")
+        with running(service) as published:
+            eventually(lambda: published, "it sees")
             server.silent.set()
             eventually(lambda: service.report().get("failures"), "the silence is noticed")
-            told.clear()
+            published.clear()
             server.silent.clear()
-            eventually(lambda: told, "it sees again")
+            eventually(lambda: published, "it sees again")
 
 
 @pytest.mark.parametrize(
@@ -125,6 +125,6 @@ def test_a_stream_of_garbage(monkeypatch):
     monkeypatch.setattr("minerva_services.sensors.vision.live.IMAGE_SECONDS", 2.0)
     with camera(image=b"nonsense" * 100) as server:
         service = vision(f"http://127.0.0.1:{server.server_port}/")
-        with running(service) as told:
+        with running(service) as published:
             eventually(lambda: service.report().get("failures"), "it is no camera")
-            assert told == []
+            assert published == []

@@ -47,6 +47,6 @@ def test_a_camera_sighting_is_the_robots_event(tmp_path, monkeypatch, camera):
             text = asked.operator.fragment("r")
             return re.search(r'marker="door", dist=([\d.]+), angle=([\d.]+)', text)
 
-        found = eventually(seen, "it sees the marker")
-    assert float(found[1]) == pytest.approx(1.5, rel=0.02)
-    assert float(found[2]) == pytest.approx(10.0, abs=0.4)
+        sighting = eventually(seen, "it sees the marker")
+    assert float(sighting[1]) == pytest.approx(1.5, rel=0.02)
+    assert float(sighting[2]) == pytest.approx(10.0, abs=0.4)

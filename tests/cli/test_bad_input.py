@@ -69,9 +69,9 @@ def changed(folder, old, new, name="changed.toml"):
 
 def test_the_world_itself_is_right(folder):
     assert minerva(folder, "check", "world.toml").returncode == 0
-    found = json.loads(minerva(folder, "run", "world.toml", "--json").stdout)
-    assert found["frames"] == 5
-    assert found["members"] == 2
+    answer = json.loads(minerva(folder, "run", "world.toml", "--json").stdout)
+    assert answer["frames"] == 5
+    assert answer["members"] == 2
 
 
 @pytest.mark.parametrize(
@@ -133,9 +133,9 @@ def test_symbols_are_checked_with_a_vocabulary(folder):
     done = minerva(folder, *words)
     assert done.returncode == 1
     assert "did you mean 'PDot'?" in done.stderr
-    found = json.loads(minerva(folder, *words, "--json").stdout)
-    assert found["ok"] is False
-    assert (found["line"], found["column"]) == (1, 8)
+    answer = json.loads(minerva(folder, *words, "--json").stdout)
+    assert answer["ok"] is False
+    assert (answer["line"], answer["column"]) == (1, 8)
 
 
 @pytest.mark.parametrize(
@@ -228,8 +228,8 @@ def test_an_error_in_a_method_is_reported_once_in_ten_lines(folder, options):
 def test_versions_and_help(folder):
     from minerva_bus.frame.compatibility import PROTOCOL_VERSION
 
-    found = json.loads(minerva(folder, "version", "--json").stdout)
-    assert found["protocol"] == PROTOCOL_VERSION
+    answer = json.loads(minerva(folder, "version", "--json").stdout)
+    assert answer["protocol"] == PROTOCOL_VERSION
     shown = minerva(folder, "--help")
     for command in ("run", "check", "attach", "list", "echo", "pub", "version"):
         assert f" {command} " in shown.stdout

@@ -148,15 +148,15 @@ def test_a_string_cut_anywhere_is_a_string_or_wrong_with_a_caret(minerva, home):
     for end in range(len(STRING)):
         path = written(home, STRING[:end], "cut.mnv")
         code, out, _ = minerva("check", path, "--json")
-        found = json.loads(out)
-        assert code == (0 if found["ok"] else 1)
-        whole += found["ok"]
-        if not found["ok"]:
-            first, shown, caret = found["error"].split("\n")
-            line, column = found["line"], found["column"]
+        answer = json.loads(out)
+        assert code == (0 if answer["ok"] else 1)
+        whole += answer["ok"]
+        if not answer["ok"]:
+            first, shown, caret = answer["error"].split("\n")
+            line, column = answer["line"], answer["column"]
             assert first.startswith(f"{path}:{line}:{column}: ")
             assert caret.strip() == "^"
-            assert found["expected"]
+            assert answer["expected"]
             assert len(shown) < 90
     assert 2 <= whole < 40
 
@@ -256,10 +256,10 @@ def test_json_output_is_json(minerva, home):
 
     code, out, _ = minerva("run", "world.toml", "--in-process", "--json", "--quiet")
     assert code == 0
-    found = json.loads(out, parse_constant=no_constants)
-    assert (found["frames"], found["share"], found["text"]) == (3, 0.5, "ä")
-    assert "odd" not in found
-    assert found["digest"] != "none"
+    answer = json.loads(out, parse_constant=no_constants)
+    assert (answer["frames"], answer["share"], answer["text"]) == (3, 0.5, "ä")
+    assert "odd" not in answer
+    assert answer["digest"] != "none"
 
 
 REPLACED = [
@@ -373,8 +373,8 @@ def test_an_option_is_set_by_its_name(minerva, home):
         (("--size", "x"), 2), (("--size", "1.5"), 2), (("--far", "x"), 2), (("--deep", "1"), 2),
         (("--size",), 2), (("size", "3"), 2), (("--", "3"), 2), (("--=3",), 2), (("-s", "3"), 2),
     ):  # fmt: skip
-        found, _, err = minerva("run", path, "--in-process", "--quiet", *words)
-        assert found == code, (words, err)
+        exit_code, _, err = minerva("run", path, "--in-process", "--quiet", *words)
+        assert exit_code == code, (words, err)
         assert (code == 0) or err.startswith("minerva: ") or "Error" in err
 
 
@@ -426,8 +426,8 @@ def test_version(minerva):
     code, out, _ = minerva("version")
     assert code == 0
     assert "minerva-bus" in out
-    found = json.loads(minerva("version", "--json")[1])
-    assert {"minerva-bus", "protocol", "python", "eclipse-zenoh"} <= found.keys()
+    answer = json.loads(minerva("version", "--json")[1])
+    assert {"minerva-bus", "protocol", "python", "eclipse-zenoh"} <= answer.keys()
 
 
 @pytest.mark.parametrize("place", ["a file", "/proc/nowhere"])

@@ -119,9 +119,9 @@ def files(tmp_path):
     ],
 )  # fmt: skip
 def test_a_line_is_completed(files, words, expected, others):
-    found = completed(files, words)
-    assert set(expected) <= set(found)
-    assert not set(others) & set(found)
+    completions = completed(files, words)
+    assert set(expected) <= set(completions)
+    assert not set(others) & set(completions)
 
 
 def test_each_shell_gets_its_format(files):

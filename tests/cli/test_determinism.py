@@ -135,9 +135,9 @@ EACH = """
 def test_differences_are_named(tmp_path):
     code, out, error = check(tmp_path, "--json", when=EACH.strip())
     assert (code, error) == (1, "")
-    found = json.loads(out)
-    assert (found["ok"], found["same"], found["frame"]) == (False, False, 2)
-    changes = {(change["agent"], change["attribute"]) for change in found["changes"]}
+    answer = json.loads(out)
+    assert (answer["ok"], answer["same"], answer["frame"]) == (False, False, 2)
+    changes = {(change["agent"], change["attribute"]) for change in answer["changes"]}
     attributes = ("time", "date", "chance", "hash", "order")
     assert changes >= {("APlant#a", attribute) for attribute in attributes}
     assert "count" in {attribute for _, attribute in changes}

@@ -15,19 +15,19 @@ def findings(capsys):
 
 def test_this_machine_runs_worlds(capsys, tmp_path, monkeypatch):
     monkeypatch.setenv("MINERVA_RUNTIME_DIR", str(tmp_path))
-    code, found = findings(capsys)
+    code, checks = findings(capsys)
     assert code == 0
-    assert found["the bus"]["good"]
-    assert found["running worlds"]["note"].startswith("none; noted in ")
+    assert checks["the bus"]["good"]
+    assert checks["running worlds"]["note"].startswith("none; noted in ")
 
 
 def test_missing_parts_are_reported_with_a_remedy(capsys, tmp_path, monkeypatch):
     monkeypatch.setenv("MINERVA_RUNTIME_DIR", str(tmp_path))
     monkeypatch.setattr(doctoring, "find_spec", lambda name: None)
-    code, found = findings(capsys)
+    code, checks = findings(capsys)
     assert code == 0
-    assert not found["web"]["good"]
-    assert "pip install 'minerva-bus[web]'" in found["web"]["note"]
+    assert not checks["web"]["good"]
+    assert "pip install 'minerva-bus[web]'" in checks["web"]["note"]
 
 
 def test_it_knows_all_extras():

@@ -101,9 +101,9 @@ def test_events(world):
 def test_metrics_name_their_address(world):
     with Run(world.folder, "metrics", "--listen", "127.0.0.1:0", "--json") as served:
         line = eventually(lambda: served.output, "an address")[0]
-        found = json.loads(line)
-        assert found["world"] == world.name
-        assert urlopen(found["url"]).status == 200
+        answer = json.loads(line)
+        assert answer["world"] == world.name
+        assert urlopen(answer["url"]).status == 200
         served.kill(signal.SIGINT)
         assert served.ends() == 0
     assert served.output == [line]
@@ -198,13 +198,13 @@ def test_an_error_is_an_object_and_a_message(tmp_path, words, message):
 
 def test_the_place_in_a_wrong_string_is_in_the_object(tmp_path):
     path = write_world(tmp_path, string="AWalkr#a")
-    found = answer(tmp_path, "graph", path, code=2)
-    assert (found["line"], found["column"]) == (1, 1)
-    assert "AWalkr" in found["error"]
+    reply = answer(tmp_path, "graph", path, code=2)
+    assert (reply["line"], reply["column"]) == (1, 1)
+    assert "AWalkr" in reply["error"]
 
 
 def test_a_check_that_fails_is_the_answer_not_an_error(tmp_path):
     (tmp_path / "a.mnv").write_text("A · ")
-    found = answer(tmp_path, "check", "a.mnv", code=1)
-    assert found["ok"] is False
-    assert found["file"] == "a.mnv"
+    reply = answer(tmp_path, "check", "a.mnv", code=1)
+    assert reply["ok"] is False
+    assert reply["file"] == "a.mnv"

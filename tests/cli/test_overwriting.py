@@ -50,9 +50,9 @@ def test_the_picture_beside_a_view_is_not_the_map(house, capfd):
     before = (house / "house.png").read_bytes()
     words = ("--map", "house.yaml", "--objective", "A", "--view", "svg:path=house.svg,every=1")
     assert run(*words) == 2
-    assert "house.png" in (told := capfd.readouterr().err)
-    assert "--force" in told
-    assert len(told.splitlines()) == 1
+    assert "house.png" in (errors := capfd.readouterr().err)
+    assert "--force" in errors
+    assert len(errors.splitlines()) == 1
     assert (house / "house.png").read_bytes() == before
     assert not (house / "house.svg").exists()
     assert run(*words, "--force") == 0

@@ -22,8 +22,8 @@ class Profiler:
 
 def test_a_profile_breaks_down_the_time_of_each_frame(tmp_path):
     path = write_world(tmp_path)
-    found = summary(minerva(tmp_path, "run", path, "--profile", "--json"))
-    profile = found["profile"]
+    ended = summary(minerva(tmp_path, "run", path, "--profile", "--json"))
+    profile = ended["profile"]
     for name in ("frame", "tick", "commit", "encode", "wait for steps", "wait for walkers"):
         assert profile[name]["frames"] == 30, (name, profile)
         assert 0 < profile[name]["p50"] <= profile[name]["p99"], (name, profile)

@@ -23,9 +23,9 @@ KEYS = {
 def only_summary(text):
     """The single JSON object on standard output."""
     (line,) = text.splitlines()
-    found = json.loads(line)
-    assert set(found) >= KEYS
-    return found
+    answer = json.loads(line)
+    assert set(answer) >= KEYS
+    return answer
 
 
 def test_a_world_whose_frames_are_over(tmp_path):
@@ -45,9 +45,9 @@ def test_a_world_whose_frames_are_over(tmp_path):
 def test_invalid_options(tmp_path, words, said):
     done = here(tmp_path, "run", write_world(tmp_path, frames=2), "--json", *words)
     assert done.returncode == 2
-    found = only_summary(done.stdout)
-    assert said in found["ended"]
-    assert (found["frames"], found["digest"]) == (0, None)
+    summary = only_summary(done.stdout)
+    assert said in summary["ended"]
+    assert (summary["frames"], summary["digest"]) == (0, None)
 
 
 def test_an_unknown_world(tmp_path):
@@ -143,9 +143,9 @@ def test_a_failing_coordinator(tmp_path):
         check=False,
     )  # fmt: skip
     assert done.returncode == 1
-    found = only_summary(done.stdout)
-    assert "ZeroDivisionError" in found["ended"]
-    assert found["digest"] is None
+    summary = only_summary(done.stdout)
+    assert "ZeroDivisionError" in summary["ended"]
+    assert summary["digest"] is None
 
 
 def test_a_frozen_coordinator_at_an_interrupt(tmp_path):
@@ -156,9 +156,9 @@ def test_a_frozen_coordinator_at_an_interrupt(tmp_path):
         os.kill(world.coordinator(), signal.SIGSTOP)
         world.kill(signal.SIGTERM)
         assert world.ends() == 130
-        found = only_summary("\n".join(world.output))
-    assert (found["ended"], found["digest"], found["members"]) == ("terminated", None, 2)
-    assert found["frames"] > 0
+        summary = only_summary("\n".join(world.output))
+    assert (summary["ended"], summary["digest"], summary["members"]) == ("terminated", None, 2)
+    assert summary["frames"] > 0
     assert not [pid for pid in world.pids.values() if alive(pid)]
 
 

@@ -156,11 +156,11 @@ ENDS = [
 def events(module, rng, count):
     """Events of a frame: for all, for one agent, and a batch with several for some agents."""
     day = module.eDay(a=rng.normal(), k=int(rng.integers(9)), w=bool(rng.random() < 0.5), t="b")
-    some = module.eDay(a=0.25, k=2, w=True, t="a", receivers=["a3", "a7"], condition="x > 0")
+    day_event = module.eDay(a=0.25, k=2, w=True, t="a", receivers=["a3", "a7"], condition="x > 0")
     to = Ids.numbered("a", rng.integers(0, count, 20))
     hits = module.eDay(a=rng.normal(size=20), k=3, w=True, t="c", receivers=to)
     call = module.eCall(a=0.5, k=1, t="a", receivers=["a2"], sender="a5")
-    chosen = [day, some, hits, call]
+    chosen = [day, day_event, hits, call]
     return [chosen[i] for i in sorted(rng.permutation(4)[: rng.integers(1, 5)].tolist())]
 
 

@@ -29,10 +29,10 @@ def known(words):
 def own_options(spec):
     """Options of a world or a service."""
     if spec in entries(WORLDS):
-        found = read_world_file(find_world(spec)).options
+        options = read_world_file(find_world(spec)).options
     else:
-        found = find_service(spec).__init__.__annotations__
-    return {f"--{option.replace('_', '-')}" for option in found}
+        options = find_service(spec).__init__.__annotations__
+    return {f"--{option.replace('_', '-')}" for option in options}
 
 
 def wrong_with(words):

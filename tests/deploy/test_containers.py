@@ -50,14 +50,14 @@ def test_each_member_has_its_own_key_and_no_other():
 
 @pytest.mark.parametrize("name", COMPOSED_REGIONS["services"] | COMPOSE["services"])
 def test_containers_may_do_little(name):
-    one = (COMPOSED_REGIONS["services"] | COMPOSE["services"])[name]
-    assert one["cap_drop"] == ["ALL"]
-    assert one["security_opt"] == ["no-new-privileges:true"]
-    assert not {"privileged", "pid", "network_mode"} & one.keys()
-    if one["image"].startswith("minerva-bus:"):
-        assert one["read_only"] is True
-    assert re.fullmatch(r"[\w./-]+:[\w.-]+", one["image"]), "an image has a tag"
-    assert not one["image"].endswith(":latest")
+    container = (COMPOSED_REGIONS["services"] | COMPOSE["services"])[name]
+    assert container["cap_drop"] == ["ALL"]
+    assert container["security_opt"] == ["no-new-privileges:true"]
+    assert not {"privileged", "pid", "network_mode"} & container.keys()
+    if container["image"].startswith("minerva-bus:"):
+        assert container["read_only"] is True
+    assert re.fullmatch(r"[\w./-]+:[\w.-]+", container["image"]), "an image has a tag"
+    assert not container["image"].endswith(":latest")
 
 
 def steps():

@@ -23,11 +23,11 @@ def exported():
     totals = Totals(1, {"frame": Durations()}, {"eStep": 1}, 1, 1)
     status = WorldStatus("pond", 1, 0.1, "events", members=(MemberStatus("a", "present"),),
                          refused={"m": 1})  # fmt: skip
-    found = {}
+    names = {}
     for family in world_metrics(status, totals):
         for sample in family.samples:
-            found.setdefault(sample.name, set()).update(sample.labels)
-    return found
+            names.setdefault(sample.name, set()).update(sample.labels)
+    return names
 
 
 def expressions():

@@ -22,10 +22,10 @@ PODS_NAMES = ("hosts-5d8c7b9f4-x2x7k", "hosts-5d8c7b9f4-q9l4d")
 def words(pod, **places):
     """The command of the pod's container, with paths and addresses of this machine."""
     (container,) = PODS[pod]["containers"]
-    found = {argument.partition("=")[0]: argument for argument in container["args"]}
-    assert {f"--{name}" for name in places} <= set(found)
+    arguments = {argument.partition("=")[0]: argument for argument in container["args"]}
+    assert {f"--{name}" for name in places} <= set(arguments)
     return list(
-        {**found, **{f"--{name}": f"--{name}={at}" for name, at in places.items()}}.values()
+        {**arguments, **{f"--{name}": f"--{name}={at}" for name, at in places.items()}}.values()
     )
 
 
@@ -52,15 +52,15 @@ def test_pods_join_are_given_agents_and_go(tmp_path):
         def pod(name):
             return Run(tmp_path, *words("hosts", name=name, connect=door, keys=secret))
 
-        with pod(PODS_NAMES[0]) as one, pod(PODS_NAMES[1]) as two:
+        with pod(PODS_NAMES[0]) as first, pod(PODS_NAMES[1]) as second:
             for name in PODS_NAMES:
                 eventually(lambda n=name: (its := member(n)) and its.state == "present", name)
             seen = max(member(name).last_reply for name in PODS_NAMES)
             eventually(lambda: max(member(n).last_reply for n in PODS_NAMES) > seen + 3, "agents")
-            one.kill(signal.SIGTERM)
-            assert one.ends() == 0, one.text
+            first.kill(signal.SIGTERM)
+            assert first.ends() == 0, first.text
             eventually(lambda: member(PODS_NAMES[0]).state == "left", "it is gone")
             assert member(PODS_NAMES[1]).state == "present"
             world.kill(signal.SIGTERM)
             assert world.ends() == 130, world.text
-            assert two.ends() == 0, two.text
+            assert second.ends() == 0, second.text

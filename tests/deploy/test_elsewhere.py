@@ -78,9 +78,9 @@ def test_a_world_waits_for_a_member_elsewhere_and_accepts_its_successor(world, u
     assert "walkers runs on another machine: restart it there" in refused.stderr
     with attached(world) as again:
         eventually(lambda: got(url, "ready")[0] == 200, "frames again")
-        found = got(url, "metrics")[1]
-        assert f'minerva_restarts_total{{member="walkers",world="{world.name}"}} 1.0' in found
-        assert f'minerva_restarts_total{{member="steps",world="{world.name}"}} 0.0' in found
+        metrics = got(url, "metrics")[1]
+        assert f'minerva_restarts_total{{member="walkers",world="{world.name}"}} 1.0' in metrics
+        assert f'minerva_restarts_total{{member="steps",world="{world.name}"}} 0.0' in metrics
         logged = here(world.folder, "logs", "--json", "--connect", world.endpoint())
         lines = [json.loads(line) for line in logged.stdout.splitlines()]
         assert any(line["member"] == "walkers" and line["level"] == "warning" for line in lines)
@@ -134,10 +134,10 @@ def test_a_process_that_the_file_does_not_have_cannot_be_attached(tmp_path):
 )
 def test_an_error_in_a_world_file_has_its_position(tmp_path, text, problem):
     path = write_world(tmp_path, f"{MEMBERS}\n{text}\n")
-    found = here(tmp_path, "check", path)
-    assert found.returncode == 1
-    assert problem in found.stdout + found.stderr
-    assert "Traceback" not in found.stderr
+    done = here(tmp_path, "check", path)
+    assert done.returncode == 1
+    assert problem in done.stdout + done.stderr
+    assert "Traceback" not in done.stderr
 
 
 def test_placement_is_read(tmp_path):

@@ -69,10 +69,10 @@ def test_secrets_are_those_that_the_page_makes():
 
 
 def test_names_that_the_page_scales_exist():
-    found = re.findall(r"kubectl .*(?:scale|rollout status) (\w+) (\w+)", README)
-    assert ("deployment", "hosts") in found
-    assert {(kind, SETS[name]["kind"].lower()) for kind, name in found} == {
-        (kind, kind) for kind, _ in found
+    scaled = re.findall(r"kubectl .*(?:scale|rollout status) (\w+) (\w+)", README)
+    assert ("deployment", "hosts") in scaled
+    assert {(kind, SETS[name]["kind"].lower()) for kind, name in scaled} == {
+        (kind, kind) for kind, _ in scaled
     }
 
 
@@ -82,10 +82,10 @@ def test_pods_of_a_deployment_are_of_the_family_that_the_page_issues(tmp_path):
     for words in in_markdown(section):
         assert here(tmp_path, *words).returncode == 0
     (files,) = re.findall(r"secret generic hosts-keys \$\((.*)\)", section)
-    told = subprocess.run(["bash", "-c", files], cwd=tmp_path, capture_output=True, text=True)
+    done = subprocess.run(["bash", "-c", files], cwd=tmp_path, capture_output=True, text=True)
     secret = tmp_path / "secret"
     secret.mkdir()
-    for option in told.stdout.split():
+    for option in done.stdout.split():
         shutil.copy(tmp_path / option.removeprefix("--from-file="), secret)
     assert sorted(path.name for path in secret.iterdir()) == ["ca.pem", "hosts.key", "hosts.pem"]
     (host,) = PODS["hosts"]["containers"]

@@ -29,11 +29,11 @@ STATUS = WorldStatus(
 
 
 def totals():
-    found = Totals()
+    totals = Totals()
     for micro in (400.0, 30_000.0, 9e7):
-        found.add({"frame": micro, "tick": micro / 2, "wait for host": 3.0, "bytes in": 100.0})
-    found.events = {"eStep": 21}
-    return found
+        totals.add({"frame": micro, "tick": micro / 2, "wait for host": 3.0, "bytes in": 100.0})
+    totals.events = {"eStep": 21}
+    return totals
 
 
 class World:
@@ -80,43 +80,43 @@ def samples(url):
 
 
 def test_every_metric_has_a_world_label(url):
-    found = samples(url)
-    assert found["minerva_up", ("world", "pond")] == 1
-    assert found["minerva_frame", ("world", "pond")] == 7
-    assert all(("world", "pond") in key for key in found)
+    metrics = samples(url)
+    assert metrics["minerva_up", ("world", "pond")] == 1
+    assert metrics["minerva_frame", ("world", "pond")] == 7
+    assert all(("world", "pond") in key for key in metrics)
 
 
 def test_durations_are_counted_in_seconds_and_cumulate(url):
-    found = samples(url)
+    metrics = samples(url)
     where = (("phase", "frame"), ("world", "pond"))
     buckets = {
         dict(key[1:])["le"]: value
-        for key, value in found.items()
+        for key, value in metrics.items()
         if key[0] == "minerva_frame_phase_seconds_bucket" and where[0] in key
     }
     assert buckets["0.00025"] == 0
     assert buckets["0.0005"] == 1
     assert buckets["0.05"] == 2
     assert buckets["10.0"] == 2
-    assert buckets["+Inf"] == found["minerva_frame_phase_seconds_count", *where] == 3
-    assert found["minerva_frame_phase_seconds_sum", *where] == pytest.approx(90.0304)
-    assert not any(("phase", "wait for host") in key for key in found)
+    assert buckets["+Inf"] == metrics["minerva_frame_phase_seconds_count", *where] == 3
+    assert metrics["minerva_frame_phase_seconds_sum", *where] == pytest.approx(90.0304)
+    assert not any(("phase", "wait for host") in key for key in metrics)
 
 
 def test_members_and_events_are_counted(url):
-    found = samples(url)
+    metrics = samples(url)
     host, water = (("member", name) for name in ("host", "water"))
     of = ("world", "pond")
-    assert found["minerva_restarts_total", host, of] == 2
-    assert found["minerva_restarts_total", water, of] == 0
-    assert found["minerva_late_answers_total", host, of] == 2
-    assert found["minerva_dropped_events_total", water, of] == 5
-    assert found["minerva_member_wait_seconds", host, of] == pytest.approx(0.0015)
-    assert found["minerva_members", ("role", "device"), ("state", "late"), of] == 1
-    assert found["minerva_members", ("role", "none"), ("state", "lost"), of] == 1
-    assert found["minerva_events_total", ("type", "eStep"), of] == 21
-    assert found["minerva_bytes_total", ("direction", "in"), of] == 300
-    assert found["minerva_refused_total", ("who", "mallory"), of] == 12
+    assert metrics["minerva_restarts_total", host, of] == 2
+    assert metrics["minerva_restarts_total", water, of] == 0
+    assert metrics["minerva_late_answers_total", host, of] == 2
+    assert metrics["minerva_dropped_events_total", water, of] == 5
+    assert metrics["minerva_member_wait_seconds", host, of] == pytest.approx(0.0015)
+    assert metrics["minerva_members", ("role", "device"), ("state", "late"), of] == 1
+    assert metrics["minerva_members", ("role", "none"), ("state", "lost"), of] == 1
+    assert metrics["minerva_events_total", ("type", "eStep"), of] == 21
+    assert metrics["minerva_bytes_total", ("direction", "in"), of] == 300
+    assert metrics["minerva_refused_total", ("who", "mallory"), of] == 12
 
 
 def test_a_world_that_does_not_answer_is_down(url, world):

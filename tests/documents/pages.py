@@ -45,11 +45,11 @@ class Block:
 def blocks(page: str, *languages: str) -> list[Block]:
     """The fenced blocks of a page in the given languages, in order."""
     text = PAGES[page].read_text(encoding="utf-8")
-    found = []
+    blocks = []
     for m in re.finditer(r"^```(\w*)[^\n]*\n(.*?)^```", text, re.S | re.M):
         above = text[: m.start()].rstrip().rpartition("\n")[2]
-        found.append(Block(m[1], m[2], text.count("\n", 0, m.start(2)) + 1, above))
-    return [block for block in found if not languages or block.language in languages]
+        blocks.append(Block(m[1], m[2], text.count("\n", 0, m.start(2)) + 1, above))
+    return [block for block in blocks if not languages or block.language in languages]
 
 
 def written(block: Block, before: str) -> str:
@@ -118,18 +118,18 @@ def commands(block: Block) -> list[str]:
     if block.language == "console":
         lines = [line.removeprefix("$ ") for line in lines if line.startswith("$ ")]
     text = re.sub(r"\\\n\s*", "", "\n".join(lines))
-    found: list[str] = []
+    commands: list[str] = []
     end = ""
     for line in text.splitlines():
         if end:
-            found[-1] += "\n" + line
+            commands[-1] += "\n" + line
             end = "" if line == end else end
             continue
         here = re.search(r"<<'(\w+)'", line)
         end = here[1] if here else ""
         plain = without_comment(line)
-        found += [plain] if plain else []
-    return found
+        commands += [plain] if plain else []
+    return commands
 
 
 def without_comment(line: str) -> str:

@@ -16,11 +16,11 @@ ROW = re.compile(r"^\| `((?:runtime|launch)\.[\w.]+)` \| ([\d.]+) \| .+ \|$", re
 
 def constant(path):
     package, module, *names = path.split(".")
-    found = import_module(f"minerva_bus.{package}.{module}")
+    value = import_module(f"minerva_bus.{package}.{module}")
     for name in names:
-        found = getattr(found() if isinstance(found, type) else found, name)
-        found = found() if isinstance(found, type) else found
-    return found
+        value = getattr(value() if isinstance(value, type) else value, name)
+        value = value() if isinstance(value, type) else value
+    return value
 
 
 def test_the_page_has_rows():

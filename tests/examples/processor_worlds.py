@@ -121,15 +121,15 @@ def results(path: Path, frames: int, options: dict[str, str]) -> list[str]:
 
 
 def main() -> None:
-    found = {}
+    digests = {}
     for name, (path, frames, options) in WORLDS.items():
         world = ROBOT if path == name else EXAMPLES / path
-        found[name] = results(world, frames, options)
+        digests[name] = results(world, frames, options)
     with tempfile.TemporaryDirectory() as folder:
         Path(folder, "drawing.py").write_text(DRAWING, encoding="utf-8")
         Path(folder, "drawing.toml").write_text(DRAWING_WORLD, encoding="utf-8")
-        found["drawing"] = results(Path(folder, "drawing.toml"), 10, {})
-    json.dump(found, sys.stdout)
+        digests["drawing"] = results(Path(folder, "drawing.toml"), 10, {})
+    json.dump(digests, sys.stdout)
 
 
 if __name__ == "__main__":

@@ -41,8 +41,8 @@ def blocks(kind: str) -> list[str]:
 
 
 def block(kind: str) -> str:
-    (found,) = blocks(kind)
-    return found
+    (text,) = blocks(kind)
+    return text
 
 
 def show(spec: str, world: str, frames: int) -> None:

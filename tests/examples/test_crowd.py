@@ -74,9 +74,9 @@ def test_people_go_where_signs_point():
 
 def test_the_building_reports_the_last_exit():
     building = vocabulary.read("ABuilding#b<inside=2>")
-    one = evolve(building, [eOut()], [Building], Frame(3, 0.05))
-    assert not one.emitted
-    (empty,) = evolve(one.scene, [eOut()], [Building], Frame(4, 0.05)).emitted["b"]
+    evolved = evolve(building, [eOut()], [Building], Frame(3, 0.05))
+    assert not evolved.emitted
+    (empty,) = evolve(evolved.scene, [eOut()], [Building], Frame(4, 0.05)).emitted["b"]
     assert (empty.type, empty.seconds) == ("eEmpty", pytest.approx(0.2))
 
 

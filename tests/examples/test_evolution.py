@@ -50,6 +50,6 @@ def test_it_evolves(tmp_path):
         [sys.executable, "-m", "minerva_bus", "evolve", "forager.toml", *words.split()],
         cwd=FOLDER, capture_output=True, text=True, timeout=100,
     )  # fmt: skip
-    told = json.loads(done.stdout)
-    assert told["best"]["fitness"] >= told["first"]
-    assert not told["failed"]
+    answer = json.loads(done.stdout)
+    assert answer["best"]["fitness"] >= answer["first"]
+    assert not answer["failed"]

@@ -111,13 +111,13 @@ def test_the_garden_keeps_its_distance_and_is_the_same_in_any_number_of_processe
     run = Run(WORLD, 14)
     assert Run(WORLD, 14, "plants.processes=3").digests == run.digests
     assert Run(WORLD, 14, 'collisions.ignore=[["*", "*"]]').digests[-1] != run.digests[-1]
-    told = {
+    crowded = {
         event.receivers[0] for frame in run.events for event in frame if event.type == "eCollision"
     }
     nodes: list[Any] = [node for opens, node in walk(run.scenes[-1]) if opens]
     alive = {node.id: node for node in nodes if isinstance(node, AgentNode)}
-    assert told
-    assert not {id for id in told & alive.keys() if not alive[id].state.get("crowded", True)}
+    assert crowded
+    assert not {id for id in crowded & alive.keys() if not alive[id].state.get("crowded", True)}
     symbols = [node.symbol for node in nodes]
     assert {"oak", "fir"} & {id.split(":")[0] for id in alive}
     assert symbols.count("PFlower") > 3

@@ -12,8 +12,8 @@ DOCUMENT = (Path(__file__).parents[2] / "docs" / "populations.md").read_text(enc
 
 
 def block(kind):
-    (found,) = re.findall(rf"^```{kind}\n(.*?)^```$", DOCUMENT, re.M | re.S)
-    return found
+    (text,) = re.findall(rf"^```{kind}\n(.*?)^```$", DOCUMENT, re.M | re.S)
+    return text
 
 
 @pytest.fixture

@@ -80,9 +80,9 @@ def test_it_is_the_same_everywhere_and_goes_on_from_its_record(tmp_path):
     alone = (*words, "--in-process")
     whole = summary(here(folder, *alone, "--frames", 150, "--record", "whole.mcap"))
     assert whole["norm_red_light"] >= 3
-    many = summary(minerva(folder, *words, "--frames", 150, "--name", f"traffic-{tmp_path.name}"))
+    ended = summary(minerva(folder, *words, "--frames", 150, "--name", f"traffic-{tmp_path.name}"))
     same = ("digest", "crashes", "passed", "norm_red_light", "norm_speed_limit")
-    assert [many[name] for name in same] == [whole[name] for name in same]
+    assert [ended[name] for name in same] == [whole[name] for name in same]
     summary(here(folder, *alone, "--frames", 70, "--record", "cut.mcap"))
     resumed = ("run", "--resume", "cut.mcap", "--in-process", "--json")
     on = summary(here(folder, *resumed, "--frames", 150, "--record", "on.mcap"))

@@ -121,9 +121,9 @@ KINDS = tuple(cls.kind for cls in FAMILY)
     (Hello("m", PROTOCOL_VERSION, draws=("eMark",)), ""),
 ])  # fmt: skip
 def test_permission_to_join(hello, reason):
-    found = incompatibility(hello, FAMILY_VOCABULARY)
-    assert reason in found
-    assert bool(found) is bool(reason)
+    reason_given = incompatibility(hello, FAMILY_VOCABULARY)
+    assert reason in reason_given
+    assert bool(reason_given) is bool(reason)
 
 
 def test_an_objection_names_the_type_and_the_difference():

@@ -22,8 +22,8 @@ def test_shares_are_equal_until_all_hosts_are_known():
 
 def test_a_host_twice_as_quick_gets_twice_as_much():
     load = measured(a=2e6, b=1e6)
-    one, other = load.weights(["a", "b"], 10**6)
-    assert round(one / other, 6) == 2.0
+    first, other = load.weights(["a", "b"], 10**6)
+    assert round(first / other, 6) == 2.0
     assert load.imbalanced({"a": 500_000, "b": 500_000})
     assert not load.imbalanced({"a": 666_000, "b": 333_000})
 

@@ -23,27 +23,27 @@ def test_without_rules_all_is_allowed():
 
 
 def test_a_kind_may_be_confined_to_hosts_by_name_or_pattern():
-    found = allowed(AFox=Rule(only=("foxes-*",)))
-    assert found == {**OFFERS, "yard": frozenset({"AGuard"})}
+    allowed_kinds = allowed(AFox=Rule(only=("foxes-*",)))
+    assert allowed_kinds == {**OFFERS, "yard": frozenset({"AGuard"})}
     assert allowed(AGuard=Rule(only=("foxes-1",)))["yard"] == frozenset({"AFox"})
 
 
 def test_a_kind_may_have_to_live_on_the_machine_of_a_member():
-    found = allowed(AFox=Rule(near="sensor"))
-    assert [host for host, kinds in found.items() if "AFox" in kinds] == ["foxes-2", "yard"]
+    allowed_kinds = allowed(AFox=Rule(near="sensor"))
+    assert [host for host, kinds in allowed_kinds.items() if "AFox" in kinds] == ["foxes-2", "yard"]
 
 
 def test_near_a_member_that_is_not_there_is_nowhere():
-    found = allowed({**MACHINES, "sensor": "moon"}, AFox=Rule(near="sensor"))
-    assert not any("AFox" in kinds for kinds in found.values())
+    allowed_kinds = allowed({**MACHINES, "sensor": "moon"}, AFox=Rule(near="sensor"))
+    assert not any("AFox" in kinds for kinds in allowed_kinds.values())
     assert not any("AFox" in k for k in allowed({}, AFox=Rule(near="sensor")).values())
 
 
 def test_a_host_without_a_known_machine_is_not_near_an_absent_member():
-    found = allowed({**MACHINES, "yard": ""}, AFox=Rule(near="sensor"))
-    assert [host for host, kinds in found.items() if "AFox" in kinds] == ["foxes-2"]
-    found = allowed({"foxes-1": "", "foxes-2": "", "yard": ""}, AFox=Rule(near="sensor"))
-    assert not any("AFox" in kinds for kinds in found.values())
+    allowed_kinds = allowed({**MACHINES, "yard": ""}, AFox=Rule(near="sensor"))
+    assert [host for host, kinds in allowed_kinds.items() if "AFox" in kinds] == ["foxes-2"]
+    allowed_kinds = allowed({"foxes-1": "", "foxes-2": "", "yard": ""}, AFox=Rule(near="sensor"))
+    assert not any("AFox" in kinds for kinds in allowed_kinds.values())
 
 
 rooms = st.lists(st.integers(1, 100), min_size=1, max_size=5)

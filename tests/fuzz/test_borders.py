@@ -159,9 +159,9 @@ def test_a_world_s_numbers_are_finite(tmp_path, key, number):
     path = write_world(tmp_path, "[process.x]\nagents = 'yard:Walker'\n", dt=0.25, rate=1)
     value = {"dt": "0.25", "rate": "1"}[key]
     path.write_text(path.read_text().replace(f"{key} = {value}\n", f"{key} = {number}\n"))
-    found = here(tmp_path, "check", path)
-    assert found.returncode != 0
-    assert key in found.stdout + found.stderr
+    done = here(tmp_path, "check", path)
+    assert done.returncode != 0
+    assert key in done.stdout + done.stderr
 
 
 # --- names ---

@@ -21,10 +21,10 @@ def inputs(name):
 
 @pytest.mark.parametrize("name", TARGETS)
 def test_the_corpus_is_read_or_refused_in_words(name):
-    found = inputs(name)
-    assert found, "an empty corpus"
-    assert all(path.stat().st_size <= 40_000 for path in found)
-    for path in found:
+    paths = inputs(name)
+    assert paths, "an empty corpus"
+    assert all(path.stat().st_size <= 40_000 for path in paths)
+    for path in paths:
         TARGETS[name](path.read_bytes())
 
 

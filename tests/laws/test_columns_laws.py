@@ -147,7 +147,7 @@ def shoals(draw):
 @st.composite
 def batches(draw, ids):
     """The ordered events of a frame, some of them in columns."""
-    found = []
+    collected = []
     for _ in range(draw(st.integers(0, 4))):
         count = draw(st.integers(1, 40))
         to = ids.take(
@@ -155,7 +155,7 @@ def batches(draw, ids):
         )
         condition = draw(st.sampled_from(["", "", "calm == true", "x > 0 and hits < 3"]))
         amounts = np.array(draw(st.lists(numbers, min_size=count, max_size=count)))
-        found.append(
+        collected.append(
             draw(
                 st.sampled_from(
                     [
@@ -168,7 +168,7 @@ def batches(draw, ids):
                 )
             )
         )
-    return collect(Order(), {"a": found})
+    return collect(Order(), {"a": collected})
 
 
 @st.composite
@@ -251,8 +251,8 @@ def test_numbers_digest_as_they_print(count):
 
 @pytest.mark.parametrize("text", ['1, "a"', "true, 1", "1.5, 2", "9007199254740993, 1"])
 def test_columns_of_several_types_are_columns_all_the_same(text):
-    one, other = text.split(", ")
-    w = parse(" · ".join(f"P<n={one}> · P<n={other}>" for _ in range(20)))
+    first, other = text.split(", ")
+    w = parse(" · ".join(f"P<n={first}> · P<n={other}>" for _ in range(20)))
     assert isinstance(packed(w).pieces[0], Columns)
     assert packed(w) == w
     assert str(packed(w)) == str(w)
@@ -415,9 +415,9 @@ def test_each_event_counts_once_in_columns_as_well(data):
     )
     batch = eHit(np.array(amounts), receivers=ids.take(np.array(rows)))
     sources = {"a": [batch], "b": [eHit(1.0, receivers=["f1"]), *batch]}
-    found = collect(Order(), sources)
-    assert isinstance(found[0], Events)
-    assert list(single(found)) == list(
+    collected = collect(Order(), sources)
+    assert isinstance(collected[0], Events)
+    assert list(single(collected)) == list(
         collect(Order(), {name: list(single(e)) for name, e in sources.items()})
     )
 
@@ -428,10 +428,10 @@ def test_each_event_counts_once_in_columns_as_well(data):
 )
 @example(200, [1e6, 1.0])
 def test_shares_cover_everything_and_none_is_empty(rows, weights):
-    found = shares(rows, weights)
-    assert sum(found) == rows
-    assert len(found) == len(weights)
-    assert min(found) >= (1 if rows >= len(weights) else 0)
+    shared = shares(rows, weights)
+    assert sum(shared) == rows
+    assert len(shared) == len(weights)
+    assert min(shared) >= (1 if rows >= len(weights) else 0)
 
 
 def test_ids_of_long_lineages_are_as_short_as_they_can_be_and_the_same_either_way():
@@ -499,5 +499,7 @@ def test_a_patch_has_just_what_differs_or_a_whole_column(changed):
     new = One.many(w.pieces[0].ids, x=other)
     patch = difference(w.pieces[0], new.pieces[0])
     assert Scene((patched(w.pieces[0], patch),)) == new
-    found = [change.rows if change.rows is None else len(change.rows) for change in patch.changes]
-    assert found == {0: [], 1: [1], 10: [10]}.get(changed, [None])
+    changed_rows = [
+        change.rows if change.rows is None else len(change.rows) for change in patch.changes
+    ]
+    assert changed_rows == {0: [], 1: [1], 10: [10]}.get(changed, [None])

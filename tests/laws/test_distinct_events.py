@@ -20,9 +20,9 @@ FEW = st.builds(
 
 @given(st.lists(FEW, min_size=1, max_size=60))
 def test_each_is_kept_where_it_is_first(events):
-    many = Events.of(events)
-    assert many is not None
-    assert list(many.distinct()) == list(dict.fromkeys(events))
+    batch = Events.of(events)
+    assert batch is not None
+    assert list(batch.distinct()) == list(dict.fromkeys(events))
 
 
 def test_a_million_equal_events_are_one():

@@ -78,8 +78,8 @@ def test_equal_means_same_text_and_same_digest(w, v):
 @given(st.data())
 def test_strings_that_differ_a_little_are_not_equal(data):
     """Random pairs are rarely close, so this changes a single value of a string."""
-    one, other = data.draw(values(depth=1)), data.draw(values(depth=1))
-    w = scene_of(FigureNode("PAny", ("value",), (one,)))
+    first, other = data.draw(values(depth=1)), data.draw(values(depth=1))
+    w = scene_of(FigureNode("PAny", ("value",), (first,)))
     v = scene_of(FigureNode("PAny", ("value",), (other,)))
     assert (w == v) == (str(w) == str(v)) == (w.digest == v.digest)
 

@@ -261,33 +261,33 @@ def test_hashes_of_many_are_those_of_each(texts):
 
 @given(st.lists(st.integers(0, 120), unique=True, min_size=1), st.booleans())
 def test_numbered_ids_are_found_among_spelled_ones(numbers, rising):
-    mine = Ids.numbered("f", np.array(sorted(numbers) if rising else numbers))
+    numbered = Ids.numbered("f", np.array(sorted(numbers) if rising else numbers))
     others = ["f", "f00", "f1x", "g1", "f007", *[f"f{n}" for n in range(121)]]
-    texts = mine.texts()
+    texts = numbered.texts()
     expected = [texts.index(text) if text in texts else -1 for text in others]
-    assert mine.rows_of(Ids.of(others)).tolist() == expected
+    assert numbered.rows_of(Ids.of(others)).tolist() == expected
 
 
 def test_equal_ids_that_are_read_twice_are_read_once():
     plain = [None, 2, b"a1b2"]
-    one, two = (READER.columns.column(plain, 2).ids for _ in range(2))
-    assert one is two
-    assert READER.columns.column([None, 2, b"a1b3"], 2).ids is not one
+    first, second = (READER.columns.column(plain, 2).ids for _ in range(2))
+    assert first is second
+    assert READER.columns.column([None, 2, b"a1b3"], 2).ids is not first
 
 
 @pytest.mark.parametrize("count", [1, 31, 32, 5000])
 def test_ids_one_after_another_travel_as_their_first(count):
-    some = fish(Ids.numbered("f", range(7, 7 + count)), 0.5)
-    plain = through(plain_columns(some))
+    school = fish(Ids.numbered("f", range(7, 7 + count)), 0.5)
+    plain = through(plain_columns(school))
     assert (plain[1] == ["f", 7, count]) == (count >= 32)
-    assert from_scratch(some).ids == some.ids
+    assert from_scratch(school).ids == school.ids
 
 
 def test_some_of_some_draw_from_their_own_streams():
     every = RngBatch(RngBatch.begin(Ids.numbered("f", range(9)).hashes, 5))
-    some = every.of(np.array([1, 4, 7])).of(np.array([0, 2])).random()
+    drawn = every.of(np.array([1, 4, 7])).of(np.array([0, 2])).random()
     alone = RngBatch(RngBatch.begin(Ids.numbered("f", range(9)).hashes, 5)).random()
-    assert some.tolist() == alone[[1, 7]].tolist()
+    assert drawn.tolist() == alone[[1, 7]].tolist()
 
 
 # --- invalid deltas ---

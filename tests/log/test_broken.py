@@ -20,11 +20,11 @@ mcap = pytest.importorskip("mcap")
 
 def boundaries(data):
     """Offsets of the records in an MCAP file, without its magic bytes."""
-    at, found = 8, []
+    at, ends = 8, []
     while at + 9 <= len(data) and data[at] not in (0, 0x89):
-        found.append(at)
+        ends.append(at)
         at += 9 + struct.unpack_from("<Q", data, at + 1)[0]
-    return [*found, at]
+    return [*ends, at]
 
 
 def frames_in(data, folder, check=True):

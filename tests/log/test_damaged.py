@@ -371,8 +371,8 @@ def stopped(path):
     """Write a record of the meadow with a chunk every four frames; returns its bytes."""
     file, frames = happened("meadow")
     stream = io.BytesIO()
-    told = replace(description(file), path=str(file.path))
-    writer = RecordWriter(stream, told)
+    described = replace(description(file), path=str(file.path))
+    writer = RecordWriter(stream, described)
     for (record, string), kept_then in zip(frames, CHECKPOINTS["meadow", None], strict=True):
         writer.frame(record, string, 0.01 * record.frame, {}, kept_then)
         if record.frame % 4 == 3:
@@ -391,14 +391,14 @@ def test_a_recovered_record_is_usable_like_any_other(chunk, tmp_path):
     done = recover(path, new)
     with Record(path) as old, Record(new) as record:
         expected = {frame.number: string for frame, string in old.strings(check=True)}
-        found = {frame.number: string for frame, string in record.strings(check=True)}
-        assert found == expected
-        assert done.frames == len(found) >= 20
+        strings = {frame.number: string for frame, string in record.strings(check=True)}
+        assert strings == expected
+        assert done.frames == len(strings) >= 20
         assert record.complete
         assert not record.losses().damage
         assert record.end()[0] == old.end()[0]
-        for number in found:
-            assert record.string(number + 1) == found[number]
+        for number in strings:
+            assert record.string(number + 1) == strings[number]
         assert done.losses == old.losses()
         assert done.losses.lost or done.losses.open_from == 56
 

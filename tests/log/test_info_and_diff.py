@@ -29,9 +29,9 @@ def files(folder, *data) -> tuple[Any, Any]:
 def written(frames, **changed):
     """A record of arbitrary frames that need not be from one run."""
     file, _ = happened("meadow")
-    told = description(file)
+    described = description(file)
     stream = io.BytesIO()
-    writer = RecordWriter(stream, replace(told, world=replace(told.world, **changed)))
+    writer = RecordWriter(stream, replace(described, world=replace(described.world, **changed)))
     for record, string in frames:
         writer.frame(replace(record, digest=string.digest), string, 0.0, {})
     writer.finish()
@@ -102,20 +102,20 @@ def test_info_checks(tmp_path, monkeypatch):
 
 
 def test_two_records_of_one_run_are_the_same(tmp_path, capsys):
-    code, found = diff(tmp_path, bytes_of("meadow", 8), bytes_of("meadow", 3), capsys)
-    assert (code, found["same"], found["frames"]) == (0, True, 60)
-    assert found["frame"] is None
-    assert found["before"] == []
+    code, difference = diff(tmp_path, bytes_of("meadow", 8), bytes_of("meadow", 3), capsys)
+    assert (code, difference["same"], difference["frames"]) == (0, True, 60)
+    assert difference["frame"] is None
+    assert difference["before"] == []
 
 
 def test_another_seed(tmp_path, capsys):
-    code, found = diff(tmp_path, bytes_of("meadow"), bytes_of("meadow", seed=8), capsys)
+    code, difference = diff(tmp_path, bytes_of("meadow"), bytes_of("meadow", seed=8), capsys)
     assert code == 1
-    assert found["before"] == ["seed 7 in A, 8 in B"]
+    assert difference["before"] == ["seed 7 in A, 8 in B"]
     strings = strings_of("meadow"), [string for _, string in happened("meadow", 8)[1]]
     first = next(n for n in range(60) if strings[0][n + 1] != strings[1][n])
-    assert found["frame"] == first
-    assert found["changes"]
+    assert difference["frame"] == first
+    assert difference["changes"]
 
 
 def changed_in(string, agent, **values):
@@ -132,9 +132,9 @@ def test_an_attribute_and_receivers(tmp_path, capsys):
     frames = list(happened("meadow")[1])
     record, string = frames[5]
     frames[5] = record, changed_in(string, "f2", energy=3.25)
-    code, found = diff(tmp_path, bytes_of("meadow"), written(frames), capsys)
-    assert (code, found["frame"], found["frames"]) == (1, 5, 5)
-    [change] = found["changes"]
+    code, difference = diff(tmp_path, bytes_of("meadow"), written(frames), capsys)
+    assert (code, difference["frame"], difference["frames"]) == (1, 5, 5)
+    [change] = difference["changes"]
     energy = next(node.state["energy"] for node in string.nodes if getattr(node, "id", "") == "f2")
     assert (change["agent"], change["attribute"]) == ("AFox#f2", "energy")
     assert (float(change["a"]), change["b"]) == (energy, "3.25")
@@ -145,20 +145,22 @@ def test_an_event_that_only_one_has(tmp_path, capsys):
     frames = list(happened("meadow")[1])
     record, string = frames[7]
     frames[7] = replace(record, events=record.events[:-1]), string
-    code, found = diff(tmp_path, bytes_of("meadow"), written(frames), capsys)
-    assert (code, found["frame"]) == (1, 7)
-    assert found["events"] == {"a": [str(record.events[-1])], "b": []}
-    assert found["changes"] == []
+    code, difference = diff(tmp_path, bytes_of("meadow"), written(frames), capsys)
+    assert (code, difference["frame"]) == (1, 7)
+    assert difference["events"] == {"a": [str(record.events[-1])], "b": []}
+    assert difference["changes"] == []
 
 
 def test_one_that_goes_on_and_one_with_a_hole(tmp_path, capsys):
     frames = happened("meadow")[1]
-    code, found = diff(tmp_path, written(frames[:20]), bytes_of("meadow"), capsys)
-    assert (code, found["same"], found["frame"]) == (1, False, None)
-    assert found["ended"] == "the same for 20 frames, all frames of A; B continues"
-    code, found = diff(tmp_path, bytes_of("meadow"), written([*frames[:9], *frames[10:]]), capsys)
-    assert (code, found["frame"]) == (1, 9)
-    assert found["before"] == ["frame 9 is missing in B"]
+    code, difference = diff(tmp_path, written(frames[:20]), bytes_of("meadow"), capsys)
+    assert (code, difference["same"], difference["frame"]) == (1, False, None)
+    assert difference["ended"] == "the same for 20 frames, all frames of A; B continues"
+    code, difference = diff(
+        tmp_path, bytes_of("meadow"), written([*frames[:9], *frames[10:]]), capsys
+    )
+    assert (code, difference["frame"]) == (1, 9)
+    assert difference["before"] == ["frame 9 is missing in B"]
 
 
 def test_an_agent_that_is_not_there_and_what_is_no_agent(tmp_path, capsys):
@@ -166,8 +168,8 @@ def test_an_agent_that_is_not_there_and_what_is_no_agent(tmp_path, capsys):
     record, string = frames[3]
     kept = [node for node in string.nodes if getattr(node, "id", "") != "r1"][:-1]
     frames[3] = record, Scene(tuple(kept))
-    _, found = diff(tmp_path, bytes_of("meadow"), written(frames), capsys)
-    said = {change["agent"]: (change["a"], change["b"]) for change in found["changes"]}
+    _, difference = diff(tmp_path, bytes_of("meadow"), written(frames), capsys)
+    said = {change["agent"]: (change["a"], change["b"]) for change in difference["changes"]}
     assert said["ARabbit#r1"] == ("is there", "is not there")
     assert "what is no agent" in said
 

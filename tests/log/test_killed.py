@@ -90,8 +90,8 @@ def works(path, least, whole=None):
         assert info.missing == 0
         if whole is not None and frames:
             with Record(whole) as other:
-                found = compare(record, other)
-            assert found.frame is None, found.lines()
+                comparison = compare(record, other)
+            assert comparison.frame is None, comparison.lines()
     if frames:
         assert recomputed(path, "", lambda done, last: None).same
     resumed = read_resumed(path, "", Overrides(frames=frames + 5))

@@ -45,11 +45,11 @@ def test_the_end_is_shown(info):
 
 
 def test_a_frame_as_json(info):
-    found = json.loads(info("meadow", "--frame", 3, "--json"))
+    answer = json.loads(info("meadow", "--frame", 3, "--json"))
     string = strings_of("meadow")[3]
-    assert (found["frame"], found["string"]) == (3, str(string))
-    assert found["digest"] == string.digest.hex()
-    assert len(found["events"]) == sum(1 for _ in single(happened("meadow")[1][3][0].events))
+    assert (answer["frame"], answer["string"]) == (3, str(string))
+    assert answer["digest"] == string.digest.hex()
+    assert len(answer["events"]) == sum(1 for _ in single(happened("meadow")[1][3][0].events))
 
 
 @pytest.mark.parametrize("number", [61, -1])

@@ -60,13 +60,13 @@ WORLD = Vocabulary.of(TAt, Walker, Mole, Name, Wind)
 
 
 def where(text, most=0):
-    found = Surveyor(WORLD, most).places(WORLD.read(text))
+    places = Surveyor(WORLD, most).places(WORLD.read(text))
     return {
         kind: [
             tuple(round(v, 6) for v in row)
             for row in zip(track.x, track.y, track.angle, strict=True)
         ]
-        for kind, track in found.items()
+        for kind, track in places.items()
     }
 
 
@@ -89,12 +89,12 @@ def test_transformations_around_an_agent_move_it():
 
 
 def test_columns_are_the_agents_they_stand_for():
-    many = Walker.many("w", 40, x=np.arange(40.0), y=np.ones(40))
-    found = Surveyor(WORLD).places(many)["AWalker"]
-    single = Surveyor(WORLD).places(WORLD.read(str(many)))["AWalker"]
-    assert list(found.ids) == list(single.ids)
-    assert found.x.tolist() == single.x.tolist()
-    assert len(Surveyor(WORLD, 10).places(many)["AWalker"].ids) == 10
+    walkers = Walker.many("w", 40, x=np.arange(40.0), y=np.ones(40))
+    places = Surveyor(WORLD).places(walkers)["AWalker"]
+    single = Surveyor(WORLD).places(WORLD.read(str(walkers)))["AWalker"]
+    assert list(places.ids) == list(single.ids)
+    assert places.x.tolist() == single.x.tolist()
+    assert len(Surveyor(WORLD, 10).places(walkers)["AWalker"].ids) == 10
 
 
 def draw(record, output):

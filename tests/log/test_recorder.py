@@ -318,14 +318,14 @@ def test_without_the_library_nothing_is_touched(tmp_path, monkeypatch):
 
 def writers_of(monkeypatch):
     """Names of the threads that write frames, in order."""
-    found, frame = [], RecordWriter.frame
+    threads, frame = [], RecordWriter.frame
 
     def written(self, *what):
-        found.append(threading.current_thread().name)
+        threads.append(threading.current_thread().name)
         frame(self, *what)
 
     monkeypatch.setattr(RecordWriter, "frame", written)
-    return found
+    return threads
 
 
 def test_small_frames_are_written_by_an_idle_thread(monkeypatch):

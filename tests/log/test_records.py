@@ -38,13 +38,13 @@ def test_frames_and_strings_survive_a_round_trip(name, tmp_path):
 def test_the_description_survives_a_round_trip(name, tmp_path):
     file, _ = happened(name)
     with record_of(bytes_of(name), tmp_path) as record:
-        told = record.description
-    assert encode_description(told) == encode_description(description(file))
-    world = told.world
+        described = record.description
+    assert encode_description(described) == encode_description(description(file))
+    world = described.world
     assert world.scene == file.world.scene
     assert (world.seed, world.dt, world.until) == (file.world.seed, file.world.dt, file.world.until)
     assert (world.order, world.policy) == (file.world.order, file.world.policy)
-    assert told.file == file.path.read_text(encoding="utf-8")
+    assert described.file == file.path.read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -113,13 +113,13 @@ def others(data):
     """The messages by topic, read by a generic MCAP reader."""
     from mcap.reader import make_reader
 
-    found = {}
+    channels = {}
     for schema, channel, message in make_reader(
         io.BytesIO(data), validate_crcs=True
     ).iter_messages():
         shown = json.loads(message.data) if channel.message_encoding == "json" else message.data
-        found.setdefault(channel.topic, []).append((schema, message, shown))
-    return found
+        channels.setdefault(channel.topic, []).append((schema, message, shown))
+    return channels
 
 
 def fits(value, schema):
@@ -134,20 +134,20 @@ def fits(value, schema):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_others_can_show_it(name):
-    found = others(bytes_of(name))
-    for topic, messages in found.items():
+    channels = others(bytes_of(name))
+    for topic, messages in channels.items():
         for schema, _, shown in messages if not topic.startswith("minerva/") else ():
             assert schema.name.startswith("foxglove.")
             fits(shown, json.loads(schema.data))
-    times = [message.log_time for _, message, _ in found[c.FRAME]]
+    times = [message.log_time for _, message, _ in channels[c.FRAME]]
     dt = happened(name)[0].world.dt
     assert times == [round((n + 1) * dt * 1e9) for n in range(len(times))]
-    assert found[c.FRAME][3][1].publish_time == 1_700_000_000 * 10**9 + 30_000_000
+    assert channels[c.FRAME][3][1].publish_time == 1_700_000_000 * 10**9 + 30_000_000
 
 
 def test_others_see_where_agents_are():
-    found = others(bytes_of("meadow"))
-    _, _, shown = found["poses/AFox"][0]
+    channels = others(bytes_of("meadow"))
+    _, _, shown = channels["poses/AFox"][0]
     assert shown["poses"][1]["position"] == {"x": 22, "y": 13, "z": 0}
     assert shown["poses"][1]["orientation"] == {"x": 0, "y": 0, "z": 1, "w": 0}
     (_, _, shown), *_ = others(bytes_of("robot"))["poses/ARobot"]
@@ -175,10 +175,10 @@ def test_a_world_of_many_shows_some_of_them(monkeypatch):
     monkeypatch.setattr(display, "SHOWN", 10)
     file, frames = happened("flock")
     stream = io.BytesIO()
-    one = RecordWriter(stream, description(file))
-    one.frame(*frames[0], 0.0, {})
-    one.frame(*frames[1], 0.0, {})
-    one.finish()
+    writer = RecordWriter(stream, description(file))
+    writer.frame(*frames[0], 0.0, {})
+    writer.frame(*frames[1], 0.0, {})
+    writer.finish()
     shown = [len(poses["poses"]) for _, _, poses in others(stream.getvalue())["poses/ABird"]]
     assert shown
     assert all(8 <= count <= 20 for count in shown)

@@ -174,11 +174,11 @@ def test_it_takes_no_orders(tmp_path):
 @pytest.mark.parametrize("name", WORLDS)
 def test_all_frames_are_reconstructed(name, tmp_path):
     file, frames = happened(name)
-    told = []
+    lines = []
     with record_of(bytes_of(name), tmp_path) as record:
-        found = recompute(record, kinds_in(file), told.append)
-    assert (found.same, found.frames) == (True, len(frames))
-    assert told == list(range(1, len(frames) + 1))
+        result = recompute(record, kinds_in(file), lines.append)
+    assert (result.same, result.frames) == (True, len(frames))
+    assert lines == list(range(1, len(frames) + 1))
 
 
 def test_the_first_frame_that_differs_is_named_and_what_differs(tmp_path, monkeypatch):
@@ -188,16 +188,16 @@ def test_the_first_frame_that_differs_is_named_and_what_differs(tmp_path, monkey
     activity = rabbit.activities["eStep"]
 
     def steps(self, event, moment):
-        found = activity(self, event, moment)
+        result = activity(self, event, moment)
         if moment.number == 4 and self.id == "r2":
             self.x += 1
-        return found
+        return result
 
     monkeypatch.setitem(rabbit.activities, "eStep", steps)
     with record_of(bytes_of("meadow"), tmp_path) as record:
-        found = recompute(record, kinds, lambda _: None)
-    assert found.frame == 4
-    lines = "\n".join(found.lines())
+        result = recompute(record, kinds, lambda _: None)
+    assert result.frame == 4
+    lines = "\n".join(result.lines())
     assert "frame 4 is the first that differs" in lines
     assert "ARabbit#r2" in lines
     assert " in the record, " in lines
@@ -219,8 +219,8 @@ def test_events_that_agents_send_no_more_are_a_difference(tmp_path, monkeypatch)
     with record_of(bytes_of("meadow"), tmp_path) as record:
         first = _first_sending(record)
         monkeypatch.setattr("minerva_bus.world.context.Context.emit", lambda *_, **__: None)
-        found = recompute(record, kinds, lambda _: None)
+        result = recompute(record, kinds, lambda _: None)
     assert sends
-    assert found.frame == first
-    assert found.only_a
-    assert "events of the record alone:" in found.lines()[1]
+    assert result.frame == first
+    assert result.only_a
+    assert "events of the record alone:" in result.lines()[1]

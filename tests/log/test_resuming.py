@@ -191,19 +191,19 @@ def written(checkpoints, folder, last=None):
 def test_delivered_events_are_not_repeated(tmp_path):
     event = happened("meadow")[0].world.vocabulary.events["eStep"]()
     saved = {"a": {"n": 1}}
-    told = [Checkpoint(1, saved, (event,), {"x": (event,)}), Checkpoint(2, saved)]
-    told.append(Checkpoint(3, saved))
-    with written(told[:1], tmp_path) as record:
-        assert record.end()[0] == told[0]
-    with written(told, tmp_path) as record:
-        assert record.end()[0] == told[2]
+    checkpoints = [Checkpoint(1, saved, (event,), {"x": (event,)}), Checkpoint(2, saved)]
+    checkpoints.append(Checkpoint(3, saved))
+    with written(checkpoints[:1], tmp_path) as record:
+        assert record.end()[0] == checkpoints[0]
+    with written(checkpoints, tmp_path) as record:
+        assert record.end()[0] == checkpoints[2]
 
 
 def test_the_checkpoint_of_a_frame_that_was_cut_off_does_not_count(tmp_path):
-    told = [Checkpoint(1, {"a": {"n": 1}}), Checkpoint(2, {"a": {"n": 2}})]
+    checkpoints = [Checkpoint(1, {"a": {"n": 1}}), Checkpoint(2, {"a": {"n": 2}})]
     torn = Checkpoint(3, {"a": {"n": 3}})
-    with written(told, tmp_path, torn) as record:
-        assert record.end()[0] == told[1]
+    with written(checkpoints, tmp_path, torn) as record:
+        assert record.end()[0] == checkpoints[1]
         topics = [topic for topic, _ in record.messages(2)]
         assert topics.count(c.CHECKPOINT) == 2
 

@@ -70,9 +70,9 @@ def heard(record) -> list[Any]:
 
 @pytest.mark.parametrize("schema", ALL)
 def test_a_reading_is_kept_as_it_is_and_shown(schema):
-    told = Readings("physics", "topic", 7, (ALL[schema],))
-    assert same(decode_sensed(encode_readings(told)), told)
-    shown = [(name, json.loads(data)) for name, data in shown_readings(told, 1_500_000_000)]
+    readings = Readings("physics", "topic", 7, (ALL[schema],))
+    assert same(decode_sensed(encode_readings(readings)), readings)
+    shown = [(name, json.loads(data)) for name, data in shown_readings(readings, 1_500_000_000)]
     if "." not in schema:
         assert shown == []
         return
@@ -101,11 +101,11 @@ def topics_in(path):
     """All messages of an MCAP file by topic, read by the mcap library."""
     from mcap.reader import make_reader
 
-    found = {}
+    channels = {}
     with path.open("rb") as file:
         for _, channel, message in make_reader(file).iter_messages():
-            found.setdefault(channel.topic, []).append(message)
-    return found
+            channels.setdefault(channel.topic, []).append(message)
+    return channels
 
 
 def test_a_robots_scans_are_in_its_record(tmp_path):
@@ -135,11 +135,11 @@ def test_the_bus_and_one_process_give_the_same_result(tmp_path):
     summary(minerva(tmp_path, "run", path, "--record", "bus.mcap", *words))
     with Record(tmp_path / "alone.mcap") as alone, Record(tmp_path / "bus.mcap") as bus:
         key = lambda readings: (readings.frame, readings.topic)  # noqa: E731
-        one, other = sorted(heard(alone), key=key), sorted(heard(bus), key=key)
-    assert len(one) == len(other) >= 25
-    assert all(map(same, one, other))
-    told = here(tmp_path, "info", "bus.mcap").stdout
-    assert f"topics      sight {len(other)}\n" in told
+        first, other = sorted(heard(alone), key=key), sorted(heard(bus), key=key)
+    assert len(first) == len(other) >= 25
+    assert all(map(same, first, other))
+    text = here(tmp_path, "info", "bus.mcap").stdout
+    assert f"topics      sight {len(other)}\n" in text
     assert here(tmp_path, "diff", "alone.mcap", "bus.mcap").returncode == 0
 
 
@@ -160,15 +160,15 @@ def settings(folder, world, **given):
     ],
 )
 def test_the_recorded_topics_are_listed(tmp_path, world, given, topics):
-    found = settings(tmp_path, world, **given)
-    assert (found.path, found.topics) == ("a.mcap", topics)
+    chosen = settings(tmp_path, world, **given)
+    assert (chosen.path, chosen.topics) == ("a.mcap", topics)
 
 
 def test_the_flush_interval_is_reported(tmp_path):
     own = 'record = "a.mcap"\nflush = 5\ndurable = true'
     assert (settings(tmp_path, own).flush, settings(tmp_path, own).durable) == (5.0, True)
-    found = settings(tmp_path, own, flush=0.5, durable=False)
-    assert (found.flush, found.durable) == (0.5, False)
+    chosen = settings(tmp_path, own, flush=0.5, durable=False)
+    assert (chosen.flush, chosen.durable) == (0.5, False)
 
 
 @pytest.mark.parametrize(
@@ -194,8 +194,8 @@ def test_readings_that_are_too_fast_are_dropped_and_counted(tmp_path, monkeypatc
     said = []
     recorder = Recorder(path, description(file), durable=True, say=said.append)
     for number in range(5):
-        told = Readings("m", "battery", number, (ALL[""],))
-        recorder.received("battery", "m", encode(told), 0.0)
+        readings = Readings("m", "battery", number, (ALL[""],))
+        recorder.received("battery", "m", encode(readings), 0.0)
     recorder.received("battery", "m", b"nonsense", 0.0)
     recorder.frame(*frames[0], 0.0)
     recorder.received("battery", "m", b"nonsense", 0.0)
@@ -203,9 +203,9 @@ def test_readings_that_are_too_fast_are_dropped_and_counted(tmp_path, monkeypatc
     assert said == [f"{path}: 4 messages on topics are not in the record: they arrived faster"
                     " than they could be written"]  # fmt: skip
     with Record(path) as record:
-        told = heard(record)
-        assert [message.frame for message in told if isinstance(message, Readings)] == [0, 1, 2]
-        assert sum(message.count for message in told if isinstance(message, Dropped)) == 4
+        readings = heard(record)
+        assert [message.frame for message in readings if isinstance(message, Readings)] == [0, 1, 2]
+        assert sum(message.count for message in readings if isinstance(message, Dropped)) == 4
     info = here(tmp_path, "info", path).stdout
     assert "topics      battery 3 (4 messages dropped)" in info
 
@@ -270,8 +270,8 @@ def test_a_resumed_record_has_each_reading_once(tmp_path):
     summary(here(tmp_path, "run", path, *words, "cut.mcap", "--frames", 9))
     resumed = ("run", "--resume", "cut.mcap", "--frames", 20)
     summary(here(tmp_path, *resumed, *words, "on.mcap"))
-    with Record(tmp_path / "whole.mcap") as one, Record(tmp_path / "on.mcap") as other:
-        before, after = heard(one), heard(other)
+    with Record(tmp_path / "whole.mcap") as first, Record(tmp_path / "on.mcap") as other:
+        before, after = heard(first), heard(other)
     assert len(before) == len(after)
     assert all(map(same, before, after))
 

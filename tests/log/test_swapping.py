@@ -77,24 +77,24 @@ def swapped(folder, what, *words, record="run.mcap"):
 )  # fmt: skip
 def test_the_same_again_gives_the_same_run(recorded, what):
     folder, whole = recorded
-    code, found = swapped(folder, what)
-    assert code == 0, found
-    assert found["difference"]["same"]
-    assert (found["digest"], found["frames"]) == (whole["digest"], 30)
+    code, answer = swapped(folder, what)
+    assert code == 0, answer
+    assert answer["difference"]["same"]
+    assert (answer["digest"], answer["frames"]) == (whole["digest"], 30)
 
 
 def test_another_view_sees_what_happened(recorded):
-    _, found = swapped(recorded[0], "screen=others:Paper")
-    assert found["figures"] == {"sheets": 31, "figures": 6}
+    _, answer = swapped(recorded[0], "screen=others:Paper")
+    assert answer["figures"] == {"sheets": 31, "figures": 6}
 
 
 def test_other_agents_live_through_the_same_events(recorded):
     folder, whole = recorded
-    code, found = swapped(folder, "walkers=others:Lame")
+    code, answer = swapped(folder, "walkers=others:Lame")
     assert code == 1
-    assert found["difference"]["frame"] == 4
-    assert {change["attribute"] for change in found["difference"]["changes"]} == {"x"}
-    assert found["digest"] != whole["digest"]
+    assert answer["difference"]["frame"] == 4
+    assert {change["attribute"] for change in answer["difference"]["changes"]} == {"x"}
+    assert answer["digest"] != whole["digest"]
 
 
 def test_emitted_events_are_not_sent_again(recorded):
@@ -125,9 +125,9 @@ def test_another_generator_with_options_recorded_and_compared(recorded):
 
 def test_subscribers_receive_recorded_readings(recorded):
     folder, _ = recorded
-    code, found = swapped(folder, "eye=others:Deaf")
+    code, answer = swapped(folder, "eye=others:Deaf")
     assert code == 1
-    assert found["difference"]["events"] == {"a": ["eSeen<ripples=0>"], "b": []}
+    assert answer["difference"]["events"] == {"a": ["eSeen<ripples=0>"], "b": []}
 
 
 @pytest.mark.parametrize(

@@ -14,8 +14,8 @@ WORLD = ("run", "robot", "--until=", "--json")
 
 def frame_of(podman, container):
     """The frame number from `minerva list` in a container."""
-    found = re.search(r"\bframe (\d+)", podman("exec", container, "minerva", "list"))
-    return int(found[1]) if found else -1
+    match = re.search(r"\bframe (\d+)", podman("exec", container, "minerva", "list"))
+    return int(match[1]) if match else -1
 
 
 @pytest.mark.parametrize(
@@ -23,9 +23,9 @@ def frame_of(podman, container):
 )
 def test_a_world_runs_with_a_read_only_root(podman, image, tmp_path, tmpfs):
     """The page documents plain `--read-only`; podman then provides a /tmp."""
-    told = podman("run", "--rm", *SMALL, *tmpfs, image, *WORLD, "--frames", 30)
+    output = podman("run", "--rm", *SMALL, *tmpfs, image, *WORLD, "--frames", 30)
     alone = summary(here(tmp_path, *WORLD, "--frames", 30, "--in-process"))
-    assert json.loads(told.splitlines()[-1])["digest"] == alone["digest"]
+    assert json.loads(output.splitlines()[-1])["digest"] == alone["digest"]
 
 
 def test_nothing_else_is_writable_and_no_process_is_root(podman, image):
@@ -33,8 +33,8 @@ def test_nothing_else_is_writable_and_no_process_is_root(podman, image):
         "id -u; for place in / /etc/minerva /opt/minerva /usr; do"
         " touch $place/no 2>/dev/null && echo can write $place; done; true"
     )
-    told = podman("run", "--rm", *SMALL, "--entrypoint=sh", image, "-c", script)
-    assert told.split() == ["10001"]
+    output = podman("run", "--rm", *SMALL, "--entrypoint=sh", image, "-c", script)
+    assert output.split() == ["10001"]
 
 
 def test_a_killed_container_goes_on_from_its_journal(podman, image, tmp_path):
@@ -42,11 +42,11 @@ def test_a_killed_container_goes_on_from_its_journal(podman, image, tmp_path):
     podman("run", "--detach", "--name=first", *SMALL, *journal, "--frames=400", "--rate=40")
     eventually(lambda: frame_of(podman, "first") > 20, "it runs")
     podman("kill", "--signal=KILL", "first")
-    told = podman("run", "--name=second", *SMALL, *journal, "--frames=400", "--rate=0")
-    found = json.loads(told.splitlines()[-1])
+    output = podman("run", "--name=second", *SMALL, *journal, "--frames=400", "--rate=0")
+    answer = json.loads(output.splitlines()[-1])
     alone = summary(here(tmp_path, *WORLD, "--frames", 400, "--in-process"))
-    assert (found["frames"], found["digest"]) == (400, alone["digest"])
-    assert found["frames_before"] > 0
+    assert (answer["frames"], answer["digest"]) == (400, alone["digest"])
+    assert answer["frames_before"] > 0
 
 
 def test_sigterm_ends_a_container_in_order(podman, image):

@@ -89,8 +89,8 @@ class Spread:
         def all_here():
             for name, run in self.runs.items():
                 assert run.process.poll() is None, f"{name} has ended:\n{run.text}"
-            found = self.world.members()
-            return all(found.get(name, {}).get("state") == "present" for name in self.hosts)
+            members = self.world.members()
+            return all(members.get(name, {}).get("state") == "present" for name in self.hosts)
 
         eventually(all_here, f"everybody is back\n{self.world.text}")
         goes_on(self.world)
@@ -111,9 +111,9 @@ class Spread:
         """Stop it; returns its summary if all processes have ended without an error."""
         with self.world.client() as asked:
             asked.ask("stop")
-        found = self.world.summary()
+        summary = self.world.summary()
         assert {name: run.ends() for name, run in self.runs.items()} == dict.fromkeys(self.runs, 0)
-        return found
+        return summary
 
     def undisturbed(self, frames):
         """The summary of an undisturbed, recorded run in one process."""
@@ -127,10 +127,10 @@ class Spread:
 
     def is_as_if_nothing_had_happened(self):
         """Stop it and check that every frame equals that of an undisturbed run."""
-        found = self.ends()
-        alone = self.undisturbed(found["frames"])
-        assert (found["frames"], found["digest"]) == (alone["frames"], alone["digest"])
-        assert found["frames"] > 20
+        summary = self.ends()
+        alone = self.undisturbed(summary["frames"])
+        assert (summary["frames"], summary["digest"]) == (alone["frames"], alone["digest"])
+        assert summary["frames"] > 20
         differ = here(self.hub.folder, "diff", "alone.mcap", "run.mcap")
         assert differ.returncode == 0, differ.stdout
         return True

@@ -30,8 +30,8 @@ class Middle:
         words = ("router", "middle", "spread", "--listen", f"tls/0.0.0.0:{PORT}")
         printed = here(spread.hub.folder, "keys", *words)
         assert printed.returncode == 0, printed.stderr
-        mine = printed.stdout.replace(str(spread.hub.folder), str(self.host.folder))
-        (self.host.folder / "middle.json5").write_text(mine)
+        text = printed.stdout.replace(str(spread.hub.folder), str(self.host.folder))
+        (self.host.folder / "middle.json5").write_text(text)
         self.router = self.host.program(sys.executable, ROUTER, "middle.json5")
 
     def ends(self):

@@ -133,8 +133,8 @@ def test_only_agents_that_fulfil_it_carry_it_out():
 
 
 def test_the_condition_is_about_the_agent_when_it_processes_the_event():
-    one = eHit(10, condition="energy < 10")
-    assert "energy=11" in evolved("AFox#a<energy=1>", one, one)
+    hit = eHit(10, condition="energy < 10")
+    assert "energy=11" in evolved("AFox#a<energy=1>", hit, hit)
 
 
 def test_numbers_of_numpy_that_lambda_assigned_count_as_numbers():

@@ -89,8 +89,8 @@ def test_the_rate_is_the_probability():
 
 def test_each_event_of_a_frame_is_drawn_by_itself():
     w = Many.many("f", 2000)
-    found = met(evolve(w, [eNear(1), eNear(2)], [Together], Frame(3, 0.1, 1)))
-    shares = [np.count_nonzero(found == count) / 2000 for count in range(3)]
+    meetings = met(evolve(w, [eNear(1), eNear(2)], [Together], Frame(3, 0.1, 1)))
+    shares = [np.count_nonzero(meetings == count) / 2000 for count in range(3)]
     assert shares == pytest.approx([0.49, 0.42, 0.09], abs=0.04)
 
 
@@ -105,11 +105,11 @@ def test_it_may_be_an_attribute_and_ends_are_certain(shy, expected):
 def test_the_probability_is_that_of_the_agent_when_it_processes_the_event():
     """Each processed call lowers the probability: from 0.25 there is never a second one."""
     w = VOCABULARY.read("AFox#f<shy=0.25>")
-    found = {
+    shy = {
         evolve(w, [eCall(), eCall(receivers=["f"])], [One], Frame(t)).scene.nodes[0].state["shy"]
         for t in range(60)
     }
-    assert found == {0.25, 0.0}
+    assert shy == {0.25, 0.0}
 
 
 def test_runs_repeat_and_differ_by_seed_frame_and_agent():
@@ -165,12 +165,12 @@ def frames(draw):
 @given(frames())
 def test_one_by_one_is_all_at_once(frame):
     w, events, moment = frame
-    found = [
+    strings = [
         str(evolve(string, events, [form], moment).scene)
         for form in (One, Many)
         for string in (w, Scene(w.nodes))
     ]
-    assert found == found[:1] * 4
+    assert strings == strings[:1] * 4
 
 
 @given(frames(), st.data())

@@ -221,9 +221,9 @@ def test_the_geometry_is_that_of_alpha_beta_and_delta() -> None:
 def test_agents_bounce_and_know_each_other_by_events_only() -> None:
     story = play()
     hits = sum(agent.state["hits"] for agent in agents(story.scenes[-1]))  # pyright: ignore
-    told = [event for frame in story.collisions for event in frame]
-    assert hits == len(told) > 40
-    assert {"", "b0"} < {event.other for event in told}
+    collisions = [event for frame in story.collisions for event in frame]
+    assert hits == len(collisions) > 40
+    assert {"", "b0"} < {event.other for event in collisions}
     for agent in agents(story.scenes[-1]):
         state: Any = agent.state
         assert math.hypot(state["vx"], state["vy"]) == pytest.approx(2.0)
@@ -245,10 +245,10 @@ def test_an_event_reports_what_the_previous_frame_showed() -> None:
             )
             <= 2 * RADIUS
         }
-        found = {
+        reported = {
             (event.receivers[0], event.other) for event in story.collisions[frame] if event.other
         }
-        assert found == close
+        assert reported == close
 
 
 def test_the_string_is_the_same_on_any_number_of_processes_and_for_one_or_for_all() -> None:

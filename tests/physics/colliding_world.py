@@ -91,19 +91,19 @@ shapes = st.tuples(kinds, eighths, eighths, angles, sizes, sizes)
 def figure(shape: Shape, who: str) -> Scene:
     kind, x, y, angle, size, other = shape
     if kind == "disc":
-        one = PBody(size, who)
+        body = PBody(size, who)
     elif kind == "bar":
-        one = PBar((0.0, size), (0.0, other), who)
+        body = PBar((0.0, size), (0.0, other), who)
     else:
         cells = np.ones((1 + int(8 * size) % 3, 2), np.int16)
-        one = PBlock(cells, other / 2, who)
-    return TPlace(x, y, angle)(one)
+        body = PBlock(cells, other / 2, who)
+    return TPlace(x, y, angle)(body)
 
 
 def scene_of(shapes: Sequence[Shape], agents: int) -> Scene:
     """Shapes owned by the agents in turn; every (agents + 1)-th shape is scenery."""
     scene = EMPTY
     for number, shape in enumerate(shapes):
-        one = number % (agents + 1)
-        scene += figure(shape, f"a{one}" if one < agents else "")
+        owner = number % (agents + 1)
+        scene += figure(shape, f"a{owner}" if owner < agents else "")
     return scene

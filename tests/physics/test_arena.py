@@ -431,17 +431,17 @@ def test_the_same_commands_give_the_same_world(
 
 
 def test_the_order_of_commands_does_not_matter() -> None:
-    one, other = crowded(), crowded()
+    first, other = crowded(), crowded()
     commands = [("a", 10.0, 2.0), ("b", 170.0, 2.0), ("c", -130.0, 3.0)]
-    assert drive(one, commands) == drive(other, commands[::-1])
-    assert one.save() == other.save()
+    assert drive(first, commands) == drive(other, commands[::-1])
+    assert first.save() == other.save()
 
 
 def test_a_command_that_waits_is_saved_too() -> None:
-    one, other = crowded(), crowded()
-    one.drive("a", 5, 0.1)
-    other.restore(one.save())
-    assert other.step(0.1) == one.step(0.1) != ()
+    first, other = crowded(), crowded()
+    first.drive("a", 5, 0.1)
+    other.restore(first.save())
+    assert other.step(0.1) == first.step(0.1) != ()
 
 
 def test_restore_brings_back_bodies_and_takes_newcomers_away() -> None:

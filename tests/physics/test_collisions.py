@@ -237,27 +237,27 @@ scenes = st.lists(shapes, max_size=14)
 @settings(max_examples=40)
 @example([("block", 1.0, 1.0, 0.0, 0.5, 0.5), ("disc", 1.25, 1.25, 0.0, 0.125, 0.5)], 1, 0)
 def test_the_grid_leaves_nothing_out(shapes: list[Shape], agents: int, ignored: int) -> None:
-    found = volumes(scene_of(shapes, agents), VOCABULARY)
+    solids = volumes(scene_of(shapes, agents), VOCABULARY)
     pairs = [("PBody", "PBar"), ("PBlock", "*")][:ignored]
-    owners = Owners.among(found)
-    told = contacts(found, owners, pairs)
-    rows = zip(owners.of[told.first].tolist(), owners.of[told.second].tolist(), strict=True)
+    owners = Owners.among(solids)
+    touching = contacts(solids, owners, pairs)
+    rows = zip(owners.of[touching.first].tolist(), owners.of[touching.second].tolist(), strict=True)
     agents_told = {(row, other) for row, other in rows if other >= 0}
     expected: set[tuple[int, int]] = set()
     walls: set[int] = set()
-    for i, j in itertools.permutations(range(len(found)), 2):
-        one, other = owners.of[i], owners.of[j]
-        names = {found.symbols[i], found.symbols[j]}
+    for i, j in itertools.permutations(range(len(solids)), 2):
+        first, other = owners.of[i], owners.of[j]
+        names = {solids.symbols[i], solids.symbols[j]}
         skipped = any({a, b} == names or (b == "*" and a in names) for a, b in pairs)
-        if one < 0 or one == other or skipped:
+        if first < 0 or first == other or skipped:
             continue
-        if len(touches(found, np.array([i]), np.array([j])).first):
-            walls |= {int(one)} if other < 0 else set()
-            expected |= {(int(one), int(other))} if other >= 0 else set()
+        if len(touches(solids, np.array([i]), np.array([j])).first):
+            walls |= {int(first)} if other < 0 else set()
+            expected |= {(int(first), int(other))} if other >= 0 else set()
     assert agents_told == expected
     assert {
         owner
-        for owner, other in zip(owners.of[told.first], owners.of[told.second], strict=True)
+        for owner, other in zip(owners.of[touching.first], owners.of[touching.second], strict=True)
         if other < 0
     } == walls
 
@@ -307,8 +307,8 @@ def test_of_many_only_those_close_by_are_looked_at() -> None:
     rng = np.random.default_rng(1)
     lower = rng.uniform(0, 100, (n, 2))
     walls = Boxes(np.array([[0.0, 0.0], [50.0, 0.0]]), np.array([[100.0, 0.1], [50.1, 100.0]]))
-    one, other = pairs_among(Boxes(lower, lower + 0.5))
-    assert 0 < len(one) == len(other) < 10 * n
+    first, other = pairs_among(Boxes(lower, lower + 0.5))
+    assert 0 < len(first) == len(other) < 10 * n
     assert len(pairs_between(Boxes(lower, lower + 0.5), walls)[0]) < n
 
 
@@ -359,36 +359,36 @@ def depths_by_pymunk(solids: Volumes) -> dict[tuple[int, int], float]:
 @given(st.integers(0, 10**6), st.integers(2, 16))
 @settings(max_examples=60)
 def test_contacts_agree_with_pymunk(seed: int, count: int) -> None:
-    found = volumes(scene_of(anywhere(seed, count), count), VOCABULARY)
-    every = np.array(list(itertools.combinations(range(len(found)), 2)))
-    touch = touches(found, every[:, 0], every[:, 1])
+    solids = volumes(scene_of(anywhere(seed, count), count), VOCABULARY)
+    every = np.array(list(itertools.combinations(range(len(solids)), 2)))
+    touch = touches(solids, every[:, 0], every[:, 1])
     rows = zip(touch.first.tolist(), touch.second.tolist(), touch.depth.tolist(), strict=True)
-    mine = {(a, b): depth for a, b, depth in rows}
-    theirs = depths_by_pymunk(found)
-    for pair in mine.keys() | theirs.keys():
-        assert mine.get(pair, 0.0) == pytest.approx(theirs.get(pair, 0.0), abs=1e-6), pair
+    depths = {(a, b): depth for a, b, depth in rows}
+    theirs = depths_by_pymunk(solids)
+    for pair in depths.keys() | theirs.keys():
+        assert depths.get(pair, 0.0) == pytest.approx(theirs.get(pair, 0.0), abs=1e-6), pair
 
 
 @given(shapes, shapes)
 @example(("block", 0.0, 0.0, 30.0, 1 / 8, 1 / 8), ("block", 1 / 8, 0.0, 30.0, 1 / 8, 1 / 8))
 @settings(max_examples=60)
 def test_along_the_normal_by_the_depth_and_they_just_touch(first: Shape, other: Shape) -> None:
-    found = volumes(scene_of([first, other], 2), VOCABULARY)
-    pair = np.array([0]), np.array([len(found) - 1])
-    touch = touches(found, *pair)
+    solids = volumes(scene_of([first, other], 2), VOCABULARY)
+    pair = np.array([0]), np.array([len(solids) - 1])
+    touch = touches(solids, *pair)
     if not len(touch.first):
         return
     (nx, ny), depth = touch.normal[0], float(touch.depth[0])
     assert math.hypot(nx, ny) == pytest.approx(1)
-    moved = found.points.copy()
-    moved[found.first[0] : found.first[1]] += depth * touch.normal[0]
-    out = Volumes(moved, found.first, found.radius, found.owners, found.kinds, found.symbols)
+    moved = solids.points.copy()
+    moved[solids.first[0] : solids.first[1]] += depth * touch.normal[0]
+    out = Volumes(moved, solids.first, solids.radius, solids.owners, solids.kinds, solids.symbols)
     left = touches(out, *pair)
     assert not len(left.first) or left.depth[0] <= 1e-9
-    moved[found.first[0] : found.first[1]] += 2 * TOLERANCE * touch.normal[0]
+    moved[solids.first[0] : solids.first[1]] += 2 * TOLERANCE * touch.normal[0]
     assert not len(touches(out, *pair).first)
     if depth > 1e-6:
-        moved[found.first[0] : found.first[1]] -= depth / 10 * touch.normal[0]
+        moved[solids.first[0] : solids.first[1]] -= depth / 10 * touch.normal[0]
         assert len(touches(out, *pair).first)
     # The contact point is at most half of the overlap away from either shape.
     place = TPlace(*touch.point[0].tolist(), 0.0)(PBody(depth / 2 + 1e-6))
@@ -400,8 +400,8 @@ def test_along_the_normal_by_the_depth_and_they_just_touch(first: Shape, other: 
 @given(shapes, shapes)
 @settings(max_examples=40)
 def test_it_is_the_same_from_the_other_side(first: Shape, other: Shape) -> None:
-    found = volumes(scene_of([first, other], 2), VOCABULARY)
-    rows = np.array([0]), np.array([len(found) - 1])
-    forth, back = touches(found, *rows), touches(found, *rows[::-1])
+    solids = volumes(scene_of([first, other], 2), VOCABULARY)
+    rows = np.array([0]), np.array([len(solids) - 1])
+    forth, back = touches(solids, *rows), touches(solids, *rows[::-1])
     assert len(forth.first) == len(back.first)
     assert forth.depth == pytest.approx(back.depth, abs=1e-12)

@@ -37,8 +37,8 @@ def stopped(arena: Arena, *commands: tuple[str, float, float]) -> dict[str, Cont
 
 def close(contact: Contact | None, other: str, x: float, y: float, nx: float, ny: float) -> bool:
     assert contact is not None
-    found = contact.x, contact.y, contact.nx, contact.ny
-    return contact.other == other and found == pytest.approx((x, y, nx, ny), abs=1e-9)
+    place = contact.x, contact.y, contact.nx, contact.ny
+    return contact.other == other and place == pytest.approx((x, y, nx, ny), abs=1e-9)
 
 
 def test_a_wall_is_touched_where_the_body_stands_before_it() -> None:
@@ -62,10 +62,10 @@ def test_a_body_is_touched_where_it_was_in_that_moment() -> None:
     arena = Arena()
     arena.add_body("a", 0, 0, 0, 0.5)
     arena.add_body("b", 2, -2, 90, 0.5)  # crosses the path of a and moves on
-    found = stopped(arena, ("a", 0, 2), ("b", 0, 4))
-    contact = found["a"]
+    contacts = stopped(arena, ("a", 0, 2), ("b", 0, 4))
+    contact = contacts["a"]
     assert contact is not None
-    assert found["b"] is None
+    assert contacts["b"] is None
     assert contact.other == "b"
     assert math.hypot(contact.nx, contact.ny) == pytest.approx(1)
     here = arena.pose("a")

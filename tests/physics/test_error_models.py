@@ -100,12 +100,12 @@ def test_the_only_marker_is_never_mistaken() -> None:
 
 
 def test_the_number_of_draws_does_not_depend_on_the_data() -> None:
-    one, other = generator(), generator()
-    for rng, true, name in ((one, 1.0, "door"), (other, 5.0, "desk")):
+    first, other = generator(), generator()
+    for rng, true, name in ((first, 1.0, "door"), (other, 5.0, "desk")):
         BeamModel(short=0.5).sample(np.full(9, true), np.full(9, true), 8.0, rng)
         MotionModel(1, 1, 1, 1).sample(true, 0.0, rng)
         SightingModel(miss=0.5).sample([Sighting(name, true, 0.0)], NAMES, rng)
-    assert one.random() == other.random()
+    assert first.random() == other.random()
 
 
 @pytest.mark.parametrize(

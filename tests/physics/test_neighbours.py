@@ -109,13 +109,13 @@ def way(start: float, other: float, size: float) -> float:
 def brute_force(points: Sequence[Point], radius: float, periodic: bool) -> list[tuple[Any, ...]]:
     """(receiver, neighbour, dx, dy, distance, vx) of all pairs, in order."""
     size = (WIDTH, HEIGHT) if periodic else (0.0, 0.0)
-    found = []
+    pairs = []
     for i, point in enumerate(points):
         for j, other in enumerate(points):
             dx, dy = way(point[0], other[0], size[0]), way(point[1], other[1], size[1])
             if i != j and dx * dx + dy * dy <= radius * radius:
-                found.append((i, j, dx, dy, math.sqrt(dx * dx + dy * dy), other[2]))
-    return found
+                pairs.append((i, j, dx, dy, math.sqrt(dx * dx + dy * dy), other[2]))
+    return pairs
 
 
 def plane(radius: float, periodic: bool, **rest: Any) -> Neighbours:
@@ -134,8 +134,8 @@ def test_neighbours_are_those_of_brute_force(
 ) -> None:
     events = told(plane(radius, periodic), spots(points))
     expected = brute_force(points, radius, periodic)
-    found = [(e.receivers, e.who, e.dx, e.dy, e.distance, e.vx) for e in events]
-    assert found == [((f"a{i}",), f"a{j}", *rest) for i, j, *rest in expected]
+    neighbours = [(e.receivers, e.who, e.dx, e.dy, e.distance, e.vx) for e in events]
+    assert neighbours == [((f"a{i}",), f"a{j}", *rest) for i, j, *rest in expected]
 
 
 @given(points, radii, st.booleans(), st.integers(1, 4))
@@ -146,15 +146,15 @@ def test_the_nearest_are_first_and_limited_in_number(
     expected: list[tuple[str, str]] = []
     pairs = brute_force(points, radius, periodic)
     for number in range(len(points)):
-        mine = sorted((row for row in pairs if row[0] == number), key=lambda row: (row[4], row[1]))
-        expected += [(f"a{number}", f"a{row[1]}") for row in mine[:nearest]]
+        near = sorted((row for row in pairs if row[0] == number), key=lambda row: (row[4], row[1]))
+        expected += [(f"a{number}", f"a{row[1]}") for row in near[:nearest]]
     assert [(e.receivers[0], e.who) for e in events] == expected
 
 
 def test_points_in_a_clump_are_all_found() -> None:
     chance = np.random.default_rng(1)
-    some = [tuple(row) for row in chance.integers(0, 64, (300, 3)) / 8]
-    assert len(told(plane(1.5, True), spots(some))) == len(brute_force(some, 1.5, True)) > 1000
+    points = [tuple(row) for row in chance.integers(0, 64, (300, 3)) / 8]
+    assert len(told(plane(1.5, True), spots(points))) == len(brute_force(points, 1.5, True)) > 1000
 
 
 def test_a_place_a_hair_before_the_edge_of_a_torus_is_near_the_other_edge() -> None:
@@ -170,8 +170,8 @@ def test_missing_scipy_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_only_declared_fields_are_sent() -> None:
-    (one, other) = told(joined(event="eClose", radius=5.0), spots([(0, 0, 1), (3, 4, 2)]))
-    assert one == VOCABULARY.events["eClose"](5.0, receivers=["a0"])
+    (first, other) = told(joined(event="eClose", radius=5.0), spots([(0, 0, 1), (3, 4, 2)]))
+    assert first == VOCABULARY.events["eClose"](5.0, receivers=["a0"])
     assert other == VOCABULARY.events["eClose"](5.0, receivers=["a1"])
 
 
@@ -201,14 +201,14 @@ def test_a_summary_adds_up_single_lines(
     pairs = brute_force(points, radius, periodic)
     assert [event.receivers[0] for event in events] == ids(len(points))
     for number, event in enumerate(events):
-        mine = [row[2:] for row in pairs if row[0] == number]
-        close = [row for row in mine if row[2] < apart]
-        count = max(len(mine), 1)
-        assert event.number == len(mine)
-        assert event.dx == sum(row[0] for row in mine) / count
-        assert event.dy == sum(row[1] for row in mine) / count
-        assert event.distance == pytest.approx(sum(row[2] for row in mine) / count)
-        assert event.vx == sum(row[3] for row in mine) / count
+        near = [row[2:] for row in pairs if row[0] == number]
+        close = [row for row in near if row[2] < apart]
+        count = max(len(near), 1)
+        assert event.number == len(near)
+        assert event.dx == sum(row[0] for row in near) / count
+        assert event.dy == sum(row[1] for row in near) / count
+        assert event.distance == pytest.approx(sum(row[2] for row in near) / count)
+        assert event.vx == sum(row[3] for row in near) / count
         assert event.apart_x == -sum(row[0] for row in close)
         assert event.apart_y == -sum(row[1] for row in close)
 

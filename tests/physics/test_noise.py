@@ -71,18 +71,18 @@ def test_a_camera_errs_in_distance_and_bearing() -> None:
 
 def test_the_same_generator_gives_the_same_noise() -> None:
     noise = Noise(laser_m=0.1, laser_dropout=0.1)
-    one, other = (noise.scan(np.ones(50), 5.0, generator()) for _ in range(2))
-    assert one.tobytes() == other.tobytes()
+    first, other = (noise.scan(np.ones(50), 5.0, generator()) for _ in range(2))
+    assert first.tobytes() == other.tobytes()
 
 
 def test_drawings_do_not_depend_on_other_data() -> None:
     noise = Noise(laser_m=0.1, drive=0.1, turn_deg=1.0)
-    one, other = generator(), generator()
-    noise.scan(np.full(10, 5.0), 5.0, one)
+    first, other = generator(), generator()
+    noise.scan(np.full(10, 5.0), 5.0, first)
     noise.scan(np.ones(10), 5.0, other)
-    noise.drive_errors(0.0, 0.0, one)
+    noise.drive_errors(0.0, 0.0, first)
     noise.drive_errors(1.0, 1.0, other)
-    assert one.random() == other.random()
+    assert first.random() == other.random()
 
 
 @pytest.mark.parametrize("field", ["laser_m", "laser_dropout", "drive", "turn_deg", "camera_deg"])

@@ -239,13 +239,13 @@ def test_wrong_actions_are_explained(act, action, says):
     ],
 )  # fmt: skip
 def test_a_batch_of_events_equals_its_events(world, batch, capfd):
-    with world.start(seed=2) as one, world.start(seed=2) as other:
-        one.publish(batch)
+    with world.start(seed=2) as first, world.start(seed=2) as other:
+        first.publish(batch)
         for event in batch:
             other.publish(event)
-        assert [one.step(), one.digest] == [other.step(), other.digest]
-        assert one.digest != run(world, frames=1, seed=2).digest
+        assert [first.step(), first.digest] == [other.step(), other.digest]
+        assert first.digest != run(world, frames=1, seed=2).digest
         with pytest.raises(MinervaError, match="there is no agent #z; there are"):
-            one.publish(replace(batch, receivers=Ids.of(["z"] * len(batch))))
+            first.publish(replace(batch, receivers=Ids.of(["z"] * len(batch))))
     # A program that sends events knows that they count.
     assert capfd.readouterr().err == ""

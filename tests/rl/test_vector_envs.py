@@ -49,10 +49,10 @@ def test_worlds_in_processes_have_the_bits_of_single_environments(what, frames, 
 
 
 def test_a_vector_environment_has_the_spaces_of_gymnasium():
-    one, envs = single_env(*FISH), vector_env(*FISH, worlds=3, seed=8)
+    env, envs = single_env(*FISH), vector_env(*FISH, worlds=3, seed=8)
     assert envs.metadata["autoreset_mode"] is AutoresetMode.NEXT_STEP
-    assert envs.observation_space == batch_space(one.observation_space, 3)
-    assert envs.action_space == batch_space(one.action_space, 3)
+    assert envs.observation_space == batch_space(env.observation_space, 3)
+    assert envs.action_space == batch_space(env.action_space, 3)
     # Without seeds, worlds differ, from the seed of the world on.
     assert same(envs.reset(), vector_env(*FISH, worlds=3).reset(seed=8))
     assert len(set(envs.step(envs.action_space.sample())[4]["digest"])) == 3

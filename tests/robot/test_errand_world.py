@@ -62,8 +62,8 @@ class Run:
         return [(event.sender, event.type) for event in self.events if event.type in types]
 
     def parcels(self):
-        found = [node for node in agents(self.algorithm.scene) if node.symbol == "AParcel"]
-        return {node.id: AParcel.thaw(node) for node in found}
+        nodes = [node for node in agents(self.algorithm.scene) if node.symbol == "AParcel"]
+        return {node.id: AParcel.thaw(node) for node in nodes}
 
 
 def test_an_errand_is_done_and_then_the_objective_which_ends_the_world(hall):
@@ -99,8 +99,8 @@ def test_parcels_are_nothing_to_a_robot_without_an_errand(hall):
 
 
 def test_the_same_errand_is_repeatable(hall):
-    one, other = (Run(hall).order(eErrand("desk", "door")).to_the_end(600) for _ in range(2))
-    assert one.digests == other.digests
+    first, other = (Run(hall).order(eErrand("desk", "door")).to_the_end(600) for _ in range(2))
+    assert first.digests == other.digests
 
 
 def test_an_interrupted_robot_stops_and_both_orders_have_a_fate(hall):

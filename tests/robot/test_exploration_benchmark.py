@@ -58,19 +58,19 @@ def test_a_robot_that_searches_again_has_not_reported_yet(drive):
 
 def test_a_run_is_repeatable_and_its_line_is_json_also_without_a_path():
     task = task_of(Named("hall-4-1", floor_of("hall", 4.0, 1), held_out=False))
-    one, other = (dataclasses.replace(run(task), ms_per_frame=0.0, slowest_ms=0.0) for _ in "12")
-    assert one == other
-    assert (one.reached, one.ratio, one.tour) == (True, None, None)
-    json.dumps(dataclasses.asdict(one), allow_nan=False)
-    assert summary([one])["mean_ratio"] is None
+    first, other = (dataclasses.replace(run(task), ms_per_frame=0.0, slowest_ms=0.0) for _ in "12")
+    assert first == other
+    assert (first.reached, first.ratio, first.tour) == (True, None, None)
+    json.dumps(dataclasses.asdict(first), allow_nan=False)
+    assert summary([first])["mean_ratio"] is None
 
 
 def test_lost_runs_are_those_neither_reached_nor_reported():
     reported = dataclasses.replace(RESULT, reached=False, reported=True)
     lost = dataclasses.replace(RESULT, reached=False)
-    told = summary([RESULT, reported, lost])
-    assert (told["runs"], told["reached"], told["lost_and_not_reported"]) == (3, 1, 1)
-    assert (told["mean_ratio"], told["mean_tour"]) == (2.0, 3.0)
+    totals = summary([RESULT, reported, lost])
+    assert (totals["runs"], totals["reached"], totals["lost_and_not_reported"]) == (3, 1, 1)
+    assert (totals["mean_ratio"], totals["mean_tour"]) == (2.0, 3.0)
 
 
 def test_rows_are_in_the_file_as_soon_as_a_run_is_complete(tmp_path):
@@ -96,10 +96,10 @@ def test_an_interrupted_benchmark_continues_with_the_missing_runs(tmp_path, monk
 
 
 def test_halls_of_different_seeds_differ_in_the_start_alone():
-    one, same, other = (floor_of("hall", 10.0, seed) for seed in (1, 1, 2))
-    assert one.start == same.start != other.start
-    assert (one.cells == other.cells).all()
-    assert all(0.5 < metres < 9.5 for metres in (*one.start[:2], *other.start[:2]))
+    first, same, other = (floor_of("hall", 10.0, seed) for seed in (1, 1, 2))
+    assert first.start == same.start != other.start
+    assert (first.cells == other.cells).all()
+    assert all(0.5 < metres < 9.5 for metres in (*first.start[:2], *other.start[:2]))
 
 
 def test_a_tour_goes_straight_to_a_marker_that_is_in_view_from_its_first_stop():
@@ -146,5 +146,5 @@ def test_the_tour_to_each_place_is_the_tour_to_that_place():
     places = Places(floor, (1.0, 1.0, 0.0), RADIUS)
     tour = Tour(floor, (1.0, 1.0, 0.0), RADIUS)
     each = tour.metres_to_each(places.cells).tolist()
-    some = range(0, len(each), 9)
-    assert [each[i] for i in some] == [tour.metres_to(*places.points[i].tolist()) for i in some]
+    chosen = range(0, len(each), 9)
+    assert [each[i] for i in chosen] == [tour.metres_to(*places.points[i].tolist()) for i in chosen]

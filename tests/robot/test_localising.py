@@ -60,9 +60,9 @@ DRAWN = room_drawn(HERE, GridPose(55.1, 50.2, 22.3))
 @pytest.mark.parametrize("off", [(0, 0, 0), (3.2, -2.1, 4.0), (-4.0, 3.0, -7.5), (0.4, 5.5, 2.2)])
 def test_a_wrong_guess_is_put_right(off):
     guess = GridPose(HERE.row + off[0], HERE.column + off[1], HERE.angle + off[2])
-    found = match(DRAWN, guess, room_seen_from(HERE), CELL, Uncertainty(0.15, 4.0))
-    assert math.dist(found.position, HERE.position) < 0.8
-    assert found.angle == pytest.approx(HERE.angle, abs=0.6)
+    pose = match(DRAWN, guess, room_seen_from(HERE), CELL, Uncertainty(0.15, 4.0))
+    assert math.dist(pose.position, HERE.position) < 0.8
+    assert pose.angle == pytest.approx(HERE.angle, abs=0.6)
 
 
 def test_a_guess_is_kept_where_nothing_fits():
@@ -77,8 +77,8 @@ def test_a_guess_is_kept_where_nothing_fits():
 def test_it_may_look_beyond_the_grid():
     guess = GridPose(2.0, 3.0, 0.0)
     hits = np.full(40, 30.0), np.linspace(-180, 171, 40)
-    found = match(DRAWN, guess, hits, CELL, Uncertainty(0.1, 2))
-    assert math.dist(found.position, guess.position) < 10
+    pose = match(DRAWN, guess, hits, CELL, Uncertainty(0.1, 2))
+    assert math.dist(pose.position, guess.position) < 10
 
 
 def test_doubt_grows_with_the_move():
@@ -101,10 +101,10 @@ def test_by_its_laser_it_does_not():
 
 
 def test_the_same_seed_gives_the_same_robot():
-    one, again, other = (
+    first, again, other = (
         House("matching", seed, beams=40, **ERRORS).run(25).scene.digest for seed in (3, 3, 4)
     )
-    assert one == again != other
+    assert first == again != other
 
 
 def test_a_scan_is_drawn_after_the_decision():

@@ -358,8 +358,8 @@ def test_a_pgm_survives_a_round_trip(tmp_path, width, height, most, random, plai
         p = (most - level) / most
         return 100 if p > 0.65 else 0 if p < 0.196 else -1
 
-    found = load_map(tmp_path / "any.pgm")
-    assert rows(found) == [[value(level) for level in row] for row in levels]
+    loaded = load_map(tmp_path / "any.pgm")
+    assert rows(loaded) == [[value(level) for level in row] for row in levels]
 
 
 def picture(mode, pixels, path):

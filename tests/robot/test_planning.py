@@ -256,9 +256,9 @@ def test_small_windows_change_no_length(problem, margin, seed):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(planning, "_MARGIN", margin)
         patch.setattr(planning, "_GROWTH", 2)
-        found = shortest_path(blocked, start, goal), nearest(blocked, start, targets)
+        paths = shortest_path(blocked, start, goal), nearest(blocked, start, targets)
     expected = shortest_path(blocked, start, goal), nearest(blocked, start, targets)
-    assert [path and path.length for path in found] == [path and path.length for path in expected]
+    assert [path and path.length for path in paths] == [path and path.length for path in expected]
 
 
 @pytest.mark.parametrize("length", [253, 254, 255, 256, 509, 1000])

@@ -49,8 +49,8 @@ def test_all_bodies_on_the_platform_move_along_and_no_others():
     assert near(story.parcel("a"), "store")
     assert near(story.parcel("b"), "store")
     assert near(story.parcel("c"), "lab")
-    found = [(story.parcel(name).x, story.parcel(name).y) for name in "ab"]
-    assert math.dist(*found) > 0.1
+    places = [(story.parcel(name).x, story.parcel(name).y) for name in "ab"]
+    assert math.dist(*places) > 0.1
 
 
 def test_a_carried_parcel_is_on_its_robot_in_every_frame():
@@ -173,8 +173,8 @@ def test_an_order_between_question_and_answer_loses_no_parcel():
 
 
 def test_of_two_that_ask_at_once_exactly_one_gets_it():
-    one, other = robot("r1", row=7.5, column=10.5), robot("r2", row=13.5, column=10.5)
-    story = Story(one, other, parcel()).step(BRING).step()
+    first, other = robot("r1", row=7.5, column=10.5), robot("r2", row=13.5, column=10.5)
+    story = Story(first, other, parcel()).step(BRING).step()
     assert story.types("eTake") == [("r1", "eTake"), ("r2", "eTake")]
     assert story.until("eGivenUp").sender == "r2"
     assert (story.robot("r1").load, story.robot("r2").load) == (("p1",), ())
@@ -196,8 +196,8 @@ def test_a_robot_that_learns_it_is_second_turns_back_at_once():
 
 
 def test_an_errand_elsewhere_is_not_disturbed():
-    one, other = robot("r1", row=14.5, column=10.5), robot("r2")
-    story = Story(one, other, parcel("a"), parcel("b", marker="lab"))
+    first, other = robot("r1", row=14.5, column=10.5), robot("r2")
+    story = Story(first, other, parcel("a"), parcel("b", marker="lab"))
     story.step(
         eErrand("office", "store", receivers=["r1"]), eErrand("lab", "store", receivers=["r2"])
     )

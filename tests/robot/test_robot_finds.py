@@ -113,23 +113,23 @@ def test_random_finds_the_kitchen_given_time(seed):
 
 @pytest.mark.parametrize("planner", ["astar", "random"])
 def test_the_same_run_is_repeatable(planner):
-    one, other = (simulator({"planner": planner}, seed=3) for _ in range(2))
-    one.go(60)
+    first, other = (simulator({"planner": planner}, seed=3) for _ in range(2))
+    first.go(60)
     other.go(60)
-    assert one.scene == other.scene
-    assert one.run.poses == other.run.poses
+    assert first.scene == other.scene
+    assert first.run.poses == other.run.poses
 
 
 def test_any_frame_is_a_place_to_go_on_from():
     """The string contains the robot's entire memory and may be converted to text and back."""
     from minerva_agents.robot.world import vocabulary
 
-    one, other = simulator({}), simulator({})
-    one.go(80)
+    first, other = simulator({}), simulator({})
+    first.go(80)
     for _ in range(8):
         other.go(other.run.frames + 10)
         other.scene = vocabulary.read(str(other.scene))
-    assert one.scene == other.scene
+    assert first.scene == other.scene
 
 
 def test_the_believed_pose_is_the_true_one():

@@ -130,21 +130,21 @@ def test_a_robot_clears_a_literal_grid_of_any_length_to_the_end():
 
 
 def test_evidence_rises_by_three_up_to_nine():
-    scene, found = robot(), []
+    scene, evidence = robot(), []
     for _ in range(4):
         now = after(scene, eLaser(1.0, 0.0))
-        found.append(int(now.grid[30, 20]))
+        evidence.append(int(now.grid[30, 20]))
         scene = now.string
-    assert found == [4, 7, 9, 9]
+    assert evidence == [4, 7, 9, 9]
 
 
 def test_beams_that_pass_take_the_evidence_away():
-    scene, found = after(robot(), eLaser(0.4, 0.0)).string, []
+    scene, evidence = after(robot(), eLaser(0.4, 0.0)).string, []
     for _ in range(4):
         now = after(scene, eLaser(1.5, 0.0))
-        found.append(int(now.grid[24, 20]))
+        evidence.append(int(now.grid[24, 20]))
         scene = now.string
-    assert found == [3, 2, FREE, FREE]
+    assert evidence == [3, 2, FREE, FREE]
 
 
 def test_the_farther_half_of_a_beam_counts_in_every_eighth_frame():

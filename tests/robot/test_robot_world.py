@@ -97,8 +97,8 @@ def test_markers_may_be_given(hall):
 def test_robots_start_side_by_side():
     string = scene({"robots": 5})
     assert [robot.id for robot in robots(string)] == ["r1", "r2", "r3", "r4", "r5"]
-    found = places(string)
-    gaps = [math.dist(first, other) for first in found for other in found if first is not other]
+    starts = places(string)
+    gaps = [math.dist(first, other) for first in starts for other in starts if first is not other]
     assert min(gaps) >= 3 * 0.18
     assert max(gaps) < 3
 
@@ -111,19 +111,19 @@ def test_the_start_may_be_given():
 
 def test_there_is_a_parcel_at_every_marker():
     string = scene({})
-    found = parcels(string)
-    assert [parcel.id for parcel in found] == [f"p{number}" for number in range(1, 9)]
-    assert [parcel.marker for parcel in found] == list(robots(string)[0].markers)
-    assert len({parcel.side for parcel in found}) == 8
-    kitchen = next(parcel for parcel in found if parcel.marker == "kitchen")
+    placed = parcels(string)
+    assert [parcel.id for parcel in placed] == [f"p{number}" for number in range(1, 9)]
+    assert [parcel.marker for parcel in placed] == list(robots(string)[0].markers)
+    assert len({parcel.side for parcel in placed}) == 8
+    kitchen = next(parcel for parcel in placed if parcel.marker == "kitchen")
     assert math.dist((kitchen.x, kitchen.y), (15.6, 10.2)) < 0.3
     assert (kitchen.y, kitchen.carrier) == (min(kitchen.y, 10.2), "")
 
 
 def test_positions_of_parcels_are_options():
-    found = parcels(scene({"parcels": "office, store,office"}))
-    assert [parcel.marker for parcel in found] == ["office", "store", "office"]
-    assert math.dist((found[0].x, found[0].y), (found[2].x, found[2].y)) > 0.05
+    placed = parcels(scene({"parcels": "office, store,office"}))
+    assert [parcel.marker for parcel in placed] == ["office", "store", "office"]
+    assert math.dist((placed[0].x, placed[0].y), (placed[2].x, placed[2].y)) > 0.05
     assert parcels(scene({"parcels": ""})) == []
 
 

@@ -61,10 +61,10 @@ def put(session, key, data):
 def eventually(what, why, patience=PATIENCE):
     """Wait until `what()` is true, and return its value."""
     until = time.monotonic() + patience
-    while not (found := what()):
+    while not (result := what()):
         assert time.monotonic() < until, f"{why}: not within {patience:.0f} s"
         time.sleep(0.02)
-    return found
+    return result
 
 
 def write_world(folder, members=MEMBERS, string=STRING, bus="", **world):
@@ -222,10 +222,10 @@ class World(Run):
     def registered(self):
         """Its registry entry with endpoint and process id, or None."""
         try:
-            found = json.loads((self.folder / "runtime" / f"{self.name}.json").read_text())
+            registration = json.loads((self.folder / "runtime" / f"{self.name}.json").read_text())
         except (OSError, ValueError):
             return None
-        return found
+        return registration
 
     def endpoint(self):
         """Its endpoint; waits until there is one."""
@@ -244,15 +244,15 @@ class World(Run):
             return {}
         try:
             with self.client() as asked:
-                found = asked.operator.status()
+                status = asked.operator.status()
         except (BusError, AssertionError):
             return {}
-        self.frame = found.frame
+        self.frame = status.frame
         strange = (0, os.getpid())
         self.pids |= {
-            member.name: member.pid for member in found.members if member.pid not in strange
+            member.name: member.pid for member in status.members if member.pid not in strange
         }
-        return {member.name: asdict(member) for member in found.members}
+        return {member.name: asdict(member) for member in status.members}
 
     def coordinator(self):
         """The process id of the coordinator: the launcher's only child that is not a member."""
@@ -283,13 +283,13 @@ class World(Run):
         """Wait until these members are present and frames advance; returns pids by name."""
 
         def here():
-            found = self.members()
-            present = all(found.get(name, {}).get("state") == "present" for name in names)
-            return found if found and present and self.frame > 0 else None
+            members = self.members()
+            present = all(members.get(name, {}).get("state") == "present" for name in names)
+            return members if members and present and self.frame > 0 else None
 
-        found = eventually(here, f"{names} take part\n{self.text}")
+        members = eventually(here, f"{names} take part\n{self.text}")
         self.look()
-        return {name: found[name]["pid"] for name in names}
+        return {name: members[name]["pid"] for name in names}
 
     def gone(self, patience=PATIENCE):
         """Wait until all of its processes have exited."""
@@ -306,9 +306,9 @@ def below(pid):
     """All descendants of a process."""
     parents, found, rest = _by_parent(), [], [pid]
     while rest:
-        mine = parents.get(rest.pop(), [])
-        found += mine
-        rest += mine
+        children = parents.get(rest.pop(), [])
+        found += children
+        rest += children
     return found
 
 

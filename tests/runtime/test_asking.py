@@ -43,23 +43,23 @@ def test_list(world):
 
 
 def test_list_as_json(world):
-    (found,) = lines(ask(world, "list", "--json", "--world", world.name))
-    assert found["world"] == world.name
-    assert found["agents"] >= 4
-    assert [member["member"] for member in found["members"]] == ["steps", "walkers", "wishes"]
-    assert found["members"][1]["kinds"] == ["AWalker"]
-    assert found["members"][1]["pid"] == world.members()["walkers"]["pid"]
+    (row,) = lines(ask(world, "list", "--json", "--world", world.name))
+    assert row["world"] == world.name
+    assert row["agents"] >= 4
+    assert [member["member"] for member in row["members"]] == ["steps", "walkers", "wishes"]
+    assert row["members"][1]["kinds"] == ["AWalker"]
+    assert row["members"][1]["pid"] == world.members()["walkers"]["pid"]
     (again,) = lines(ask(world, "list", "--json", "--connect", world.endpoint()))
     assert again["world"] == world.name
 
 
 def test_echo_events(world):
     done = ask(world, "echo", "eStep", "--count", "3", "--json")
-    found = lines(done)
-    assert [event["type"] for event in found] == ["eStep"] * 3
-    frames = [event["frame"] for event in found]
+    rows = lines(done)
+    assert [event["type"] for event in rows] == ["eStep"] * 3
+    frames = [event["frame"] for event in rows]
     assert frames == list(range(frames[0], frames[0] + 3))
-    assert all(isinstance(row["data"]["count"], int) for row in found)
+    assert all(isinstance(row["data"]["count"], int) for row in rows)
     shown = ask(world, "echo", "eStep", "--count", "2").stdout.splitlines()
     assert len(shown) == 2
     assert "eStep<count=" in shown[0]
@@ -70,14 +70,14 @@ def test_echo_all(world):
 
 
 def test_echo_fragments(world):
-    found = lines(ask(world, "echo", "AWalker", "--count", "4", "--json"))
-    assert all(row["text"].startswith("AWalker#") for row in found)
+    rows = lines(ask(world, "echo", "AWalker", "--count", "4", "--json"))
+    assert all(row["text"].startswith("AWalker#") for row in rows)
 
 
 def test_echo_a_view(world):
-    found = lines(ask(world, "echo", "eShow", "--count", "2", "--json"))
-    assert len(found) == 2
-    assert all(row["text"].startswith("TAt<x=") and "AWalker" not in row["text"] for row in found)
+    rows = lines(ask(world, "echo", "eShow", "--count", "2", "--json"))
+    assert len(rows) == 2
+    assert all(row["text"].startswith("TAt<x=") and "AWalker" not in row["text"] for row in rows)
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
@@ -225,8 +225,8 @@ def test_two_worlds_are_listed_and_distinguished(tmp_path):
     with World(one) as first, World(two) as second:
         first.runs("steps", "walkers")
         second.runs("steps", "walkers")
-        (found,) = lines(here(tmp_path, "list", "--json"))
-        assert sorted(each["world"] for each in found) == sorted([first.name, second.name])
+        (worlds,) = lines(here(tmp_path, "list", "--json"))
+        assert sorted(each["world"] for each in worlds) == sorted([first.name, second.name])
         shown = here(tmp_path, "list").stdout
         assert first.name in shown
         assert second.name in shown

@@ -191,15 +191,15 @@ def test_attached_members_end_with_their_world(tmp_path):
     with World(write_world(tmp_path, MEMBERS, frames=0, rate=50)) as world:
         world.runs("steps", "walkers")
         with (
-            attach(world, "yard:Screen", "look") as one,
-            attach(world, "yard:Walker", "help") as two,
+            attach(world, "yard:Screen", "look") as first,
+            attach(world, "yard:Walker", "help") as second,
         ):
             takes_part(world, "look")
             takes_part(world, "help")
             world.kill(signal.SIGINT)
             assert world.ends() == 130
-            assert [one.ends(), two.ends()] == [0, 0]
-            assert "the world has ended" in one.text
+            assert [first.ends(), second.ends()] == [0, 0]
+            assert "the world has ended" in first.text
 
 
 def test_attached_members_notice_the_death_of_a_world(tmp_path):
@@ -233,8 +233,8 @@ def test_a_host_is_emptied_and_the_string_is_the_same(tmp_path):
             assert world.members()["walkers"]["last_reply"] <= before + 1
             assert world.members()["help"]["last_reply"] > before + 10
             asked.operator.resume()
-            found = world.summary()
-    assert found["digest"] == json.loads(alone.stdout)["digest"]
+            summary = world.summary()
+    assert summary["digest"] == json.loads(alone.stdout)["digest"]
 
 
 def test_a_host_that_helps_for_a_while_leaves_no_trace_in_the_string(tmp_path):
@@ -251,5 +251,5 @@ def test_a_host_that_helps_for_a_while_leaves_no_trace_in_the_string(tmp_path):
                 asked.operator.resume()
                 helper.kill(way)
                 assert helper.ends() == code
-        found = world.summary()
-    assert found["digest"] == json.loads(alone.stdout)["digest"]
+        summary = world.summary()
+    assert summary["digest"] == json.loads(alone.stdout)["digest"]

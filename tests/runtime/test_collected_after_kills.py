@@ -34,11 +34,11 @@ NAMES = ("steps", "walkers")
 def tables(folder, ending):
     """The content of all tables, without the parts and journals that a run must not leave."""
     assert not list(folder.glob("*.parts"))
-    found = {path.name: path for path in folder.glob(f"out-*{ending}")}
+    paths = {path.name: path for path in folder.glob(f"out-*{ending}")}
     if ending == ".csv":
-        return {name: path.read_text() for name, path in found.items()}
+        return {name: path.read_text() for name, path in paths.items()}
     parquet = pytest.importorskip("pyarrow.parquet")
-    return {name: repr(parquet.read_table(path).to_pydict()) for name, path in found.items()}
+    return {name: repr(parquet.read_table(path).to_pydict()) for name, path in paths.items()}
 
 
 def world_with(folder, ending, frames):

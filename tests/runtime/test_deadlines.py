@@ -60,8 +60,8 @@ def test_a_frame_goes_on_without_a_generator(tmp_path):
             os.kill(pid, signal.SIGCONT)
 
             def back():
-                one = next(m for m in asked.operator.status().members if m.name == "steps")
-                return one.state == "present"
+                member = next(m for m in asked.operator.status().members if m.name == "steps")
+                return member.state == "present"
 
             eventually(back, "it answers again")
         world.kill(signal.SIGINT)

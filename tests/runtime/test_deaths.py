@@ -32,8 +32,8 @@ def test_a_killed_member_is_named_and_restarted_with_the_same_string(tmp_path):
             world.says(f"{name} │ was killed by SIGKILL; restart 1 of 5 in")
 
             def successor(name=name, pid=pid):
-                one = world.members().get(name)
-                return one and one["pid"] != pid and one["state"] == "present"
+                member = world.members().get(name)
+                return member and member["pid"] != pid and member["state"] == "present"
 
             eventually(successor, f"a successor of {name}")
             then = {"screen": "", "noise": "; the world continues"}.get(
@@ -69,7 +69,7 @@ def test_an_agent_that_raises_is_named_with_its_event_and_frame(tmp_path):
     path = write_world(tmp_path, members, string)
     alone = write_world(tmp_path, members, string.replace(str(memory), ""))
     with World(path, "--json") as world:
-        found = world.summary()
+        summary = world.summary()
         text = world.text
     assert re.search(
         r"fragile │ failed in frame 3: Fragile\.\w+ of AFragile#f at eStep<count=\d+>:"
@@ -77,7 +77,7 @@ def test_an_agent_that_raises_is_named_with_its_event_and_frame(tmp_path):
         text,
     )
     assert 'raise KeyError("a lost key")' in text
-    assert found["frames"] == 30
+    assert summary["frames"] == 30
     with World(alone, "--json") as world:
         assert world.ends() == 1
         assert "with the same error in the same frame" in world.text

@@ -92,16 +92,16 @@ def called(halt):
 
 
 def test_a_pending_request_of_a_study_that_waits(faulty):
-    found = cause(faulty, "pending request")
-    assert found.member == "llm"
-    assert "wait = true" in found.advice
+    halt = cause(faulty, "pending request")
+    assert halt.member == "llm"
+    assert "wait = true" in halt.advice
 
 
 def test_a_norm_that_rejects_everything(faulty):
     (faulty.folder / "fault.txt").write_text("none")
-    found = cause(faulty, "norm")
-    assert found.what.startswith("the norm fence rejects: it was broken ")
-    assert ", the last by #anna in frame " in found.what
+    halt = cause(faulty, "norm")
+    assert halt.what.startswith("the norm fence rejects: it was broken ")
+    assert ", the last by #anna in frame " in halt.what
 
 
 @pytest.mark.parametrize(
@@ -114,22 +114,22 @@ def test_a_norm_that_rejects_everything(faulty):
 )
 def test_the_call_that_a_frame_waits_for(faulty, fault, kind, function, advice):
     (faulty.folder / "fault.txt").write_text(fault)
-    found = cause(faulty, kind, function)
+    halt = cause(faulty, kind, function)
     (faulty.folder / "fault.txt").write_text("none")
-    assert found.member == "clock"
-    assert Path(found.place.file).name == "faulty.py"
-    assert advice in found.advice
-    eventually(lambda: "restarted in" in found.then or cause(faulty, "norm"), "an outlook")
+    assert halt.member == "clock"
+    assert Path(halt.place.file).name == "faulty.py"
+    assert advice in halt.advice
+    eventually(lambda: "restarted in" in halt.then or cause(faulty, "norm"), "an outlook")
 
 
 def test_a_stopped_process(faulty):
     pid = faulty.runs("clock")["clock"]
     os.kill(pid, signal.SIGSTOP)
     try:
-        found = cause(faulty, "stopped process")
+        halt = cause(faulty, "stopped process")
     finally:
         os.kill(pid, signal.SIGCONT)
-    assert found.advice == f"kill -CONT {pid}"
+    assert halt.advice == f"kill -CONT {pid}"
 
 
 def test_a_stopped_coordinator(faulty):
@@ -145,9 +145,9 @@ def test_a_stopped_coordinator(faulty):
 
 def test_a_slow_consumer_of_time(faulty):
     (faulty.folder / "fault.txt").write_text("slow")
-    found = cause(faulty, "slow consumer")
-    assert found.member == "clock"
-    assert "of 20 frames per second" in found.what
+    halt = cause(faulty, "slow consumer")
+    assert halt.member == "clock"
+    assert "of 20 frames per second" in halt.what
 
 
 def test_no_events(faulty):
@@ -157,9 +157,9 @@ def test_no_events(faulty):
 
 def test_a_full_disk(faulty):
     (faulty.folder / "fault.txt").write_text("none")
-    found = cause(faulty, "full disk")
-    assert found.what.endswith("run.mcap: File too large")
-    assert found.then == "frames are not recorded"
+    halt = cause(faulty, "full disk")
+    assert halt.what.endswith("run.mcap: File too large")
+    assert halt.then == "frames are not recorded"
 
 
 def test_a_paused_world_as_text_and_json(faulty):
@@ -178,8 +178,8 @@ def test_a_paused_world_as_text_and_json(faulty):
 
 def test_a_missing_member_and_a_lost_link(tmp_path):
     with World(world_in(tmp_path, REMOTE)) as world:
-        found = cause(world, "missing member")
-        assert (found.member, found.what) == ("far", "far has not joined")
+        halt = cause(world, "missing member")
+        assert (halt.member, halt.what) == ("far", "far has not joined")
         words = ("attach", "faulty:Extra", "--name", "far", "--world", world.name)
         with Run(tmp_path, *words) as far:
             world.runs("far")

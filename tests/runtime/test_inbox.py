@@ -24,10 +24,10 @@ def test_messages_of_all_keys_arrive_in_sending_order():
         block = zenoh.CongestionControl.BLOCK
         for number in range(300):
             hub.put("little" if number % 3 else "much", b"%d" % number, congestion_control=block)
-        found = [inbox.wait() for _ in range(300)]
-        told = [x if isinstance(x, bytes) else x.payload.to_bytes() for x in found]
-        assert [int(entry) for entry in told] == list(range(300))
-        assert [isinstance(entry, bytes) for entry in found] == [n % 3 == 0 for n in range(300)]
+        entries = [inbox.wait() for _ in range(300)]
+        payloads = [x if isinstance(x, bytes) else x.payload.to_bytes() for x in entries]
+        assert [int(entry) for entry in payloads] == list(range(300))
+        assert [isinstance(entry, bytes) for entry in entries] == [n % 3 == 0 for n in range(300)]
         assert inbox.ready() is None
         inbox.close()
         kept.undeclare()
@@ -63,12 +63,12 @@ def test_items_from_the_side_and_a_full_channel_do_not_block_each_other(monkeypa
         flood = session.declare_publisher("from/a", congestion_control=block)
         thread = threading.Thread(target=lambda: [flood.put(b"x") for _ in range(1000)])
         thread.start()
-        found = []
-        while len(found) < 2000:
+        items = []
+        while len(items) < 2000:
             item = inbox.wait()
-            found += [] if item is None or isinstance(item, TimerTick) else [item]
-        assert [entry for entry in found if isinstance(entry, int)] == list(range(1000))
-        assert found.count(("a", b"x")) == 1000
+            items += [] if item is None or isinstance(item, TimerTick) else [item]
+        assert [entry for entry in items if isinstance(entry, int)] == list(range(1000))
+        assert items.count(("a", b"x")) == 1000
         thread.join()
         inbox.close()
 
@@ -90,10 +90,10 @@ def test_the_hub_receives_senders_and_a_clock():
         inbox.open(hub, "from/*", "from/coordinator")
         session.put("from/a", b"hello", congestion_control=zenoh.CongestionControl.BLOCK)
         inbox.put("aside")
-        found = []
-        while not {"TimerTick", "aside", ("a", b"hello")} <= set(found):
+        items = []
+        while not {"TimerTick", "aside", ("a", b"hello")} <= set(items):
             item = inbox.wait()
-            found.append("TimerTick" if isinstance(item, TimerTick) else item)
+            items.append("TimerTick" if isinstance(item, TimerTick) else item)
         inbox.close()
 
 

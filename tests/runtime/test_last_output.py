@@ -27,8 +27,12 @@ def test_the_member_with_awaited_output_is_named(tmp_path):
 
 
 def test_the_last_output_of_many_is_awaited_in_one_line(tmp_path):
-    many = "".join(PAINTER.replace("painter", f"painter{n}") + "drawing = 1.5\n" for n in range(5))
-    path = write_world(tmp_path, MEMBERS + many.replace("yard:painter", "yard:Painter"), frames=3)
+    painters = "".join(
+        PAINTER.replace("painter", f"painter{n}") + "drawing = 1.5\n" for n in range(5)
+    )
+    path = write_world(
+        tmp_path, MEMBERS + painters.replace("yard:painter", "yard:Painter"), frames=3
+    )
     with Run(tmp_path, "run", path) as run:
         run.says("waiting for the last output of painter0, painter1, painter2 and 2 more for")
         assert run.ends() == 0

@@ -65,11 +65,11 @@ def test_a_link_that_dies_is_let_go():
     """
     hub, endpoint = open_hub("hub")
     with hub, open_client("one", endpoint) as client:
-        mine = [str(link.src) for link in client.info.links()]
-        for address in (endpoint, *mine):
+        sources = [str(link.src) for link in client.info.links()]
+        for address in (endpoint, *sources):
 
             def lets_go(address=address):
-                found = [
+                options = [
                     (
                         struct.unpack(
                             "ii", connection.getsockopt(socket.SOL_SOCKET, socket.SO_LINGER, 8)
@@ -78,7 +78,7 @@ def test_a_link_that_dies_is_let_go():
                     )
                     for connection in sockets_to(address)
                 ]
-                return found and set(found) == {(0, 4000)}
+                return options and set(options) == {(0, 4000)}
 
             eventually(lets_go, f"the link to {address} is let go")
 

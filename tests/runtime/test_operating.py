@@ -184,6 +184,6 @@ def test_invalid_input_is_reported(world, words, problem):
 
 
 def test_top_as_json(world):
-    found = json.loads(told(world, "top", "--json"))
-    assert found["world"] == world.name
-    assert found["phases"]["frame"] > 0
+    answer = json.loads(told(world, "top", "--json"))
+    assert answer["world"] == world.name
+    assert answer["phases"]["frame"] > 0

@@ -55,8 +55,8 @@ def test_one_that_publishes_faster_than_the_world_consumes(tmp_path):
             before = resident(coordinator)
 
             def dropped():
-                one = next(m for m in asked.operator.status().members if m.name == "torrent")
-                return dict(one.figures).get("dropped", 0)
+                member = next(m for m in asked.operator.status().members if m.name == "torrent")
+                return dict(member.figures).get("dropped", 0)
 
             first = eventually(dropped, "what is dropped is counted")
             eventually(lambda: dropped() > first + 100_000, "more is dropped")

@@ -47,12 +47,12 @@ def alone(path):
 
 
 def test_any_number_of_hosts_gives_the_string_of_one_process(shoal):
-    found = {
+    digests = {
         hosts: summary(minerva(path.parent, "run", path, "--rate", "0", "--json"))["digest"]
         for hosts in (1, 2, 3)
         if (path := shoal(hosts, frames=30))
     }
-    assert set(found.values()) == {alone(shoal(1, frames=30))["digest"]}
+    assert set(digests.values()) == {alone(shoal(1, frames=30))["digest"]}
 
 
 def test_hosts_and_generators_that_are_killed_change_nothing(shoal):
@@ -64,9 +64,9 @@ def test_hosts_and_generators_that_are_killed_change_nothing(shoal):
             eventually(
                 lambda name=name: world.members()[name]["state"] == "present", f"a new {name}"
             )
-        found = world.summary()
+        summary = world.summary()
         world.gone()
-    assert (found["frames"], found["digest"]) == (120, alone(path)["digest"])
+    assert (summary["frames"], summary["digest"]) == (120, alone(path)["digest"])
 
 
 def test_a_host_and_a_view_that_join_later_get_their_share(shoal):
@@ -86,10 +86,10 @@ def test_a_host_and_a_view_that_join_later_get_their_share(shoal):
                 )
                 more.kill(signal.SIGINT)
                 assert more.ends() == 0
-            found = world.summary()
+            summary = world.summary()
             assert screen.ends() == 0
             seen = {int(line.split()[0]): line for line in screen.output if line[:1].isdigit()}
-    assert found["digest"] == alone(path)["digest"]
+    assert summary["digest"] == alone(path)["digest"]
     shown = minerva(
         path.parent, "run", path, "--in-process", "--rate", "0", "--set", "screen.said=true"
     ).stderr

@@ -51,9 +51,11 @@ def section(title: str) -> str:
 def hexadecimal(body: str) -> tuple[str, bytes]:
     """The first line of an example, and its bytes."""
     first, *lines = body.strip("\n").split("\n")
-    found = [HEX_LINE.match(line) for line in lines]
-    assert all(found), body
-    return first.removeprefix("# "), bytes.fromhex("".join(groups[1] for groups in found if groups))
+    matches = [HEX_LINE.match(line) for line in lines]
+    assert all(matches), body
+    return first.removeprefix("# "), bytes.fromhex(
+        "".join(groups[1] for groups in matches if groups)
+    )
 
 
 def examples(kind: str) -> list[tuple[str, bytes]]:
@@ -69,10 +71,10 @@ LIMITS = asdict(DEFAULT)
 
 
 def test_the_version_is_the_same_everywhere() -> None:
-    told = re.findall(r"^Version (\d+)\.$", DOCUMENT, re.M)
-    told += re.findall(r"^\| `version` \| int \| (\d+) \|", DOCUMENT, re.M)
-    told += re.findall(r'"version": (\d+)', blocks("python", "member")[0])
-    assert told == [str(PROTOCOL_VERSION)] * 3
+    versions = re.findall(r"^Version (\d+)\.$", DOCUMENT, re.M)
+    versions += re.findall(r"^\| `version` \| int \| (\d+) \|", DOCUMENT, re.M)
+    versions += re.findall(r'"version": (\d+)', blocks("python", "member")[0])
+    assert versions == [str(PROTOCOL_VERSION)] * 3
 
 
 def test_every_policy_is_defined() -> None:
@@ -89,13 +91,13 @@ def table(title: str) -> dict[str, int]:
 
 
 def test_every_message_of_a_member_is_in_the_document_and_no_other() -> None:
-    told = {name: message.size for name, message in codec.FROM_MEMBER.items()}
-    assert table("From a member, on `from/<member>`") == told
+    sizes = {name: message.size for name, message in codec.FROM_MEMBER.items()}
+    assert table("From a member, on `from/<member>`") == sizes
 
 
 def test_every_message_of_the_coordinator_is_in_the_document_and_no_other() -> None:
-    told = {name: message.size for name, message in codec.TO_MEMBER.items()}
-    assert table("From the coordinator") == told
+    sizes = {name: message.size for name, message in codec.TO_MEMBER.items()}
+    assert table("From the coordinator") == sizes
 
 
 def test_every_setting_is_in_the_document() -> None:
@@ -109,8 +111,8 @@ def test_the_tables_are_those_of_the_declarations() -> None:
 
 
 def test_the_limits() -> None:
-    told = re.findall(r"^\| (?:\*\*)?`(\w+)`(?:\*\*)?\s*\| ([\d .]+?)\s*\|", DOCUMENT, re.M)
-    numbers = {name: float(most.replace(" ", "")) for name, most in told if name in LIMITS}
+    rows = re.findall(r"^\| (?:\*\*)?`(\w+)`(?:\*\*)?\s*\| ([\d .]+?)\s*\|", DOCUMENT, re.M)
+    numbers = {name: float(most.replace(" ", "")) for name, most in rows if name in LIMITS}
     assert numbers == LIMITS
 
 
@@ -242,7 +244,7 @@ def real(number: float) -> str:
 
 def digests(flat: list, names: dict[str, list[str]]) -> tuple[bytes, dict[str, bytes]]:
     """The digest of a flat string and those of its nodes by their heads; reals and texts only."""
-    queue, found = flat[1:], {}
+    queue, hashes = flat[1:], {}
 
     def nodes(count: int) -> bytes:
         return H(b"".join(node() for _ in range(count)))
@@ -256,10 +258,10 @@ def digests(flat: list, names: dict[str, list[str]]) -> tuple[bytes, dict[str, b
         pairs = ", ".join(f"{n}={v}" for n, v in zip(names[symbol], values, strict=True))
         head = f"{owner}<{pairs}>"
         scope = b"" if symbol[0] == "P" else nodes(rest[1])
-        found[head] = H(head.encode() + b"\0" + scope)
-        return found[head]
+        hashes[head] = H(head.encode() + b"\0" + scope)
+        return hashes[head]
 
-    return nodes(flat[0]), found
+    return nodes(flat[0]), hashes
 
 
 def test_the_digests_of_the_document() -> None:
@@ -294,8 +296,8 @@ def philox(key: int) -> Iterator[int]:
     for block in itertools.count(1):
         c, k0, k1 = (block, 0, 0, 0), key & WORD, key >> 64
         for _ in range(10):
-            one, two = M0 * c[0], M1 * c[2]
-            c = ((two >> 64) ^ c[1] ^ k0, two & WORD, (one >> 64) ^ c[3] ^ k1, one & WORD)
+            first, second = M0 * c[0], M1 * c[2]
+            c = ((second >> 64) ^ c[1] ^ k0, second & WORD, (first >> 64) ^ c[3] ^ k1, first & WORD)
             k0, k1 = (k0 + K0) & WORD, (k1 + K1) & WORD
         yield from c
 
@@ -307,15 +309,15 @@ def mix(z: int) -> int:
 
 
 def polynomial(agent: str) -> int:
-    found = 0
+    total = 0
     for byte in agent.encode():
-        found = (found * 0x9E3779B97F4A7C15 + byte) & WORD
-    return found
+        total = (total * 0x9E3779B97F4A7C15 + byte) & WORD
+    return total
 
 
 def keyed(size: int, *parts: object) -> int:
-    told = "\0".join(map(str, parts)).encode()
-    return int.from_bytes(blake2b(told, digest_size=size).digest(), "little")
+    text = "\0".join(map(str, parts)).encode()
+    return int.from_bytes(blake2b(text, digest_size=size).digest(), "little")
 
 
 def number(word: int) -> float:

@@ -25,9 +25,9 @@ def test_one_process(alone):
     (), ("--set", "walkers.processes=2"), ("--set", "walkers.processes=3", "--rate", "200"),
 ])  # fmt: skip
 def test_many_processes(world, alone, words):
-    found = summary(minerva(world.parent, "run", world, "--json", *words))
+    ended = summary(minerva(world.parent, "run", world, "--json", *words))
     for figure in ("frames", "digest", "ended", "steps", "seed", "reached"):
-        assert found[figure] == alone[figure], figure
+        assert ended[figure] == alone[figure], figure
 
 
 def test_again(world, alone):

@@ -111,8 +111,8 @@ def test_the_journal_gives_back_what_was_saved(tmp_path):
             for form in forms:
                 os.kill(before[form], signal.SIGKILL)
             eventually(partial(others, world, forms, before), "they restart")
-        found = world.summary()
-    assert found["digest"] == undisturbed["digest"]
+        summary = world.summary()
+    assert summary["digest"] == undisturbed["digest"]
     assert "a successor continues from its journal" in world.text
 
 

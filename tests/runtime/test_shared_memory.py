@@ -60,8 +60,8 @@ def test_no_file_is_left_by_killed_members_or_interrupts(tmp_path):
 def test_a_sweep_takes_unlocked_files(tmp_path):
     for name in ("mine.zenoh", "dead.zenoh", "other"):
         (tmp_path / name).write_bytes(b"x")
-    with (tmp_path / "mine.zenoh").open("r+") as mine:
-        fcntl.flock(mine, fcntl.LOCK_EX)
+    with (tmp_path / "mine.zenoh").open("r+") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
         assert remove_orphans(tmp_path) == 1
     assert {path.name for path in tmp_path.iterdir()} == {"mine.zenoh", "other"}
 

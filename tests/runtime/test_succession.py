@@ -40,12 +40,12 @@ def test_a_coordinator_that_is_killed_is_followed_and_members_stay(tmp_path):
         for _ in range(3):
             world.kill_coordinator()
             assert world.runs(*NAMES) == before
-        found = world.summary()
+        summary = world.summary()
         world.gone()
-    assert (found["frames"], found["digest"]) == (150, undisturbed["digest"])
-    assert found["frames_before"] == 0
-    assert found["wall_seconds"] >= 149 / 30 - 0.1, "since the first coordinator's first frame"
-    assert found["frames_per_second"] <= 31
+    assert (summary["frames"], summary["digest"]) == (150, undisturbed["digest"])
+    assert summary["frames_before"] == 0
+    assert summary["wall_seconds"] >= 149 / 30 - 0.1, "since the first coordinator's first frame"
+    assert summary["frames_per_second"] <= 31
     assert (
         "coordinator │ was killed by SIGKILL; a successor continues from its journal (3 of"
         in world.text
@@ -111,8 +111,8 @@ def test_members_and_coordinator_are_killed_at_once(tmp_path):
         os.kill(pids["water"], signal.SIGKILL)
         os.kill(pids["walkers"], signal.SIGKILL)
         world.kill_coordinator()
-        found = world.summary()
-    assert found["digest"] == undisturbed["digest"]
+        summary = world.summary()
+    assert summary["digest"] == undisturbed["digest"]
 
 
 def test_guests_are_waited_for_and_a_paused_world_stays_paused(tmp_path):
@@ -131,9 +131,9 @@ def test_guests_are_waited_for_and_a_paused_world_stays_paused(tmp_path):
             with world.client() as asked:
                 assert asked.operator.status().paused
                 asked.operator.resume()
-            found = world.summary()
+            summary = world.summary()
             assert guest.ends() == 0
-    assert found["digest"] == undisturbed["digest"]
+    assert summary["digest"] == undisturbed["digest"]
 
 
 @pytest.mark.parametrize("spec", ["yard:Steps", "yard:Walker"])
@@ -167,8 +167,8 @@ def test_a_record_goes_on_with_the_coordinator_that_follows(tmp_path):
         world.kill_coordinator()
         assert world.summary()["digest"] == undisturbed["digest"]
     assert "not in the record" not in world.text
-    told = json.loads(here(tmp_path, "info", "run.mcap", "--json").stdout)
-    assert (told["frames"], told["complete"]) == (250, True)
+    answer = json.loads(here(tmp_path, "info", "run.mcap", "--json").stdout)
+    assert (answer["frames"], answer["complete"]) == (250, True)
     assert here(tmp_path, "diff", "alone.mcap", "run.mcap").returncode == 0
     assert (tmp_path / "run.old.mcap").read_bytes() == earlier
 
@@ -188,11 +188,11 @@ def test_a_world_with_a_journal_goes_on_whatever_was_killed(tmp_path):
         world.kill(signal.SIGTERM)
         world.ends()
     assert list((tmp_path / "kept").glob("*.journal"))
-    found = summary(minerva(tmp_path, "run", path, *words, "--rate", 0, "--json"))
-    assert found["digest"] == undisturbed["digest"]
-    assert 0 < found["frames_before"] < 600
-    ran = (600 - found["frames_before"]) / found["wall_seconds"]
-    assert found["frames_per_second"] == pytest.approx(ran, rel=0.02, abs=0.1)
+    ended = summary(minerva(tmp_path, "run", path, *words, "--rate", 0, "--json"))
+    assert ended["digest"] == undisturbed["digest"]
+    assert 0 < ended["frames_before"] < 600
+    ran = (600 - ended["frames_before"]) / ended["wall_seconds"]
+    assert ended["frames_per_second"] == pytest.approx(ran, rel=0.02, abs=0.1)
     assert not list((tmp_path / "kept").iterdir())
 
 
@@ -210,8 +210,8 @@ def router():
         config.insert_json5(key, json.dumps(value))
     with zenoh.open(config) as session:
         (reply,) = session.get(f"@/{session.zid()}/router", timeout=5.0)
-        found = json.loads(reply.ok.payload.to_string())["locators"]
-        yield next(locator for locator in found if locator.startswith("tcp/127.0.0.1"))
+        answer = json.loads(reply.ok.payload.to_string())["locators"]
+        yield next(locator for locator in answer if locator.startswith("tcp/127.0.0.1"))
 
 
 def test_the_older_of_two_that_see_each_other_through_a_router_stops(tmp_path, router):

@@ -101,8 +101,8 @@ FINE = Norm("fine", then=Then.SANCTION, sanction=eFine(5, "fine"))
 def street(scene, norms, expected=("runners", "steps"), **rest):
     """The world of the street."""
     rest = {"frames": 8, "seed": 3, "order": Order(("eFine", "eShout", "eBoo", "eStep")), **rest}
-    found = VOCABULARY.read(scene) if isinstance(scene, str) else scene
-    return World("street", found, VOCABULARY, expected=frozenset(expected), norms=norms, **rest)
+    string = VOCABULARY.read(scene) if isinstance(scene, str) else scene
+    return World("street", string, VOCABULARY, expected=frozenset(expected), norms=norms, **rest)
 
 
 def states(scene):

@@ -15,8 +15,8 @@ def test_a_string_without_columns_sends_no_batches():
 
 
 def test_columns_of_other_kinds_do_not_change():
-    many = Minnow.many("m", 70, x=np.arange(70.0))
-    assert evolve(many, [], []).scene == many
+    minnows = Minnow.many("m", 70, x=np.arange(70.0))
+    assert evolve(minnows, [], []).scene == minnows
 
 
 def test_copies_of_agents_side_by_side_add_up():

@@ -49,10 +49,10 @@ def world(scene, script, hosts, vocabulary=POND, **rest):
     members = {"script": lambda: Member("script", Script(vocabulary, script))}
     members |= {name: partial(Member, name, None, kinds) for name, kinds in hosts.items()}
     members |= rest.pop("more", {})
-    found = vocabulary.read(scene) if isinstance(scene, str) else scene
+    string = vocabulary.read(scene) if isinstance(scene, str) else scene
     rest = {"frames": len(script), "seed": SEED, "order": ORDER, **rest}
     named = frozenset(members)
-    return World("w", found, vocabulary, expected=named, policy=Policy.LITERAL, **rest), members
+    return World("w", string, vocabulary, expected=named, policy=Policy.LITERAL, **rest), members
 
 
 def bus_of(*what, **rest):
@@ -73,11 +73,11 @@ def ran(*what, **rest):
 def in_one_process(*what, **rest):
     """The digests of a world in one process."""
     described, members = world(*what, **rest)
-    found = []
+    digests = []
 
     def watch(instruction):
         if isinstance(instruction, FrameDone):
-            found.append(instruction.record.digest.hex())
+            digests.append(instruction.record.digest.hex())
 
     runner = InProcessRunner(
         FrameAlgorithm(described), [make() for make in members.values()], watch
@@ -85,7 +85,7 @@ def in_one_process(*what, **rest):
     runner.start()
     while runner.ended is None:
         runner.handle(Begin())
-    return found
+    return digests
 
 
 def ids(scene):
@@ -323,8 +323,8 @@ def test_a_member_may_not_send_in_the_name_of_a_copy_that_is_not():
 
 def test_every_copy_has_to_send_until():
     script = [[eGo()], [], [], [eOther()]]
-    one = ran("ATalker#t", script, {"h": (Talker,)}, vocabulary=TALK, frames=9, until="eEnd")
-    assert one.ended.reason == "every agent has sent eEnd"
+    talk = ran("ATalker#t", script, {"h": (Talker,)}, vocabulary=TALK, frames=9, until="eEnd")
+    assert talk.ended.reason == "every agent has sent eEnd"
     script = [[eGo(), eOther()]]
     two = ran("ATalker#t", script, {"h": (Talker,)}, vocabulary=TALK, frames=4, until="eEnd")
     assert two.ended.reason == "the frames are over"
@@ -336,8 +336,8 @@ def test_ids_of_copies_are_not_those_that_people_write_nor_those_of_newborns():
         world(text, [[eAdd(1)]], {"host": (Mother, Counter)})
     script = [[eAdd(1), eAdd(2)]] * 3
     bus = ran(text.replace("y:2-2", "y-2-2"), script, {"host": (Mother, Counter)})
-    found = ids(bus.algorithm.scene)
-    assert len(found) == len(set(found)) > 100
+    names = ids(bus.algorithm.scene)
+    assert len(names) == len(set(names)) > 100
 
 
 def test_ids_of_copies_of_copies_stay_short():

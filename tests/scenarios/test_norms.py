@@ -357,15 +357,15 @@ def test_a_norm_for_people_covers_what_a_generator_takes():
 
 def test_a_norm_for_people_covers_keys_and_attached_members():
     keys = {"keys": service("keys", Keys)}
-    told = [("keys", eShout(1.0)), ("keys", eShout(9.0))]
-    assert ordered(keys, [], emitted=told)[0] == ["eShout<loud=1>"]
+    orders = [("keys", eShout(1.0)), ("keys", eShout(9.0))]
+    assert ordered(keys, [], emitted=orders)[0] == ["eShout<loud=1>"]
 
     class Guest(Keys):
         people = False
 
     guest = {"keys": service("keys", Guest)}
-    assert ordered(guest, [], emitted=told)[0] == ["eShout<loud=1>", "eShout<loud=9>"]
-    attached = ordered(guest, [], emitted=told, expected=("steps", "runners"))[0]
+    assert ordered(guest, [], emitted=orders)[0] == ["eShout<loud=1>", "eShout<loud=9>"]
+    attached = ordered(guest, [], emitted=orders, expected=("steps", "runners"))[0]
     assert attached == ["eShout<loud=1>"]
 
 

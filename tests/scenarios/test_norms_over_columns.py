@@ -141,8 +141,8 @@ def test_the_previous_state_of_a_row_counts(kind):
 
 def fines(events, norm=""):
     """The ids of agents fined in a frame, by one norm or by any."""
-    found = [event for event in events if event.type == "eFine" and norm in ("", event.norm)]
-    return sorted(who for event in found for who in event.receivers)
+    fines = [event for event in events if event.type == "eFine" and norm in ("", event.norm)]
+    return sorted(who for event in fines for who in event.receivers)
 
 
 @both_ways

@@ -104,14 +104,14 @@ def test_in_one_process_too(tmp_path):
     members = '[process.noise]\nservice = "yard:Noise"\n[process.walkers]\nagents = "yard:Walker"\n'
     path = write_world(tmp_path, members, frames=0)
     with World(path, "--in-process", "--record", "rest.mcap", "--flush", "0.1") as world:
-        found: list[bool] = []
+        resting: list[bool] = []
 
         def seen():
             with suppress(RecordError), Record(tmp_path / "rest.mcap") as record:
-                found[:] = [bool(frame.events) for frame in record.frames()]
-            return sum(found) > 20
+                resting[:] = [bool(frame.events) for frame in record.frames()]
+            return sum(resting) > 20
 
         eventually(seen, "noise, fifty times a second")
         world.kill(signal.SIGINT)
         assert world.ends() == 130
-    assert len(found) < 10 * sum(found)
+    assert len(resting) < 10 * sum(resting)

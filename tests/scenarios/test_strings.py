@@ -209,16 +209,16 @@ def test_a_composition_that_refuses_a_change_stays_as_it_was():
 def test_one_host_or_many_give_the_same_strings():
     text = " · ".join(f"AFrog#f{n}<x={n}>" for n in range(6)) + " · ALily#l(AFly#y · AFrog#g)"
     kinds = (Frog, Fly, Lily)
-    found = []
+    digests = []
     for count in (1, 2, 5):
         members = {f"host-{n}": host(f"host-{n}", *kinds) for n in range(count)}
         members["steps"] = service("steps", Steps)
         bus = MemoryBus(world(text, members, frames=15, seed=3), members)
         bus.start()
         bus.run()
-        found.append(bus.digests)
-    assert found[0] == found[1] == found[2]
-    assert len(set(found[0])) == 15
+        digests.append(bus.digests)
+    assert digests[0] == digests[1] == digests[2]
+    assert len(set(digests[0])) == 15
 
 
 def test_another_seed_gives_other_strings():

@@ -159,8 +159,8 @@ STRANGE = {
 def test_a_host_that_answers_for_agents_of_another_is_shut_out(how):
     """`other` has #a, `host` has #b; foreign fragments are rejected, and #a moves to `host`."""
     bus = started(members={"other": host("other", Counter)}, expected=["add", "host"])
-    mine = list(bus.alive["other"].host.fragments)
-    swap = {"other": "host", "host": "other"} if mine == ["b"] else {}
+    held = list(bus.alive["other"].host.fragments)
+    swap = {"other": "host", "host": "other"} if held == ["b"] else {}
     answer = STRANGE[how]
     bus.hold(("down", "host"), ("down", "other"))
     bus.frame()
@@ -181,16 +181,16 @@ def test_a_host_that_answers_for_agents_of_another_is_shut_out(how):
 @pytest.mark.parametrize("name", ["a", "b"])
 def test_a_patch_of_a_view_that_there_is_not_is_refused(name):
     bus = started(members={"other": host("other", Counter)}, expected=["add"])
-    (mine,) = [id for id, it in bus.alive.items() if [*it.host.fragments] == [name]]
-    bus.hold(("down", mine))
+    (owner,) = [id for id, it in bus.alive.items() if [*it.host.fragments] == [name]]
+    bus.hold(("down", owner))
     bus.frame()
     patch = Delta(1, ("PDot",), ())
-    bus.put(m.EvolveReply(mine, 1, 0, view_patches={"eShow": {name: patch}}))
-    bus.step(("up", mine))
+    bus.put(m.EvolveReply(owner, 1, 0, view_patches={"eShow": {name: patch}}))
+    bus.step(("up", owner))
     bus.release()
     bus.settle()
     said = f"it sent a patch of {name}, which is not in columns, which do not match the string"
-    assert f"{mine}: broke the protocol: {said}" in bus.said
+    assert f"{owner}: broke the protocol: {said}" in bus.said
     assert str(bus.algorithm.scene) == "ACounter#a<n=2>() · ACounter#b<n=2>()"
 
 

@@ -70,13 +70,13 @@ def ruled(*given, thread=6, src=LINK, **more):
 
 def heard(*lines):
     """Counts for lines that arrive at once and one by one, and the lines that are passed on."""
-    found = []
+    chunks = []
     for pieces in ([b"".join(lines)], lines):
         times = Counter()
         audit = Audit(lambda item, times=times: times.update(dict(item.times)), kind)
-        found.append((times, b"".join([audit.read(piece) for piece in pieces])))
-    assert found[0] == found[1]
-    return found[0]
+        chunks.append((times, b"".join([audit.read(piece) for piece in pieces])))
+    assert chunks[0] == chunks[1]
+    return chunks[0]
 
 
 def only(denied):
@@ -154,11 +154,11 @@ def test_no_key_can_accuse_another():
 
 
 def test_the_rest_of_the_log_is_passed_on():
-    mine = b"a line of somebody's own\n"
+    foreign = b"a line of somebody's own\n"
     other = entry("handshake eof", "zenoh_link_tls::unicast", level="\x1b[33m WARN")
-    lines = mine, other, mine, ruled("Put", "a\nb\nc"), entry(DROPPED), other
+    lines = foreign, other, foreign, ruled("Put", "a\nb\nc"), entry(DROPPED), other
     times, rest = heard(*lines)
-    assert rest == mine + other + mine + other
+    assert rest == foreign + other + foreign + other
     assert sum(times.values()) == 1
 
 
@@ -173,13 +173,13 @@ PIECES = [
 
 @given(st.lists(st.binary(max_size=60) | st.sampled_from(PIECES), min_size=1))
 def test_all_lines_are_read_and_only_those_of_zenoh_are_used(lines):
-    told = []
+    rulings = []
     data = b"".join([line.replace(b"\n", b"") + b"\n" for line in lines])
-    rest = Audit(told.append, kind).read(data)
+    rest = Audit(rulings.append, kind).read(data)
     assert len(rest) <= len(data)
     if TARGET.encode() not in data:
-        assert (rest, told) == (data, [])
-    for item in told:
+        assert (rest, rulings) == (data, [])
+    for item in rulings:
         assert {denied.sender for denied, _ in item.times} == {"sensor"}
 
 

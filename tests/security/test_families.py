@@ -57,11 +57,11 @@ def test_names_overlap_if_a_member_matches_both(first, other, member):
 @given(st.sets(COMMON_NAMES, max_size=4), st.text("ab-", min_size=1, max_size=6))
 def test_a_name_has_one_owner_and_revocation_takes_precedence(names, member):
     rights = {name: Rights(name, frozenset({"agent"}), revoked="b" in name) for name in names}
-    found = [right for name, right in rights.items() if covers(name, member)]
+    covering = [right for name, right in rights.items() if covers(name, member)]
     held = rights_of(member, rights)
-    assert (held is None) == (found == [])
-    assert held is None or held in found
-    assert held is None or held.revoked == any(right.revoked for right in found)
+    assert (held is None) == (covering == [])
+    assert held is None or held in covering
+    assert held is None or held.revoked == any(right.revoked for right in covering)
 
 
 @pytest.mark.parametrize("role", ["agent", "generator", "view", "operator"])
@@ -128,8 +128,8 @@ def test_names_that_only_begin_alike_are_others(folder):
 
 def test_it_is_listed_as_a_family(folder):
     assert "hosts-*" in here(folder.folder.parent, "keys", "list").stdout
-    told = json.loads(here(folder.folder.parent, "keys", "list", "--json").stdout)
-    listed = {row["name"]: row["family"] for row in told}
+    answer = json.loads(here(folder.folder.parent, "keys", "list", "--json").stdout)
+    listed = {row["name"]: row["family"] for row in answer}
     assert (listed["hosts"], listed["lone-a"], listed["coordinator"]) == (True, False, False)
 
 
@@ -201,14 +201,14 @@ def attach(world, door, name):
 
 def test_two_of_a_family_attach_and_evolve_agents_and_one_leaves(world, door, keys):
     with (
-        attach(world, door, "hosts-a") as one,
+        attach(world, door, "hosts-a") as first,
         Joined(world, door, keys.credentials("hosts-7d9f8b6c5-x2x7k"), agents=(yard.Walker,)),
     ):
         for name in ("hosts-a", "hosts-7d9f8b6c5-x2x7k"):
             present(world, name)
             evolves(world, name)
-        one.kill(signal.SIGTERM)
-        assert one.ends() == 0, one.text
+        first.kill(signal.SIGTERM)
+        assert first.ends() == 0, first.text
         left(world, "hosts-a")
         evolves(world, "hosts-7d9f8b6c5-x2x7k")
         goes_on(world)
@@ -280,8 +280,8 @@ def test_one_of_a_family_is_refused_by_its_own_name(
 
 def test_a_query_needs_no_name(world, door):
     who = ("--connect", door, "--world", world.name, "--keys", "keys/hosts.pem")
-    told = here(world.folder, "list", "--json", *who)
-    assert "steps" in [row["member"] for row in json.loads(told.stdout)["members"]], told.stderr
+    done = here(world.folder, "list", "--json", *who)
+    assert "steps" in [row["member"] for row in json.loads(done.stdout)["members"]], done.stderr
 
 
 def test_a_family_gives_no_orders_that_its_role_does_not_include(world, door, keys):

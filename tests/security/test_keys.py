@@ -45,15 +45,18 @@ def shake_hands(client, server, name):
 
 
 def contexts(keys, client, server, crl=False):
-    one, other = (ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT), ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER))
-    for context, name in ((one, client), (other, server)):
+    first, other = (
+        ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT),
+        ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER),
+    )
+    for context, name in ((first, client), (other, server)):
         context.load_verify_locations(keys.folder / "ca.pem")
         context.load_cert_chain(keys.folder / f"{name}.pem", keys.folder / f"{name}.key")
     other.verify_mode = ssl.CERT_REQUIRED
     if crl:
         other.load_verify_locations(keys.folder / "crl.pem")
         other.verify_flags |= ssl.VERIFY_CRL_CHECK_LEAF
-    return one, other
+    return first, other
 
 
 def test_secrets_are_their_owner_s_alone(keys):
@@ -67,13 +70,13 @@ def test_secrets_are_their_owner_s_alone(keys):
 
 
 def test_a_certificate_has_a_name_and_roles(keys):
-    found = keys.issued()["sensor"]
-    assert found.rights.roles == {"generator"}
-    assert (found.rights.events, found.rights.topics) == ({"eNear"}, {"scan"})
-    assert found.rights.kinds == frozenset()
-    assert found.state(keys.now) == "valid"
-    assert found.state(keys.now + timedelta(days=366)) == "expired"
-    assert found.state(keys.now - timedelta(days=1)) == "not yet valid"
+    issued = keys.issued()["sensor"]
+    assert issued.rights.roles == {"generator"}
+    assert (issued.rights.events, issued.rights.topics) == ({"eNear"}, {"scan"})
+    assert issued.rights.kinds == frozenset()
+    assert issued.state(keys.now) == "valid"
+    assert issued.state(keys.now + timedelta(days=366)) == "expired"
+    assert issued.state(keys.now - timedelta(days=1)) == "not yet valid"
     hosts = keys.issued()["coordinator"].hosts
     assert {"lab.example", "10.1.2.3", "localhost", "127.0.0.1"} <= set(hosts)
 
@@ -164,33 +167,33 @@ def test_certificates_of_another_authority_are_rejected(keys, tmp_path):
 
 
 def test_a_member_s_folder_has_only_its_own(keys, tmp_path):
-    mine = tmp_path / "mine"
-    mine.mkdir()
+    own = tmp_path / "mine"
+    own.mkdir()
     for name in ("ca.pem", "sensor.pem", "sensor.key"):
-        (mine / name).write_bytes((keys.folder / name).read_bytes())
-    assert KeyFolder(mine).credentials().name == "sensor"
+        (own / name).write_bytes((keys.folder / name).read_bytes())
+    assert KeyFolder(own).credentials().name == "sensor"
     with pytest.raises(KeysError, match="issue and revoke where the authority was made"):
-        KeyFolder(mine).issue("other", Wanted(("view",)))
+        KeyFolder(own).issue("other", Wanted(("view",)))
     with pytest.raises(KeysError, match="expected one; choose with"):
         keys.credentials()
 
 
 def test_a_key_that_does_not_belong_to_its_certificate_is_named(keys, tmp_path):
-    mine = tmp_path / "mine"
-    mine.mkdir()
+    own = tmp_path / "mine"
+    own.mkdir()
     for name in ("ca.pem", "sensor.pem"):
-        (mine / name).write_bytes((keys.folder / name).read_bytes())
-    key = mine / "sensor.key"
+        (own / name).write_bytes((keys.folder / name).read_bytes())
+    key = own / "sensor.key"
     key.write_bytes((keys.folder / "coordinator.key").read_bytes())
     with pytest.raises(KeysError, match=r"sensor\.key is not the key to .*sensor\.pem"):
-        KeyFolder(mine).credentials()
+        KeyFolder(own).credentials()
     key.write_text("junk")
     with pytest.raises(KeysError, match=r"sensor\.key cannot be read"):
-        KeyFolder(mine).credentials("sensor")
+        KeyFolder(own).credentials("sensor")
     key.unlink()
     os.mkfifo(key)
     with pytest.raises(KeysError, match=r"sensor\.key cannot be read: it is a pipe"):
-        KeyFolder(mine).credentials()
+        KeyFolder(own).credentials()
 
 
 def test_a_renewed_certificate_keeps_all_that_is_not_overridden(keys):

@@ -18,8 +18,8 @@ from minerva_bus.wire.limits import DEFAULT
 
 
 def border(path, listen="", **given):
-    found = read_world_file(path, Overrides(listen=listen, **given))
-    return found.access
+    file = read_world_file(path, Overrides(listen=listen, **given))
+    return file.access
 
 
 @pytest.mark.parametrize(
@@ -60,12 +60,12 @@ def test_a_secured_door_needs_keys_and_keys_a_secured_door(tmp_path):
 def test_the_world_file_can_set_it_too(tmp_path):
     own = 'listen = "tls/0.0.0.0:0"\nkeys = "keys"\nconnect = ["tls/a.example:1"]\n'
     path = write_world(tmp_path, bus=own + "[limits]\nmessages = 7\nbytes = 9000\n")
-    found = border(path)
-    assert (found.keys, found.routers) == (tmp_path / "keys", ("tls/a.example:1",))
-    assert (found.limits.messages, found.limits.bytes) == (7, 9000)
-    assert found.limits.message_bytes == DEFAULT.message_bytes
+    listening = border(path)
+    assert (listening.keys, listening.routers) == (tmp_path / "keys", ("tls/a.example:1",))
+    assert (listening.limits.messages, listening.limits.bytes) == (7, 9000)
+    assert listening.limits.message_bytes == DEFAULT.message_bytes
     with pytest.raises(KeysError, match="create one with minerva keys init"):
-        security(found, "w")
+        security(listening, "w")
 
 
 def test_a_router_elsewhere_is_joined_by_a_secured_link_only(tmp_path):

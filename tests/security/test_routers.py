@@ -90,14 +90,14 @@ def test_a_family_joins_through_a_router_until_it_is_revoked(chain):
     """Their links end at the router and are not closed."""
     world, place, keys = chain
     names = ("hosts-a", "hosts-b")
-    one, two = (
+    first, second = (
         Joined(world, place, keys.credentials(name), agents=(yard.Walker,)) for name in names
     )
-    with one, two:
+    with first, second:
         for name in names:
             present(world, name)
         keys.revoke("hosts")
-        for member in (one, two):
+        for member in (first, second):
             assert "its certificate was revoked" in member.ends()
         assert {world.members()[name]["state"] for name in names} == {"left"}
     goes_on(world)
@@ -108,8 +108,8 @@ def test_commands_connect_through_it_too(chain):
     who = ("--connect", place, "--world", world.name, "--keys")
     with Run(world.folder, "attach", "yard:Noise", *who, "keys", "--name", "sensor") as attached:
         present(world, "sensor")
-        told = here(world.folder, "list", "--json", *who, "keys/ann.pem")
-        states = {row["member"]: row["state"] for row in json.loads(told.stdout)["members"]}
+        done = here(world.folder, "list", "--json", *who, "keys/ann.pem")
+        states = {row["member"]: row["state"] for row in json.loads(done.stdout)["members"]}
         assert states["sensor"] == "present"
         seen = here(world.folder, "echo", "eShow", "--count", "1", *who, "keys/screen.pem")
         assert "TAt" in seen.stdout, seen.stderr

@@ -75,18 +75,18 @@ def test_two_robots_receive_their_own_sensors_and_see_each_other() -> None:
     scene = room(6, 4) + driver("a", x=1.0, y=2.0) + driver("b", x=3.0, y=2.0, angle=180.0)
     yard = Yard(scene).run(3)
     for name, ahead in (("a", 3.0 - 1.0 - RADIUS), ("b", 3.0 - 1.0 - RADIUS)):
-        mine = [event for event in yard.events(2, "eLaser") if event.receivers == (name,)]
-        assert len(mine) == 90
-        (found,) = [event.dist for event in mine if event.angle == 0]
-        assert found == pytest.approx(ahead, abs=1e-6)
+        events = [event for event in yard.events(2, "eLaser") if event.receivers == (name,)]
+        assert len(events) == 90
+        (dist,) = [event.dist for event in events if event.angle == 0]
+        assert dist == pytest.approx(ahead, abs=1e-6)
     assert yard.belief(2, "a").heard != yard.belief(2, "b").heard
 
 
 def test_the_robot_that_drives_into_another_is_notified() -> None:
     scene = room(6, 4) + driver("a", x=1.0, y=2.0, speed=0.25) + driver("b", x=2.0, y=2.0)
     yard = Yard(scene).run(5)
-    told = [event for frame in range(5) for event in yard.events(frame, "eCollision")]
-    assert {event.receivers for event in told} == {("a",)}
+    collisions = [event for frame in range(5) for event in yard.events(frame, "eCollision")]
+    assert {event.receivers for event in collisions} == {("a",)}
     assert yard.pose("a") == pytest.approx((2.0 - 2 * RADIUS, 2.0, 0.0))
     assert yard.pose("b") == (2.0, 2.0, 0.0)
 
@@ -100,10 +100,10 @@ def test_markers_are_seen_in_the_right_direction() -> None:
 
 
 def test_the_same_seed_gives_the_same_strings_and_another_seed_others() -> None:
-    one, again, other = (Yard(CROWD, seed, noisy).run(15).digests for seed in (7, 7, 8))
-    assert one == again
-    assert one[:1] == other[:1]
-    assert all(reading != its for reading, its in zip(one[1:], other[1:], strict=True))
+    first, again, other = (Yard(CROWD, seed, noisy).run(15).digests for seed in (7, 7, 8))
+    assert first == again
+    assert first[:1] == other[:1]
+    assert all(reading != its for reading, its in zip(first[1:], other[1:], strict=True))
 
 
 def test_noise_makes_beliefs_drift() -> None:

@@ -33,11 +33,11 @@ def test_other_robots_do_not_change_a_robots_random_draws() -> None:
 @pytest.mark.parametrize("name", sorted(ALL))
 def test_each_error_does_something_and_is_the_same_again(name: str) -> None:
     level = 0.9 if name.startswith("camera") else ALL[name]
-    one, again, none = yard(**{name: level}), yard(**{name: level}), yard()
-    assert one.digests == again.digests
-    assert (one.digests, seen(one)) != (none.digests, seen(none))
-    assert seen(one) == seen(again)
-    assert (one.pose("r1") != none.pose("r1")) == name.startswith("alpha")
+    first, again, none = yard(**{name: level}), yard(**{name: level}), yard()
+    assert first.digests == again.digests
+    assert (first.digests, seen(first)) != (none.digests, seen(none))
+    assert seen(first) == seen(again)
+    assert (first.pose("r1") != none.pose("r1")) == name.startswith("alpha")
 
 
 def test_a_second_turn_is_made_after_the_way() -> None:

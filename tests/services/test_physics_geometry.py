@@ -41,18 +41,18 @@ def test_a_turn_after_a_move_is_refused_for_a_body_turns_first() -> None:
 
 def test_transformations_around_a_place_move_it_without_commands() -> None:
     inner = TPlace(1.0, 0.0, 5.0)(TMove(0.1)(PRobot("r", 0.2)) + PMarker("m"))
-    found = seen(TPlace(2.0, 3.0, 90.0)(TRotate(90.0)(TMove(0.5)(inner))))
-    robot = found.robots["r"]
+    view = seen(TPlace(2.0, 3.0, 90.0)(TRotate(90.0)(TMove(0.5)(inner))))
+    robot = view.robots["r"]
     assert (robot.believed.x, robot.believed.y) == pytest.approx((0.5, 3.0))
     assert (robot.believed.angle, robot.command) == (185.0, DriveCommand(0.0, 0.1))
-    assert found.markers["m"] == pytest.approx((0.5, 3.0))
+    assert view.markers["m"] == pytest.approx((0.5, 3.0))
 
 
 def test_a_scope_that_has_closed_leaves_nothing_behind() -> None:
     scene = TPlace(1.0, 2.0, 3.0)(TRotate(4.0)(TMove(5.0)(PTree()))) + PMarker("m")
-    found = seen(scene + PRobot("r", 0.2))
-    assert found.markers == {"m": (0.0, 0.0)}
-    assert found.robots["r"] == Robot(Pose(0, 0, 0), 0.2, DriveCommand(0, 0))
+    view = seen(scene + PRobot("r", 0.2))
+    assert view.markers == {"m": (0.0, 0.0)}
+    assert view.robots["r"] == Robot(Pose(0, 0, 0), 0.2, DriveCommand(0, 0))
     behind = seen(TMove(0.5)(TPlace(1.0, 2.0, 3.0)(TMove(5.0)(PTree())) + PRobot("r", 0.2)))
     assert behind.robots["r"] == Robot(Pose(0, 0, 0), 0.2, DriveCommand(0, 0.5))
 
@@ -67,8 +67,8 @@ def test_a_map_lies_where_its_own_parameters_and_its_place_put_it() -> None:
 
 
 def test_symbols_that_mean_nothing_to_a_body_are_passed_over() -> None:
-    found = seen(PTree() + TPaint()(PRobot("r", 0.2)))
-    assert list(found.robots) == ["r"]
+    view = seen(PTree() + TPaint()(PRobot("r", 0.2)))
+    assert list(view.robots) == ["r"]
 
 
 @pytest.mark.parametrize("twice", [PRobot("r", 0.2), PMarker("r")])

@@ -32,8 +32,8 @@ def test_each_beam_that_hits_is_an_event_with_the_raw_numbers() -> None:
 
 
 def test_events_go_to_the_robot_that_carries_the_sensor() -> None:
-    one, other = scan([1.0]), Scan("s", np.ones(2, np.float32), 0.0, 1.0, 5.0, 0.1)
-    events = list(joined(Laser()).generate(tick(1, one, other)))
+    first, other = scan([1.0]), Scan("s", np.ones(2, np.float32), 0.0, 1.0, 5.0, 0.1)
+    events = list(joined(Laser()).generate(tick(1, first, other)))
     assert [event.receivers for event in events] == [("r",), ("s",), ("s",)]
 
 

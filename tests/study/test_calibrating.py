@@ -130,8 +130,8 @@ def test_the_command_searches_and_continues(tmp_path, monkeypatch):
     again = CliRunner().invoke(app, [*words[:-1]])
     assert "10 trials are in pond-trials.csv" in again.stdout
     words[3] = "vigour=3.5,0.2"
-    some = CliRunner().invoke(app, [*words, "-o", "some.csv"])
-    assert (some.exit_code, json.loads(some.stdout)["best"]["vigour"]) == (1, 0.2)
+    result = CliRunner().invoke(app, [*words, "-o", "some.csv"])
+    assert (result.exit_code, json.loads(result.stdout)["best"]["vigour"]) == (1, 0.2)
     for wrong, says in (("vigour", "expected KEY=LOW:HIGH"), ("vigour=1:1", "expected bounds")):
         failed = CliRunner().invoke(app, [*words[:2], "--range", wrong, *words[6:]])
         assert says in str(failed.exception)

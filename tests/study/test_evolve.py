@@ -95,14 +95,14 @@ def test_failures_are_named_and_counted_and_plots_are_drawn(tmp_path):
 
 def marked(mark):
     """The ids of the processes with a mark in their environment."""
-    found = []
+    folders = []
     for environ in Path("/proc").glob("[0-9]*/environ"):
         try:
             if mark.encode() in environ.read_bytes():
-                found.append(environ.parent.name)
+                folders.append(environ.parent.name)
         except OSError:
             continue  # It belongs to another user or has just ended.
-    return found
+    return folders
 
 
 @pytest.mark.timeout(60)

@@ -110,16 +110,16 @@ def test_tables_are_read_from_files_as_they_were_written(tmp_path, ending):
         pytest.importorskip("pyarrow")
     path = tmp_path / f"t.{ending}"
     getattr(swept(), f"to_{ending}")(path)
-    found = read_table(path)
-    assert found.types == swept().types
-    for name in found.columns:
-        np.testing.assert_array_equal(found[name], swept()[name])
+    table = read_table(path)
+    assert table.types == swept().types
+    for name in table.columns:
+        np.testing.assert_array_equal(table[name], swept()[name])
 
 
 def test_numbers_beyond_a_float_are_texts(tmp_path):
     (tmp_path / "t.csv").write_text(f"n,m,k\n{10**400},{2**64},1\n1,,2\n")
-    found = read_table(tmp_path / "t.csv")
-    assert found.types == {"n": "text", "m": "float64", "k": "int64"}
+    table = read_table(tmp_path / "t.csv")
+    assert table.types == {"n": "text", "m": "float64", "k": "int64"}
     results = ResultTable(("n",), ("n",), ((10**400,), (1,)))
     assert data_table("t", results).types == {"n": "text"}
     pytest.importorskip("pyarrow")

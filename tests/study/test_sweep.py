@@ -39,10 +39,10 @@ def sweep(world, *words, start=False):
 
 def rows(path):
     with path.open(newline="") as file:
-        found = list(csv.DictReader(file))
-    for row in found:
+        table = list(csv.DictReader(file))
+    for row in table:
         del row[NEVER_THE_SAME]
-    return found
+    return table
 
 
 # --- combinations ---
@@ -129,7 +129,7 @@ def test_a_journal_of_another_study_or_process_is_refused(tmp_path):
 
 
 def test_a_line_that_no_sweep_has_written_is_named(tmp_path):
-    found, path = Sweep(pond(tmp_path), parse_grid(["seed=0:2"]), Overrides()), tmp_path / "j"
+    study, path = Sweep(pond(tmp_path), parse_grid(["seed=0:2"]), Overrides()), tmp_path / "j"
     good = {"set": ["0"], "error": "", "seconds": 1.0, "outcome": OUTCOME, "figures": {}}
     wrong = [
         {}, {"set": 1}, {"set": [[]]}, {"set": []}, {"set": "0"}, {"seconds": "x"},
@@ -139,13 +139,13 @@ def test_a_line_that_no_sweep_has_written_is_named(tmp_path):
     for change in wrong:
         line = {**good, **change} if change else {}
         path.unlink(missing_ok=True)
-        with StudyJournal(path, found.description) as journal:
+        with StudyJournal(path, study.description) as journal:
             journal.add(line)
         with (
-            StudyJournal(path, found.description) as journal,
+            StudyJournal(path, study.description) as journal,
             pytest.raises(MisuseError, match="j:2: not a line of a journal; remove it"),
         ):
-            found.recall(journal)
+            study.recall(journal)
 
 
 def test_a_journal_that_cannot_be_used_is_named(tmp_path, monkeypatch):
@@ -250,9 +250,9 @@ def test_over_the_bus_and_alone_the_rows_are_the_same_and_failures_are_named(tmp
     fine, burst = rows(tmp_path / "bus.csv")
     assert fine == rows(tmp_path / "alone.csv")[0]
     assert "burst" in burst["error"]
-    told = json.loads(over.stdout)
-    assert told["failed"][0]["set"] == {"wood": "oak", "vigour": "4.0"}
-    assert told["runs"] == 2
+    answer = json.loads(over.stdout)
+    assert answer["failed"][0]["set"] == {"wood": "oak", "vigour": "4.0"}
+    assert answer["runs"] == 2
 
 
 @pytest.mark.parametrize(

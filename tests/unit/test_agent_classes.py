@@ -322,11 +322,11 @@ DEEDS = {
     ("returned", r"returns nothing: self.die\(mask\)"),
 ])  # fmt: skip
 def test_an_error_in_a_population_names_agent_event_and_frame(deed, said):
-    many = Herdsman.many("a", 3, x=np.array([1.0, 2.0, 3.0]))
-    with pytest.raises(ActivityError, match=said) as found:
-        evolve(many, [eDo(deed)], [Herdsman])
-    assert f'eDo<deed="{deed}">' in str(found.value)
-    assert "in frame 0" in str(found.value)
+    herd = Herdsman.many("a", 3, x=np.array([1.0, 2.0, 3.0]))
+    with pytest.raises(ActivityError, match=said) as caught:
+        evolve(herd, [eDo(deed)], [Herdsman])
+    assert f'eDo<deed="{deed}">' in str(caught.value)
+    assert "in frame 0" in str(caught.value)
 
 
 def test_the_dead_may_be_infinite():

@@ -123,8 +123,8 @@ def test_a_long_text_takes_little_memory(text):
     """A pattern that remembers each character took 120 bytes for each."""
     string = f'PName<text="{text}">'
     tracemalloc.start()
-    found = parse(string)
+    parsed = parse(string)
     most = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
-    assert len(found.nodes[0].values[0]) >= len(text) // 2
+    assert len(parsed.nodes[0].values[0]) >= len(text) // 2
     assert most < 10 * len(string)

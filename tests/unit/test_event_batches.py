@@ -103,9 +103,9 @@ def events_of(items):
 def test_a_batch_is_its_events_in_order(batch, single, items):
     events = list(events_of(items))
     expected = totals(single, single.many("a", 4), events)
-    many = batch.many("a", 4)
-    assert totals(batch, many, events) == expected
-    assert totals(batch, one_by_one(many), events) == expected
+    members = batch.many("a", 4)
+    assert totals(batch, members, events) == expected
+    assert totals(batch, one_by_one(members), events) == expected
 
 
 @pytest.mark.parametrize("shape", [lambda scene: scene, one_by_one])

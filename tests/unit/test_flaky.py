@@ -152,8 +152,10 @@ def test_law(x):
 
 
 def test_many_failures_are_not_run_again(suite):
-    many = "import pytest\n@pytest.mark.parametrize('x', range(11))\ndef test_x(x):\n    assert 0\n"
-    result = suite("--retry", many=many)
+    module_text = (
+        "import pytest\n@pytest.mark.parametrize('x', range(11))\ndef test_x(x):\n    assert 0\n"
+    )
+    result = suite("--retry", many=module_text)
     assert result.ret == 1
     result.stdout.fnmatch_lines(["11 failed; not run again (at most 10)"])
 

@@ -81,8 +81,8 @@ def test_a_picture_explains_only_what_has_been_drawn_so_far():
 
 
 def test_populations_are_explained():
-    many = TPut(np.arange(3.0), np.zeros(3))(PFir())
-    assert [entry.text for entry in Lists(WOOD).picture(many, {}).legend] == ["fir tree"]
+    trees = TPut(np.arange(3.0), np.zeros(3))(PFir())
+    assert [entry.text for entry in Lists(WOOD).picture(trees, {}).legend] == ["fir tree"]
 
 
 def test_a_mark_colours_labels_and_is_no_label_itself():

@@ -78,13 +78,13 @@ def test_bounds_have_units_and_choices_are_of_the_type():
     assert targets("ABug.legs=2,4,6").all[0].domain == OneOf((2, 4, 6))
     assert targets('AStone.name="a,b","c"').all[0].domain == OneOf(("a,b", "c"))
     assert targets("AStone.name=a,b").all[0].domain == OneOf(("a", "b"))
-    found = {values(w, "ABug", "legs")[0] for w in mutants(Mutator(targets("ABug.legs=2,4,6")))}
-    assert found == {2, 4, 6}
+    drawn = {values(w, "ABug", "legs")[0] for w in mutants(Mutator(targets("ABug.legs=2,4,6")))}
+    assert drawn == {2, 4, 6}
 
 
 def test_a_word_becomes_another_of_its_words():
-    found = {values(w, "ABug", "gait")[0] for w in mutants(Mutator(targets("ABug#a.gait")))}
-    assert found == {"run", "hop"}
+    drawn = {values(w, "ABug", "gait")[0] for w in mutants(Mutator(targets("ABug#a.gait")))}
+    assert drawn == {"run", "hop"}
 
 
 def test_nodes_that_may_go_leave_the_others_alone():

@@ -35,8 +35,8 @@ VOCABULARY = Vocabulary.of(PDisc, PWall, PMap, PName, PSound, TMove, TTurn, TFad
 
 
 def room(scene):
-    found = bounds(scene, VOCABULARY)
-    return found and tuple(round(x, 9) for x in (found.left, found.bottom, found.right, found.top))
+    box = bounds(scene, VOCABULARY)
+    return box and tuple(round(x, 9) for x in (box.left, box.bottom, box.right, box.top))
 
 
 @pytest.mark.parametrize(

@@ -65,20 +65,20 @@ def test_pairs_of_special_numbers_give_what_math_gives(name):
 @given(x=anything)
 def test_a_number_gives_what_math_gives_to_two_last_places(name, x):
     expected = outcome(getattr(math, name), x)
-    found = outcome(getattr(portable, name), x)
-    if expected is OverflowError or found is OverflowError:
-        assert found is expected or abs(x) > 709.78
+    result = outcome(getattr(portable, name), x)
+    if expected is OverflowError or result is OverflowError:
+        assert result is expected or abs(x) > 709.78
     else:
-        assert_close(found, expected, x)
+        assert_close(result, expected, x)
 
 
 @pytest.mark.parametrize("name", TWO)
 @given(x=anything, y=anything)
 def test_two_numbers_give_what_math_gives_to_two_last_places(name, x, y):
     expected = outcome(getattr(math, MATH.get(name, name)), x, y)
-    found = outcome(getattr(portable, name), x, y)
-    if OverflowError not in (expected, found):
-        assert_close(found, expected, x, y)
+    result = outcome(getattr(portable, name), x, y)
+    if OverflowError not in (expected, result):
+        assert_close(result, expected, x, y)
 
 
 def same_in_an_array(function, *columns):

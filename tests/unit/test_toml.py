@@ -53,8 +53,8 @@ def test_dots_in_strings_and_comments_are_no_keys():
 
 
 def test_a_key_of_as_many_parts_as_are_allowed_is_read():
-    found = read_toml(".".join(["a"] * MAX_KEY_PARTS) + " = 1")
-    assert found == tomllib.loads(".".join(["a"] * MAX_KEY_PARTS) + " = 1")
+    table = read_toml(".".join(["a"] * MAX_KEY_PARTS) + " = 1")
+    assert table == tomllib.loads(".".join(["a"] * MAX_KEY_PARTS) + " = 1")
 
 
 @given(st.text(alphabet="ab.=[]{}\"'\n# 1e-_", max_size=80))

@@ -151,21 +151,21 @@ def test_a_matrix_from_a_text_or_from_bytes_is_not_copied():
 @pytest.mark.parametrize("annotation", [Cells, Reals])
 def test_a_stored_matrix_is_read_only(annotation):
     dtype = np.int16 if annotation is Cells else np.float64
-    mine = np.zeros((2, 3), dtype)
-    fitted = fit(annotation, mine)
-    mine[0, 0] = 7
+    matrix = np.zeros((2, 3), dtype)
+    fitted = fit(annotation, matrix)
+    matrix[0, 0] = 7
     assert fitted[0, 0] == 0
     with pytest.raises(ValueError, match="read-only"):
         fitted[0, 0] = 1
-    assert mine.flags.writeable
+    assert matrix.flags.writeable
 
 
 def test_a_read_only_view_of_what_can_be_written_is_copied():
-    mine = np.zeros((4, 3), np.int16)
-    window = mine[1:]
+    matrix = np.zeros((4, 3), np.int16)
+    window = matrix[1:]
     window.flags.writeable = False
     fitted = fit(Cells, window)
-    mine[1, 0] = 7
+    matrix[1, 0] = 7
     assert fitted[0, 0] == 0
 
 

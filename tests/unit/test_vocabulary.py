@@ -131,10 +131,10 @@ def test_a_string_nested_deeper_than_texts_go_is_refused_without_recursion():
 
 
 def test_a_matrix_in_w_is_read_only():
-    mine = np.zeros((2, 2), np.int16)
-    w = VOCABULARY.check(scene_of(FigureNode("PMap", ("cells",), (mine,))))
+    matrix = np.zeros((2, 2), np.int16)
+    w = VOCABULARY.check(scene_of(FigureNode("PMap", ("cells",), (matrix,))))
     before = w.digest
-    mine[0, 0] = 5
+    matrix[0, 0] = 5
     assert Scene(w.nodes) == w
     assert scene_of(replace(w.nodes[0])).digest == before
 

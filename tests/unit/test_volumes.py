@@ -54,16 +54,16 @@ def cores(volumes: Volumes) -> list[list[tuple[float, float]]]:
 
 def test_a_disc_is_where_transformations_lead() -> None:
     scene = TMove(1.0, 2.0)(TTurn(90.0)(TGo(3.0)(PDisc(0.25))) + PDisc(1.0))
-    some = found(scene)
-    assert some.points == pytest.approx(np.array([[1.0, 5.0], [1.0, 2.0]]))
-    assert some.radius.tolist() == [0.25, 1.0]
+    shapes = found(scene)
+    assert shapes.points == pytest.approx(np.array([[1.0, 5.0], [1.0, 2.0]]))
+    assert shapes.radius.tolist() == [0.25, 1.0]
 
 
 def test_a_line_is_its_segments_and_half_its_width_around() -> None:
-    some = found(TMove(1.0, 0.0)(PWall((0.0, 2.0, 2.0), (0.0, 0.0, 1.0))))
-    assert cores(some) == [[(1.0, 0.0), (3.0, 0.0)], [(3.0, 0.0), (3.0, 1.0)]]
-    assert some.radius.tolist() == [0.1, 0.1]
-    assert some.symbols.tolist() == ["PWall", "PWall"]
+    shapes = found(TMove(1.0, 0.0)(PWall((0.0, 2.0, 2.0), (0.0, 0.0, 1.0))))
+    assert cores(shapes) == [[(1.0, 0.0), (3.0, 0.0)], [(3.0, 0.0), (3.0, 1.0)]]
+    assert shapes.radius.tolist() == [0.1, 0.1]
+    assert shapes.symbols.tolist() == ["PWall", "PWall"]
 
 
 @pytest.mark.parametrize("points", [((1.0,), (2.0,)), ((1.0, 1.0), (2.0, 2.0))])
@@ -73,9 +73,9 @@ def test_a_line_of_one_place_is_a_disc(points: tuple[tuple[float, ...], ...]) ->
 
 def test_cells_that_stand_are_boxes_counter_clockwise() -> None:
     cells = np.array([[2, 3, 1], [2, 2, 0], [1, 0, 2]], np.int16)
-    some = found(TTurn(90.0)(PMap(cells, 0.5, 1.0, 0.0)))
-    assert [len(core) for core in cores(some)] == [4, 4]
-    corners = np.array(cores(some)[0])
+    shapes = found(TTurn(90.0)(PMap(cells, 0.5, 1.0, 0.0)))
+    assert [len(core) for core in cores(shapes)] == [4, 4]
+    corners = np.array(cores(shapes)[0])
     assert corners == pytest.approx(np.array([[0, 1], [0, 2], [-1, 2], [-1, 1]]))
 
 
@@ -90,8 +90,8 @@ def slot(name: str, kind: str = "AFox") -> Scene:
 
 def test_figures_belong_to_their_agent_or_to_the_scenery() -> None:
     skeleton = PDisc(9.0) + slot("f") + TMove(5.0, 0.0)(slot("g") + PDisc(8.0))
-    some = Bodies(VOCABULARY).volumes(skeleton, {"f": PDisc(1.0), "g": PDisc(2.0)})
-    rows = zip(some.radius, some.owners, some.kinds, some.points[:, 0], strict=True)
+    shapes = Bodies(VOCABULARY).volumes(skeleton, {"f": PDisc(1.0), "g": PDisc(2.0)})
+    rows = zip(shapes.radius, shapes.owners, shapes.kinds, shapes.points[:, 0], strict=True)
     assert sorted(rows) == [
         (1, "f", "AFox", 0),
         (2, "g", "AFox", 5),
@@ -102,18 +102,18 @@ def test_figures_belong_to_their_agent_or_to_the_scenery() -> None:
 
 def test_a_figure_may_name_its_agent() -> None:
     inner = PBody("in") + PDisc(1.0) + TOf("deep")(PDisc(2.0) + PBody("own"))
-    some = Bodies(VOCABULARY).volumes(slot("out"), {"out": inner})
-    assert some.owners.tolist() == ["in", "out", "deep", "own"]
-    assert set(some.kinds) == {"AFox"}
+    shapes = Bodies(VOCABULARY).volumes(slot("out"), {"out": inner})
+    assert shapes.owners.tolist() == ["in", "out", "deep", "own"]
+    assert set(shapes.kinds) == {"AFox"}
 
 
 def test_a_population_must_name_the_agent_of_each_figure() -> None:
     x = np.arange(3.0)
     ids = np.array(["a", "b", "c"], object)
     bodies = Bodies(VOCABULARY)
-    some = bodies.volumes(slot("~0"), {"~0": TMove(x, x)(PBody(ids))})
-    assert some.owners.tolist() == ["a", "b", "c"]
-    assert some.points[:, 1].tolist() == [0, 1, 2]
+    shapes = bodies.volumes(slot("~0"), {"~0": TMove(x, x)(PBody(ids))})
+    assert shapes.owners.tolist() == ["a", "b", "c"]
+    assert shapes.points[:, 1].tolist() == [0, 1, 2]
     for nameless in (TMove(x, x)(PDisc(1.0)), PDisc(1.0)):
         with pytest.raises(MisuseError, match=r"PDisc in the view of .* AFox has no owner"):
             bodies.volumes(slot("~0"), {"~0": nameless})

@@ -103,8 +103,8 @@ def like(pixels, color, tolerance=12):
 
 def at(painter, x, y, z):
     """The pixel (x, y) of a place."""
-    found = painter.project(*(np.array([value], float) for value in (x, y, z)))
-    return np.array([found[0][0], found[1][0]])
+    pixel = painter.project(*(np.array([value], float) for value in (x, y, z)))
+    return np.array([pixel[0][0], pixel[1][0]])
 
 
 def view(frame, scene):

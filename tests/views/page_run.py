@@ -60,8 +60,8 @@ class PageRun:
         self.url = line[line.index(scheme) :].strip()
         self.base = self.url.partition("/?")[0]
         (registered,) = runtime.glob("*.json")
-        found = json.loads(registered.read_text())
-        self.client = Client(found["endpoint"], registered.stem)
+        registration = json.loads(registered.read_text())
+        self.client = Client(registration["endpoint"], registered.stem)
         self.events: list[str] = []
         threading.Thread(target=self._record, daemon=True).start()
 

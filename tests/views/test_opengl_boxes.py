@@ -21,9 +21,9 @@ def test_sides_are_where_cells_end_and_nowhere_else(mask):
             r, c = row + dr, column + dc
             if not (0 <= r < mask.shape[0] and 0 <= c < mask.shape[1] and mask[r, c]):
                 expected.add((way, row, column))
-    found = [cell for side in sides(mask) for cell in cells_of(side)]
-    assert len(found) == len(set(found))
-    assert set(found) == expected
+    cells = [cell for side in sides(mask) for cell in cells_of(side)]
+    assert len(cells) == len(set(cells))
+    assert set(cells) == expected
 
 
 def cells_of(side):

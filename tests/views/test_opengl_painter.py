@@ -37,9 +37,9 @@ def test_a_disc_is_where_the_camera_projects_its_lid(camera):
     painter, _ = drawn(floor(), camera=camera)
     for place in ((6.0, 4.0), (5.0, 5.5), (7.5, 3.0)):
         painter.draw(Sight(picture(floor() + TPut(*place)(PBall(0.4)))))
-        found = like(painter.pixels(), BALL)
-        assert len(found) > 60
-        assert middle(found) == pytest.approx(at(painter, *place, 0.4), abs=3)
+        pixels = like(painter.pixels(), BALL)
+        assert len(pixels) > 60
+        assert middle(pixels) == pytest.approx(at(painter, *place, 0.4), abs=3)
 
 
 def test_sprites_show_the_same_disc_at_the_same_place():
@@ -161,10 +161,10 @@ def test_beams_and_the_selected_agent_are_shown():
     scene = floor() + TPut(6.0, 4.0)(PRobot("r1", 0.3))
     shown = picture(scene)
     (discs,) = shown.of(Discs)
-    mine = Discs(*(getattr(discs, name) for name in discs.__slots__[:8]), ("r1",))
+    robot_disc = Discs(*(getattr(discs, name) for name in discs.__slots__[:8]), ("r1",))
     beams = Beams(6.0, 4.0, np.array([[6.0, 7.0], [7.0, 7.0]]), np.array([True, True]))
     painter, before = drawn(scene)
-    painter.draw(Sight(Picture((*shown.items[:1], mine)), (beams,), selected="r1"))
+    painter.draw(Sight(Picture((*shown.items[:1], robot_disc)), (beams,), selected="r1"))
     changed = (painter.pixels() != before).any(axis=2)
     x, y = at(painter, 6.02, 6.0, 0.2).astype(int)
     assert changed[y - 2 : y + 3, x - 2 : x + 3].any()
@@ -176,9 +176,9 @@ def test_the_followed_agent_is_in_the_middle():
     scene = floor() + TPut(9.0, 2.0)(PRobot("r1", 0.3))
     shown = picture(scene)
     (discs,) = shown.of(Discs)
-    mine = Discs(*(getattr(discs, name) for name in discs.__slots__[:8]), ("r1",))
+    robot_disc = Discs(*(getattr(discs, name) for name in discs.__slots__[:8]), ("r1",))
     painter, _ = drawn(scene)
-    painter.draw(Sight(Picture((*shown.items[:1], mine)), selected="r1", follows=True))
+    painter.draw(Sight(Picture((*shown.items[:1], robot_disc)), selected="r1", follows=True))
     assert at(painter, 9.0, 2.0, 0.0) == pytest.approx([450, 300], abs=1)
 
 

@@ -40,11 +40,11 @@ def test_a_missing_display_is_reported_with_a_remedy(monkeypatch):
 
 
 def test_a_missing_library_names_the_extra(monkeypatch):
-    found = importlib.util.find_spec
+    find_spec = importlib.util.find_spec
     monkeypatch.setattr(
         importlib.util,
         "find_spec",
-        lambda name, *a: None if name == "moderngl" else found(name, *a),
+        lambda name, *a: None if name == "moderngl" else find_spec(name, *a),
     )
     with pytest.raises(MisuseError, match=r"pip install 'minerva-bus\[opengl\]'"):
         OpenGL(path="a.png")

@@ -33,10 +33,10 @@ PATIENCE = 60.0
 
 def eventually(check, why):
     until = time.monotonic() + PATIENCE
-    while not (found := check()):
+    while not (result := check()):
         assert time.monotonic() < until, f"{why}: not within {PATIENCE:.0f} s"
         time.sleep(0.05)
-    return found
+    return result
 
 
 @pytest.fixture(scope="module")
@@ -83,9 +83,9 @@ def string_of(operator):
 
 
 def test_a_persons_hands_reach_the_world(screen, said):
-    found = eventually(registry.running, "the world is there")
+    worlds = eventually(registry.running, "the world is there")
     painter, _ = drawn(START)
-    with Client(found[0].endpoint) as client:
+    with Client(worlds[0].endpoint) as client:
         ask = client.operator
         window, left, top = eventually(screen.window, "there is a window")
 

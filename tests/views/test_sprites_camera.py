@@ -68,8 +68,8 @@ def test_zoom_has_limits():
 
 def test_the_extent_is_that_of_the_floor_where_there_is_one():
     far = TPut(50.0, 50.0)(PDot(1.0))
-    found = extent(picture(floor() + far))
-    assert (found.left, found.bottom, found.right, found.top) == pytest.approx((0, 0, 8, 5))
+    area = extent(picture(floor() + far))
+    assert (area.left, area.bottom, area.right, area.top) == pytest.approx((0, 0, 8, 5))
 
 
 def test_else_of_all_and_it_only_grows():
@@ -85,12 +85,12 @@ def test_else_of_all_and_it_only_grows():
 
 
 def test_a_lone_disc_does_not_fill_the_screen():
-    found = extent(picture(PDot(0.2)))
-    assert found.right - found.left > 1.0
+    area = extent(picture(PDot(0.2)))
+    assert area.right - area.left > 1.0
 
 
 def test_lines_and_signs_count():
-    found = extent(
+    area = extent(
         picture(
             PPath(
                 (
@@ -105,5 +105,5 @@ def test_lines_and_signs_count():
             + PSign("a")
         )
     )
-    assert found.right > 4
+    assert area.right > 4
     assert extent(picture(PPath((), ()))) is None

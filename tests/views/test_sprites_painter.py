@@ -52,10 +52,10 @@ def near(color, wanted, tolerance=14):
 def test_a_robot_is_at_its_pose(x, y, angle):
     painter, pixels = drawn(floor() + TPut(x, y, angle)(PRobot("r1", 0.3)))
     right, down = painter.camera.to_screen(x, y)
-    found = middle_of(pixels, ROBOT)
-    assert found is not None
-    assert math.hypot(found[0] - right, found[1] - down) < 3
-    assert found[2] == pytest.approx(math.pi * (0.3 * painter.camera.scale) ** 2, rel=0.45)
+    middle = middle_of(pixels, ROBOT)
+    assert middle is not None
+    assert math.hypot(middle[0] - right, middle[1] - down) < 3
+    assert middle[2] == pytest.approx(math.pi * (0.3 * painter.camera.scale) ** 2, rel=0.45)
 
 
 @pytest.mark.parametrize("angle", [0, 30, 90, 200, -45])
@@ -89,9 +89,9 @@ def test_a_floor_may_be_turned(angle, x):
         x + across * math.cos(turn) - along * math.sin(turn),
         1.0 + across * math.sin(turn) + along * math.cos(turn),
     )
-    found = middle_of(pixels, rgb("#2f3640"), 20)
+    middle = middle_of(pixels, rgb("#2f3640"), 20)
     wanted = painter.camera.to_screen(*place)
-    assert math.hypot(found[0] - wanted[0], found[1] - wanted[1]) < 6  # the grid's lines cut it
+    assert math.hypot(middle[0] - wanted[0], middle[1] - wanted[1]) < 6  # the grid's lines cut it
 
 
 @pytest.mark.parametrize("nearer", [0, 8])
@@ -150,12 +150,12 @@ def test_small_cells_are_averaged_not_dropped():
 def test_colours_of_a_matrix():
     (tiles,) = picture(floor()).of(Tiles)
     cells = np.array([[-5, 0], [1, 100]], np.int16)
-    found = colored(cells, tiles.form)
-    assert found[0, 0].tolist() == [0, 0, 0, 0]
-    assert found[0, 1].tolist() == [*reversed(rgb("#fbfaf6")), 255]
-    assert found[1, 0].tolist() == found[1, 1].tolist() == [*reversed(rgb("#2f3640")), 255]
-    assert averaged(found, 1).shape == (2, 2)
-    assert averaged(found[:, 1:], 2).shape == (1, 1)
+    colors = colored(cells, tiles.form)
+    assert colors[0, 0].tolist() == [0, 0, 0, 0]
+    assert colors[0, 1].tolist() == [*reversed(rgb("#fbfaf6")), 255]
+    assert colors[1, 0].tolist() == colors[1, 1].tolist() == [*reversed(rgb("#2f3640")), 255]
+    assert averaged(colors, 1).shape == (2, 2)
+    assert averaged(colors[:, 1:], 2).shape == (1, 1)
 
 
 def test_all_instances_are_drawn_in_their_order():
@@ -240,8 +240,8 @@ def test_the_selected_agent_has_a_ring():
     without = painter.pixels()
     painter.draw(Sight(Picture((tiles, owned)), selected="r1"))
     assert middle_of(without, rgb("#1f7a8c")) is None
-    found = middle_of(painter.pixels(), rgb("#1f7a8c"))
-    assert found[:2] == pytest.approx(painter.camera.to_screen(4.0, 2.5), abs=2)
+    middle = middle_of(painter.pixels(), rgb("#1f7a8c"))
+    assert middle[:2] == pytest.approx(painter.camera.to_screen(4.0, 2.5), abs=2)
     painter.zoom(5, (10, 10))
     painter.draw(Sight(Picture((tiles, owned)), selected="r1", follows=True))
     assert painter.camera.to_screen(4.0, 2.5) == pytest.approx((450, painter.camera.size[1] / 2))
@@ -249,10 +249,10 @@ def test_the_selected_agent_has_a_ring():
 
 def test_help_and_notice_are_drawn():
     _, plain = drawn(floor())
-    _, told = drawn(
+    _, annotated = drawn(
         floor(), notice="sent eGo", help=[("space", "pause")], caption="a", subtitle="b"
     )
-    assert (plain != told).any(axis=2).sum() > 1500
+    assert (plain != annotated).any(axis=2).sum() > 1500
 
 
 @pytest.mark.parametrize(

@@ -28,9 +28,9 @@ def pixels(path):
 def test_a_view_becomes_a_png(tmp_path):
     device = joined(tmp_path / "deep" / "w.png", width=640, height=480)
     device.show(view(30, floor() + TPut(4.0, 2.5)(PRobot("r1", 0.3))))
-    found = pixels(tmp_path / "deep" / "w.png")
-    assert found.shape == (480, 640, 3)
-    assert middle_of(found, ROBOT) is not None
+    image = pixels(tmp_path / "deep" / "w.png")
+    assert image.shape == (480, 640, 3)
+    assert middle_of(image, ROBOT) is not None
     assert device.report() == {"picture": str(tmp_path / "deep" / "w.png")}
     device.close()
     device.close()
@@ -54,9 +54,9 @@ def test_views_lie_over_one_another(tmp_path):
     assert device.draws == ("eOverlay", "ePicture")
     device.show(view(0, floor() + TPut(4.0, 2.5)(PRobot("r1", 0.3))))
     device.show(view(0, TPut(2.0, 2.5)(PDot(0.3)), "eOverlay"))
-    found = pixels(tmp_path / "w.png")
-    assert middle_of(found, ROBOT) is not None
-    assert middle_of(found, DOT) is not None
+    image = pixels(tmp_path / "w.png")
+    assert middle_of(image, ROBOT) is not None
+    assert middle_of(image, DOT) is not None
 
 
 def test_how_it_takes_part(monkeypatch):
@@ -80,11 +80,11 @@ def test_a_video_misses_no_frame(tmp_path):
     device.close()
     with av.open(str(tmp_path / "a.mp4")) as file:
         assert float(file.streams.video[0].average_rate) == pytest.approx(10)
-        found = [
+        frames = [
             middle_of(frame.to_ndarray(format="rgb24"), ROBOT, 40)[0] for frame in file.decode()
         ]
-    assert len(found) == 12
-    assert (np.diff(found) > 5).all()
+    assert len(frames) == 12
+    assert (np.diff(frames) > 5).all()
 
 
 @pytest.mark.parametrize(

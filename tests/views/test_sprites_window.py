@@ -38,10 +38,10 @@ OPTIONS = f"sprites:width={SIZE[0]},height={SIZE[1]}"
 
 def eventually(what, why, patience=60.0):
     until = time.monotonic() + patience
-    while not (found := what()):
+    while not (result := what()):
         assert time.monotonic() < until, f"{why}: not within {patience:.0f} s"
         time.sleep(0.02)
-    return found
+    return result
 
 
 class Office:
@@ -81,10 +81,10 @@ class Office:
 
     def _drawn(self):
         """Whether the window shows a map and accepts clicks."""
-        found = self.screen.window()  # each time, because a window moves when it opens
-        if found is None:
+        window = self.screen.window()  # each time, because a window moves when it opens
+        if window is None:
             return None
-        self.window, self.left, self.top = found
+        self.window, self.left, self.top = window
         shown = self.seen()
         return middle_of(shown, WALL) and middle_of(shown[:10], PAPER)
 
@@ -235,8 +235,8 @@ def test_the_robot_is_at_the_pose_of_its_state(office):
     def near():
         left, top = round(right - radius - 1), round(down - radius - 1)
         side = round(2 * radius + 2)
-        found = middle_of(office.seen()[top : top + side, left : left + side], ROBOT, 30)
-        return found and math.hypot(found[0] + left - right, found[1] + top - down) < 3
+        middle = middle_of(office.seen()[top : top + side, left : left + side], ROBOT, 30)
+        return middle and math.hypot(middle[0] + left - right, middle[1] + top - down) < 3
 
     eventually(near, f"a robot at {right:.0f}, {down:.0f}", patience=20)
 

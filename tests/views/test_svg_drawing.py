@@ -53,9 +53,9 @@ def test_poses_compose_and_are_restored_for_any_nesting():
             scene = TMove(*motion)(scene)
         for motion in motions:
             there = there.then(*motion)
-        found = circles(FLOOR + scene + PBall(0.5))
-        assert found[0] == pytest.approx((there.x, there.y, 0.25), abs=1e-3)
-        assert found[1] == pytest.approx((0.0, 0.0, 0.5), abs=1e-3)
+        discs = circles(FLOOR + scene + PBall(0.5))
+        assert discs[0] == pytest.approx((there.x, there.y, 0.25), abs=1e-3)
+        assert discs[1] == pytest.approx((0.0, 0.0, 0.5), abs=1e-3)
 
 
 def test_a_transformation_without_motion_moves_nothing():

@@ -63,8 +63,8 @@ def test_opacity_mixes_with_what_is_below():
     mixed = tuple(
         round((a + b) / 2) for a, b in zip(bytes.fromhex(FREE[1:]), (255, 0, 0), strict=True)
     )
-    found = bytes.fromhex(color_at(scene, 0.23, 0.73, image)[1:])
-    assert all(abs(a - b) <= 1 for a, b in zip(found, mixed, strict=True))
+    color = bytes.fromhex(color_at(scene, 0.23, 0.73, image)[1:])
+    assert all(abs(a - b) <= 1 for a, b in zip(color, mixed, strict=True))
     assert color_at(scene, 0.23, 0.23, image) == FREE
 
 

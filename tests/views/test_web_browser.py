@@ -48,10 +48,10 @@ PATIENCE = 40.0
 
 def eventually(what, why, patience=PATIENCE):
     until = time.monotonic() + patience
-    while not (found := what()):
+    while not (result := what()):
         assert time.monotonic() < until, why
         time.sleep(0.1)
-    return found
+    return result
 
 
 class Building:
@@ -74,8 +74,8 @@ class Building:
             lambda: next((line for line in list(self.lines) if "http://" in line), ""), "no page"
         )
         self.url = line[line.index("http://") :].strip()
-        found = json.loads((runtime / "robot.json").read_text())
-        self.client = Client(found["endpoint"], "robot")
+        registration = json.loads((runtime / "robot.json").read_text())
+        self.client = Client(registration["endpoint"], "robot")
         self.events: list[str] = []
         self._watch = threading.Thread(target=self._record, daemon=True)
         self._watch.start()

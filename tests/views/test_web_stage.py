@@ -44,11 +44,11 @@ def names(sent):
 
 def updates(sent):
     """Updated properties by node."""
-    found = {}
+    updates = {}
     for message in sent:
         if type(message).__name__ == "SceneNodeUpdateMessage":
-            found.setdefault(message.name, set()).update(message.updates)
-    return found
+            updates.setdefault(message.name, set()).update(message.updates)
+    return updates
 
 
 def removed(sent):

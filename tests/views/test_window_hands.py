@@ -87,8 +87,8 @@ def test_keys_pause_and_go_on_and_step():
     assert made.press(Action.PAUSE, BUGS) == ResumeAction()
     made.update(status(paused=True))
     assert made.press(Action.PAUSE, BUGS) == ResumeAction()
-    told = [shown_by(deed).told for deed in (PauseAction(), ResumeAction(), StepAction())]
-    assert told == [["pause"], ["resume"], ["step 1"]]
+    actions = [shown_by(deed).told for deed in (PauseAction(), ResumeAction(), StepAction())]
+    assert actions == [["pause"], ["resume"], ["step 1"]]
 
 
 def test_keys_change_a_number_from_what_the_agent_has():

@@ -45,9 +45,9 @@ def test_the_nearest_of_several_batches_is_picked(order):
 
 
 def test_an_agent_of_a_population_is_found_by_its_name():
-    many = Picture((discs((0.0, 0.0), (3.0, 0.0), owners=["~0"] * 2, names=["p", "q"]),))
-    assert pick(many, flat, [], (130, 100)) == Hit(agent="q")
-    assert spot_of(many, "q").x == 3.0
+    population = Picture((discs((0.0, 0.0), (3.0, 0.0), owners=["~0"] * 2, names=["p", "q"]),))
+    assert pick(population, flat, [], (130, 100)) == Hit(agent="q")
+    assert spot_of(population, "q").x == 3.0
 
 
 def test_points_behind_the_viewer_are_not_picked():
@@ -62,11 +62,11 @@ def test_the_nearest_is_picked(places, x, y):
     picture = Picture((discs(*places),))
     px, py = 100 + 10 * x, 100 - 10 * y
     away = [np.hypot(10 * (x - a), 10 * (y - b)) for a, b in places]
-    found = pick(picture, flat, [], (px, py))
-    if found is None:
+    hit = pick(picture, flat, [], (px, py))
+    if hit is None:
         assert min(away) >= 10 - 1e-6
     else:
-        assert away[int(found.agent[1:]) - 1] == pytest.approx(min(away), abs=1e-6)
+        assert away[int(hit.agent[1:]) - 1] == pytest.approx(min(away), abs=1e-6)
 
 
 def test_an_agent_is_where_its_disc_with_a_heading_is():

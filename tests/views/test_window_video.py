@@ -48,11 +48,11 @@ def striped(step, size=(64, 48)):
 
 def frames_of(path):
     av = pytest.importorskip("av")
-    found = []
+    frames = []
     with av.open(str(path)) as file, suppress(av.error.InvalidDataError):
         for frame in file.decode(video=0):  # up to the point at which its writer was killed
-            found.append(frame.to_ndarray(format="rgb24"))
-    return found
+            frames.append(frame.to_ndarray(format="rgb24"))
+    return frames
 
 
 @pytest.mark.parametrize("count", [1, 8])
@@ -63,9 +63,9 @@ def test_drawn_frames_are_in_the_video(tmp_path, suffix, count):
     for step in range(count):
         film.add(striped(step))
     film.close()
-    found = frames_of(tmp_path / f"a.{suffix}")
-    assert len(found) == count
-    for step, frame in enumerate(found):
+    frames = frames_of(tmp_path / f"a.{suffix}")
+    assert len(frames) == count
+    for step, frame in enumerate(frames):
         wanted = striped(step).astype(int)
         inside = np.ones(64, bool)
         inside[12 + 4 * step : 20 + 4 * step] = False

@@ -17,10 +17,10 @@ from minerva_services.views.window.monitor import WorldMonitor
 
 def eventually(what):
     until = time.monotonic() + 20
-    while not (found := what()):
+    while not (result := what()):
         assert time.monotonic() < until
         time.sleep(0.005)
-    return found
+    return result
 
 
 def test_it_asks_again_and_again():

@@ -63,7 +63,7 @@ def from_member(vocabulary):
     )
     parts = st.dictionaries(ids(), strings, max_size=3)
     views = st.dictionaries(ids(), strings.map(without_agents), max_size=3)
-    some = events.map(tuple)
+    event_tuples = events.map(tuple)
     few = st.lists(names(), max_size=3).map(tuple)
     return st.one_of(
         st.builds(
@@ -74,13 +74,13 @@ def from_member(vocabulary):
             generates=few, lockstep=st.booleans(), orders=few, draws=few, coupled=st.booleans(),
             every=numbers, rate=reals().map(abs), topics=few, publishes=few, pid=numbers, host=texts(), people=st.booleans(), ahead=st.booleans(), plain=st.booleans(),
         ),
-        st.builds(m.TickReply, members, numbers, some, saved),
+        st.builds(m.TickReply, members, numbers, event_tuples, saved),
         st.builds(
             m.EvolveReply, members, numbers, numbers, parts,
-            st.dictionaries(ids(), some, max_size=2),
+            st.dictionaries(ids(), event_tuples, max_size=2),
             st.dictionaries(names(), views, max_size=2),
         ),
-        st.builds(m.Emitted, members, some),
+        st.builds(m.Emitted, members, event_tuples),
         st.builds(m.Failed, members, st.integers(-1, 1 << 40), texts(), texts()),
         st.builds(m.Resync, members, texts()),
         st.builds(m.Leaving, members),
@@ -95,7 +95,7 @@ def to_member(vocabulary):
         strings_of(vocabulary),
         st.lists(events_of(vocabulary, ["a", "b"], conditions)),
     )
-    some = events.map(tuple)
+    event_tuples = events.map(tuple)
     few = st.lists(ids(), max_size=3).map(tuple)
     parts = st.dictionaries(ids(), strings, max_size=3)
     views = st.dictionaries(ids(), strings.map(without_agents), max_size=3)
@@ -109,12 +109,12 @@ def to_member(vocabulary):
         st.builds(m.Sources, st.dictionaries(names(), few, max_size=3)),
         st.builds(m.TickRequest, numbers),
         st.builds(m.Fragments, parts, few),
-        st.builds(m.EvolveRequest, numbers, few, some, some, numbers, few),
+        st.builds(m.EvolveRequest, numbers, few, event_tuples, event_tuples, numbers, few),
         st.builds(
             m.ViewShown, names(), numbers, numbers, views, st.none() | strings.map(with_slots)
         ),
-        st.builds(m.Orders, numbers, some),
-        st.builds(m.RegionRequest, numbers, st.binary(max_size=8), st.dictionaries(names(), some, max_size=3), few),
+        st.builds(m.Orders, numbers, event_tuples),
+        st.builds(m.RegionRequest, numbers, st.binary(max_size=8), st.dictionaries(names(), event_tuples, max_size=3), few),
         st.builds(m.Repeat, names()),
         st.builds(m.Stop, texts()),
     )  # fmt: skip
@@ -122,9 +122,11 @@ def to_member(vocabulary):
 
 def records(vocabulary):
     """Records of frames."""
-    some = st.lists(events_of(vocabulary, ["a", "b"], conditions)).map(tuple)
+    event_tuples = st.lists(events_of(vocabulary, ["a", "b"], conditions)).map(tuple)
     parts = st.dictionaries(ids(), strings_of(vocabulary), max_size=3)
-    return st.builds(m.FrameRecord, numbers, some, parts, st.binary(min_size=16, max_size=16))
+    return st.builds(
+        m.FrameRecord, numbers, event_tuples, parts, st.binary(min_size=16, max_size=16)
+    )
 
 
 scans = st.builds(

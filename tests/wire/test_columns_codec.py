@@ -145,9 +145,9 @@ def test_a_reply_with_patches_travels(w, data):
     assert back.changed == {"a": w}
     assert list(back.patched) == ["~AFish.1"]
     (change,) = back.patched["~AFish.1"].changes
-    found = np.arange(old.count) if change.rows is None else change.rows
-    assert set(found.tolist()) >= set(rows.tolist())
-    assert change.column.list() == x.array[found].tolist()
+    rows_read = np.arange(old.count) if change.rows is None else change.rows
+    assert set(rows_read.tolist()) >= set(rows.tolist())
+    assert change.column.list() == x.array[rows_read].tolist()
 
 
 # --- invalid data ---
@@ -209,13 +209,13 @@ def test_spoilt_columns_are_refused_or_right(plain, read):
     @given(spoilt(plain))
     def check(wrong):
         try:
-            found = read(wrong)
+            result = read(wrong)
         except (ProtocolError, SceneError):
             return
-        if isinstance(found, Scene):
-            assert VOCABULARY.check(found) == found
-        elif isinstance(found, Events):
-            assert [VOCABULARY.check_event(event) for event in found] == list(found)
+        if isinstance(result, Scene):
+            assert VOCABULARY.check(result) == result
+        elif isinstance(result, Events):
+            assert [VOCABULARY.check_event(event) for event in result] == list(result)
 
     check()
 
