@@ -11,12 +11,27 @@ from minerva_bus.errors import ProtocolError, SceneError
 from minerva_bus.frame import messages as m
 from minerva_bus.runtime.system import System
 from minerva_bus.wire.codec import Decoder
+from minerva_bus.wire.weighing import values_in
 
 LARGE: Final = 32 * 1024
-"""Bytes above which a message is decoded in a thread."""
+"""Bytes above which a message with many values is decoded in a thread."""
+
+MANY_VALUES: Final = 1000
+IN_COLUMNS: Final = 256 * 1024
+"""Bytes above which one with few values is, too, since ids in a column are decoded one by one."""
 
 MAX_BEHIND: Final = 4
 """Messages of one member that may wait for the thread: a frame asks for one at a time."""
+
+
+def is_slow(body: bytes) -> bool:
+    """Whether to decode a message in a thread.
+
+    A new thread and its hand-over cost more than it takes to decode columns of this size.
+    """
+    if len(body) <= LARGE:
+        return False
+    return len(body) > IN_COLUMNS or values_in(body, MANY_VALUES) > MANY_VALUES
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,7 +11,14 @@ from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.schema import Wire
 from minerva_bus.runtime.admission_rules import STRANGERS
-from minerva_bus.runtime.large import LARGE, MAX_BEHIND, Decoded, LargeMessage, LargeMessages
+from minerva_bus.runtime.large import (
+    LARGE,
+    MAX_BEHIND,
+    Decoded,
+    LargeMessage,
+    LargeMessages,
+    is_slow,
+)
 from minerva_bus.runtime.metrics import MICRO
 from minerva_bus.runtime.postponed import Postponed, PostponedMessage
 from minerva_bus.wire.codec import Decoder, declaration
@@ -155,7 +162,7 @@ class Receiver:
             # A small message behind a large one waits too, because
             # messages of a member keep their order.
             more = self._agents_values(member, body)
-            if len(body) > LARGE or self._large.behind(member):
+            if self._large.behind(member) or is_slow(body):
                 self._decode_aside(
                     LargeMessage(member, self._members.get(member).joins, body, more)
                 )

@@ -141,6 +141,17 @@ def test_a_host_may_report_twice_the_values_of_its_agents_and_some_more(own, rep
         assert result.reason.endswith("or raise answer_values in [limits]")
 
 
+@pytest.mark.parametrize(
+    ("number", "size", "aside"), [(1, 200_000, 0), (1, 300_000, 1), (2_000, 20, 1), (2_000, 2, 0)]
+)
+def test_only_messages_that_take_long_are_decoded_in_a_thread(number, size, aside):
+    receiver, handled = asked_host(1, DEFAULT)
+    body = pack(["evolved", 0, 0, {}, {}, {}, [b"x" * size] * number])
+    receiver.receive(("host", body))
+    assert len(receiver._large._system.calls) == aside
+    assert len(handled) == 1 - aside  # A violation, since no host sends these bytes.
+
+
 # --- large messages and questions, with a simulated clock ---
 
 
