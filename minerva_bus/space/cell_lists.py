@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Final, NamedTuple
 
 from minerva_bus.space.compiling import around
@@ -22,6 +23,8 @@ from minerva_bus.space.occupancy import (
 from minerva_bus.space.tables import Column, Rows
 
 ENTERED, UNBORN, OUTSIDE = 0, 1, 2
+EXACT: Final = 2.0**52
+"""From here on, reals have no fraction."""
 
 
 class CellLists(NamedTuple):
@@ -136,6 +139,35 @@ def sort_by_number(
     starts[0] = 0
 
 
+@kernel
+def sharing(
+    x: Column, y: Column, width: float, height: float, across: int, down: int, step: int,
+    known: Column, times: Rows,
+) -> int:  # fmt: skip
+    """The pairs of rows that share a cell, among each `step`-th row, each pair counted twice.
+
+    `known` and `times` are a hash table of cells with room for more cells than there are rows.
+    Positions outside have cells beyond the edges here.
+    """
+    for slot in range(len(times)):
+        times[slot] = 0
+    pairs = 0
+    for i in range(0, len(x), step):
+        cell = whole(x[i] / width * across) * down + whole(y[i] / height * down)
+        slot = int(abs(cell)) % len(times) if abs(cell) < EXACT else 0
+        while times[slot] and known[slot] != cell:
+            slot = slot + 1 if slot + 1 < len(times) else 0
+        pairs += 2 * times[slot]
+        known[slot], times[slot] = cell, times[slot] + 1
+    return pairs
+
+
+@kernel
+def whole(number: float) -> float:
+    """The largest integer that is not above a number, as a real of any size."""
+    return float(math.floor(number)) if abs(number) < EXACT else number
+
+
 _INTS: Final = "int64[::1]"
 _TABLE: Final = "int64[:, ::1]"
 _REALS: Final = "float64[::1]"
@@ -157,3 +189,6 @@ SETTLE: Final = around(
 )
 SORT: Final = around(sort_by_cell, (_TABLE, _TABLE, _REALS, _REALS, *_SORTED))
 SORT_BY_NUMBER: Final = around(sort_by_number, (_INTS, _REALS, _REALS, *_SORTED))
+SHARING: Final = around(
+    sharing, (_REALS, _REALS, *_SIDES, *_CELLS, "int64", _REALS, _INTS), result="int64"
+)

@@ -19,6 +19,7 @@ from minerva_bus.space.cell_lists import (
     LOCATING,
     OUTSIDE,
     SETTLE,
+    SHARING,
     SORT,
     SORT_BY_NUMBER,
     UNBORN,
@@ -92,24 +93,24 @@ class Opened:
 
         """
         kind.check(matrix)
+        count = matrix.shape[1]
+        values = np.empty((len(matrix), _with_room(count, room)))
+        values[:, :count] = matrix
         shape = lattice
         if issubclass(kind, InField):
-            x, y = matrix[kind.names.index("x")], matrix[kind.names.index("y")]
+            row = kind.names.index("x")
+            x, y = values[row : row + 2, :count]
             shape = _field(extent, lattice.periodic, x, y)
-        opened = Opened(kind, matrix, {"births": births}, shape)
-        opened._allocate(matrix, free, room)
+        opened = Opened(kind, matrix, {"births": births, "values": values}, shape)
+        opened._allocate(count, free)
         opened._enter()
         return opened
 
-    def _allocate(self, matrix: Reals, free: bool, room: int) -> None:
-        count, cells = matrix.shape[1], _cells(self.shape)
-        capacity = _with_room(count, room)
-        values = np.empty((len(matrix), capacity))
-        values[:, :count] = matrix
+    def _allocate(self, count: int, free: bool) -> None:
+        capacity, cells = self.arrays["values"].shape[1], _cells(self.shape)
         self.arrays |= {
             "places": np.empty((3, cells), np.int64),
             "counts": np.array([count, cells if free else UNCOUNTED, 0, 0]),
-            "values": values,
             "links": np.empty((3, capacity), np.int64),
             "cell": np.empty(capacity, np.int64),
         }
@@ -245,27 +246,31 @@ def _field(extent: tuple[float, float], periodic: bool, x: Column, y: Column) ->
     """The cells for a search among these positions; smaller ones where many share a cell."""
     width, height = extent
     spacing = (width * height * _PER_CELL / max(len(x), 1)) ** 0.5
-    across, down = max(1, int(width / spacing)), max(1, int(height / spacing))
-    shared = _sharing(x / width * across, y / height * down, down)
-    if shared > _CROWDED:
-        finer = min(shared / _PER_CELL, _MOST_CELLS * _PER_CELL) ** 0.5
-        across, down = max(1, int(across * finer)), max(1, int(down * finer))
-    return FieldGrid(width, height, periodic, across, down)
+    field = FieldGrid(
+        width, height, periodic, max(1, int(width / spacing)), max(1, int(height / spacing))
+    )
+    shared = _sharing(field, x, y)
+    if shared <= _CROWDED:
+        return field
+    finer = min(shared / _PER_CELL, _MOST_CELLS * _PER_CELL) ** 0.5
+    return field._replace(
+        across=max(1, int(field.across * finer)), down=max(1, int(field.down * finer))
+    )
 
 
-def _sharing(columns: Column, rows: Column, down: int) -> float:
+def _sharing(field: FieldGrid, x: Column, y: Column) -> float:
     """About how many others an inhabitant shares its cell with, from a sample."""
-    step = max(1, len(columns) // _SAMPLE)
-    cells = np.sort(np.floor(columns[::step]) * down + np.floor(rows[::step]))
-    ends = np.flatnonzero(cells[1:] != cells[:-1])
-    borders = np.concatenate(([-1], ends, [len(cells) - 1]))
-    together = borders[1:] - borders[:-1]
-    pairs = len(cells) * (len(cells) - 1)
-    shared = int(together @ together) - len(cells)
-    return len(columns) * shared / pairs if pairs else 0.0
+    step = max(1, len(x) // _SAMPLE)
+    size = -(-len(x) // step)
+    pairs = size * (size - 1)
+    if not pairs:
+        return 0.0
+    width, height, _, across, down = field
+    table = np.empty(2 * size), np.empty(2 * size, np.int64)
+    return len(x) * SHARING(x, y, width, height, across, down, step, *table) / pairs
 
 
 def loops_of_table(kind: type[Inhabitants]) -> tuple[RuleLoop, ...]:
     """The loops that open a table."""
-    in_field = LOCATE, ENLIST, SETTLE, SORT, SORT_BY_NUMBER
+    in_field = SHARING, LOCATE, ENLIST, SETTLE, SORT, SORT_BY_NUMBER
     return in_field if issubclass(kind, InField) else (ENTER,)
