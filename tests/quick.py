@@ -5,6 +5,7 @@ tested without a bus is represented: the paper's equations and tables, laws of t
 engines, the wire format, the boundaries where untrusted data enters, settings and errors.
 """
 
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -58,9 +59,12 @@ def pytest_ignore_collect(collection_path, config):
     return None
 
 
+@cache  # 10,000 tests are in 450 files.
 def is_quick(path):
     """Whether the list contains a test file or one of its folders."""
-    name = Path(path).relative_to(TESTS)
+    if TESTS not in path.parents:
+        return False
+    name = path.relative_to(TESTS)
     return str(name) in QUICK or str(name.parent) in QUICK
 
 
@@ -68,7 +72,7 @@ def pytest_collection_modifyitems(config, items):
     """Mark the listed tests except on-demand ones; give laws fewer examples."""
     for item in items:
         demanded = item.get_closest_marker("slow") or item.get_closest_marker("deploy")
-        if TESTS in item.path.parents and is_quick(item.path) and not demanded:
+        if is_quick(item.path) and not demanded:
             item.add_marker(pytest.mark.quick)
             law = getattr(item.obj, _SETTINGS, None)
             if law is not None and config.getoption("markexpr") == "quick":
