@@ -155,8 +155,11 @@ def _options(
     """Run virtual worlds: strings of a grammar, distributed over processes on Zenoh."""
 
 
-_FULL = (errno.ENOSPC, errno.EDQUOT)
+_FULL: Final = (errno.ENOSPC, errno.EDQUOT)
 """Errors of writing that no code of ours can have caused."""
+
+_LIMITS: Final = (errno.EMFILE, errno.ENFILE, errno.EAGAIN, errno.ENOMEM)
+"""Errors of a system that gives no more files, processes or memory."""
 
 
 def _refuse_null_characters(words: Sequence[str]) -> None:
@@ -164,6 +167,20 @@ def _refuse_null_characters(words: Sequence[str]) -> None:
     for word in words:
         if "\0" in word:
             raise MisuseError(f"the argument {word[:60]!r} contains a null character; remove it")
+
+
+def _problem(error: OSError) -> str:
+    """What the system refused, in one line; errors of sockets and the like keep their traceback."""
+    name = "" if error.filename is None else str(error.filename)
+    if error.errno == errno.EIO and not name:
+        os._exit(INTERRUPTED)  # The terminal was closed, so nothing can be printed.
+    if error.errno == errno.ENAMETOOLONG:
+        return f"the file name {name[:60]!r}... is too long"
+    if error.errno in _FULL:
+        return f"{name or 'the output'} cannot be written: {error.strerror}"
+    if not name and error.errno not in _LIMITS:
+        raise error
+    return f"{name or 'this system'}: {error.strerror}"
 
 
 def main() -> None:
@@ -181,21 +198,17 @@ def main() -> None:
         sys.exit(WRONG)
     except KeyboardInterrupt:
         sys.exit(INTERRUPTED)
+    except UnicodeEncodeError as error:
+        # An old locale; escapes would be other text where the output is a string or a table.
+        lacking = f"{error.encoding} has no {error.object[error.start]!a}"
+        print_error(f"the output cannot be written: {lacking}; set PYTHONIOENCODING=utf-8")
+        sys.exit(WRONG)
     except BrokenPipeError:
         # The reader of a pipe, such as `head`, has closed it: it needs no more.
         sys.exit(0)
     except OSError as error:
-        if error.errno == errno.ENAMETOOLONG:
-            name = str(error.filename)
-            print_error(f"the file name {name[:60]!r}... is too long")
-            sys.exit(WRONG)
-        if error.errno in _FULL:
-            what = error.filename or "the output"
-            print_error(f"{what} cannot be written: {error.strerror}")
-            sys.exit(WRONG)
-        if error.errno != errno.EIO:
-            raise
-        os._exit(INTERRUPTED)  # The terminal was closed, so nothing can be printed.
+        print_error(_problem(error))
+        sys.exit(WRONG)
 
 
 if __name__ == "__main__":

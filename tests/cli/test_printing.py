@@ -1,6 +1,7 @@
 """Output of members becomes log lines, also for members without a process of their own."""
 
 import contextlib
+import io
 import json
 import subprocess
 import sys
@@ -9,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+import minerva_bus
 from minerva_bus.cli.main import main
 from minerva_bus.launch.printed import printed
 from tests.runtime.running import MEMBERS, here, minerva, write_world
@@ -94,6 +96,19 @@ def test_standard_files_that_are_closed_are_opened():
     words = ["bash", "-c", f'exec "{sys.executable}" -c "{code}" <&- >&-']
     done = subprocess.run(words, capture_output=True, text=True)
     assert (done.returncode, done.stdout, done.stderr) == (3, "", "")
+
+
+def test_output_that_the_encoding_lacks_is_an_error(monkeypatch, capsys):
+    monkeypatch.setattr(sys, "argv", ["minerva", "--version"])
+    monkeypatch.setattr(minerva_bus, "__version__", "1 → 2")
+    monkeypatch.setattr(sys, "stdout", io.TextIOWrapper(io.BytesIO(), "ascii"))
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 2
+    said = capsys.readouterr().err
+    assert said == (
+        "minerva: the output cannot be written: ascii has no '\\u2192'; set PYTHONIOENCODING=utf-8\n"
+    )
 
 
 def test_output_on_a_full_disk_is_an_error(monkeypatch, capsys):
