@@ -171,9 +171,32 @@ def text_file(former, number, mode, unbuffered, by_line=False):
     return file
 
 
+def search_first(folders):
+    """Search folders before the installed packages; whether they hide nothing that is imported."""
+    homes = {}
+    for folder in map(Path, folders):
+        for file in files_of(folder):
+            homes.setdefault(file.name.partition(".")[0], folder)
+    for name in homes.keys() & {*sys.modules, "sitecustomize", "usercustomize"}:
+        file = getattr(sys.modules.get(name), "__file__", None)
+        if file is None or homes[name] not in Path(file).parents:
+            return False
+    sys.path[1:] = dict.fromkeys([*folders, *sys.path[1:]])
+    return True
+
+
+def files_of(folder):
+    """The files in a folder; none if it is an archive, or nothing."""
+    return folder.iterdir() if folder.is_dir() else ()
+
+
 def run(program, arguments, folders):
     """Execute a module or a script with arguments, as the interpreter does."""
-    sys.argv = [program[-1], *arguments]
+    words = [*program, *arguments]
+    paths = os.environ.get("PYTHONPATH", "")
+    if paths and not search_first([os.path.abspath(path) for path in paths.split(os.pathsep)]):  # noqa: PTH100
+        os.execv(sys.executable, [sys.executable, *words])
+    sys.argv = words[len(program) - 1 :]
     sys.path[0] = str(Path.cwd() if program[0] == "-m" else Path(program[-1]).parent)
     renew(folders)
     if program[0] == "-m":

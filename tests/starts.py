@@ -2,7 +2,7 @@
 
 Tests start the command by `subprocess` as usual; this plugin replaces only how its process begins.
 `--new-interpreters` begins each command with a new interpreter, and so does every start whose
-arguments concern the interpreter: PYTHONPATH and the like, limits, users, other files.
+arguments concern the interpreter: PYTHONHASHSEED and the like, limits, users, other files.
 """
 
 import ctypes
@@ -183,11 +183,15 @@ def interpreter_settings(environment):
     """Variables that an interpreter reads when it starts, and that a fork cannot apply.
 
     OpenCV sets LD_LIBRARY_PATH when it is imported, which a test module does during collection.
-    The command receives the variable as any other.
+    The command receives the variable as any other. A fork applies PYTHONPATH unless the servers have
+    one of their own.
     """
     read = ("PYTHON", "LC_", "LANG", "LD_")
+    applied = {"PYTHONUNBUFFERED", "LD_LIBRARY_PATH", "PYTHONPATH"} - (
+        INITIAL.keys() & {"PYTHONPATH"}
+    )
     return {
         key: value
         for key, value in environment.items()
-        if key.startswith(read) and key not in ("PYTHONUNBUFFERED", "LD_LIBRARY_PATH")
+        if key.startswith(read) and key not in applied
     }

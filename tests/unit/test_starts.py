@@ -168,7 +168,6 @@ def test_successive_forks_have_different_hash_seeds(tmp_path, forked):
 @pytest.mark.parametrize(
     "options",
     [
-        {"env": {**os.environ, "PYTHONPATH": "elsewhere"}},
         {"env": {**os.environ, "PYTHONHASHSEED": "1"}},
         {"preexec_fn": os.getpid},
         {"umask": 0o77},
@@ -180,6 +179,22 @@ def test_a_start_that_concerns_the_interpreter_or_its_process_is_a_new_one(
 ):
     subprocess.run(WORDS, cwd=tmp_path, capture_output=True, **options)
     assert forked == [False]
+
+
+@pytest.mark.parametrize("module", ["other", "minerva_bus", "sitecustomize"])
+def test_a_fork_searches_the_folders_of_pythonpath_first(tmp_path, monkeypatch, forked, module):
+    """If one of them hides an imported package, the fork becomes a new interpreter."""
+    (tmp_path / "first").mkdir()
+    (tmp_path / "first" / f"{module}.py").write_text("PLACE = 'first'\n")
+    (tmp_path / "probe.py").write_text(f"import sys, {module}\nprint({module}.PLACE, sys.path)\n")
+    paths = os.pathsep.join(["first", "absent", str(starts.SERVER.parents[1])])
+    options = {"cwd": tmp_path, "env": {**os.environ, "PYTHONPATH": paths}, "text": True}
+    fork = subprocess.check_output(WORDS, **options)
+    monkeypatch.setattr(starts, "PROGRAMS", ())
+    new = subprocess.check_output(WORDS, **options)
+    assert forked == [True, False]
+    assert fork == new
+    assert fork.startswith("first ")
 
 
 def test_a_start_in_an_absent_folder_fails_as_usual(tmp_path, forked):
