@@ -22,6 +22,7 @@ from minerva_bus.cli.commands import (
     explaining,
     exporting,
     keys,
+    observing,
     operating,
     records,
     setting_up,
@@ -101,6 +102,7 @@ app = typer.Typer(
 )
 _MODULES: Final = (
     worlds,
+    observing,
     operating,
     records,
     exporting,

@@ -1,0 +1,148 @@
+"""Commands that query a running world, or serve what it shows."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from minerva_bus.cli import completing, completing_running
+from minerva_bus.cli.grouping import grouped
+from minerva_bus.cli.options import Json, NamedTarget, examples
+
+
+@examples(
+    "minerva list",
+    "minerva list robot --json",
+)
+@grouped
+def list_(json: Json = False, *, target: NamedTarget) -> None:
+    """List the members of a running world, or all worlds.
+
+    If several worlds run, name one to list its members.
+    """
+    from minerva_bus.cli.asking import list_members
+
+    list_members(target, json)
+
+
+@examples(
+    "minerva echo eLaser --count 10",
+    "minerva echo robot ARobot --json",
+)
+@grouped
+def echo(
+    type: Annotated[
+        str,
+        typer.Argument(
+            help="An event type or an agent kind; default: all.",
+            autocompletion=completing_running.echoed,
+        ),
+    ] = "",
+    count: Annotated[int, typer.Option(help="Stop after this many; 0: no limit.")] = 0,
+    json: Json = False,
+    *,
+    target: NamedTarget,
+) -> None:
+    """Print events, agents or views of a running world, by type."""
+    from minerva_bus.cli.asking import echo_type
+
+    echo_type(type, target, count, json)
+
+
+@examples(
+    "minerva logs --follow",
+    "minerva logs robot physics --json",
+)
+@grouped
+def logs(
+    member: Annotated[
+        str,
+        typer.Argument(help="Show only this member.", autocompletion=completing_running.members),
+    ] = "",
+    follow: Annotated[bool, typer.Option("--follow", "-f", help="Wait for new lines.")] = False,
+    json: Json = False,
+    *,
+    target: NamedTarget,
+) -> None:
+    """Show the logs of a running world's members."""
+    from minerva_bus.cli.operating import show_logs
+
+    show_logs(member, follow, target, json)
+
+
+@examples(
+    "minerva top",
+    "minerva top robot --json",
+)
+@grouped
+def top(
+    json: Annotated[bool, typer.Option("--json", help="Print the status once, as JSON.")] = False,
+    *,
+    target: NamedTarget,
+) -> None:
+    """Monitor and control a running world in the terminal."""
+    from minerva_bus.cli.operating import watch_world
+
+    watch_world(target, json)
+
+
+@examples(
+    "minerva metrics",
+    "minerva metrics robot --listen 0.0.0.0:9464",
+)
+@grouped
+def metrics(
+    listen: Annotated[str, typer.Option(help="Serve at HOST:PORT.")] = "127.0.0.1:9464",
+    json: Json = False,
+    *,
+    target: NamedTarget,
+) -> None:
+    """Serve /metrics, /live and /ready of a running world.
+
+    The server is a separate process.
+    """
+    from minerva_bus.cli.operating import serve_metrics
+
+    serve_metrics(listen, target, json)
+
+
+@examples(
+    "minerva mcp robot",
+    "minerva mcp robot --allow control --allow publish --listen 127.0.0.1:8765",
+)
+@grouped
+def mcp(
+    allow: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Permit tools that change something: control, publish or run; may be repeated.",
+            autocompletion=completing.permissions,
+        ),
+    ] = None,
+    listen: Annotated[
+        str, typer.Option(help="Serve HTTP at HOST:PORT, not standard input and output.")
+    ] = "",
+    folder: Annotated[
+        Path, typer.Option(help="Folder of the records, tables and world files for tools.")
+    ] = Path(),
+    code: Annotated[
+        str,
+        typer.Option(
+            help="World file or installed world with the agents' code, for pictures; default: the"
+            " installed world of this name.",
+            autocompletion=completing.worlds,
+        ),
+    ] = "",
+    json: Json = False,
+    *,
+    target: NamedTarget,
+) -> None:
+    """Serve a running world to assistants.
+
+    The protocol is MCP, the Model Context Protocol. Nothing is changed without --allow.
+    """
+    from minerva_bus.cli.assisting import serve_assistants
+
+    serve_assistants(target, allow or [], listen, folder, code, json)
