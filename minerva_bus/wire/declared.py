@@ -16,7 +16,8 @@ import msgpack
 
 from minerva_bus.errors import ProtocolError
 from minerva_bus.frame.schema import Mark, Wire
-from minerva_bus.wire.fields import DeclaredField, FieldCodec, Write, field_codec
+from minerva_bus.wire.field_codec import DeclaredField, FieldCodec, Write
+from minerva_bus.wire.fields import field_codec
 from minerva_bus.wire.plain import as_map
 from minerva_bus.wire.reader import Reader
 
