@@ -19,7 +19,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from minerva_bus.errors import WorldFileError, nearest
-from minerva_bus.input_files import read_text
+from minerva_bus.input_files import MAX_BYTES, read_text
+from minerva_bus.outputs import note_read
 from minerva_bus.settings.kinds import phrase_of
 
 SERVICES, AGENTS, WORLDS = "minerva.services", "minerva.agents", "minerva.worlds"
@@ -76,16 +77,21 @@ def find_world(spec: str) -> Path:
     raise WorldFileError(f"there is no world {spec!r}{hint}")
 
 
-def file_text(path: Path) -> str:
-    """The text of a world file or of a file with a string. Raises WorldFileError."""
+def file_text(path: Path, most: int = MAX_BYTES) -> str:
+    """The text of a world file or of a file with a string, of at most `most` bytes.
+
+    No output may overwrite the file. Raises WorldFileError.
+    """
     try:
-        return read_text(path)
+        text = read_text(path, most)
     except UnicodeDecodeError:
         raise WorldFileError(f"{path}: not a text in UTF-8") from None
     except OSError as error:
         raise WorldFileError(f"{path}: {error.strerror}") from None
     except ValueError as error:  # The name contains a null character.
         raise WorldFileError(f"{path}: {error}") from None
+    note_read(path)
+    return text
 
 
 def installed_worlds() -> dict[str, str]:

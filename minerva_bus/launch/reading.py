@@ -13,6 +13,7 @@ from minerva_bus.launch.collecting import read_collecting
 from minerva_bus.launch.compiling import apply_mode
 from minerva_bus.launch.description import read_description
 from minerva_bus.launch.distribution import distributed
+from minerva_bus.launch.installed import file_text
 from minerva_bus.launch.norms import read_norms
 from minerva_bus.launch.options import filled, read_options
 from minerva_bus.launch.processes import check_members, read_patience, read_processes
@@ -21,12 +22,13 @@ from minerva_bus.launch.specs import called
 from minerva_bus.launch.table import Table
 from minerva_bus.launch.toml import TomlError, read_toml
 from minerva_bus.launch.worldfile import WorldFile
-from minerva_bus.outputs import note_read
 from minerva_bus.settings.kinds import TEXT, TOPICS
 from minerva_bus.settings.overrides import AS_WRITTEN, Overrides
 from minerva_bus.settings.tables import BusSettings, RecordSettings, WatchSettings, WorldSettings
 
-MAX_BYTES: Final = 16 * 1024 * 1024
+MAX_BYTES: Final = 16 << 20
+"""Bytes of a world file."""
+
 TABLES: Final = (
     *("world", "options", "choices", "process", "norm", "bus"),
     *("limits", "placement", "metrics", "log", "collect", "regions"),
@@ -60,7 +62,7 @@ def open_tables(path: Path) -> Table:
 
 
 def _tables(path: Path, overrides: Overrides = AS_WRITTEN) -> tuple[Table, str]:
-    text = _read_text(path)
+    text = file_text(path, MAX_BYTES)
     return _parsed(text, path, overrides), text
 
 
@@ -83,20 +85,6 @@ def _opened(top: Table) -> Table:
         top.table(name)
     top.done()  # First, because a key missing in [world] may be in [wrold].
     return top
-
-
-def _read_text(path: Path) -> str:
-    try:
-        # Before it is read, because the path may name a file of any kind and size.
-        if path.stat().st_size > MAX_BYTES:
-            raise WorldFileError(f"{path}: larger than {MAX_BYTES:,} bytes: not a world file")
-        note_read(path)
-        # Some editors put a byte order mark in front, which TOML does not allow.
-        return path.read_text(encoding="utf-8-sig")
-    except UnicodeDecodeError:
-        raise WorldFileError(f"{path}: not a text in UTF-8") from None
-    except OSError as error:
-        raise WorldFileError(f"{path}: {error.strerror}") from None
 
 
 def _read(top: Table, text: str, path: Path) -> WorldFile:
