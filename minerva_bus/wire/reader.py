@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, cast
 
 import msgpack
@@ -29,6 +30,7 @@ from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.wire.columns import ColumnsReader
 from minerva_bus.wire.limits import DEFAULT, Limits
 from minerva_bus.wire.plain import as_int, as_list, as_text, name_of, unpack
+from minerva_bus.wire.runs import end_of_run, nodes_of
 from minerva_bus.wire.values import HEADER, MATRIX, PLAIN_TYPES, are_plain_lists
 from minerva_bus.wire.weighing import STRING
 
@@ -131,14 +133,21 @@ class Reader:
         wanted = [as_int(flat[0], "the count of a string")]
         opened: list[tuple[Any, ...]] = []
         levels: list[list[Piece]] = [[]]
-        for node in flat[1:]:
+        place, single = 1, 1
+        while place < len(flat):
             if not wanted[-1]:
                 raise ProtocolError("a string has data after its end")
-            wanted[-1] -= 1
-            count = self._piece(as_list(node, "a symbol"), levels[-1], opened)
-            if count:
-                wanted.append(count)
+            # A run that cannot be read together is read node by node, up to `single`.
+            end = end_of_run(flat, place, wanted[-1]) if place >= single else 0
+            nodes = self._run(flat[place:end]) if end > place else ()
+            single, count = max(single, end), len(nodes) or 1
+            wanted[-1] -= count
+            if nodes:
+                levels[-1] += nodes
+            elif inner := self._piece(as_list(flat[place], "a symbol"), levels[-1], opened):
+                wanted.append(inner)
                 levels.append([])
+            place += count
             # A node may end the scopes of several nodes around it.
             while len(wanted) > 1 and not wanted[-1]:
                 wanted.pop()
@@ -158,6 +167,21 @@ class Reader:
             level.append(columns)
             return 0
         return self._node(piece, level, opened)
+
+    def _run(self, run: list[list[Any]]) -> Sequence[Node]:
+        """The nodes of a run, or none if they must be read one by one."""
+        symbol = run[0][0]
+        # Only skeletons have slots; unknown symbols are reported with a single node.
+        if self._slots or len(run[0]) != _ITEMS.get(symbol[:1]):
+            return ()
+        try:
+            fields = self.vocabulary.fields(symbol)
+        except Unfit:
+            return ()
+        nodes = nodes_of(run, fields, self._ids)
+        if symbol[:1] == "A":
+            self._ids.update([node.id for node in cast("Sequence[AgentNode]", nodes)])
+        return nodes
 
     def _node(self, node: list[Any], level: list[Piece], opened: list[tuple[Any, ...]]) -> int:
         """Read one symbol; a figure, or a node with an empty scope, is complete at once."""
@@ -179,7 +203,9 @@ class Reader:
         return count
 
     def _new_id(self, plain: Any) -> str:
-        agent_id = self._id(plain)
+        # The usual case without further calls.
+        is_plain = plain.__class__ is str and AGENT_ID.fullmatch(plain) is not None
+        agent_id = plain if is_plain else self._id(plain)
         if agent_id in self._ids:
             raise ProtocolError(same_id(agent_id)[:_MAX_ERROR_CHARS])
         self._ids.add(agent_id)
@@ -194,9 +220,12 @@ class Reader:
         return agent_id
 
     def _values(self, symbol: str, agent_id: str, plain: Any):
-        owner = f"{symbol}#{agent_id}" if agent_id else symbol
+        owner = symbol
         try:
             fields = self.vocabulary.fields(symbol)
+            if plain.__class__ is list and fields.is_final(plain):  # The usual case.
+                return fields.names, tuple(plain)
+            owner = f"{symbol}#{agent_id}" if agent_id else symbol
             if plain is None and agent_id and (self._slots or not fields.names):
                 return (), ()
             given = self._data(owner, plain)
