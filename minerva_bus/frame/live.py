@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from minerva_bus.frame import messages as m
@@ -12,8 +13,10 @@ from minerva_bus.frame.description import World
 from minerva_bus.frame.evolution import EvolutionStep
 from minerva_bus.frame.inbox import is_people
 from minerva_bus.frame.members import MemberEntry
+from minerva_bus.frame.own_agents import OwnAgents
 from minerva_bus.frame.phases import Phase
 from minerva_bus.grammar.batch import AnyEvent
+from minerva_bus.grammar.scene import Piece
 
 if TYPE_CHECKING:
     from minerva_bus.frame.algorithm import FrameAlgorithm
@@ -75,6 +78,15 @@ class FrameSource:
     def evolve_reply(self, reply: m.EvolveReply) -> None:
         """Accept a host's results for its fragments."""
         self._algorithm.members.get(reply.member).late += 1
+
+    def agents_of(self, member: str) -> OwnAgents:
+        """The agents about which a member answers: those of a host."""
+        return OwnAgents(partial(self._hosted_by, member))
+
+    def _hosted_by(self, member: str) -> list[Piece]:
+        composition, placement = self._algorithm.composition, self._algorithm.placement
+        fragments = composition.fragments
+        return [fragments[name] for name in placement.fragments_of(member) if name in fragments]
 
     def objection(self, hello: m.Hello) -> str:
         """Reason why a member cannot take part in these frames, or an empty string."""

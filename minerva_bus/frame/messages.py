@@ -154,8 +154,9 @@ class EvolveReply:
         ("from",),
         "what has changed",
         "evolve",
-        max_bytes="message_bytes",
+        max_bytes="answer_bytes",
         max_values="answer_values",
+        max_rows="answer_rows",
         awaited=True,
     )
 

@@ -14,7 +14,7 @@ from typing import BinaryIO, Final
 from minerva_bus.regions.journal import CHECKPOINT, encoded, entries
 from minerva_bus.runtime.region_links import ParcelArrived
 
-CHECKPOINT_BYTES: Final = 16 << 20
+CHECKPOINT_BYTES: Final = 4 << 20
 CHECKPOINT_FRAMES: Final = 200
 """Bytes and frames of a journal after which a checkpoint replaces it: repeating them takes time."""
 

@@ -26,6 +26,7 @@ from minerva_bus.runtime.endpoints import check_endpoint
 from minerva_bus.runtime.session import LOOPBACK
 from minerva_bus.runtime.waiting import Patience
 from minerva_bus.wire.keys import name_of_region, number_of_region
+from minerva_bus.wire.limits import DEFAULT
 from minerva_bus.world.kinds import kinds_of
 
 MAX_RESTARTS: Final = 1000
@@ -126,8 +127,8 @@ def _with(file: WorldFile, processes: Sequence[Process]) -> WorldFile:
     """The world file with these processes, for which the world waits."""
     names = frozenset(process.name for process in processes)
     limits = file.access.limits
-    # The report of a region may have its whole part, like the reply of a host.
-    limits = replace(limits, tick_bytes=max(limits.tick_bytes, limits.message_bytes))
+    # The report of a region may have a part of its journal, whatever generators may send.
+    limits = replace(limits, tick_bytes=max(limits.tick_bytes, DEFAULT.tick_bytes))
     return replace(
         file,
         processes=tuple(processes),

@@ -16,6 +16,7 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.collection import ORDERS
 from minerva_bus.frame.inbox import MAX_WAITING
 from minerva_bus.frame.member import Member, Outgoing, WorldRestarted
+from minerva_bus.frame.own_agents import OwnAgents
 from minerva_bus.launch.failures import own_members
 from minerva_bus.launch.free_running import close_services
 from minerva_bus.launch.in_process import members_of
@@ -27,6 +28,7 @@ from minerva_bus.launch.region_terms import agreed
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.log.entries import encode_inputs
 from minerva_bus.regions.journal import CHECKPOINT, COORDINATOR, JOURNAL
+from minerva_bus.regions.merging import Units, agents_in
 from minerva_bus.regions.messages import AgainMessage, from_message, sources_in, to_message
 from minerva_bus.regions.norms import violations
 from minerva_bus.regions.part import PartMessage, PartSender
@@ -36,6 +38,7 @@ from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.runtime.region_links import ParcelArrived
 from minerva_bus.runtime.runner import Notice
 from minerva_bus.wire.codec import Decoder, encode
+from minerva_bus.wire.limits import ON_DISK
 
 
 class RegionMember(Member):
@@ -61,6 +64,7 @@ class RegionMember(Member):
         self._members = members_of(file)
         self._begin(Region(file.world, number, file.partition, self._members))
         self._decoder = Decoder(file.world.vocabulary, file.access.limits)
+        self._decoder_of_saved = Decoder(file.world.vocabulary, ON_DISK)
         self._journal = journal
         self._log = log
         self._sender = PartSender()
@@ -153,11 +157,12 @@ class RegionMember(Member):
         kept, arrived, reports, requests, sent_bytes = checkpoint.messages
         self._parcels.sent_bytes = sent_bytes
         for target, data in kept:
-            self._parcels.outbox.keep([from_message(self._decoder.parcel(data), number, target)])
+            parcel = from_message(self._decoder_of_saved.parcel(data), number, target)
+            self._parcels.outbox.keep([parcel])
         for source, data in arrived:
             self._accept(ParcelArrived(source, data))
         for data in reports:
-            report = self._decoder.from_member(self.name, data)
+            report = self._decoder_of_saved.from_member(self.name, data)
             assert isinstance(report, m.TickReply)
             self._requests.reports[report.frame] = report
         for data in requests:
@@ -196,7 +201,7 @@ class RegionMember(Member):
 
     def _accept(self, arrived: ParcelArrived) -> bool:
         try:
-            message = self._decoder.parcel(arrived.data)
+            message = self._decoder.parcel(arrived.data, self._known_agents())
             if isinstance(message, AgainMessage):
                 self.send_again([arrived.source])
                 return False
@@ -207,6 +212,10 @@ class RegionMember(Member):
             raise WorldStopped(text) from None
         self._parcels.received(received, is_new=is_new)
         return is_new
+
+    def _known_agents(self) -> OwnAgents:
+        """The agents of the first string and of this region: as many may move here at once."""
+        return agents_in([Units((), self._file.world.scene.pieces), self.region.units])
 
     def _on_request(self, request: m.RegionRequest) -> None:
         if request.frame in self._requests.reports:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from itertools import groupby
+from itertools import chain, groupby
 from operator import is_
 from typing import Any, TypeAlias, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
+from minerva_bus.frame.own_agents import OwnAgents
 from minerva_bus.grammar.batch import AnyEvent, Events, single
 from minerva_bus.grammar.column import Rows
 from minerva_bus.grammar.columns import Columns
@@ -43,6 +44,19 @@ class Units:
         for piece in self.pieces:
             begin, end = end, end + piece.count
             yield self.places[begin:end], piece
+
+
+def agents_in(parts: Iterable[Units]) -> OwnAgents:
+    """The agents of these parts, with the numbers in their places."""
+    units = [*parts]
+
+    def pieces() -> Iterator[Piece]:
+        return chain.from_iterable(each.pieces for each in units)
+
+    def places() -> int:
+        return sum(sum(map(len, each.places)) for each in units)
+
+    return OwnAgents(pieces, places)
 
 
 @dataclass(frozen=True, slots=True)

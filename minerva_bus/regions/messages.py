@@ -36,8 +36,9 @@ class ParcelMessage:
         "parcel",
         ("parcel",),
         "what a region needs of another one's frame",
-        max_bytes="message_bytes",
-        max_values="region_values",
+        max_bytes="answer_bytes",
+        max_values="answer_values",
+        max_rows="answer_rows",
         awaited=True,
     )
 
@@ -80,8 +81,9 @@ class RepliesMessage:
         "replies",
         ("parcel",),
         "what the services in region 0 have sent for a frame",
-        max_bytes="message_bytes",
-        max_values="region_values",
+        max_bytes="answer_bytes",
+        max_values="answer_values",
+        max_rows="answer_rows",
         awaited=True,
     )
 

@@ -12,6 +12,7 @@ from minerva_bus.errors import ProtocolError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame.inputs import FrameInputs
 from minerva_bus.frame.messages import Parts, Patches
+from minerva_bus.frame.own_agents import OwnAgents
 from minerva_bus.frame.schema import Note, Wire, Within
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.columns import Columns
@@ -42,8 +43,9 @@ class PartMessage:
         "part",
         ("from",),
         "what has changed in a region, in the saved data of its `ticked`",
-        max_bytes="message_bytes",
-        max_values="region_values",
+        max_bytes="answer_bytes",
+        max_values="answer_values",
+        max_rows="answer_rows",
         awaited=True,
     )
 
@@ -84,11 +86,12 @@ class PartMessage:
 class PartCodec:
     """Coding of reports as bytes. Raises ProtocolError.
 
-    `saved` decodes those of a journal, and `inputs` the events of generators in reports.
+    `decode` gets a report, and the agents for which it may have more than the limits. `saved`
+    decodes the reports of a journal, and `inputs` the events of generators in reports.
     """
 
     encode: Callable[[PartMessage], bytes]
-    decode: Callable[[bytes], PartMessage]
+    decode: Callable[[bytes, OwnAgents], PartMessage]
     saved: Callable[[bytes], PartMessage]
     inputs: Callable[[bytes], FrameInputs]
 
@@ -161,8 +164,9 @@ class PartReceiver:
             raise ProtocolError("part: kept must be a list of int32")
         if len(message.parcels) % _REGION.itemsize:
             raise ProtocolError("part: parcels must be a list of uint16")
-        kept: list[int] = np.frombuffer(message.kept, _INDEX).tolist()
-        if any(not NEW <= number < len(before) for number in kept):
+        numbers = np.frombuffer(message.kept, _INDEX)
+        kept: list[int] = numbers.tolist()
+        if kept and not NEW <= numbers.min() <= numbers.max() < len(before):
             raise ProtocolError(f"part: kept must be from -1 to {len(before) - 1}")
         pieces = tuple(
             _piece(message, str(position), None if number == NEW else before[number])

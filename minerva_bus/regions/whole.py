@@ -25,6 +25,7 @@ from minerva_bus.frame.inbox import counting, is_people, name_of
 from minerva_bus.frame.inputs import FrameInputs, RecordedFrame
 from minerva_bus.frame.live import why_over
 from minerva_bus.frame.members import MemberEntry
+from minerva_bus.frame.own_agents import NO_AGENTS, OwnAgents
 from minerva_bus.frame.replaying import RecordedSource
 from minerva_bus.frame.views import due_views
 from minerva_bus.grammar.batch import AnyEvent
@@ -33,6 +34,7 @@ from minerva_bus.regions.balancing import balanced, is_due, packed_borders
 from minerva_bus.regions.dividing import cut
 from minerva_bus.regions.emissions import take_events
 from minerva_bus.regions.journal import JOURNAL, KeptJournals
+from minerva_bus.regions.merging import agents_in
 from minerva_bus.regions.messages import check_given_up, packed_pairs
 from minerva_bus.regions.norms import judged
 from minerva_bus.regions.outside import OutsideEvents
@@ -141,6 +143,12 @@ class WholeSource(RecordedSource):
         """Repeat the request to a region that has returned while the frame waits for it."""
         self._algorithm.out.send(member.name, self._request)
 
+    def agents_of(self, member: str) -> OwnAgents:
+        """The agents about which a region reports: all, since any may have moved to it."""
+        if member not in self._names:
+            return NO_AGENTS
+        return agents_in(part.units for part in self._whole.parts)
+
     def objection(self, hello: m.Hello) -> str:
         """Reason why a member, which is no region, cannot take part; or an empty string."""
         if hello.member in self._names or not (hello.kinds or hello.ticks):
@@ -185,7 +193,7 @@ class WholeSource(RecordedSource):
         data = (reply.saved or {}).get(PART)
         if not isinstance(data, bytes) or reply.member not in self._names:
             raise ProtocolError(f"ticked: a region must report its {PART}")
-        message = self._codec.decode(data)
+        message = self._codec.decode(data, self.agents_of(reply.member))
         check_given_up(message.given_up)
         if reply.member == self._names[FIRST]:
             self._generated = self._codec.inputs(message.inputs)

@@ -9,6 +9,7 @@ from typing import Final
 
 from minerva_bus.errors import ProtocolError, SceneError
 from minerva_bus.frame import messages as m
+from minerva_bus.frame.own_agents import NO_AGENTS, OwnAgents
 from minerva_bus.runtime.system import System
 from minerva_bus.wire.codec import Decoder
 from minerva_bus.wire.weighing import values_in
@@ -38,13 +39,13 @@ def is_slow(body: bytes) -> bool:
 class LargeMessage:
     """The bytes of a member's message; `joins` counts how often the member has joined so far.
 
-    It may have `more` values than the limit of its type.
+    It may have more than the limits of its type, for its `own` agents.
     """
 
     member: str
     joins: int
     body: bytes
-    more: int = 0
+    own: OwnAgents = NO_AGENTS
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,7 +104,7 @@ class LargeMessages:
         began = self._system.monotonic()
         message, problem = None, ""
         try:
-            message = self._decoder.from_member(large.member, large.body, large.more)
+            message = self._decoder.from_member(large.member, large.body, large.own)
         except (ProtocolError, SceneError) as error:
             problem = str(error)
         return Decoded(large, message, problem, self._system.monotonic() - began)

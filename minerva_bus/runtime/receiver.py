@@ -24,7 +24,6 @@ from minerva_bus.runtime.postponed import Postponed, PostponedMessage
 from minerva_bus.wire.codec import Decoder, declaration
 from minerva_bus.wire.epochs import stamped
 from minerva_bus.wire.limits import Limits
-from minerva_bus.wire.values import weight_of
 
 if TYPE_CHECKING:
     from minerva_bus.runtime.coordinator import Coordinator
@@ -50,7 +49,6 @@ class Receiver:
         self._metrics = coordinator.metrics
         self._log = coordinator.log
         self._max_members = limits.members
-        self._answer_values = limits.answer_values
         self._clock = system.monotonic
         self._arrived = arrived
         self._decoder = Decoder(vocabulary, limits)
@@ -161,33 +159,23 @@ class Receiver:
             body = data[len(stamp) :]
             # A small message behind a large one waits too, because
             # messages of a member keep their order.
-            more = self._agents_values(member, body)
             if self._large.behind(member) or is_slow(body):
-                self._decode_aside(
-                    LargeMessage(member, self._members.get(member).joins, body, more)
-                )
+                self._decode_aside(member, body)
                 return
-            message = self._metrics.timed("decode", self._decoder.from_member, member, body, more)
+            own = self._algorithm.source.agents_of(member)
+            message = self._metrics.timed("decode", self._decoder.from_member, member, body, own)
         except (ProtocolError, SceneError) as error:
             self._handle(s.Violation(member, str(error)))
             return
         self._pass_on(member, body, message)
 
-    def _decode_aside(self, large: LargeMessage) -> None:
-        if self._large.behind(large.member) < MAX_BEHIND:
-            self._large.add(large)
-        else:
-            self._drop(large.member)
-
-    def _agents_values(self, member: str, body: bytes) -> int:
-        """How many values a host's reply may have beyond the limit, for the agents that it has."""
-        # A value has at least one byte, so most replies are within the limit in any case.
-        if len(body) <= self._answer_values or declaration(body) is not m.EvolveReply.WIRE:
-            return 0
-        fragments = self._algorithm.composition.fragments
-        own = self._algorithm.placement.fragments_of(member)
-        # Twice, because views may describe each agent once more.
-        return 2 * weight_of([fragments[name] for name in own if name in fragments])
+    def _decode_aside(self, member: str, body: bytes) -> None:
+        if self._large.behind(member) >= MAX_BEHIND:
+            self._drop(member)
+            return
+        # The thread must not look at the agents, which the main thread replaces.
+        own = self._algorithm.source.agents_of(member).captured()
+        self._large.add(LargeMessage(member, self._members.get(member).joins, body, own))
 
     def _pass_on(self, member: str, body: bytes, message: m.FromMember) -> None:
         if isinstance(message, m.EvolveReply):

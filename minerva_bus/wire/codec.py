@@ -6,21 +6,23 @@ which it is published. Messages are declared in minerva_bus.frame.messages.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import Any, Final, get_args
 
 from minerva_bus.errors import ProtocolError, SceneError
 from minerva_bus.frame import messages as m
+from minerva_bus.frame.own_agents import NO_AGENTS, OwnAgents
 from minerva_bus.frame.schema import Wire
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.regions.messages import ParcelMessage, RegionMessage
 from minerva_bus.regions.part import PartMessage
+from minerva_bus.wire.beyond import PLACE_BYTES, BeyondLimits
 from minerva_bus.wire.declared import Encode, MessageCodec, by_name, message_codec
-from minerva_bus.wire.limits import DEFAULT, Limits
+from minerva_bus.wire.limits import DEFAULT, Limits, check
 from minerva_bus.wire.plain import as_list, as_text, uncollected, unpack
 from minerva_bus.wire.reader import Reader
-from minerva_bus.wire.weighing import check_weight, lightest, name_in
+from minerva_bus.wire.weighing import check_weight, lightest, name_in, raised, values_in
 
 _EMPTY: Final = Vocabulary()
 
@@ -76,12 +78,17 @@ class Decoder:
         self._limits = limits
         self._light = lightest(limits)
 
-    def from_member(self, member: str, data: bytes, more: int = 0) -> m.FromMember:
+    def from_member(self, member: str, data: bytes, own: OwnAgents = NO_AGENTS) -> m.FromMember:
         """A message from a member to the coordinator, checked against the limits of its type.
 
-        It may have `more` values than that.
+        An answer may have more for the member's `own` agents.
         """
-        return self.decode(FROM_MEMBER, (member,), data, weighed=True, more=more)
+        # A message with fewer bytes than every limit cannot exceed one, and most are so small.
+        if len(data) > self._light:
+            wire = declaration(data)
+            beyond = BeyondLimits(own if wire.awaited else NO_AGENTS)
+            check_weight(data, wire, self._limits, beyond)
+        return self.decode(FROM_MEMBER, (member,), data, own)
 
     def to_member(self, data: bytes) -> m.ToMember:
         """A message from the coordinator."""
@@ -95,49 +102,82 @@ class Decoder:
         """The record of a frame."""
         return self.decode(_RECORD, (), data)
 
-    def parcel(self, data: bytes) -> RegionMessage:
-        """A message from a region to another one, checked against its limits."""
-        check_weight(data, _PARCEL, self._limits)
-        return self.decode(FROM_REGION, (), data)
+    def parcel(self, data: bytes, own: OwnAgents = NO_AGENTS) -> RegionMessage:
+        """A message from a region to another one, checked against its limits.
 
-    def part(self, data: bytes) -> PartMessage:
-        """A region's report to the coordinator, checked against its limits."""
-        check_weight(data, _PART, self._limits)
-        return self.decode(PARTS, (), data)
+        It may have more for `own` agents, of which it may have some.
+        """
+        beyond = BeyondLimits(own)
+        check_weight(data, _PARCEL, self._limits, beyond)
+        message = self.decode(FROM_REGION, (), data, own)
+        if isinstance(message, ParcelMessage):
+            packed = (message.places, message.senders, message.shown, message.sizes)
+            self._check_packed("parcel", packed, beyond)
+        return message
+
+    def part(self, data: bytes, own: OwnAgents = NO_AGENTS) -> PartMessage:
+        """A region's report to the coordinator, checked against its limits.
+
+        It may have more for the region's `own` agents.
+        """
+        beyond = BeyondLimits(own)
+        check_weight(data, _PART, self._limits, beyond)
+        message: PartMessage = self.decode(PARTS, (), data, own)
+        packed = (message.places, message.senders, message.rejected)
+        self._check_packed("part", packed, beyond)
+        most, name = self._limits.answer_values, raised("answer_values")
+        pieces, inputs = len(message.kept) // 4, message.inputs
+        if pieces > most or len(inputs) > most:
+            most += beyond.values()
+            check("part", pieces, most, "pieces", name)
+            check("part", values_in(inputs, most), most, "values of events in inputs", name)
+        return message
 
     def decode(
         self,
         codecs: Mapping[str, MessageCodec],
         key: tuple[str, ...],
         data: bytes,
-        *,
-        weighed: bool = False,
-        more: int = 0,
+        own: OwnAgents | None = None,
     ) -> Any:
         """A message of one of these types; `key` are the values in the key, such as the sender.
 
-        `weighed`: check its size against the limits before decoding; `more` values are allowed.
+        A message of a member or region may have as many rows and events as the limits allow, or
+        more for its `own` agents; that of the coordinator (None) has those of all members.
         """
         try:
-            # A message with fewer bytes than every limit cannot exceed
-            # one, and most messages are so small.
-            if weighed and len(data) > self._light:
-                check_weight(data, declaration(data), self._limits, more)
             with uncollected(len(data)):
-                reader = self._reader if weighed else self._reader_of_all
-                return self._message(codecs, key, data, reader)
+                return self._message(codecs, key, data, own)
         except (ProtocolError, SceneError):
             raise
         except Exception as error:  # Invalid data must raise nothing else.
             kind = type(error).__name__
             raise ProtocolError(f"it cannot be decoded: {kind}: {error}"[:200]) from error
 
+    def _check_packed(self, what: str, packed: Iterable[bytes], beyond: BeyondLimits) -> None:
+        """Raise ProtocolError for more packed numbers, which are read singly, than rows."""
+        numbers, most = sum(map(len, packed)) // PLACE_BYTES, self._limits.answer_rows
+        if numbers > most:
+            check(what, numbers, most + beyond.rows(), "packed numbers", raised("answer_rows"))
+
+    def _reader_for(self, wire: Wire, own: OwnAgents | None) -> Reader:
+        limits = self._limits
+        if own is None or wire.max_rows == "rows":
+            reader = self._reader if own is not None else self._reader_of_all
+            reader.columns.begin(limits.rows)
+            return reader
+        # Agents in columns may send as many events as they are, so rows are counted instead.
+        reader = self._reader_of_all
+        most = min(getattr(limits, wire.max_rows), limits.rows)
+        reader.columns.begin(most, BeyondLimits(own).rows, raised(wire.max_rows))
+        return reader
+
     def _message(
         self,
         codecs: Mapping[str, MessageCodec],
         key: tuple[str, ...],
         data: bytes,
-        reader: Reader,
+        own: OwnAgents | None,
     ) -> Any:
         plain = as_list(unpack(data, self._limits), "a message")
         name = as_text(plain[0] if plain else None, "a message's name")
@@ -150,5 +190,4 @@ class Decoder:
         # length (PROTOCOL.md, section 16).
         if len(plain) - 1 != codec.size:
             raise ProtocolError(f"{name} has {codec.size} items, not {len(plain) - 1}")
-        reader.columns.rows = self._limits.rows  # The budget is per message.
-        return codec.decode(reader, key, plain)
+        return codec.decode(self._reader_for(codec.wire, own), key, plain)

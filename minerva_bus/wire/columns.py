@@ -12,6 +12,7 @@ patch   = ["patch", count, [symbol, ...], [[level, place, rows, column], ...]]
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, Final
 
 import numpy as np
@@ -100,8 +101,18 @@ class ColumnsReader:
     def __init__(self, vocabulary: Vocabulary, limits: Limits) -> None:
         self._vocabulary = vocabulary
         self._limits = limits
-        self.rows: int | None = None
-        """Remaining rows of columns allowed in the current message; the decoder sets it."""
+        self._most = 0
+        self._rows: int | None = None
+        self._more: Callable[[], int] | None = None
+        self._advice = ""
+
+    def begin(self, rows: int, more: Callable[[], int] | None = None, advice: str = "") -> None:
+        """Allow `rows` rows in the message that begins, or `more` of them; `advice` for an error.
+
+        Without a call, any number of rows may be read.
+        """
+        self._most = self._rows = rows
+        self._more, self._advice = more, advice
 
     def column(self, plain: Any, count: int) -> Column:
         """A column of `count` values."""
@@ -144,11 +155,16 @@ class ColumnsReader:
         return count
 
     def _take(self, rows: int) -> None:
-        if self.rows is None:
+        if self._rows is None:
             return
-        self.rows -= rows
-        if self.rows < 0:
-            raise ProtocolError(f"columns of more than {self._limits.rows} rows in a message")
+        self._rows -= rows
+        if self._rows < 0 and self._more is not None:
+            more, self._more = self._more(), None
+            self._most += more
+            self._rows += more
+        if self._rows < 0:
+            advice = self._advice and f"; {self._advice}"
+            raise ProtocolError(f"columns of more than {self._most} rows in a message{advice}")
 
     def _level(self, plain: Any, count: int, ids: Any, scope: Columns | None) -> Columns:
         items = as_list(plain, "a level of columns")

@@ -32,7 +32,7 @@ class Limits:
     """
 
     message_bytes: Annotated[int, Note("bytes of a message"), Configurable(1024)] = 64 << 20
-    # A frame waits for it, so this is lower than the limit for strings of hosts.
+    # A frame waits for it.
     tick_bytes: Annotated[int, Note("bytes of a `ticked`"), Configurable(1024)] = 8 << 20
     emitted_bytes: Annotated[int, Note("bytes of an `emitted`"), Configurable(1024)] = 4 << 20
     small_bytes: Annotated[
@@ -49,15 +49,25 @@ class Limits:
     ] = 50_000
     # A frame waits for these. A generator's saved state may be bytes, which are one value; the
     # changes of a host are as many as its agents require, with newborn agents and views.
-    tick_values: Annotated[int, Note("values of a `ticked`"), Configurable(1000)] = 60_000
+    tick_values: Annotated[int, Note("values of a `ticked`"), Configurable(1000)] = 50_000
     answer_values: Annotated[
         int,
-        Note("values of an `evolved` beyond twice those of the agents of its host"),
+        Note(
+            "values of an `evolved`, `part`, `parcel` or `replies` beyond twice those of the agents"
+            " of its sender"
+        ),
         Configurable(1000),
-    ] = 60_000
-    region_values: Annotated[int, Note("values of a `parcel`, `replies` or `part` of a region")] = (
-        5_000_000
-    )
+    ] = 50_000
+    answer_rows: Annotated[
+        int,
+        Note("rows of all columns of one of these beyond the values of those agents"),
+        Configurable(1),
+    ] = 300_000
+    answer_bytes: Annotated[
+        int,
+        Note("bytes of one of these beyond four times those of those agents"),
+        Configurable(1024),
+    ] = 8 << 20
     items: Annotated[int, Note("values of any message, including the coordinator's")] = 64 << 20
     nodes: Annotated[int, Note("symbols of a string; rows of columns")] = 5_000_000
     # Scopes are read without recursion, so this is far beyond Python's own limit.
@@ -66,8 +76,10 @@ class Limits:
     # kind without attributes takes no byte.
     rows: Annotated[int, Note("rows of all columns of a message")] = 20_000_000
     events: Annotated[
-        int, Note("events of a list, including those in columns"), Configurable(1)
-    ] = 1_000_000
+        int,
+        Note("events of a `ticked` or `emitted`, including those in columns"),
+        Configurable(1),
+    ] = 300_000
     single_events: Annotated[
         int,
         Note(
@@ -147,7 +159,8 @@ ON_DISK: Final = Limits(
     values=1 << 31,
     tick_values=1 << 31,
     answer_values=1 << 31,
-    region_values=1 << 31,
+    answer_rows=1 << 31,
+    answer_bytes=1 << 31,
     # Lower than on the bus: a file may have an unknown origin, and each item takes memory.
     items=16_000_000,
     nodes=50_000_000,

@@ -19,7 +19,7 @@ endian); a string as a value is extension 2 (a packed scene).
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from itertools import chain
 from typing import Any
 
@@ -31,11 +31,9 @@ from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.scene import (
     FigureNode,
     Node,
-    Piece,
     Scene,
     TransformationNode,
     Value,
-    walk,
 )
 from minerva_bus.wire.columns import plain_columns
 from minerva_bus.wire.columns import plain_events as plain_batch
@@ -110,28 +108,6 @@ def plain_event(event: AnyEvent) -> list[Any]:
 def plain_event_list(events: Sequence[AnyEvent]) -> list[Any]:
     """Events in order."""
     return [plain_event(event) for event in events]
-
-
-def weight_of(pieces: Iterable[Piece]) -> int:
-    """Values of MessagePack, such as lists and numbers, that describe nodes outside columns."""
-    count = 0
-    for piece in pieces:
-        if isinstance(piece, Columns):
-            count += piece.count * sum(5 + len(level.columns) for level in piece.levels())
-        else:
-            nodes = (node for opens, node in walk(Scene((piece,))) if opens)
-            count += sum(5 + sum(map(_values_in, node.values)) for node in nodes)
-    return count
-
-
-def _values_in(value: Value) -> int:
-    if isinstance(value, Scene):
-        return 3 + weight_of(value.pieces)  # The extension, and a list with its count.
-    if not isinstance(value, tuple):
-        return 1
-    # Long lists are usually flat, such as routes.
-    plain = PLAIN_TYPES.issuperset(map(type, value))
-    return 1 + (len(value) if plain else sum(map(_values_in, value)))
 
 
 def are_plain_lists(items: Sequence[Any], kind: type[Any]) -> bool:

@@ -6,7 +6,7 @@ cannot be interrupted. Counting the values is cheap, allocates nothing and stops
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Final, Protocol
 
 from minerva_bus.errors import ProtocolError
 from minerva_bus.frame.schema import Wire
@@ -97,31 +97,48 @@ def name_in(data: bytes, offset: int = 0) -> str:
     return data[begin:end][:64].decode(errors="replace")
 
 
-def check_weight(data: bytes, wire: Wire, limits: Limits, more: int = 0) -> None:
-    """Raise ProtocolError if a member's message is larger than its declaration allows.
+class Beyond(Protocol):
+    """What a message may have beyond the limits of its declaration."""
 
-    `more` values are allowed in addition.
-    """
+    def values(self) -> int:
+        """Values."""
+        ...
+
+    def bytes(self) -> int:
+        """Bytes."""
+        ...
+
+
+def check_weight(data: bytes, wire: Wire, limits: Limits, beyond: Beyond) -> None:
+    """Raise ProtocolError if a member's message is larger than its declaration allows."""
     size = len(data)
     # The name is read without decoding, so that the error can mention it.
     name = wire.name or name_in(data)
     if size > limits.message_bytes:
         raise ProtocolError(f"{size} bytes at once, over {limits.message_bytes}")
     most = getattr(limits, wire.max_bytes)
-    if size > most and not name:
-        raise ProtocolError("this is no msgpack list that begins with a message's name")
-    advice = f"{wire.max_bytes} in [limits]" if wire.max_bytes in configurable_limits() else ""
-    check(name, size, most, "bytes", advice)
-    most = getattr(limits, wire.max_values) + more
-    if size > most and (count := values_in(data, most)) > most:  # A value has at least one byte.
+    if size > most:
+        if not name:
+            raise ProtocolError("this is no msgpack list that begins with a message's name")
+        check(name, size, most + beyond.bytes(), "bytes", raised(wire.max_bytes))
+    most = getattr(limits, wire.max_values)
+    if size <= most:  # A value has at least one byte.
+        return
+    most += beyond.values()
+    if (count := values_in(data, most)) > most:
         raise ProtocolError(
             f"{name or 'a message'} has at least {count} values, over {most}; {_FEW[wire.awaited]},"
             f" which are few values, or raise {wire.max_values} in [limits]"
         )
 
 
+def raised(limit: str) -> str:
+    """Advice to raise a limit, if a world file may set it."""
+    return f"raise {limit} in [limits]" if limit in configurable_limits() else ""
+
+
 def lightest(limits: Limits) -> int:
     """Bytes up to which a message is within all limits, since a value has at least one byte."""
     values = min(limits.values, limits.tick_values, limits.answer_values)
     in_bytes = min(limits.message_bytes, limits.tick_bytes, limits.emitted_bytes)
-    return min(in_bytes, limits.small_bytes, values)
+    return min(in_bytes, limits.small_bytes, limits.answer_bytes, values)

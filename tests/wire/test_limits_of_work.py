@@ -10,14 +10,18 @@ from hypothesis import strategies as st
 from minerva_bus import Agent, EventType, Scene, Vocabulary
 from minerva_bus.errors import ProtocolError, VocabularyError
 from minerva_bus.frame import messages as m
+from minerva_bus.frame.own_agents import OwnAgents
 from minerva_bus.grammar.batch import Events, in_columns, single
+from minerva_bus.grammar.columns import Columns
+from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.literals import DEPTH
 from minerva_bus.testing.family import FAMILY_VOCABULARY
 from minerva_bus.testing.strategies import strings_of
+from minerva_bus.wire.beyond import weight_of
 from minerva_bus.wire.codec import Decoder, encode
 from minerva_bus.wire.limits import Limits
 from minerva_bus.wire.plain import pack, unpack
-from minerva_bus.wire.values import plain_scene, weight_of
+from minerva_bus.wire.values import plain_scene
 from minerva_bus.wire.weighing import STRING, name_in, values_in
 
 eNear = EventType("eNear", distance=float)
@@ -32,7 +36,8 @@ class Stone(Agent, symbol="AStone"):
 VOCABULARY = Vocabulary.of(eNear, eText, eBare, Stone)
 SMALL = Limits(
     single_events=3, host_events=5, tick_bytes=800, emitted_bytes=900, receivers=4, conditions=40, kinds=2, fields=3, names=2, figures=2,
-    events=50, rows=60, values=100, tick_values=200, answer_values=200, small_bytes=600,
+    events=50, rows=60, values=100, tick_values=200, answer_values=200, answer_rows=40,
+    answer_bytes=700, small_bytes=600,
 )  # fmt: skip
 
 
@@ -69,7 +74,7 @@ TOO_MUCH = {
     "columns in all": (pack(["emitted", [many(30), many(30)]]), "60 events at once, over 50"),
     "emitted by agents": (
         pack(["evolved", 0, 0, {}, {"a": [many(30)], "b": [many(31)]}, {}]),
-        "columns of more than 60 rows in a message",
+        "columns of more than 40 rows in a message",
     ),
     "single events by agents": (
         pack(["evolved", 0, 0, {}, {n: [["eBare", []]] * 3 for n in "ab"}, {}]),
@@ -80,16 +85,24 @@ TOO_MUCH = {
         "evolved has 6 senders of events, over 5",
     ),
     "bytes of a tick": (
-        pack(["ticked", 0, [], {"x": bytes(900)}]), "ticked has .* bytes, over 800; tick_bytes in"
+        pack(["ticked", 0, [], {"x": bytes(900)}]), "ticked has .* bytes, over 800; raise tick_bytes in"
     ),
     "many bytes": (pack(["emitted", [["eText", ["x" * 900]]]]), "emitted has .* bytes, over 900"),
     "rows of fragments": (
         pack(["evolved", 0, 0, {n: [1, [30, [n, 0, 30], [["AStone", []]]]] for n in "abc"}, {}, {}]),
-        "columns of more than 60 rows in a message",
+        "columns of more than 40 rows in a message",
     ),
     "rows of patches": (
         pack(["evolved", 0, 0, {n: ["patch", 31, ["AStone"], []] for n in "ab"}, {}, {}]),
-        "columns of more than 60 rows in a message",
+        "columns of more than 40 rows in a message",
+    ),
+    "rows of newborn agents": (
+        pack(["evolved", 0, 0, {"a": [1, [41, ["a", 0, 41], [["AStone", []]]]]}, {}, {}]),
+        "columns of more than 40 rows in a message; raise answer_rows in",
+    ),
+    "bytes of an answer": (
+        pack(["evolved", 0, 0, {}, {"a": [["eText", ["x" * 700]]]}, {}]),
+        "evolved has .* bytes, over 700; raise answer_bytes in",
     ),
     "values": (pack(["emitted", [["eText", [[0] * 200]]]]), "emitted has at least 101 values"),
     "answer": (pack(["ticked", 0, [], {"x": [0] * 200}]), "ticked has at least 201 values, over 200"),
@@ -160,10 +173,17 @@ def test_expensive_messages_are_rejected_before_decoding(what, monkeypatch):
 
 
 def test_as_many_honest_columns_as_before():
-    whole = Events.repeated(eNear(1.0), 1_000_000)
+    whole = Events.repeated(eNear(1.0), 300_000)
     assert Decoder(VOCABULARY).from_member("x", encode(m.TickReply("x", 1, (whole,)))).events
     part = {"~a": [1, [1_000_000, ["a", 0, 1_000_000], [["AStone", []]]]]}
-    Decoder(VOCABULARY).from_member("x", pack(["evolved", 0, 0, part, {}, {}]))
+    sent = {"~a": [["eBare", 1_000_000, [], "", ["a", 0, 1_000_000], None]]}
+    data = pack(["evolved", 0, 0, part, sent, {}])
+    ids = Ids.numbered("a", range(1_000_000))
+    stones = OwnAgents(lambda: [Columns("AStone", (), (), 1_000_000, ids)])
+    reply = Decoder(VOCABULARY).from_member("x", data, stones)
+    assert reply.emitted["~a"][0].count == 1_000_000
+    with pytest.raises(ProtocolError, match=r"more than 300000 rows .*; raise answer_rows in"):
+        Decoder(VOCABULARY).from_member("x", data)
 
 
 # --- counting ---

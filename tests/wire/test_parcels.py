@@ -7,7 +7,7 @@ import pytest
 from minerva_bus.errors import ProtocolError, SceneError
 from minerva_bus.frame.description import World
 from minerva_bus.grammar.scene import Scene
-from minerva_bus.regions.merging import PlacedEvent, Units
+from minerva_bus.regions.merging import PlacedEvent, Units, agents_in
 from minerva_bus.regions.messages import (
     from_message,
     packed_pairs,
@@ -24,6 +24,7 @@ from minerva_bus.regions.region import Region
 from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.testing.family import FAMILY_VOCABULARY, Walker, eHit
 from minerva_bus.wire.codec import Decoder, encode
+from minerva_bus.wire.limits import Limits
 
 DECODER = Decoder(FAMILY_VOCABULARY)
 
@@ -152,3 +153,45 @@ def test_a_report_with_contradictions_is_refused(change, problem):
     )
     with pytest.raises(ProtocolError, match=problem):
         receiver.apply(DECODER.part(encode(replace(report, **change))))
+
+
+# --- limits ---
+
+TIGHT = Decoder(FAMILY_VOCABULARY, Limits(answer_values=100, answer_rows=20, answer_bytes=4000))
+CROWD = [f"n{number}" for number in range(40)]
+
+
+def crowd(*places):
+    return parcel(*CROWD, places=[(number, *places) for number in range(len(CROWD))])
+
+
+@pytest.mark.parametrize(
+    ("sent", "problem"),
+    [
+        (crowd(), "parcel has at least 101 values, over 100; .* raise answer_values in"),
+        (
+            parcel("c", places=[tuple(range(25))]),
+            "25 packed numbers, over 20; raise answer_rows in",
+        ),
+        (parcel("c", places=[tuple(range(999))]), "bytes, over 4000; raise answer_bytes in"),
+    ],
+)
+def test_a_parcel_over_a_limit_is_refused_unless_there_are_so_many_agents(sent, problem):
+    data = encode(to_message(sent))
+    with pytest.raises(ProtocolError, match=problem):
+        TIGHT.parcel(data)
+    assert from_message(TIGHT.parcel(data, agents_in([sent.units])), 1, 0).units == sent.units
+
+
+@pytest.mark.parametrize(
+    ("change", "problem"),
+    [
+        ({"kept": bytes(404)}, "part has 101 pieces, over 100; raise answer_values in"),
+        ({"inputs": bytes([0x90] * 200)}, "part has 101 values of events in inputs, over 100"),
+        ({"senders": bytes(168)}, "part has 21 packed numbers, over 20; raise answer_rows in"),
+    ],
+)
+def test_a_report_over_a_limit_is_refused(change, problem):
+    message = PartSender().message(0, Units((), ()), (), NO_PROGRESS, (), b"")
+    with pytest.raises(ProtocolError, match=problem):
+        TIGHT.part(encode(replace(message, **change)))

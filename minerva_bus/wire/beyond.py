@@ -1,0 +1,64 @@
+"""What an answer may have beyond the limits, because of the agents of its sender.
+
+A host that has many agents reports all of them, and its frames take what such a world takes. The
+limits bound the rest: newborn agents, views and events.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Final
+
+import msgpack
+
+from minerva_bus.frame.own_agents import OwnAgents
+from minerva_bus.grammar.columns import Columns
+from minerva_bus.grammar.scene import Piece, Scene, Value, walk
+from minerva_bus.wire.values import PLAIN_TYPES, plain_scene
+
+PLACE_BYTES: Final = 8
+"""Bytes of a number of a place."""
+
+
+@dataclass(frozen=True, slots=True)
+class BeyondLimits:
+    """What an answer about these agents may have beyond the limits of its type."""
+
+    own: OwnAgents
+
+    def values(self) -> int:
+        """Values: twice those of the agents, because views may describe each of them once more."""
+        return 2 * weight_of(self.own.pieces())
+
+    def rows(self) -> int:
+        """Rows of columns: some for each agent, to change, show and send events."""
+        return weight_of(self.own.pieces()) + self.own.places()
+
+    def bytes(self) -> int:
+        """Bytes."""
+        pieces = tuple(self.own.pieces())
+        size = len(msgpack.packb(plain_scene(Scene(pieces)))) if pieces else 0
+        return 4 * (size + PLACE_BYTES * self.own.places())
+
+
+def weight_of(pieces: Iterable[Piece]) -> int:
+    """Values of MessagePack, such as lists and numbers, that describe nodes outside columns."""
+    count = 0
+    for piece in pieces:
+        if isinstance(piece, Columns):
+            count += piece.count * sum(5 + len(level.columns) for level in piece.levels())
+        else:
+            nodes = (node for opens, node in walk(Scene((piece,))) if opens)
+            count += sum(5 + sum(map(_values_in, node.values)) for node in nodes)
+    return count
+
+
+def _values_in(value: Value) -> int:
+    if isinstance(value, Scene):
+        return 3 + weight_of(value.pieces)  # The extension, and a list with its count.
+    if not isinstance(value, tuple):
+        return 1
+    # Long lists are usually flat, such as routes.
+    plain = PLAIN_TYPES.issuperset(map(type, value))
+    return 1 + (len(value) if plain else sum(map(_values_in, value)))
