@@ -9,6 +9,8 @@ import pytest
 import running
 from running import MEMBERS, World, eventually, here, minerva, summary, write_world
 
+from tests import starts
+
 COLLECT = """
 [collect]
 into = "out.csv"
@@ -58,6 +60,7 @@ def run_with(monkeypatch, folder, settings):
     script = folder / "impatient.py"
     script.write_text(IMPATIENT.format(settings=settings))
     monkeypatch.setattr(running, "MINERVA", [sys.executable, str(script)])
+    monkeypatch.setattr(starts, "PROGRAMS", (*starts.PROGRAMS, [str(script)]))
 
 
 @pytest.mark.parametrize("settings", [
