@@ -4,7 +4,7 @@ import pytest
 from terminal import Island
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")  # Two fork servers start in each, with 1.3 s of CPU time each.
 def island(request, tmp_path_factory):
     island = Island(tmp_path_factory.mktemp("island"))
     yield island
