@@ -66,7 +66,7 @@ def is_stream(path: str | Path) -> bool:
     try:
         mode = Path(path).stat().st_mode
     except OSError:
-        return False  # Who opens it reports the reason.
+        return False  # The error is reported when the file is opened.
     return not (stat.S_ISREG(mode) or stat.S_ISDIR(mode))
 
 

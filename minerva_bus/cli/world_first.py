@@ -83,7 +83,7 @@ def _names_world(words: Sequence[str], others: Sequence[Any]) -> bool:
         return False
     first, *rest = words
     if any(each.nargs == -1 for each in others):
-        # Data follow without an end: a second word that is no KEY=VALUE is the event type.
+        # Any number of data follow, so a second word that is not KEY=VALUE is the event type.
         is_data = not rest or "=" in rest[0]
         return not is_data and (bool(_EVENT_TYPE.fullmatch(rest[0])) or first in _running())
     # With a word too many the first one is the world, even if none of this name runs: the message

@@ -140,7 +140,7 @@ def plans_of(entries: Entries, vocabulary: Vocabulary, option: str = "collect:")
 
 
 def whole_plans(vocabulary: Vocabulary, interval: int = 1) -> list[TablePlan]:
-    """A table for each agent kind and event type, with all that fits into columns.
+    """A table for each agent kind and event type, with all data that fit into columns.
 
     Attributes that are no number, bool or text, such as grids, have no column.
     """

@@ -138,7 +138,7 @@ class Composition:
             home = self._home.get(agent)
             if home is not None:
                 homes[agent] = home
-            elif len(agent) <= LONGEST:  # No column holds a longer id.
+            elif len(agent) <= LONGEST:  # A longer id does not fit into a column.
                 others.append(agent)
         if not (others and self.parts):
             return homes

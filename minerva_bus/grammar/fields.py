@@ -81,7 +81,7 @@ class Field:
 
 
 class _NoFormer:
-    """Takes the place of a value where there is none, and is the value of no attribute.
+    """Stands for a missing value; no attribute has it as its value.
 
     A class, because digests of code describe classes by their names, but no object without data.
     """

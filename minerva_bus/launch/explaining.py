@@ -57,7 +57,7 @@ def explain_running_value(
 
     The frames come from its record, if they are written, because those of the world's journal have
     to be repeated. The latest ones are in the journal only; for an older value, the record follows,
-    or the frames between earlier keyframes of the journal. The world does not notice it.
+    or the frames between earlier keyframes of the journal. The world is not affected.
 
     Args:
         operator: the running world, on this machine.

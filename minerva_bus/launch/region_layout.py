@@ -70,7 +70,7 @@ class RegionSpec(Process):
 
     @property
     def announces(self) -> bool:
-        """Whether regions are on several machines, and learn from each other where they are."""
+        """Whether regions run on several machines, so that they exchange their endpoints."""
         partition = self.world_file.partition
         return partition is not None and len(self.endpoints) < partition.count
 

@@ -1,4 +1,4 @@
-"""What repeated parcels show: who never sends a valid one."""
+"""Detects regions that repeat their parcels without ever sending a valid one."""
 
 from __future__ import annotations
 

@@ -27,7 +27,7 @@ class StoppedChildren:
         self._since: dict[int, float] = {}
 
     def given_up(self, children: Collection[int], now: float) -> list[int]:
-        """Those of these process ids to kill; asked at least once a second, in monotonic time."""
+        """The process ids to kill; to be called at least once a second, with the monotonic time."""
         if now - self._looked_at > LATE_SECONDS:
             self._since.clear()
         self._looked_at = now

@@ -161,7 +161,7 @@ class Supervisor:
             self.kill_all()
 
     def _kill_stopped(self, now: float) -> None:
-        """Kill a coordinator or region that a signal has stopped: others wait for it for ever."""
+        """Kill a coordinator or region that a signal has stopped, because others wait for it."""
         children = {
             process.child.pid: process.name
             for process in self._processes

@@ -56,7 +56,7 @@ def read_toml(text: str) -> dict[str, Any]:
         raise TomlError("arrays or tables are nested too deeply") from None
     except tomllib.TOMLDecodeError as error:
         raise _located(str(error), text) from None
-    except ValueError:  # Python's limit of the digits of a whole number.
+    except ValueError:  # Python limits the digits of a whole number.
         # A text or comment with as many digits keeps its length, so that the offset is right.
         blank = _STRINGS.sub(lambda match: " " * len(match[0]), text)
         match = _LONG_NUMBER.search(blank)

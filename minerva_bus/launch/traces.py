@@ -49,7 +49,7 @@ def blocked_at(stacks: Sequence[str], began_in: str) -> SourceLine | None:
     `began_in` is the source file that forked the process: older frames belong to the launcher.
     """
     place = innermost(own_frames(stacks, began_in))
-    # A package is user code if the framework calls it, and a stack that is cut does not show that.
+    # A package is user code if the framework calls it, which a truncated stack does not show.
     if place is not None and is_foreign(place.file) and _CUT in _main_thread(stacks):
         return None
     return place

@@ -103,7 +103,7 @@ class Chunks:
         latest, read, messages = self._latest
         if latest == chunk and read.issuperset(topics):
             return [each for each in messages if each[0] in topics]
-        # A search for a keyframe is followed by the frames after it, often in the same chunk.
+        # After a keyframe is found, the frames after it are read, often from the same chunk.
         read = frozenset((*topics, KEYFRAME, FRAME))
         kept = {number: topic for number, topic in self.topics.items() if topic in read}
         try:

@@ -75,7 +75,7 @@ class RecordingThread:
                 self._writing.release()
 
     def flush(self) -> None:
-        """Write all queued items, and wait for it."""
+        """Write all queued items, and wait until they are written."""
         self._is_urgent = True
         self.queue.wait_until_flushed(PATIENCE)
 

@@ -66,7 +66,7 @@ def _oversized(arguments: Mapping[str, Any]) -> str:
 
 def _invalid_arguments(tool: Tool, arguments: Mapping[str, Any]) -> str:
     """What is wrong with arguments; empty if they fit the schema of the tool."""
-    # Late: beside JupyterLab, jsonschema compiles a grammar of IRIs for 2 s when it is imported.
+    # Imported late: beside JupyterLab, jsonschema compiles a grammar of IRIs for 2 s.
     import jsonschema
 
     validator: Any = jsonschema.Draft202012Validator(tool.schema)

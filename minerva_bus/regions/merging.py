@@ -74,7 +74,7 @@ class PlacedEvent:
 
 
 class Merger:
-    """Merges the units of several parts, sorted by place, again and again.
+    """Repeatedly merges the units of several parts, sorted by place.
 
     While all parts have the nodes that they had, it keeps their order, so that merging costs what
     copying columns costs.

@@ -11,7 +11,7 @@ from minerva_bus.regions.views import NO_VIEWS, ViewPart
 
 @dataclass(frozen=True, slots=True)
 class Parcel:
-    """The message of one region to another after a frame; one with nothing in it is not sent.
+    """The message of one region to another after a frame; empty ones are not sent.
 
     `units` become part of the receiver's string, and `events` belong to the next frame, unless
     `frame` is the last one. `views` are only for the region of attached services.
@@ -26,7 +26,7 @@ class Parcel:
     norms: NormPart = NO_NORMS
 
     def __bool__(self) -> bool:
-        """Whether there is something in it."""
+        """Whether it is not empty."""
         return bool(self.units or self.events or self.norms) or self.views is not NO_VIEWS
 
     @property

@@ -109,7 +109,7 @@ class ByPosition:
         x, y = (agent.state.get(name) for name in self._both)
         if not (is_coordinate(x) and is_coordinate(y)):
             return ById(self.count).region_of(agent)
-        # As floats, like in columns: an int may lie between two of them.
+        # As floats, as in columns: an int may lie between two of them.
         x, y = float(x), float(y)
         column, row = bisect_right(self.across, x), bisect_right(self.down, y)
         return row * (len(self.across) + 1) + column

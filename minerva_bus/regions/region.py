@@ -200,7 +200,7 @@ class Region:
     # --- after a frame ---
 
     def leave(self) -> list[Parcel]:
-        """The parcels after a frame: one for itself, and those for others with something in them.
+        """The parcels after a frame: one for itself, and the non-empty ones for others.
 
         What `progress` has returned is forgotten.
         """

@@ -40,7 +40,7 @@ class Split:
 
     @property
     def borders(self) -> tuple[float, ...]:
-        """Its border, then those of its parts."""
+        """The border of the split, then those of its parts."""
         parts = [part.borders for part in (self.below, self.above) if part is not None]
         return (self.at, *chain.from_iterable(parts))
 
@@ -54,7 +54,7 @@ class Split:
             yield from [inside] if part is None else part.cells(inside)
 
     def moved(self, borders: Iterator[float]) -> Split:
-        """It with other borders, in the order of `borders`."""
+        """The same tree with other borders, in the order of `borders`."""
         at = next(borders)
         below = None if self.below is None else self.below.moved(borders)
         above = None if self.above is None else self.above.moved(borders)

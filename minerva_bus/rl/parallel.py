@@ -61,7 +61,7 @@ class Episodes(Protocol):
 
 
 def whole_seed(seed: Any) -> int | None:
-    """A seed of `reset`, also one of numpy, as an int. Raises MisuseError if it is none."""
+    """A seed of `reset`, also a NumPy int, as an int. Raises MisuseError for other values."""
     try:
         return None if seed is None else index(seed)
     except TypeError:

@@ -113,7 +113,7 @@ class Rejoin:
     def stand_by(self, session: zenoh.Session) -> Iterator[None]:
         """Wait until the member of this name has gone; yields before each further check.
 
-        Raises BusError if the world is away for longer than a member waits for it.
+        Raises BusError if the world is unreachable for longer than a member waits for it.
         """
         clock, world = self._system.monotonic, self._link.keys.alive(COORDINATOR)
         present = free = clock()

@@ -91,7 +91,7 @@ def _rules(keys: Keys, holder: Rights) -> list[Rule]:
     # that it is gone; the names of other members stay hidden.
     tokens, declared = [keys.alive(COORDINATOR), keys.alive(own)], [keys.alive(own)]
     if holder.may(REGION):
-        # Regions learn from each other where they receive parcels.
+        # Regions exchange the endpoints at which they receive parcels.
         tokens.append(keys.link())
         declared.append(keys.link(own))
     sent = [keys.sent_by("*"), f"{keys.base}/topic/*/*"]

@@ -20,7 +20,7 @@ class Overrides:
     `options` are the world's own options as text, `settings` texts PROCESS.KEY=VALUE, or
     SYMBOL.PARAMETER=VALUE for the string, `views` texts such as `svg:every=5`, `collect` texts
     NAME=EXPRESSION that replace the expressions of [collect]. With `only_code`, the services of the
-    world file are not made: the code of its agents answers questions about a record. `values` are
+    world file are not created: its agents' code answers questions about a record. `values` are
     the other settings that were given, by the names of their options:
     `Overrides(seed=3, record="run.mcap")`; None means not given. Values are converted when a world
     file is read. Raises MisuseError for a name that is no setting.

@@ -58,7 +58,7 @@ def go_to(table: Any, i: int, x: float, y: float) -> None:
     if field.periodic:
         x, y = wrapped(x, field.width), wrapped(y, field.height)
     table.x[i], table.y[i] = x, y
-    # Also before it is needed: for nan, which is in no cell, this is an error.
+    # Computed even if it is not needed, because nan, which is in no cell, must be an error.
     cell = cell_of(field, x, y)
     if not table.counts[LATER]:
         move_to(table, i, cell)

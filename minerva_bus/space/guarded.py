@@ -107,7 +107,7 @@ class _Unchecked(Kernel[[Any], Any]):
 
 
 def _same(array: Any) -> Any:
-    """An array without checks of its indices, in kernels that know that there are such items.
+    """An array without index checks, for kernels whose indices are known to exist.
 
     In rules that run as Python it is the same array, which checks them.
     """

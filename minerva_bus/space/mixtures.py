@@ -119,7 +119,7 @@ class _Check:
         return True
 
     def _is_small(self, variable: Any) -> bool:
-        """Whether an int is one that a real holds exactly, as far as its type tells."""
+        """Whether a real can hold an int exactly, as far as the int's type shows."""
         kind = self._kinds[variable.name]
         if isinstance(kind, types.Boolean) or getattr(kind, "bitwidth", 64) < 64:
             return True

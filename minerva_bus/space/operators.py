@@ -170,7 +170,7 @@ def _exact(function: Any, *, ints: bool) -> Any:
 def leave_if_inexact(target: Any, builder: Any, value: Any, kind: Any) -> None:
     """Leave the function if a value is an int that a real does not hold exactly."""
     if whole(kind) and getattr(kind, "bitwidth", 1) == 64:
-        # From -2^53 to 2^53, by one unsigned comparison.
+        # Checks the range from -2^53 to 2^53 with one unsigned comparison.
         moved = builder.add(value, value.type(_EXACT))
         _leave_if(target, builder, builder.icmp_unsigned(">", moved, value.type(2 * _EXACT)))
 

@@ -1,4 +1,4 @@
-"""Rules in the order SIMULTANEOUS that would notice the order of their activations.
+"""Refuses SIMULTANEOUS rules whose result depends on the order of their activations.
 
 What such a rule reads of its subject it must read from `before`, unless no activation changes it.
 Machine code and Python agree on other rules as well, but they are not simultaneous: each row would
@@ -174,7 +174,7 @@ def _call(origin: Origin, node: ast.Call, subject: str, row: str, uses: _Uses) -
     elif kernel in _CHANGES:
         uses.changed.update(_POSITION)
         if rows[:1] != ["i"]:
-            # The row may have acted before, or may act later.
+            # The row may have been activated before, or may be activated later.
             uses.reads.append(_Read(origin, node, _ANY, own=False))
     else:
         _collect(kernel.function, tables[0], rows[0] if rows else "", uses)
