@@ -1,0 +1,126 @@
+"""Frames per second of a world over slow lines, with one coordinator and as regions elsewhere.
+
+    python -m benchmarks.region_lines [--delay 1 5 50] [--regions 0 2 4] [--agents 100] [--json]
+
+A proxy delays both directions of each line by `delay` ms: between the coordinator and each process,
+and between each two regions. Regions 0 is one coordinator with the generator and one host on other
+machines. The world is that of benchmarks.regions. `trips` are the round trips that fit into a
+frame, 1 / (frames/s · 2 delay): no frame can be shorter than one, because the coordinator requests
+a frame when it has what the one before has led to.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from contextlib import ExitStack, contextmanager, suppress
+from pathlib import Path
+from random import Random
+from typing import TYPE_CHECKING, Any, Final
+
+from benchmarks.command import Option, Table, options
+from benchmarks.regions import world
+from minerva_bus.errors import BusError
+from minerva_bus.launch.registry import find
+from minerva_bus.runtime.endpoints import check_endpoint
+from minerva_bus.testing.proxy import Proxy, slow_line
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+COLUMNS: Final = {"delay ms": ">9", "regions": ">8", "frames/s": ">9.1f", "trips": ">6.2f"}
+MEMBER: Final = "member"
+"""First word of the command line of a process whose links from other regions are delayed."""
+
+ROOT: Final = Path(__file__).resolve().parents[1]
+
+
+def run_member(milliseconds: float, words: Sequence[str]) -> None:
+    """Run `minerva` with these words; a region announces a delayed endpoint as its own."""
+    from minerva_bus.cli.main import main as minerva
+    from minerva_bus.launch import region_process
+    from minerva_bus.runtime.region_links import RegionLinks
+
+    class Delayed(RegionLinks):
+        def __init__(self, *args: Any, **more: Any) -> None:
+            super().__init__(*args, **more)
+            port = check_endpoint(self.endpoint).port
+            self._proxy = Proxy(port, slow_line(Random(1), milliseconds / 1e3))
+            self.endpoint = f"tcp/127.0.0.1:{self._proxy.port}"
+
+    region_process.RegionLinks = Delayed
+    sys.argv = ["minerva", *words]
+    minerva()
+
+
+@contextmanager
+def process(*words: str, **streams: Any) -> Iterator[subprocess.Popen[str]]:
+    """A process of Python that is killed at the end."""
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    running = subprocess.Popen([sys.executable, *words], text=True, env=environment, **streams)
+    try:
+        yield running
+    finally:
+        running.kill()
+        running.wait()
+
+
+def port_of(name: str, coordinator: subprocess.Popen[str]) -> int:
+    """The port of a world that has just been started."""
+    while coordinator.poll() is None:
+        with suppress(BusError):
+            return check_endpoint(find(name).endpoint).port
+        time.sleep(0.1)
+    raise SystemExit(f"{name} has ended before it began")
+
+
+def frames_per_second(path: Path, regions: int, milliseconds: float, frames: int) -> float:
+    """Frames per second of one run, without its start."""
+    alone = "-m", "minerva_bus", "run", str(path), "--coordinator-only", "--json", "--rate", "0"
+    counted = "--frames", str(frames)
+    names = [f"region-{n}" for n in range(regions)] or ["walkers", "steps"]
+    shared = ("--regions", str(regions)) if regions else ()
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL}
+    with ExitStack() as opened:
+        coordinator = opened.enter_context(process(*alone, *counted, *shared, **pipes))
+        assert coordinator.stdout is not None
+        port = port_of(path.stem, coordinator)
+        line = opened.enter_context(Proxy(port, slow_line(Random(1), milliseconds / 1e3)))
+        there = "--connect", f"tcp/127.0.0.1:{line.port}", "--world", path.stem
+        member = "-m", "benchmarks.region_lines", MEMBER, str(milliseconds), "attach", str(path)
+        for name in names:
+            words = *member, "--process", name, *shared, *there
+            opened.enter_context(process(*words, stderr=subprocess.DEVNULL))
+        return json.loads(coordinator.stdout.read())["frames_per_second"]
+
+
+def main() -> None:
+    """Print a row for each delay and number of regions."""
+    given = options(
+        __doc__, delay=[1, 5, 50], regions=[0, 2, 4], agents=100,
+        frames=Option(100, "of each turn"), turns=3,
+    )  # fmt: skip
+    table = Table(COLUMNS, as_json=given.json)
+    with tempfile.TemporaryDirectory() as folder:
+        paths = {n: world(Path(folder), given.agents, 0, n) for n in given.regions}
+        for delay in given.delay:
+            turns = [
+                {n: frames_per_second(path, n, delay, given.frames) for n, path in paths.items()}
+                for _ in range(given.turns)
+            ]
+            for n in given.regions:
+                rate = statistics.median(turn[n] for turn in turns)
+                trips = 1e3 / (rate * 2 * delay)
+                table.row({"delay ms": delay, "regions": n, "frames/s": rate, "trips": trips})
+
+
+if __name__ == "__main__":
+    if sys.argv[1:2] == [MEMBER]:
+        run_member(float(sys.argv[2]), sys.argv[3:])
+    else:
+        main()
