@@ -77,7 +77,7 @@ class Region:
             self._source.judge = self._norms.judge
             if received is not None:
                 self._norms.receive([received])
-            elif world.past.emitted:
+            elif world.past.frame:
                 algorithm.inbox.emitted = [*self._norms.judge_past(world)]
                 algorithm.members.saved[SOURCE] = self._norms.saved()
 
