@@ -94,6 +94,10 @@ class Norms:
         self._lines, self._sanctions = [], []
         saved[SOURCE] = self.saved()
 
+    def forget_effects(self) -> None:
+        """Forget the log lines and sanctions of violations that another process has judged, too."""
+        self._lines, self._sanctions = [], []
+
     # --- events ---
 
     def events(self, frame: int, sources: Sources, people: Collection[str] = ()) -> Sources:

@@ -15,13 +15,10 @@ from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.collection import (
     AGENTS,
-    ORDERS,
     CollectionStep,
-    is_handed_over,
     note_answer,
     visual_events,
 )
-from minerva_bus.frame.inbox import counting, is_people, name_of
 from minerva_bus.frame.inputs import FrameInputs, RecordedFrame
 from minerva_bus.frame.live import why_over
 from minerva_bus.frame.members import MemberEntry
@@ -29,11 +26,11 @@ from minerva_bus.frame.own_agents import NO_AGENTS, OwnAgents
 from minerva_bus.frame.replaying import RecordedSource
 from minerva_bus.frame.views import due_views
 from minerva_bus.grammar.batch import AnyEvent
-from minerva_bus.grammar.events import Event
 from minerva_bus.regions.balancing import balanced, is_due, packed_borders
 from minerva_bus.regions.dividing import cut
 from minerva_bus.regions.emissions import take_events
 from minerva_bus.regions.journal import JOURNAL, KeptJournals
+from minerva_bus.regions.judging import permitted_events
 from minerva_bus.regions.merging import agents_in
 from minerva_bus.regions.messages import check_given_up, packed_pairs
 from minerva_bus.regions.norms import judged
@@ -220,16 +217,13 @@ class WholeSource(RecordedSource):
         """Steps 2 to 4: the events of all regions in the order of one coordinator."""
         algorithm, inbox = self._algorithm, self._algorithm.inbox
         inputs = self._generated
-        # Orders that a generator takes do not count themselves.
-        taken = {name: sent for name, sent in inputs.taken.items() if not is_handed_over(name)}
-        sources: dict[str, Sequence[AnyEvent]] = {**taken}
+        people = self._people_of(inputs)
+        sources = permitted_events(algorithm, inputs, people)
         if self._permitted:
             sources[AGENTS] = self._permitted
         if inbox.sanctions:
             sources[SOURCE] = inbox.take_sanctions()
         for name, reply in inputs.ticked.items():
-            if reply.events:
-                sources[name] = [*reply.events, *sources.get(name, ())]
             if reply.saved is not None:
                 algorithm.members.saved[name] = reply.saved
         due = tuple(sorted({*inputs.due, *self._due()}))
@@ -238,11 +232,8 @@ class WholeSource(RecordedSource):
         events = collect(algorithm.world.order, sources)
         waiting = {source: tuple(sent) for source, sent in inbox.events.items()}
         reports = tuple(self._replies)
-        logged = replace(
-            inputs, due=due, waiting=waiting, reports=reports, people=self._people_of(inputs)
-        )
+        logged = replace(inputs, due=due, waiting=waiting, reports=reports, people=people)
         self._whole.ahead = RecordedFrame(algorithm.frame, events, [], b"", 0.0, logged)
-        self._log_orders()
         super().collect()
 
     def _people_of(self, inputs: FrameInputs) -> tuple[str, ...]:
@@ -289,14 +280,6 @@ class WholeSource(RecordedSource):
 
     def seek(self, frame: int) -> None:
         """Do nothing: a running world has no other frames."""
-
-    def _log_orders(self) -> None:
-        frame, out = self._algorithm.frame, self._algorithm.out
-        for source in sorted(filter(is_people, self._outside.current)):
-            for event in self._outside.current[source]:
-                out.log(ORDERS, f"{counting(source, event)} in frame {frame}")
-                if isinstance(event, Event):
-                    out.add(s.OrderJudged(event, name_of(source), frame))
 
 
 def _borders_of(partition: Partition | None, algorithm: FrameAlgorithm) -> bytes:

@@ -1,6 +1,7 @@
 """Regions, their coordinator and the links between them in one process: losses, cuts and deaths."""
 
 from dataclasses import replace
+from itertools import islice
 from random import Random
 
 import msgpack
@@ -186,6 +187,60 @@ service = "yard:Water"
 [process.eye]
 service = "yard:Eye"
 """
+
+
+VAIN = """
+[norm.vain]
+on = "eWish"
+applies = "people:anna"
+when = "event.x > 2"
+most = 1
+per = 4
+"""
+
+
+def test_norms_judge_orders_as_with_one_coordinator(tmp_path):
+    """In the frames that are recorded, and in what the people who gave them learn."""
+    file = read_world_file(write_world(tmp_path, MEMBERS + VAIN, frames=13), Overrides(regions=3))
+    given = [[wish(number % 4, "a"), wish(number % 5, "b")] for number in range(12)]
+    verdicts, wanted, events, frames = [], [], {}, iter(enumerate(given))
+
+    def verdict(notice):
+        return notice.frame, str(notice.event), notice.person, notice.norm
+
+    def observe(notice):
+        if isinstance(notice, s.OrderJudged):
+            wanted.append(verdict(notice))
+
+    algorithm = FrameAlgorithm(file.world)
+    runner = InProcessRunner(algorithm, members_of(file), observe)
+    runner.start()
+    for number, orders in enumerate(given):
+        for order in orders:
+            runner.handle(s.Publish(order, "anna"))
+        runner.handle(s.Begin())
+        events[number] = [*map(str, algorithm.in_flight.events.ordered)]
+
+    class Informed(Cluster):
+        def order_judged(self, notice):
+            verdicts.append(verdict(notice))
+
+    upcoming = [next(frames)]
+
+    def give(cluster):
+        if upcoming and upcoming[0][0] == cluster.algorithm.frame:
+            for order in upcoming.pop()[1]:
+                cluster.publish(order)
+            upcoming.extend(islice(frames, 1))
+            if cluster.algorithm.frame == 7:
+                cluster.succeed()
+
+    with in_regions(file) as regions:
+        cluster = Informed(regions, Random(1))
+        cluster.run(give)
+    assert {done.number: [*map(str, done.events)] for done in cluster.done[:-1]} == events
+    assert [*dict.fromkeys(verdicts)] == wanted
+    assert {norm for *_, norm in wanted} == {"", "vain"}
 
 
 def run_of_one(file):
