@@ -163,6 +163,7 @@ MISTAKES = (
             _says("ExceptionGroup: dry\\x07", "caused by ValueError: no \\x1b[3mwater")),
     Mistake("exits", GROW, "        raise SystemExit(3)  #!\n", _says("SystemExit")),
     Mistake("calls sys.exit", GROW, "        import sys\n        sys.exit()  #!\n", _says("SystemExit")),
+    Mistake("keyboard interrupt", GROW, "        raise KeyboardInterrupt  #!\n", _says("code of the world: KeyboardInterrupt")),
     Mistake("recursion without end", GROW,
             "        self.grow(sun, moment)  #!\n", _says("RecursionError")),
     Mistake("not a number", GROW, "        self.height = float('nan')  #!\n", _says("height", "nan", "Plant.grow"), at=False),
@@ -259,9 +260,6 @@ MISTAKES = (
             _says("norm.tall.when", "a text in double quotes"), at=False, in_file=True),
     Mistake("no TOML", "[process.sun]", "[process.sun", _says("garden.toml"), at=False, in_file=True),
 )  # fmt: skip
-
-INTERRUPTS = Mistake("keyboard interrupt", GROW, "        raise KeyboardInterrupt  #!\n", _says("code of the world: KeyboardInterrupt"))  # fmt: skip
-"""Within one process, this is Ctrl-C."""
 
 HARMLESS = (
     Mistake("generate returns one event", SHINE, "        return eSun(light=self.strength)\n"),
