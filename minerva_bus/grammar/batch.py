@@ -166,19 +166,37 @@ class Events:
             return kept
         # Equal hashes select candidates with one sort of integers; only these are compared in full.
         hashes = self._hashes()
-        order = np.argsort(hashes, kind="stable")
-        same = np.concatenate(([False], hashes[order[1:]] == hashes[order[:-1]], [False]))
-        # Events whose hash occurs more than once, in their order.
-        doubtful = np.sort(order[same[1:] | same[:-1]])
-        if len(doubtful):
+        order = np.argsort(hashes)
+        begins = np.flatnonzero(np.concatenate(([True], np.diff(hashes[order]) != 0)))
+        sizes = np.diff(begins, append=self.count)
+        order, sizes, begins = _repeated(order, sizes, begins)
+        if not len(order):
+            return kept
+        # The sort is not stable, so the first event of equal ones is the one with the least number.
+        firsts = np.repeat(np.minimum.reduceat(order, begins), sizes)
+        equal = self._are_equal(order, firsts)
+        if equal.all():
+            kept[order] = order == firsts
+        else:  # Different events have one hash, or their texts must be compared one by one.
+            doubtful = np.sort(order)
             kept[doubtful[self.take(doubtful)._again()]] = False
         return kept
 
+    def _are_equal(self, rows: Rows, others: Rows) -> NDArray[np.bool_]:
+        """Whether the events at `rows` equal those at `others`; False for any with texts."""
+        equal = np.ones(len(rows), np.bool_)
+        for array in self._arrays():
+            equal &= array.dtype != object and array[rows] == array[others]
+        return equal
+
+    def _arrays(self) -> list[NDArray[Any]]:
+        """Data that are equal if and only if the events are."""
+        known = [ids.data for ids in (self.senders, self.receivers) if ids is not None]
+        return [*[bits(column.array) for column in self.columns], *known]
+
     def _again(self) -> NDArray[np.bool_]:
         """Which events equal an earlier one, shape (count,)."""
-        known = [ids.spelled for ids in (self.senders, self.receivers) if ids is not None]
-        arrays = [*[bits(column.array) for column in self.columns], *known]
-        codes = [np.unique(array, return_inverse=True)[1] for array in arrays]
+        codes = [np.unique(array, return_inverse=True)[1] for array in self._arrays()]
         codes.append(np.zeros(self.count, np.intp))  # An event may have no data at all.
         # The sort is stable: of equal events the earliest comes first, and the others are
         # repetitions.
@@ -244,6 +262,15 @@ def in_columns(events: tuple[AnyEvent, ...]) -> tuple[AnyEvent, ...]:
 
 def _by_type(event: AnyEvent) -> str:
     return event.type
+
+
+def _repeated(order: Rows, sizes: Rows, begins: Rows) -> tuple[Rows, Rows, Rows]:
+    """The rows, sizes and begins of those groups in an order that have several rows."""
+    several = sizes > 1
+    if several.all():
+        return order, sizes, begins
+    kept = sizes[several]
+    return order[np.repeat(several, sizes)], kept, np.cumsum(kept) - kept
 
 
 def _texts(column: Column) -> bool:
