@@ -203,15 +203,16 @@ class Reader:
         return count
 
     def _new_id(self, plain: Any) -> str:
-        # The usual case without further calls.
-        is_plain = plain.__class__ is str and AGENT_ID.fullmatch(plain) is not None
-        agent_id = plain if is_plain else self._id(plain)
+        agent_id = self._id(plain)
         if agent_id in self._ids:
             raise ProtocolError(same_id(agent_id)[:_MAX_ERROR_CHARS])
         self._ids.add(agent_id)
         return agent_id
 
     def _id(self, plain: Any) -> str:
+        # The usual case, without further calls.
+        if plain.__class__ is str and AGENT_ID.fullmatch(plain) is not None:
+            return plain
         agent_id = as_text(plain, "an id")
         # Slots may have the name of a part, such as ~AFox.1, which is not a valid agent id.
         plain_id = agent_id.removeprefix("~").replace(".", "_") if self._slots else agent_id
@@ -247,7 +248,6 @@ class Reader:
         declared = self.vocabulary.events.get(name)
         if declared is None:
             raise VocabularyError(f"no event type {name[:40]!r}", source="event")
-        given = self._data(name, items[1])
         condition, sender, receivers = "", "", ()
         if len(items) == 5:
             condition, sender = as_text(items[2], "a condition"), as_text(items[3], "a sender")
@@ -256,13 +256,17 @@ class Reader:
             ids = [self._id(item) for item in as_list(items[4], "receivers")]
             # Sorted and unique, because equal events of different members must compare equal.
             receivers = tuple(sorted(set(ids))) if len(ids) > 1 else tuple(ids)
-        if len(given) != len(declared.fields.names):
-            wanted = ", ".join(declared.fields.names) or "no data"
+        fields = declared.fields
+        if items[1].__class__ is list and fields.is_final(items[1]):  # The usual case.
+            return Event(name, fields.names, tuple(items[1]), condition, sender, receivers)
+        given = self._data(name, items[1])
+        if len(given) != len(fields.names):
+            wanted = ", ".join(fields.names) or "no data"
             raise VocabularyError(
                 f"{name} has {len(given)} data; expected {wanted}", source="event"
             )
         try:
-            names, values = declared.fields.refit(name, declared.fields.names, given)
+            names, values = fields.refit(name, fields.names, given)
         except Unfit as unfit:
             raise VocabularyError(str(unfit)[:_MAX_ERROR_CHARS], source="event") from None
         return Event(name, names, values, condition, sender, receivers)
