@@ -8,10 +8,23 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import msgpack
+import numpy as np
 import zenoh
 
-from minerva_bus import Agent, Context, Event, EventType, Generator, Tick, Vocabulary, on
+from minerva_bus import (
+    Agent,
+    Context,
+    Event,
+    EventType,
+    Generator,
+    Primitive,
+    Tick,
+    Vocabulary,
+    on,
+)
 from minerva_bus.frame.compatibility import PROTOCOL_VERSION
+from minerva_bus.grammar.ids import Ids
+from minerva_bus.wire.arrays import plain_ids
 from minerva_bus.wire.keys import Keys
 from minerva_bus.wire.limits import DEFAULT
 from minerva_bus.wire.plain import pack
@@ -46,8 +59,12 @@ class Steps(Generator, events=("eStep",)):
         return eStep(1.0)
 
 
-VOCABULARY = Vocabulary.of(eStep, eNear, eBare, eList, eLists, eShow, Fox)
+PDot = Primitive("PDot", x=float, y=float)
+VOCABULARY = Vocabulary.of(eStep, eNear, eBare, eList, eLists, eShow, Fox, PDot)
 
+
+STRING = VOCABULARY.read(" · ".join(f"AFox#f{n}" for n in range(AGENTS)))
+"""The string of the world."""
 
 BATCH = ["eBare", DEFAULT.events, [], "", None, ["f", 0, DEFAULT.events]]
 """The most events in the fewest bytes."""
@@ -110,8 +127,7 @@ def single(name: str, **more: Any) -> Message:
 def columns(name: str) -> Message:
     most = DEFAULT.tick_bytes if name == "ticked" else DEFAULT.emitted_bytes
     rows = min(DEFAULT.events, (most - 100) // 8)
-    xs = msgpack.ExtType(3, b"d" + bytes(8 * rows))
-    steps = [["eStep", rows, [xs], "", None, ["f", 0, rows]]]
+    steps = [["eStep", rows, [reals(rows)], "", None, ["f", 0, rows]]]
     return sent_as(name, steps)
 
 
@@ -149,16 +165,61 @@ def saved(state: Any) -> Message:
     return framed("ticked", [], {"x": state})
 
 
-MOST_AGENTS = (DEFAULT.answer_values - 20) // 7
-MOST_EVENTS = min(DEFAULT.host_events, (DEFAULT.answer_values - 20) // 9)
-"""Agents and events, of seven and nine values each, in the largest `evolved` of any host."""
+OWN = 7 * AGENTS
+"""Values of the agents of the host: their number, and two attributes and five others for each."""
+
+MOST_VALUES = DEFAULT.answer_values + 2 * OWN - 20
+MOST_ROWS = DEFAULT.answer_rows + OWN
+MOST_AGENTS = MOST_VALUES // 7
+MOST_EVENTS = min(DEFAULT.host_events, (MOST_VALUES - OWN) // 9)
+MOST_FIGURES = MOST_VALUES // 5
+"""Agents, events and figures, of seven, nine and five values each, in the largest `evolved`."""
 
 
-def evolved(agents: int, events: int) -> Message:
-    """All agents have changed, or some were born, and one of them sends events."""
-    changed = [agents, *(["AFox", f"f{n}", [1.0, "x"], 0] for n in range(agents))]
+def foxes(agents: int, name: str = "x") -> list[Any]:
+    """A string of agents, the first of which has a name."""
+    names = [name, *["x"] * agents]
+    return [agents, *(["AFox", f"f{n}", [1.0, names[n]], 0] for n in range(agents))]
+
+
+def evolved(changed: list[Any], sent: dict[str, Any] | None = None, view: Any = None) -> Message:
+    """All agents have changed, or some were born; they send events, and are shown."""
+    views = {} if view is None else {"eShow": {FRAGMENT: view}}
+    return framed("evolved", 0, {FRAGMENT: changed}, sent or {}, views)
+
+
+def reals(rows: int) -> msgpack.ExtType:
+    """A column of numbers."""
+    return msgpack.ExtType(3, b"d" + bytes(8 * rows))
+
+
+def evolved_single(events: int) -> Message:
+    """One of the agents sends events."""
     sent = [["eNear", [float(n), "x"], "", "f0", ["f1"]] for n in range(events)]
-    return framed("evolved", 0, {FRAGMENT: changed}, {"f0": sent} if sent else {}, {})
+    return evolved(foxes(AGENTS), {"f0": sent})
+
+
+def evolved_batch() -> Message:
+    """All agents send each other events, in columns."""
+    rows = min(MOST_ROWS, DEFAULT.answer_bytes // 24)
+    ids = plain_ids(Ids.numbered("f", np.arange(rows) % AGENTS))
+    return evolved(foxes(AGENTS), {FRAGMENT: [["eStep", rows, [reals(rows)], "", ids, ids]]})
+
+
+def newborn_columns() -> list[Any]:
+    """Agents in columns."""
+    columns = [reals(MOST_ROWS), ["n", 0, MOST_ROWS]]
+    return [1, [MOST_ROWS, ["f", 0, MOST_ROWS], [["AFox", columns]]]]
+
+
+def figures_shown() -> list[Any]:
+    """Figures outside columns."""
+    return [MOST_FIGURES, *[["PDot", [1.0, 2.0]]] * MOST_FIGURES]
+
+
+def figures_in_columns() -> list[Any]:
+    """Figures in columns."""
+    return [1, [MOST_ROWS, None, [["PDot", [reals(MOST_ROWS)] * 2]]]]
 
 
 def flood_of(sender: str, message: list[Any]) -> Flood:
@@ -188,6 +249,7 @@ HOST = {
     "generates": [],
     "plain": True,
 }
+SHOWN = HOST | {"draws": ["eShow"]}
 CASES = {
     "hello": Case(hello=large_hello()),
     "ticked, single events": Case(LOCKSTEP, lambda: single("ticked"), "tick"),
@@ -210,8 +272,19 @@ CASES = {
     ),
     "emitted, values": Case({}, lambda: values("emitted", 0.0, DEFAULT.values - 20)),
     "emitted, nested values": Case({}, lambda: values("emitted", [], DEFAULT.values - 20)),
-    "evolved, events": Case(HOST, lambda: evolved(AGENTS, MOST_EVENTS), "evolve"),
-    "evolved, newborn agents": Case(HOST, lambda: evolved(MOST_AGENTS, 0), "evolve"),
+    "evolved, events": Case(HOST, lambda: evolved_single(MOST_EVENTS), "evolve"),
+    "evolved, events in columns": Case(HOST, evolved_batch, "evolve"),
+    "evolved, newborn agents": Case(HOST, lambda: evolved(foxes(MOST_AGENTS)), "evolve"),
+    "evolved, newborn in columns": Case(HOST, lambda: evolved(newborn_columns()), "evolve"),
+    "evolved, text": Case(
+        HOST, lambda: evolved(foxes(AGENTS, "x" * (DEFAULT.answer_bytes - 9_000))), "evolve"
+    ),
+    "evolved, view": Case(
+        SHOWN, lambda: evolved([0], view=figures_shown()), "evolve"
+    ),
+    "evolved, view in columns": Case(
+        SHOWN, lambda: evolved([0], view=figures_in_columns()), "evolve"
+    ),
     "failed": Case({}, lambda: framed("failed", "x\n" * (DEFAULT.small_bytes // 2 - 40), "")),
     "resync": Case({}, lambda: unframed("resync", "e" * (DEFAULT.small_bytes - 40))),
     "leaving": Case({}, lambda: unframed("leaving")),
@@ -221,7 +294,7 @@ CASES = {
     "over: 300,000 receivers": Case(
         {}, lambda: single("emitted", count=300_000, receivers=lambda n: [f"r{n}"]), refused=True
     ),
-    "over: 40,000 agents": Case(HOST, lambda: evolved(40_000, 0), "evolve", refused=True),
+    "over: 40,000 agents": Case(HOST, lambda: evolved(foxes(40_000)), "evolve", refused=True),
     "over: 200,000 figures": Case(
         {}, lambda: unframed("doing", {str(n): n for n in range(200_000)}), refused=True
     ),

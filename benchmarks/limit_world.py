@@ -15,7 +15,7 @@ import msgpack
 import zenoh
 
 from benchmarks.forked import coordinator, forked
-from benchmarks.limit_cases import AGENTS, VOCABULARY, Case, Fox, Steps, hello
+from benchmarks.limit_cases import STRING, VOCABULARY, Case, Fox, Steps, hello
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.description import World
 from minerva_bus.frame.member import Member
@@ -83,7 +83,7 @@ def coordinate(
 
     world = World(
         NAME,
-        VOCABULARY.read(" · ".join(f"AFox#f{n}" for n in range(AGENTS))),
+        STRING,
         VOCABULARY,
         dt=1 / RATE,
         expected=expected,

@@ -18,7 +18,7 @@ additions in the same run: divide by it to compare machines, or the same machine
 values are medians of the repetitions, except for `frame` and `silence`, which are the lowest: other
 programs of the machine only increase them. `--only` takes a part of a name; `--markdown` prints the
 table of docs/performance.md. Messages are encoded before they are sent, so that their construction
-does not count.
+does not count. Messages between regions are measured in this process: `frame` and `silence` are 0.
 """
 
 from __future__ import annotations
@@ -39,9 +39,11 @@ import zenoh
 
 from benchmarks.command import Table
 from benchmarks.forked import task
-from benchmarks.limit_cases import CASES, VOCABULARY, Case, hello
+from benchmarks.limit_cases import CASES, STRING, VOCABULARY, Case, hello
+from benchmarks.limit_regions import REGION_CASES
 from benchmarks.limit_world import NAME, RATE, Raw, running
 from minerva_bus.errors import MinervaError
+from minerva_bus.frame.own_agents import OwnAgents
 from minerva_bus.runtime.session import open_client
 from minerva_bus.wire.codec import Decoder
 from minerva_bus.wire.keys import Keys
@@ -54,6 +56,8 @@ SHOWN = {
 }  # fmt: skip
 ADDITIONS = 1_000_000
 CALM, SETTLED = 1.0, 30.0
+NOT_MEASURED = ("frame", "calm", "silence", "calm silence")
+"""Figures that only a world on the bus has."""
 BROKEN = "broke the protocol"
 """Part of the log line about a refused message."""
 
@@ -150,15 +154,26 @@ def encoded(case: Case) -> bytes:
 
 def alone(case: Case) -> float:
     """Milliseconds to decode the message on its own."""
-    data = encoded(case)
+    data, own = encoded(case), OwnAgents(lambda: STRING.pieces)
     began = time.thread_time()
     with suppress(MinervaError):
-        Decoder(VOCABULARY).from_member("large", data)
+        Decoder(VOCABULARY).from_member("large", data, own)
     return 1e3 * (time.thread_time() - began)
+
+
+def between_regions(name: str, repeat: int) -> dict[str, Any]:
+    """One row of the table, for a message between regions or of one to its coordinator."""
+    REGION_CASES[name]()  # Imports, and functions that numpy prepares.
+    figures = [REGION_CASES[name]() for _ in range(max(3, repeat))]
+    size, decode, path = (statistics.median(each) for each in zip(*figures, strict=True))
+    own = {"case": name, "bytes": round(size), "decode": round(decode, 1), "path": round(path, 1)}
+    return own | {"cost": round(decode + path, 1)} | dict.fromkeys(NOT_MEASURED, 0.0)
 
 
 def row(name: str, repeat: int) -> dict[str, Any]:
     """One row of the table."""
+    if name in REGION_CASES:
+        return between_regions(name, repeat)
     case, rows = CASES[name], list[dict[str, float]]()
     for _ in range(repeat):  # Zenoh's threads do not survive a fork: use new processes.
         rows.append(task("benchmarks.limits", name))
@@ -186,7 +201,9 @@ def loop() -> float:
 def markdown(figures: dict[str, Any]) -> str:
     """A row of the table in docs/performance.md."""
     size = f"{figures['bytes']:,}" if figures["bytes"] else ""
-    cells = [f"`{figures['case']}`", size, *(f"{max(0.0, figures[key]):.0f}" for key in SHOWN)]
+    shown = [key for key in SHOWN if figures["case"] in CASES or key not in NOT_MEASURED]
+    cells = [f"`{figures['case']}`", size, *(f"{max(0.0, figures[key]):.0f}" for key in shown)]
+    cells += [""] * (len(SHOWN) - len(shown)) + [f"{loop():.0f}"]
     return f"| {' | '.join(cells)} |"
 
 
@@ -202,12 +219,12 @@ def main() -> None:
     if options.task:
         print(json.dumps(measured(CASES[options.task])))
         return
-    names = [name for name in CASES if any(part in name for part in options.only)]
+    names = [name for name in (*CASES, *REGION_CASES) if any(part in name for part in options.only)]
     if options.markdown:
-        print(f"| message | bytes | {' | '.join(SHOWN.values())} |\n|---|---|---|---|---|---|---|")
+        print(f"| message | bytes | {' | '.join(SHOWN.values())} | loop, ms |")
+        print("|---|---|---|---|---|---|---|---|")
         for name in names:
             print(markdown(row(name, options.repeat)), flush=True)
-        print(f"loop: {loop():.0f} ms")
         return
     keys = ("bytes", "decode", "path", "cost", "frame", "calm", "silence", "calm silence")
     table = Table({"ms": "<26"} | dict.fromkeys(keys, ">13,"), as_json=options.json)
