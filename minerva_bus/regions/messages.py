@@ -37,7 +37,7 @@ class ParcelMessage:
         ("parcel",),
         "what a region needs of another one's frame",
         max_bytes="answer_bytes",
-        max_values="answer_values",
+        max_values="region_values",
         max_rows="answer_rows",
         awaited=True,
     )
@@ -82,7 +82,7 @@ class RepliesMessage:
         ("parcel",),
         "what the services in region 0 have sent for a frame",
         max_bytes="answer_bytes",
-        max_values="answer_values",
+        max_values="region_values",
         max_rows="answer_rows",
         awaited=True,
     )

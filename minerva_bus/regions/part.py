@@ -44,7 +44,7 @@ class PartMessage:
         ("from",),
         "what has changed in a region, in the saved data of its `ticked`",
         max_bytes="answer_bytes",
-        max_values="answer_values",
+        max_values="region_values",
         max_rows="answer_rows",
         awaited=True,
     )

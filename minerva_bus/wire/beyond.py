@@ -28,12 +28,15 @@ class BeyondLimits:
     own: OwnAgents
 
     def values(self) -> int:
-        """Values: twice those of the agents, because views may describe each of them once more."""
-        return 2 * weight_of(self.own.pieces())
+        """Values: twice those of the agents, because views may describe each of them once more.
+
+        A number of a place is two of four bytes.
+        """
+        return 2 * (weight_of(self.own.pieces()) + 2 * self.own.places())
 
     def rows(self) -> int:
         """Rows of columns: some for each agent, to change, show and send events."""
-        return weight_of(self.own.pieces()) + self.own.places()
+        return weight_of(self.own.pieces())
 
     def bytes(self) -> int:
         """Bytes."""

@@ -17,7 +17,7 @@ from minerva_bus.frame.schema import Wire
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.regions.messages import ParcelMessage, RegionMessage
 from minerva_bus.regions.part import PartMessage
-from minerva_bus.wire.beyond import PLACE_BYTES, BeyondLimits
+from minerva_bus.wire.beyond import BeyondLimits
 from minerva_bus.wire.declared import Encode, MessageCodec, by_name, message_codec
 from minerva_bus.wire.limits import DEFAULT, Limits, check
 from minerva_bus.wire.plain import as_list, as_text, uncollected, unpack
@@ -125,12 +125,13 @@ class Decoder:
         message: PartMessage = self.decode(PARTS, (), data, own)
         packed = (message.places, message.senders, message.rejected)
         self._check_packed("part", packed, beyond)
-        most, name = self._limits.answer_values, raised("answer_values")
-        pieces, inputs = len(message.kept) // 4, message.inputs
-        if pieces > most or len(inputs) > most:
+        # A piece that is kept is a call, however few bytes it takes.
+        self._check_packed("part", (message.kept,), beyond)
+        most = self._limits.tick_values
+        if len(message.inputs) > most and values_in(message.inputs, most) > most:
             most += beyond.values()
-            check("part", pieces, most, "pieces", name)
-            check("part", values_in(inputs, most), most, "values of events in inputs", name)
+            count, limit = values_in(message.inputs, most), raised("tick_values")
+            check("part", count, most, "values of events of generators", limit)
         return message
 
     def decode(
@@ -155,10 +156,11 @@ class Decoder:
             raise ProtocolError(f"it cannot be decoded: {kind}: {error}"[:200]) from error
 
     def _check_packed(self, what: str, packed: Iterable[bytes], beyond: BeyondLimits) -> None:
-        """Raise ProtocolError for more packed numbers, which are read singly, than rows."""
-        numbers, most = sum(map(len, packed)) // PLACE_BYTES, self._limits.answer_rows
+        """Raise ProtocolError for more packed numbers than values, since they are read singly."""
+        numbers, most = sum(map(len, packed)) // 4, self._limits.region_values
         if numbers > most:
-            check(what, numbers, most + beyond.rows(), "packed numbers", raised("answer_rows"))
+            most += beyond.values()
+            check(what, numbers, most, "numbers of four bytes", raised("region_values"))
 
     def _reader_for(self, wire: Wire, own: OwnAgents | None) -> Reader:
         limits = self._limits

@@ -157,7 +157,7 @@ def test_a_report_with_contradictions_is_refused(change, problem):
 
 # --- limits ---
 
-TIGHT = Decoder(FAMILY_VOCABULARY, Limits(answer_values=100, answer_rows=20, answer_bytes=4000))
+TIGHT = Decoder(FAMILY_VOCABULARY, Limits(region_values=100, tick_values=100, answer_bytes=4000))
 CROWD = [f"n{number}" for number in range(40)]
 
 
@@ -168,10 +168,10 @@ def crowd(*places):
 @pytest.mark.parametrize(
     ("sent", "problem"),
     [
-        (crowd(), "parcel has at least 101 values, over 100; .* raise answer_values in"),
+        (crowd(), "parcel has at least 101 values, over 100; .* raise region_values in"),
         (
-            parcel("c", places=[tuple(range(25))]),
-            "25 packed numbers, over 20; raise answer_rows in",
+            parcel("c", places=[tuple(range(51))]),
+            "103 numbers of four bytes, over 100; raise region",
         ),
         (parcel("c", places=[tuple(range(999))]), "bytes, over 4000; raise answer_bytes in"),
     ],
@@ -186,9 +186,12 @@ def test_a_parcel_over_a_limit_is_refused_unless_there_are_so_many_agents(sent, 
 @pytest.mark.parametrize(
     ("change", "problem"),
     [
-        ({"kept": bytes(404)}, "part has 101 pieces, over 100; raise answer_values in"),
-        ({"inputs": bytes([0x90] * 200)}, "part has 101 values of events in inputs, over 100"),
-        ({"senders": bytes(168)}, "part has 21 packed numbers, over 20; raise answer_rows in"),
+        ({"kept": bytes(404)}, "101 numbers of four bytes, over 100; raise region_values in"),
+        (
+            {"inputs": bytes([0x90] * 200)},
+            "101 values of events of generators, over 100; raise tick_",
+        ),
+        ({"senders": bytes(404)}, "101 numbers of four bytes, over 100; raise region_values in"),
     ],
 )
 def test_a_report_over_a_limit_is_refused(change, problem):
