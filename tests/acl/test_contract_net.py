@@ -50,8 +50,8 @@ def test_only_the_silent_agent_still_holds_the_call():
 
 
 def test_the_same_string_on_one_host_and_on_three():
-    one, three = auction(1), auction(3)
-    assert [w.digest for w in one[0]] == [w.digest for w in three[0]]
+    single, three = auction(1), auction(3)
+    assert [w.digest for w in single[0]] == [w.digest for w in three[0]]
 
 
 def test_another_seed_has_another_winner():

@@ -247,10 +247,10 @@ def test_columns_files_are_read_as_they_were_written(tmp_path):
     writer.rows(table().to_dict())
     writer.row({"frame": 4, "x": 1.0, "on": False, "name": "z"})
     writer.close()
-    found = read_columns(path, "t", TYPES)
-    assert found["name"].tolist() == ["é", "", "long text", "z"]
-    assert found["frame"].tolist() == [1, 2, 3, 4]
-    assert found["on"].dtype == np.bool_
+    loaded = read_columns(path, "t", TYPES)
+    assert loaded["name"].tolist() == ["é", "", "long text", "z"]
+    assert loaded["frame"].tolist() == [1, 2, 3, 4]
+    assert loaded["on"].dtype == np.bool_
 
 
 def test_columns_files_keep_every_character(tmp_path):

@@ -103,10 +103,10 @@ def test_status_vocabulary_and_string(world, served):
 
 
 def test_agents_are_found_by_a_condition(served):
-    found = answer(served(), "find_agents", kind="AWalker", condition="x > -1000", limit=2)
-    assert found["count"] >= 4
-    assert len(found["agents"]) == 2
-    assert set(found["agents"][0]) == {"id", "x", "heard", "wish", "births"}
+    reply = answer(served(), "find_agents", kind="AWalker", condition="x > -1000", limit=2)
+    assert reply["count"] >= 4
+    assert len(reply["agents"]) == 2
+    assert set(reply["agents"][0]) == {"id", "x", "heard", "wish", "births"}
 
 
 def test_waiting_for_agents_and_for_events(served):

@@ -176,10 +176,10 @@ def test_wrong_options(options, problem):
 def sdl():
     """The library that pygame has loaded, which can create virtual joysticks."""
     libraries = Path(pygame.__file__).parent.with_name("pygame_ce.libs").glob("libSDL2-2*")
-    found = next(libraries, None)
-    if found is None:
+    path = next(libraries, None)
+    if path is None:
         pytest.skip("pygame-ce does not come with an SDL of its own here")
-    library = ctypes.CDLL(str(found))
+    library = ctypes.CDLL(str(path))
     library.SDL_JoystickOpen.restype = ctypes.c_void_p
     return library
 

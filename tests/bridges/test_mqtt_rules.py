@@ -230,9 +230,9 @@ def test_a_pattern_gives_back_the_levels_that_it_names(levels, data):
         for i, (level, name, odd) in enumerate(zip(levels, named, plain, strict=True))
     )
     if text:
-        found = Pattern.of(text).levels(topic)
-        assert found is not None
-        assert all(found[name] == levels[int(name[1:])] for name in found)
+        names = Pattern.of(text).levels(topic)
+        assert names is not None
+        assert all(names[name] == levels[int(name[1:])] for name in names)
         assert Pattern.of(text).levels(topic + "/more") is None
 
 

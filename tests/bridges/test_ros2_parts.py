@@ -372,12 +372,12 @@ def test_a_robot_whose_odometry_is_silent_stops_and_goes_on_after_it():
         wheels.step()
         wheels.driver.state(wheels.now)
     wheels.deaf = True
-    told = state = None
+    velocity = state = None
     for _ in range(round(wheels.driver.tolerances.silence / wheels.STEP) + 2):
-        told = wheels.step()
+        velocity = wheels.step()
         state = wheels.driver.state(wheels.now)
     assert state is State.LOST
-    assert told == STILL
+    assert velocity == STILL
     wheels.deaf = False
     for _ in range(1000):
         wheels.step()

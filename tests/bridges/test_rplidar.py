@@ -282,10 +282,10 @@ def test_a_partial_first_turn_is_dropped_and_endless_turns_are_aborted():
     assert [len(turn.angles) for turn in whole] == [360, 360]
     assert whole[0].angles[0] == 0.0
     turns = RevolutionBuffer(counts)
-    one = Samples(np.zeros(1000), np.ones(1000), np.zeros(1000, bool))
+    still = Samples(np.zeros(1000), np.ones(1000), np.zeros(1000, bool))
     list(turns.add(stream))
     for _ in range(MAX_SAMPLES // 1000 + 1):
-        assert not list(turns.add(one))
+        assert not list(turns.add(still))
     assert counts == {"endless turns": 1}
 
 
@@ -304,11 +304,11 @@ def test_after_any_garbage_it_is_in_step_again(noise, part, express):
         else (StandardPackets(counts), list(islice(samples(), 400)))
     )
     data = b"".join(garbage + b"".join(made) for garbage in noise)
-    found = fed(packets, data, part)
+    parsed = fed(packets, data, part)
     tail = fed(type(packets)(Counts()), b"".join(made[10:] if express else made[200:]))
     count = len(tail.angles)
-    assert found.angles[-count:] == pytest.approx(tail.angles)
-    assert found.distances[-count:] == pytest.approx(tail.distances)
+    assert parsed.angles[-count:] == pytest.approx(tail.angles)
+    assert parsed.distances[-count:] == pytest.approx(tail.distances)
 
 
 def test_of_noise_hardly_anything_is_taken_for_samples():

@@ -125,10 +125,10 @@ def exact(dictionary, pixels, turned, blur):
 @pytest.mark.parametrize(("pixels", "blur"), [(24, 0.0), (40, 0.0), (40, 1.2), (160, 1.2)])
 def test_a_marker_is_as_large_as_it_is(dictionary, turned, pixels, blur):
     image, corners = exact(dictionary, pixels, turned, blur)
-    (found,) = [marker for marker in detector(dictionary)(image) if marker.id == 7]
-    area, wanted = (cv2.contourArea(at.astype(np.float32)) for at in (found.corners, corners))
+    (marker,) = [seen for seen in detector(dictionary)(image) if seen.id == 7]
+    area, wanted = (cv2.contourArea(at.astype(np.float32)) for at in (marker.corners, corners))
     assert (area / wanted) ** 0.5 == pytest.approx(1.0, abs=0.004)
-    assert np.hypot(*(found.corners - corners).T).max() < 0.3
+    assert np.hypot(*(marker.corners - corners).T).max() < 0.3
 
 
 def test_corners_stay_where_there_are_no_edges():

@@ -76,5 +76,5 @@ def test_a_norm_on_agents_that_cannot_rest_is_warned_of(rest, coupled, then, war
     assert done.stderr.count("\n") == warned
     if warned:
         assert 'rest=("action",)' in done.stderr
-        told = subprocess.run([*words, "--json"], cwd=tmp_path, capture_output=True, text=True)
-        assert len(json.loads(told.stdout)["warnings"]) == 1
+        as_json = subprocess.run([*words, "--json"], cwd=tmp_path, capture_output=True, text=True)
+        assert len(json.loads(as_json.stdout)["warnings"]) == 1

@@ -150,7 +150,7 @@ def test_placement_is_read(tmp_path):
 
 def test_errors_at_the_start_are_json_lines_too(tmp_path):
     path = write_world(tmp_path, MEMBERS.replace("elsewhere = true", ""), frames=3)
-    found = here(tmp_path, "run", path, "--in-process", "--log-format", "json", "--metrics", "x:x")
-    assert found.returncode == 2
+    run = here(tmp_path, "run", path, "--in-process", "--log-format", "json", "--metrics", "x:x")
+    assert run.returncode == 2
     done = here(tmp_path, "run", path, "--in-process", "--log-format", "json")
     assert json.loads(done.stdout)["frames"] == 3

@@ -57,9 +57,9 @@ def test_regions_of_constant_speed_do_not_wait():
 
 
 def test_a_late_region_delays_its_neighbours():
-    alone, several, many = (in_step(1.0, regions, spread=3.0) for regions in (1, 4, 64))
-    assert 1.0 < alone < several < many
-    assert many == in_step(1.0, 64, spread=3.0)
+    alone, several, wide = (in_step(1.0, regions, spread=3.0) for regions in (1, 4, 64))
+    assert 1.0 < alone < several < wide
+    assert wide == in_step(1.0, 64, spread=3.0)
 
 
 def test_lateness_reaches_one_neighbour_further_with_each_frame(monkeypatch):
@@ -105,8 +105,8 @@ def test_limits_are_where_the_rate_is_just_kept():
     assert most_members(COSTS, 30) == pytest.approx((1 / 30 - 2e-4) / 5e-5, abs=1)
     assert most_bytes(COSTS, 30) == pytest.approx((1 / 30 - 2e-4) / 2e-9, rel=0.002)
     by_regions = {limit.regions: limit for limit in limits(COSTS, 30)}
-    one = by_regions[1]
-    assert region_seconds(COSTS, FOX, one.agents, 1) <= 1 / 30
-    assert region_seconds(COSTS, FOX, 1.01 * one.agents, 1) > 1 / 30
-    assert one.bytes == one.agents * FOX.bytes
-    assert by_regions[64].agents > 10 * one.agents
+    single = by_regions[1]
+    assert region_seconds(COSTS, FOX, single.agents, 1) <= 1 / 30
+    assert region_seconds(COSTS, FOX, 1.01 * single.agents, 1) > 1 / 30
+    assert single.bytes == single.agents * FOX.bytes
+    assert by_regions[64].agents > 10 * single.agents

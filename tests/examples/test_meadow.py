@@ -198,9 +198,9 @@ def test_no_kind_dies_out_or_overruns_the_meadow(seed: int):
 
 
 def test_one_host_and_three_make_the_same_world():
-    one, three = Run(3, "rabbits.processes=1"), Run(3, "rabbits.processes=3")
-    for _ in zip(one.frames(150), three.frames(150), strict=True):
-        assert one.digest == three.digest
+    single, three = Run(3, "rabbits.processes=1"), Run(3, "rabbits.processes=3")
+    for _ in zip(single.frames(150), three.frames(150), strict=True):
+        assert single.digest == three.digest
 
 
 def test_another_seed_is_another_world():

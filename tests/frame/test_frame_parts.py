@@ -289,10 +289,10 @@ def test_twins_in_columns_are_refused_and_nothing_changes():
     first, second = Mortal.many("a", 3), Mortal.many("b", 3)
     composition = Composition(first + read("PGrave") + second)
     w, fragments, parts = composition.scene, {**composition.fragments}, {**composition.parts}
-    one, other = fragments
+    left, other = fragments
     for changes in (
-        {one: Mortal.many(["a0", "b1"])},
-        {one: Mortal.many(["a0", "c"]), other: Mortal.many(["b0", "c"])},
+        {left: Mortal.many(["a0", "b1"])},
+        {left: Mortal.many(["a0", "c"]), other: Mortal.many(["b0", "c"])},
     ):
         with pytest.raises(VocabularyError, match=r"two agents have the id #[bc]"):
             composition.replace(changes)

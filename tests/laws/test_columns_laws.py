@@ -439,10 +439,10 @@ def test_ids_of_long_lineages_are_as_short_as_they_can_be_and_the_same_either_wa
     moment = Frame(1, 0.1, 3)
     w = One.many(Ids.of(["a" * 63, "b:" * 30 + "1", "c"]))
     events = [eStep(1.0)] * 8
-    one, many = (eta(w, events, [form], moment).scene for form in (One, Many))
-    assert one == many
-    assert any(":-" in node.id for node in many.nodes)
-    for piece in many.pieces:
+    single, columns = (eta(w, events, [form], moment).scene for form in (One, Many))
+    assert single == columns
+    assert any(":-" in node.id for node in columns.nodes)
+    for piece in columns.pieces:
         if isinstance(piece, Columns):
             assert piece.ids.data.dtype.itemsize <= 64
 
@@ -479,14 +479,14 @@ def test_a_geometry_may_draw_many_at_once():
     count = 50
     dots = TMove(np.arange(count) / 7, 0)(PDot(np.arange(count) + 0.0, "a"))
     w = PDot(1, "b") + TMove(100, 0)(dots + PDot(2, "c")) + dots
-    one, many = Plot(False), Plot(True)
-    for geometry in (one, many):
+    single, whole = Plot(False), Plot(True)
+    for geometry in (single, whole):
         interpret(w, geometry)
-    assert many.calls == 2
-    assert many.dots == one.dots
-    assert len(one.dots) == 2 * count + 2
+    assert whole.calls == 2
+    assert whole.dots == single.dots
+    assert len(single.dots) == 2 * count + 2
     with pytest.raises(MisuseError, match="not AFish#f0"):
-        interpret(One.many("f", 3), many)
+        interpret(One.many("f", 3), whole)
 
 
 @pytest.mark.parametrize("changed", [0, 1, 10, 39, 40])

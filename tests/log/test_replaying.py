@@ -62,9 +62,9 @@ class Projector:
         file, _ = happened(name)
         self.cursor = Cursor(record_of(bytes_of(name), folder))
         scene = self.cursor.seek(begin)
-        told = self.cursor._record.description.world
-        world = type(told)(
-            told.name, scene, told.vocabulary, told.seed, told.dt, told.order, told.policy,
+        recorded = self.cursor._record.description.world
+        world = type(recorded)(
+            recorded.name, scene, recorded.vocabulary, recorded.seed, recorded.dt, recorded.order, recorded.policy,
             expected=frozenset(["seen"] if seen else []), past=Checkpoint(begin),
         )  # fmt: skip
         source = partial(RecordedSource, cursor=self.cursor, kinds=kinds_in(file), stay=stay)

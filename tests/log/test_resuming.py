@@ -158,13 +158,13 @@ def test_a_checkpoint_lists_new_data(tmp_path):
     first = Checkpoint(3, {"a": {"n": 1}, "b": {"n": [2.5]}}, (event,), {"x": (event, event)})
     second = Checkpoint(4, {"a": {"n": 1}, "b": {"n": [3]}}, reached=frozenset("pq"))
     third = Checkpoint(6, second.saved, reached=frozenset("pqr"), reaching=frozenset(["AFox"]))
-    found, before = Checkpoint(), None
+    listed, before = Checkpoint(), None
     for string in (first, second, third):
         kept = Kept.of(string)
         step = decode_checkpoint(encode_checkpoint(kept, before), reader)
         assert step.whole == (before is None)
-        found, before = step.after(found), kept
-        assert found == string
+        listed, before = step.after(listed), kept
+        assert listed == string
     assert decode_checkpoint(encode_checkpoint(Kept.of(second), Kept.of(first)), reader).new == (
         Checkpoint(4, {"b": {"n": [3]}}, reached=frozenset("pq"))
     )

@@ -114,16 +114,16 @@ def test_a_robots_scans_are_in_its_record(tmp_path):
                 "--record", path, "--record-topics", "scan", "--json")  # fmt: skip
     assert done.returncode == 0, done.stderr
     with Record(path) as record:
-        told = heard(record)
-        assert {(readings.topic, readings.member) for readings in told} == {("scan", "physics")}
-        frames = [readings.frame for readings in told]
+        recorded = heard(record)
+        assert {(readings.topic, readings.member) for readings in recorded} == {("scan", "physics")}
+        frames = [readings.frame for readings in recorded]
         assert frames == sorted(set(frames))
         assert [time for time, _ in record.sensed()] == pytest.approx([0.1 * n for n in frames])
-        assert all(len(scan.ranges) > 10 for readings in told for scan in readings.readings)
+        assert all(len(scan.ranges) > 10 for readings in recorded for scan in readings.readings)
     shown = topics_in(path)
     scans = [json.loads(row.data) for row in shown["topics/scan/physics/LaserScan"]]
-    assert len(scans) == len([scan for readings in told for scan in readings.readings])
-    robot = told[-1].readings[-1].robot
+    assert len(scans) == len([scan for readings in recorded for scan in readings.readings])
+    robot = recorded[-1].readings[-1].robot
     assert scans[0]["frame_id"] == robot
     assert json.loads(shown["transforms"][-1].data)["child_frame_id"] == robot
 
@@ -238,15 +238,15 @@ def test_readings_are_written_while_frames_wait(tmp_path, monkeypatch):
     frame, left, written = RecordWriter.frame, iter(frames), []
 
     def framed(self, *what):
-        written.append(len(told))
+        written.append(len(calls))
         recorder.received("battery", "m", data, 0.0)
         for record, string in islice(left, 1):
             recorder.frame(record, string, 0.0)
         frame(self, *what)
 
-    told = []
+    calls = []
     monkeypatch.setattr(RecordWriter, "frame", framed)
-    monkeypatch.setattr(RecordWriter, "sensed", lambda *what: told.append(what))
+    monkeypatch.setattr(RecordWriter, "sensed", lambda *what: calls.append(what))
     recorder = Recorder(tmp_path / "run.mcap", description(file), flush_seconds=60.0)
     recorder.frame(*next(left), 0.0)
     while len(written) < 60:

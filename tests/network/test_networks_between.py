@@ -120,7 +120,7 @@ def test_a_slow_and_lossy_line_that_is_cut(tmp_path):
                 world.runs("walkers")
                 assert proxy.cut() >= 1
                 world.says("walkers │ is gone; the world waits for it")
-                found = world.summary()
+                ended = world.summary()
                 assert walkers.ends() == 0
-    assert (found["frames"], found["digest"]) == (40, undisturbed["digest"])
+    assert (ended["frames"], ended["digest"]) == (40, undisturbed["digest"])
     eventually(lambda: proxy.cut() == 0, "no connection is left")

@@ -304,12 +304,12 @@ def children(pid):
 
 def below(pid):
     """All descendants of a process."""
-    parents, found, rest = _by_parent(), [], [pid]
+    parents, processes, rest = _by_parent(), [], [pid]
     while rest:
         children = parents.get(rest.pop(), [])
-        found += children
+        processes += children
         rest += children
-    return found
+    return processes
 
 
 def _by_parent():

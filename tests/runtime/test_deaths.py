@@ -40,9 +40,9 @@ def test_a_killed_member_is_named_and_restarted_with_the_same_string(tmp_path):
                 name, "; the world waits for it"
             )
             assert re.search(rf"^{name} │ is gone{then}$", world.text, re.M)
-        found = world.summary()
+        ended = world.summary()
         world.gone()
-    assert (found["frames"], found["digest"]) == (250, alone["digest"])
+    assert (ended["frames"], ended["digest"]) == (250, alone["digest"])
 
 
 def test_a_member_that_raises_reports_its_line_and_restarts(tmp_path):
@@ -137,7 +137,7 @@ def test_one_that_hangs_is_named_killed_and_started_again(tmp_path, deed):
     path = write_world(tmp_path, rascal(deed, f'memory = "{memory}"'), bus="soft = 0.2\nhard = 1.0")
     alone = summary(minerva(tmp_path, "run", write_world(tmp_path), "--in-process", "--json"))
     with World(path, "--json") as world:
-        found = world.summary()
+        ended = world.summary()
         text = world.text
     assert re.search(
         r"rascal │ frame 5 \(events\) has been waiting for it for 0\.\d s;"
@@ -147,7 +147,7 @@ def test_one_that_hangs_is_named_killed_and_started_again(tmp_path, deed):
     assert "rascal │ was killed by SIGKILL; restart 1 of 5" in text
     assert "│ no answer" in text
     assert text.count("killing it") == 1
-    assert found["digest"] == alone["digest"]
+    assert ended["digest"] == alone["digest"]
 
 
 @pytest.mark.parametrize("name", ["steps", "walkers"])
@@ -158,9 +158,9 @@ def test_one_that_is_frozen_is_killed_and_started_again(tmp_path, name):
         os.kill(world.runs("steps", "walkers")[name], signal.SIGSTOP)
         world.says(name, "has been waiting for it")
         world.says(name, "killing it")
-        found = world.summary()
+        ended = world.summary()
         world.gone()
-    assert found["digest"] == alone["digest"]
+    assert ended["digest"] == alone["digest"]
 
 
 def test_one_that_hangs_for_good_is_killed_again_and_again_until_the_world_stops(tmp_path):

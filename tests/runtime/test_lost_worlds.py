@@ -15,47 +15,49 @@ ELSEWHERE = MEMBERS.replace('"yard:Steps"', '"yard:Steps"\nelsewhere = true')
 
 
 def lookout(patience, obstacle="the cable is out"):
-    told, put = [], []
-    one = ReconnectMonitor("a: the world 'w'", patience, lambda: obstacle, told.append, put.append)
-    return one, told, put
+    reports, put = [], []
+    monitor = ReconnectMonitor(
+        "a: the world 'w'", patience, lambda: obstacle, reports.append, put.append
+    )
+    return monitor, reports, put
 
 
 def test_a_short_interruption_is_not_reported():
-    one, told, _ = lookout(100.0)
-    one.lost()
-    assert one.away
-    one.restored()
-    assert not one.away
-    assert one.check()
-    assert told == []
+    monitor, reports, _ = lookout(100.0)
+    monitor.lost()
+    assert monitor.away
+    monitor.restored()
+    assert not monitor.away
+    assert monitor.check()
+    assert reports == []
 
 
 def test_it_reports_since_when_why_and_for_how_long_it_tries():
-    one, told, put = lookout(600.0)
-    one.lost()
-    assert one.check()
-    assert told[0].startswith("a: the world 'w' has been unreachable since ")
-    assert told[0].endswith("; reconnecting for another 10 min")
-    assert one.check()
+    monitor, reports, put = lookout(600.0)
+    monitor.lost()
+    assert monitor.check()
+    assert reports[0].startswith("a: the world 'w' has been unreachable since ")
+    assert reports[0].endswith("; reconnecting for another 10 min")
+    assert monitor.check()
     seen = eventually(
         lambda: [item for item in put if isinstance(item, Diagnosed)], "it has looked"
     )
-    one.diagnosed(seen[0])
-    assert re.search(r"unreachable for \d\.\d s: the cable is out; reconnecting", told[1])
-    one.restored()
-    assert re.fullmatch(r"a: the world 'w' is reachable again after \d\.\d s", told[2])
-    one.diagnosed(seen[0])
-    assert len(told) == 3
+    monitor.diagnosed(seen[0])
+    assert re.search(r"unreachable for \d\.\d s: the cable is out; reconnecting", reports[1])
+    monitor.restored()
+    assert re.fullmatch(r"a: the world 'w' is reachable again after \d\.\d s", reports[2])
+    monitor.diagnosed(seen[0])
+    assert len(reports) == 3
 
 
 def test_it_gives_up_in_time():
-    one, told, put = lookout(0.0)
-    one.lost()
+    monitor, reports, put = lookout(0.0)
+    monitor.lost()
     eventually(lambda: any(isinstance(item, CheckConnection) for item in put), "it is time to look")
-    assert not one.check()
-    assert len(told) == 1
+    assert not monitor.check()
+    assert len(reports) == 1
     lost = r"a: the world 'w' has been unreachable for \d\.\d s; giving up"
-    assert re.fullmatch(lost, told[0])
+    assert re.fullmatch(lost, reports[0])
 
 
 def test_a_link_that_dies_is_let_go():
@@ -122,6 +124,6 @@ def test_a_restarted_world_gets_a_restarted_member(tmp_path):
             steps.says("has been unreachable since")
             with World(path, "--json", "--listen", f"tcp/127.0.0.1:{port}") as again:
                 steps.says("has restarted, at frame 0; joining again")
-                found = again.summary()
+                ended = again.summary()
             assert steps.ends() == 0
-    assert (found["frames"], found["digest"]) == (30, undisturbed["digest"])
+    assert (ended["frames"], ended["digest"]) == (30, undisturbed["digest"])

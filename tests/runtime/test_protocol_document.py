@@ -179,9 +179,9 @@ def test_a_patch(example: int, foxes: str) -> None:
     patch = READER.columns.patch(msgpack.unpackb(data, ext_hook=msgpack.ExtType))
     assert msgpack.packb(plain_patch(patch)) == data
     two, _ = examples("string")[1:]
-    (some,) = READER.scene(msgpack.unpackb(two[1], ext_hook=msgpack.ExtType)).pieces
-    assert isinstance(some, Columns)
-    assert Scene((patched(some, patch),)) == VOCABULARY.read(foxes)
+    (fish,) = READER.scene(msgpack.unpackb(two[1], ext_hook=msgpack.ExtType)).pieces
+    assert isinstance(fish, Columns)
+    assert Scene((patched(fish, patch),)) == VOCABULARY.read(foxes)
 
 
 def test_the_digest_of_a_run() -> None:
@@ -268,14 +268,14 @@ def test_the_digests_of_the_document() -> None:
     (said, data), *_ = examples("string")
     names = {s: list(VOCABULARY.fields(s).names) for s in ("PStar", "TMove", "AFox")}
     whole, nodes = digests(msgpack.unpackb(data), names)
-    told = {
+    listed = {
         what.split(":")[0]: bytes.fromhex(digest)
         for digest, what in re.findall(r"^([0-9a-f]{32})  (.*)$", blocks("digest", "")[0], re.M)
     }
-    assert told["the string"] == whole == VOCABULARY.read(said).digest
-    assert told["ε"] == VOCABULARY.read("ε").digest == H(b"")
-    assert told["the scope of #a"] == H(nodes["PStar<size=1>"])
-    assert {head: told[head] for head in nodes} == nodes
+    assert listed["the string"] == whole == VOCABULARY.read(said).digest
+    assert listed["ε"] == VOCABULARY.read("ε").digest == H(b"")
+    assert listed["the scope of #a"] == H(nodes["PStar<size=1>"])
+    assert {head: listed[head] for head in nodes} == nodes
 
 
 @pytest.mark.parametrize("number", [0.1, 2.0, -0.0, 1e-4, 1e-5, 1e15, 1e16, 2.5e-10, 1 / 3])

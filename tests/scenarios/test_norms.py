@@ -32,12 +32,12 @@ def live(scene, norms, kinds=KINDS, hosts=1, frames=8, before=(), **rest):
     """Run a world; returns the events and strings of its frames, the algorithm and the figures."""
     members = {f"runners-{n}": host(f"runners-{n}", *kinds) for n in range(hosts)}
     members["steps"] = service("steps", Steps)
-    found = []
+    lived = []
     algorithm = FrameAlgorithm(street(scene, norms, members, frames=frames, **rest))
 
     def watch(message):
         if isinstance(message, FrameDone):
-            found.append((message.events, algorithm.scene))
+            lived.append((message.events, algorithm.scene))
 
     runner = InProcessRunner(algorithm, [make() for make in members.values()], watch)
     runner.start()
@@ -45,7 +45,7 @@ def live(scene, norms, kinds=KINDS, hosts=1, frames=8, before=(), **rest):
         runner.handle(stimulus)
     while runner.ended is None:
         runner.handle(Begin())
-    return found, algorithm, runner.ended.figures
+    return lived, algorithm, runner.ended.figures
 
 
 def happened(frames, event_type, sender=None):
@@ -251,9 +251,9 @@ def test_a_few_that_are_no_columns_live_as_those_that_are():
         crowd = One.many("r", count, x=np.arange(1.0 * count), speed=np.arange(1.0 * count) % 3)
         other = Norm("shouts", on=("eShout",))
         runs.append(live(Scene(crowd.nodes), (other, *ALL[:3]), (One, Light), frames=5)[0][-1][1])
-    few, many = map(states, runs)
-    first = [id for id in many if int(id[1:].split(":")[0]) < 20]
-    assert {id: many[id] for id in first} == few
+    few, larger = map(states, runs)
+    first = [id for id in larger if int(id[1:].split(":")[0]) < 20]
+    assert {id: larger[id] for id in first} == few
 
 
 def test_it_goes_on_from_any_frame(alone):

@@ -242,8 +242,8 @@ class Yard(InProcessRunner):
 
     def belief(self, frame: int, name: str) -> Any:
         """The state of an agent in the string at the beginning of a frame."""
-        (found,) = [agent for agent in agents(self.scenes[frame]) if agent.id == name]
-        return Belief(**found.state)
+        (node,) = [agent for agent in agents(self.scenes[frame]) if agent.id == name]
+        return Belief(**node.state)
 
 
 @dataclass

@@ -1,4 +1,4 @@
-"""Rules in the order SIMULTANEOUS that would notice the order of rows are refused."""
+"""Rules in the order SIMULTANEOUS whose result depends on the order of rows are refused."""
 
 import pytest
 from space.worlds import Bird, Sheep, meadow, moment

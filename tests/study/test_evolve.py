@@ -44,17 +44,17 @@ SMALL = ("--population", "4", "--generations", "2", "--mutable", "ABud.vigour=0:
 
 def test_the_champion_is_the_same_on_any_number_of_workers_over_the_bus_and_alone(tmp_path):
     world = pond(tmp_path)
-    over, one = evolve(world, *SMALL, "--workers", "4")
+    over, champion = evolve(world, *SMALL, "--workers", "4")
     alone, other = evolve(world, *SMALL, "--workers", "1", "--in-process", "-o", "best.toml")
     assert (over.returncode, alone.returncode) == (0, 0), over.stderr + alone.stderr
-    assert one == other
-    assert one["best"]["fitness"] > one["first"]
-    assert [row["generation"] for row in one["generations"]] == [0, 1, 2]
+    assert champion == other
+    assert champion["best"]["fitness"] > champion["first"]
+    assert [row["generation"] for row in champion["generations"]] == [0, 1, 2]
     best = subprocess.run(
         [sys.executable, "-m", "minerva_bus", "run", "best.toml", "--in-process", "--json"],
         cwd=tmp_path, capture_output=True, text=True, timeout=60,
     )  # fmt: skip
-    assert json.loads(best.stdout)["digest"] == one["best"]["digest"]
+    assert json.loads(best.stdout)["digest"] == champion["best"]["digest"]
 
 
 def test_failures_are_named_and_counted_and_plots_are_drawn(tmp_path):

@@ -337,8 +337,8 @@ def test_the_dead_may_be_infinite():
         )[2:]
         or None
     )
-    many = Herdsman.many("a", 3, x=np.array([1.0, 2.0, 3.0]))
-    assert len(evolve(many, [eDo("dies")], [Herdsman]).scene) == 2
+    mortals = Herdsman.many("a", 3, x=np.array([1.0, 2.0, 3.0]))
+    assert len(evolve(mortals, [eDo("dies")], [Herdsman]).scene) == 2
 
 
 def test_a_kind_with_a_matrix_cannot_be_written_for_populations():

@@ -97,10 +97,10 @@ def test_many_at_once_are_as_one_by_one(rows):
     ]
     scene = TPut(1.0, 2.0, 30.0, 0.5)(Scene(tuple(nodes)))
     together = TPut(1.0, 2.0, 30.0, 0.5)(packed(Scene(tuple(nodes))))
-    (single,), (many,) = listed(scene), listed(together)
+    (single,), (columns,) = listed(scene), listed(together)
     for name in ("x", "y", "angle", "radius", "height", "color", "heading"):
-        assert np.allclose(getattr(single, name), getattr(many, name), atol=1e-6)
-    assert list(single.names) == list(many.names)
+        assert np.allclose(getattr(single, name), getattr(columns, name), atol=1e-6)
+    assert list(single.names) == list(columns.names)
 
 
 def test_colours():

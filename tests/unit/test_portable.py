@@ -86,9 +86,9 @@ def same_in_an_array(function, *columns):
     times = FEW // len(columns[0]) + 1
     with np.errstate(all="raise"):
         few = function(*(np.array(column[:FEW]) for column in columns)).tolist()
-        many = function(*(np.array(column * times) for column in columns)).tolist()
-    assert [*map(bits, few)] == [*map(bits, many[: len(few)])]
-    for numbers, result in zip(zip(*columns, strict=True), many[: len(columns[0])], strict=True):
+        values = function(*(np.array(column * times) for column in columns)).tolist()
+    assert [*map(bits, few)] == [*map(bits, values[: len(few)])]
+    for numbers, result in zip(zip(*columns, strict=True), values[: len(columns[0])], strict=True):
         expected = outcome(function, *numbers)
         if isinstance(expected, type):
             assert not math.isfinite(result), (numbers, result)
@@ -180,12 +180,12 @@ def test_nothing_is_used_that_is_not_exact(path):
 
 @given(words=st.lists(st.integers(0, 2**64 - 1), min_size=1, max_size=30))
 def test_one_draws_what_many_draw(words):
-    many = RngBatch(np.array(words, np.uint64))
+    batch = RngBatch(np.array(words, np.uint64))
     each = [Rng(word) for word in words]
     for drawn in ("normal", "exponential", "random"):
         expected = [getattr(stream, drawn)() for stream in each]
-        assert getattr(many, drawn)().tolist() == expected
-    assert many.normal(3, 0.1).tolist() == [stream.normal(3, 0.1) for stream in each]
+        assert getattr(batch, drawn)().tolist() == expected
+    assert batch.normal(3, 0.1).tolist() == [stream.normal(3, 0.1) for stream in each]
 
 
 def test_normal_numbers_of_a_generator_are_those_of_its_uniform_ones():
@@ -199,12 +199,12 @@ def test_normal_numbers_of_a_generator_are_those_of_its_uniform_ones():
 
 
 def test_draws_are_distributed_as_they_should_be():
-    many = RngBatch(RngBatch.begin(np.arange(200_000, dtype=np.uint64), 5))
-    for numbers in (many.normal(), portable.normals(stream(1, "a", 2), 200_000)):
+    batch = RngBatch(RngBatch.begin(np.arange(200_000, dtype=np.uint64), 5))
+    for numbers in (batch.normal(), portable.normals(stream(1, "a", 2), 200_000)):
         assert abs(numbers.mean()) < 0.01
         assert abs(numbers.std() - 1) < 0.01
         assert abs((numbers > 1.959964).mean() - 0.025) < 0.002
-    waits = many.exponential(2.0)
+    waits = batch.exponential(2.0)
     assert abs(waits.mean() - 2) < 0.03
     assert abs((waits > 2 * math.log(10)).mean() - 0.1) < 0.003
 

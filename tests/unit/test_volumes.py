@@ -147,12 +147,12 @@ def test_columns_lead_where_their_rows_lead_to_the_last_bit(
 ) -> None:
     x, y, angle, dist = (np.array(column) for column in zip(*rows, strict=True))
     ids = np.array([f"a{n}" for n in range(len(rows))], object)
-    many = TMove(x, y)(TTurn(angle)(TGo(dist)(TMove(y, x)(PBody(ids)))))
+    population = TMove(x, y)(TTurn(angle)(TGo(dist)(TMove(y, x)(PBody(ids)))))
     one_by_one = EMPTY
     for name, (dx, dy, turn, far) in zip(ids, rows, strict=True):
         one_by_one += TMove(dx, dy)(TTurn(turn)(TGo(far)(TMove(dy, dx)(PBody(name)))))
-    many, one_by_one = (TTurn(around)(string) for string in (many, one_by_one))
-    held, plain = found(many), found(one_by_one)
+    population, one_by_one = (TTurn(around)(string) for string in (population, one_by_one))
+    held, plain = found(population), found(one_by_one)
     assert held.points.tobytes() == plain.points.tobytes()
     assert held.owners.tolist() == plain.owners.tolist()
 

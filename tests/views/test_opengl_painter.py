@@ -215,9 +215,9 @@ def test_later_figures_cover_earlier_ones():
 
 def test_painters_in_one_process_do_not_disturb_one_another():
     scenes = [floor() + TPut(3.0, 3.0)(PBall(0.4)), floor() + TPut(5.0, 4.0)(PSign("a"))]
-    (one, first), (other, second) = (drawn(each) for each in scenes)
+    (left, first), (right, second) = (drawn(each) for each in scenes)
     drawn(PBall(1.0))[0].close()
-    for painter, scene, pixels in ((other, scenes[1], second), (one, scenes[0], first)):
+    for painter, scene, pixels in ((right, scenes[1], second), (left, scenes[0], first)):
         painter.draw(Sight(picture(scene)))
         assert np.array_equal(painter.pixels(), pixels)
 

@@ -168,13 +168,13 @@ def test_the_ring_is_around_the_disc_that_has_a_heading(stage):
 
 def test_ten_thousand_movers_are_two_nodes(stage):
     made, sent, _ = stage
-    many = [
+    movers = [
         packed(Scene(tuple(n for i in range(10_000) for n in cart(i + x).nodes))) for x in (0, 1)
     ]
-    made.show(picture(many[0]))
+    made.show(picture(movers[0]))
     assert names(sent)["BatchedMeshesMessage"] == 2
     sent.clear()
-    made.show(picture(many[1]))
+    made.show(picture(movers[1]))
     assert len(sent) == 2
     made.show(picture(EMPTY))
     assert removed(sent) == {"/movers/bodies", "/movers/headings"}
