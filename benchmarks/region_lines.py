@@ -60,13 +60,13 @@ def run_member(milliseconds: float, words: Sequence[str]) -> None:
 
 @contextmanager
 def process(*words: str, **streams: Any) -> Iterator[subprocess.Popen[str]]:
-    """A process of Python that is killed at the end."""
+    """A process of Python that is terminated at the end."""
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     running = subprocess.Popen([sys.executable, *words], text=True, env=environment, **streams)
     try:
         yield running
     finally:
-        running.kill()
+        running.terminate()
         running.wait()
 
 
@@ -81,22 +81,26 @@ def port_of(name: str, coordinator: subprocess.Popen[str]) -> int:
 
 def frames_per_second(path: Path, regions: int, milliseconds: float, frames: int) -> float:
     """Frames per second of one run, without its start."""
+    name = f"{path.stem}-{os.getpid()}"
     alone = "-m", "minerva_bus", "run", str(path), "--coordinator-only", "--json", "--rate", "0"
-    counted = "--frames", str(frames)
+    counted = "--frames", str(frames), "--name", name
     names = [f"region-{n}" for n in range(regions)] or ["walkers", "steps"]
     shared = ("--regions", str(regions)) if regions else ()
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL}
     with ExitStack() as opened:
         coordinator = opened.enter_context(process(*alone, *counted, *shared, **pipes))
         assert coordinator.stdout is not None
-        port = port_of(path.stem, coordinator)
+        port = port_of(name, coordinator)
         line = opened.enter_context(Proxy(port, slow_line(Random(1), milliseconds / 1e3)))
-        there = "--connect", f"tcp/127.0.0.1:{line.port}", "--world", path.stem
+        there = "--connect", f"tcp/127.0.0.1:{line.port}", "--world", name
         member = "-m", "benchmarks.region_lines", MEMBER, str(milliseconds), "attach", str(path)
-        for name in names:
-            words = *member, "--process", name, *shared, *there
+        for each in names:
+            words = *member, "--process", each, *shared, *there
             opened.enter_context(process(*words, stderr=subprocess.DEVNULL))
-        return json.loads(coordinator.stdout.read())["frames_per_second"]
+        summary = json.loads(coordinator.stdout.read())
+        if summary["frames"] < frames:
+            raise SystemExit(f"{name} has ended early: {summary['ended']}")
+        return summary["frames_per_second"]
 
 
 def main() -> None:
