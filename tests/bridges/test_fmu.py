@@ -140,7 +140,7 @@ def test_mistakes_are_explained(room, options, problem, tmp_path, monkeypatch):
     assert not list(tmp_path.iterdir())  # The extracted files are removed.
 
 
-def test_files_that_are_no_models_are_one_line(tmp_path):
+def test_files_that_are_no_models_are_one_line(tmp_path, monkeypatch):
     wrong = '<Float64 name="a" valueReference="x"/>' * 50
     with zipfile.ZipFile(tmp_path / "wrong.fmu", "w") as file:
         file.writestr(
@@ -153,6 +153,9 @@ def test_files_that_are_no_models_are_one_line(tmp_path):
         with pytest.raises(MinervaError, match=problem) as caught:
             run(world(str(tmp_path / f"{name}.fmu")), frames=1)
         assert "\n" not in str(caught.value)
+    monkeypatch.setattr("minerva_services.bridges.fmu.model.MAX_EXTRACTED", 1_000)
+    with pytest.raises(MinervaError, match=r"unpacks to 1,[0-9]* bytes; expected at most 1,000"):
+        run(world(str(tmp_path / "wrong.fmu")), frames=1)
 
 
 def test_a_model_that_fails_ends_the_world_and_nothing_else(room):

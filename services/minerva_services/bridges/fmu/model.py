@@ -8,6 +8,7 @@ import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
+from zipfile import ZipFile
 
 import fmpy  # pyright: ignore[reportMissingTypeStubs]
 from fmpy.fmi1 import FMICallException  # pyright: ignore[reportMissingTypeStubs]
@@ -21,6 +22,8 @@ _TYPES: Final = {"Float64": float, "Int64": int, "Int32": int, "Boolean": bool, 
 _BITS: Final = {"Int64": 64, "Int32": 32}
 _MAX_PROBLEM: Final = 300
 """Characters of an error that FMPy explains in a line for each mistake in the model description."""
+MAX_EXTRACTED: Final = 1 << 30
+"""Bytes of the files in an FMU: a few kilobytes can unpack to more than a disk holds."""
 _ERROR: Final = 3
 _FATAL: Final = 4
 """Statuses of calls, as in the standard."""
@@ -106,6 +109,12 @@ class FmuModel:
     def _open(self, starts: Mapping[str, float]) -> None:
         if is_stream(self._path):
             raise MisuseError(f"fmu: {self._path} is a pipe or device; expected a file")
+        with ZipFile(self._path) as archive:
+            size = sum(entry.file_size for entry in archive.infolist())
+        if size > MAX_EXTRACTED:
+            raise MisuseError(
+                f"fmu: {self._path} unpacks to {size:,} bytes; expected at most {MAX_EXTRACTED:,}"
+            )
         described: Any = fmpy.read_model_description(str(self._path))
         if described.fmiVersion != "3.0" or described.coSimulation is None:
             raise MisuseError(
