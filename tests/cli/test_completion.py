@@ -4,6 +4,7 @@ import os
 import pty
 import re
 import select
+import shlex
 import signal
 import subprocess
 import sys
@@ -13,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from minerva_bus.cli.shells import joined
-from tests.runtime.running import MEMBERS, World, environment, minerva, write_world
+from tests.runtime.running import MEMBERS, World, environment, write_world
 
 HERE = Path(sys.executable).parent
 MINERVA = [sys.executable, HERE / "minerva"]
@@ -290,4 +291,7 @@ def test_the_script_of_each_shell_is_printed(tmp_path):
             capture_output=True, text=True,
         )  # fmt: skip
         assert "_MINERVA_COMPLETE=complete_" in done.stdout
-    assert minerva(tmp_path, "--show-completion", "bash").returncode == 0
+    # Typer searches the shell among the processes that have started it.
+    line = f"{shlex.join(map(str, MINERVA))} --show-completion; exit $?"
+    shown = subprocess.run(["bash", "-c", line], env=environment(tmp_path), capture_output=True)
+    assert b"_MINERVA_COMPLETE=complete_bash" in shown.stdout
