@@ -198,7 +198,7 @@ def test_static_completions_import_nothing_heavy(files, words):
 
 
 def test_a_running_world_completes_its_names(tmp_path):
-    path = write_world(tmp_path, MEMBERS, frames=0, rate=50)
+    path = write_world(tmp_path, MEMBERS, frames=0, rate=20)
     with World(path) as world:
         world.runs("steps", "walkers")
         assert completed(tmp_path, "stop ") == [world.name]

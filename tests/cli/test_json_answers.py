@@ -59,7 +59,7 @@ def test_every_command_has_it():
 
 @pytest.fixture(scope="module")
 def world(tmp_path_factory):
-    path = write_world(tmp_path_factory.mktemp("answering"), MEMBERS, frames=0, rate=50)
+    path = write_world(tmp_path_factory.mktemp("answering"), MEMBERS, frames=0, rate=20)
     with World(path) as world:
         world.runs("steps", "walkers", "others", "screen")
         yield world

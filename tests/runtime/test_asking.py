@@ -13,7 +13,7 @@ WISHES = '\n[process.wishes]\nservice = "yard:Wishes"\n'
 @pytest.fixture(scope="module")
 def world(tmp_path_factory):
     folder = tmp_path_factory.mktemp("asked")
-    with World(write_world(folder, MEMBERS + WISHES, frames=0, rate=50)) as world:
+    with World(write_world(folder, MEMBERS + WISHES, frames=0, rate=20)) as world:
         world.runs("steps", "walkers", "wishes")
         yield world
 

@@ -11,7 +11,7 @@ from running import MEMBERS, Run, World, eventually, here, minerva, write_world
 
 @pytest.fixture(scope="module")
 def world(tmp_path_factory):
-    path = write_world(tmp_path_factory.mktemp("attached"), frames=0, rate=50)
+    path = write_world(tmp_path_factory.mktemp("attached"), frames=0, rate=20)
     with World(path) as world:
         world.runs("steps", "walkers")
         yield world

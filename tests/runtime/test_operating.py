@@ -29,7 +29,7 @@ on_failure = "ignore"
 @pytest.fixture(scope="module")
 def world(tmp_path_factory):
     folder = tmp_path_factory.mktemp("operated")
-    with World(write_world(folder, MEMBERS, frames=0, rate=50)) as world:
+    with World(write_world(folder, MEMBERS, frames=0, rate=20)) as world:
         world.runs("steps", "walkers", "screen")
         yield world
 

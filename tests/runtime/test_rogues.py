@@ -20,7 +20,7 @@ NAMES = ("steps", "walkers", "water", "eye", "screen", "noise")
 
 @pytest.fixture(scope="module")
 def world(tmp_path_factory):
-    path = write_world(tmp_path_factory.mktemp("rogues"), ALL_KINDS, frames=0, rate=50)
+    path = write_world(tmp_path_factory.mktemp("rogues"), ALL_KINDS, frames=0, rate=20)
     often = [word for name in NAMES for word in ("--set", f"{name}.restarts=100")]
     with World(path, *often) as world:
         world.runs(*NAMES)

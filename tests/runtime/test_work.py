@@ -311,7 +311,7 @@ TOO_MUCH = {
 
 @pytest.fixture(scope="module")
 def world(tmp_path_factory):
-    path = write_world(tmp_path_factory.mktemp("work"), frames=0, rate=50)
+    path = write_world(tmp_path_factory.mktemp("work"), frames=0, rate=20)
     with World(path) as world:
         world.runs("steps", "walkers")
         yield world
