@@ -54,7 +54,7 @@ class Limits:
         int,
         Note("values of an `evolved` beyond twice those of the agents of its sender"),
         Configurable(1000),
-    ] = 50_000
+    ] = 40_000
     # Lower, because a region also has a place for each node, and checks where it belongs.
     region_values: Annotated[
         int,
