@@ -27,6 +27,7 @@ from minerva_bus.runtime.session import open_client
 from minerva_bus.wire.epochs import stamped
 from minerva_bus.wire.keys import Keys
 from minerva_bus.wire.plain import pack
+from minerva_bus.wire.weighing import name_in
 
 NAME, RATE = "limits", 20.0
 
@@ -161,6 +162,11 @@ class Raw:
 
     def _hear(self, sample: zenoh.Sample) -> None:
         data = sample.payload.to_bytes()
+        name = name_in(stamped(data)[1])
+        # What others have to decode because of the large message must not delay this process, which
+        # answers the frame and measures the silence.
+        if name not in ("greet", "welcome", "refused", self.case.answers or "tick"):
+            return
         name, *items = msgpack.unpackb(stamped(data)[1], ext_hook=msgpack.ExtType)
         if name == "greet":
             self.epoch = data[: len(data) - len(stamped(data)[1])]
