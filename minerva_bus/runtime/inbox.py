@@ -21,7 +21,7 @@ from zenoh.handlers import Callback, FifoChannel
 
 from minerva_bus.runtime.system import REAL, System, Timer
 
-CAPACITY = 1024
+CAPACITY = 512
 """Messages that may wait for the main thread; a reply waits behind all of them."""
 MAX_WAKE_UPS = CAPACITY // 2
 WAKE_UP = b"\x00"
