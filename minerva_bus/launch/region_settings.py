@@ -9,7 +9,7 @@ from math import isfinite
 from pathlib import Path
 from typing import Any, Final, cast
 
-from minerva_bus.errors import WorldFileError
+from minerva_bus.errors import WorldFileError, nearest
 from minerva_bus.frame.description import World
 from minerva_bus.frame.member import Member
 from minerva_bus.launch.specs import load
@@ -107,6 +107,7 @@ def _borders(table: Table, name: str, values: object) -> tuple[float, ...]:
 def check_regions(file: WorldFile, members: Sequence[Member]) -> None:
     """Raise WorldFileError if the world contains what regions do not support."""
     world = file.world
+    _check_attributes(file)
     unsupported = {
         **{f"norms on events that name other agents ({name})": True for name in _naming(world)},
         # Each region has the events that concern its agents; other policies count all of them.
@@ -126,6 +127,19 @@ def check_regions(file: WorldFile, members: Sequence[Member]) -> None:
     reasons += _unsupported_processes(file.processes, outside)
     reasons += [reason for reason in services if not reason.startswith(" ")]
     _refuse(file, reasons)
+
+
+def _check_attributes(file: WorldFile) -> None:
+    """Raise WorldFileError if regions are divided by an attribute that no agent can have."""
+    if not isinstance(file.partition, ByPosition | ByTree):
+        return
+    known = {name for kind in file.world.vocabulary.kinds.values() for name in kind.fields.names}
+    for name in file.partition.attributes:
+        if name not in known:
+            hint = nearest(name, sorted(known), f"attributes: {', '.join(sorted(known))}")
+            raise WorldFileError(
+                f"{file.path}: [regions] divides by {name}, which no agent kind has{hint}"
+            )
 
 
 def _naming(world: World) -> Iterator[str]:

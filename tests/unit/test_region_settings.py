@@ -88,6 +88,8 @@ def test_the_command_line_replaces_the_number():
         ("grid = { x = [nan] }", "grid must have a list of numbers for x"),
         ("grid = {}", "grid must have one or two attributes"),
         ("grid = { x = [8] }\ncount = 3", "count is 3, but the grid has 2 cells"),
+        ("grid = { z = [8] }", "divides by z, which no agent kind has; attributes: "),
+        ("tree = { x = 8, above = { yy = 8 } }", "divides by yy, which no agent kind has"),
         ("tree = {}", "tree must split at a number of one attribute"),
         ("tree = { x = 8, y = 3 }", "tree must split at a number of one attribute"),
         ("tree = { x = 8, below = { y = nan } }", "such as { x = 8 }, not {'y': nan}"),
