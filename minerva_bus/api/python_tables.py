@@ -24,6 +24,9 @@ from minerva_bus.world.services import Service
 
 MAKE: Final = "make"
 
+_ARGUMENTS: Final = ("agents", "services", "symbols", "options", "collect", "norms", "placement")
+"""Arguments of `World` beside its settings."""
+
 _numbers = count(1)
 
 
@@ -42,7 +45,7 @@ class PythonTables:
         settings: Mapping[str, Any],
     ) -> None:
         known = {key: value for key, value in settings_of(WorldSettings).items() if value.key}
-        check_known(settings, known)
+        check_known(settings, known, _ARGUMENTS)
         self.name = name
         self.module = ModuleType(f"minerva_world_{next(_numbers)}")
         sys.modules[self.module.__name__] = self.module
@@ -55,7 +58,7 @@ class PythonTables:
         self,
         agents: Iterable[type[Agent]] | Mapping[str, Any] | None,
         services: Iterable[Any] | Mapping[str, Any],
-        symbols: Iterable[Any],
+        symbols: Iterable[Any] | Vocabulary,
         names: Mapping[str, Any],
     ) -> None:
         """Find agents, services and vocabulary, and describe the processes.
@@ -63,6 +66,10 @@ class PythonTables:
         `names` are the variables of the calling code. They are not kept: they may refer to a
         running world, which has to end when its last variable is deleted.
         """
+        self._check_list("agents", () if agents is None else agents, "agents=[Fox]")
+        self._check_list("services", services, "services=[Sun, each(eTick)]")
+        symbols = [symbols] if isinstance(symbols, Vocabulary) else symbols
+        self._check_list("symbols", symbols, "symbols=[PDot]")
         finder, processes = SymbolFinder(names), dict[str, Any]()
         for symbol in symbols:
             finder.add(symbol)
@@ -99,6 +106,12 @@ class PythonTables:
         self.tables["process"] = {**hosts, **processes}
         self.tables["world"]["vocabulary"] = self._keep(vocabulary, "vocabulary")
 
+    def _check_list(self, name: str, given: object, example: str) -> None:
+        if isinstance(given, str) or not isinstance(given, Iterable):
+            raise MisuseError(
+                f"{self.name}: {name} is a list, such as {example}, not {given!r:.60}"
+            )
+
     def _add_string(self, finder: SymbolFinder) -> None:
         world, string = self.tables["world"], self._string
         if isinstance(string, str):
@@ -117,7 +130,10 @@ class PythonTables:
             made = string(dict(self.tables["options"]))
             finder.add_scene(parse(made) if isinstance(made, str) else made)
         else:
-            raise MisuseError(f"{self.name}: a string is a text or a Scene, not {string!r:.60}")
+            raise MisuseError(
+                f"{self.name}: a string is a text, a Scene, or a function that returns one, not"
+                f" {string!r:.60}; of agents: Fox('a').string + Fox('b').string"
+            )
 
     def _services(self, services: Any) -> Iterable[tuple[str, ServiceSpec]]:
         named: list[tuple[str, Any]] = (

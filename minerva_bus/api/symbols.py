@@ -45,6 +45,10 @@ class SymbolFinder:
             self._symbols.setdefault(symbol.name, symbol)
         elif _is_agent(symbol):
             self._add_agent(cast("type[Agent]", symbol))
+        elif isinstance(symbol, Agent):
+            raise MisuseError(
+                f"{symbol!r:.60} is an agent: give its class, {type(symbol).__name__}"
+            )
         else:
             raise MisuseError(
                 f"{symbol!r:.60} is no symbol: give primitives, transformations, event types and"

@@ -19,7 +19,7 @@ from minerva_bus.launch.resuming import option_text
 from minerva_bus.launch.toml import read_toml
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.outputs import write_output
-from minerva_bus.settings.overrides import AS_WRITTEN, Overrides
+from minerva_bus.settings.overrides import AS_WRITTEN, OPTIONS, Overrides
 from minerva_bus.world.agent import Agent
 
 if TYPE_CHECKING:
@@ -62,7 +62,7 @@ class World:
         services: Iterable[Any] | Mapping[str, Any] = (),
         name: str = "world",
         options: Mapping[str, Any] | None = None,
-        symbols: Iterable[Any] = (),
+        symbols: Iterable[Any] | Vocabulary = (),
         collect: Any = None,
         norms: Mapping[str, Any] | None = None,
         placement: Mapping[str, Any] | None = None,
@@ -209,7 +209,6 @@ def own_options(world: World, options: Mapping[str, Any]) -> Mapping[str, str]:
     for name in options:
         if name not in known:
             names = f"it has {', '.join(known) or 'none'}"
-            raise WorldFileError(
-                f"{world.name} has no option {name!r}{nearest(name, list(known), names)}"
-            )
+            hint = nearest(name, [*known, *OPTIONS], names)
+            raise WorldFileError(f"{world.name} has no option {name!r}{hint}")
     return {name: option_text(value) for name, value in options.items()}

@@ -57,7 +57,10 @@ def read_entries(given: object) -> dict[str, Expression]:
         expressions = [_expression(value, "collect") for value in listed]
         pairs = [(default_name(expression), expression) for expression in expressions]
     else:
-        raise MisuseError(f"collect: expected names with expressions, not {given!r:.60}")
+        raise MisuseError(
+            'collect: expected names with expressions, such as {"foxes": count(Fox)}, not'
+            f" {given!r:.60}"
+        )
     entries: dict[str, Expression] = {}
     for name, value in pairs:
         if not name.isprintable():

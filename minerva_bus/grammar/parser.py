@@ -20,7 +20,7 @@ import re
 from dataclasses import dataclass, field
 from typing import TypeAlias
 
-from minerva_bus.errors import GrammarError
+from minerva_bus.errors import GrammarError, MisuseError
 from minerva_bus.grammar.literals import Literals
 from minerva_bus.grammar.scene import (
     AGENT_ID,
@@ -73,12 +73,18 @@ def parse(text: str, source: str = "") -> Scene:
 
     Raises:
         GrammarError: with line, column, caret and what was expected.
+        MisuseError: for what is no text.
 
     Example:
         >>> print(parse("TAt<x=1>(PSnail PSnail)"))
         TAt<x=1>(PSnail · PSnail)
 
     """
+    if not isinstance(text, str) or not isinstance(source, str):  # pyright: ignore[reportUnnecessaryIsInstance]
+        raise MisuseError(
+            "parse takes a text, and the name of its file for errors; to check a string by a"
+            " vocabulary: Vocabulary.of(...).check(parse(text))"
+        )
     return parse_located(text, source).scene
 
 

@@ -249,6 +249,9 @@ class EventType:
                     f"{name} cannot have data named {datum}: this is an attribute of all events"
                 )
 
+    def __repr__(self) -> str:
+        return f"<event type {self.name}>"
+
     def __call__(
         self,
         /,

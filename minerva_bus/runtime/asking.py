@@ -9,8 +9,9 @@ from typing import Any
 
 import zenoh
 
-from minerva_bus.errors import BusError
-from minerva_bus.grammar.batch import AnyEvent
+from minerva_bus.errors import BusError, MisuseError
+from minerva_bus.grammar.batch import AnyEvent, Events
+from minerva_bus.grammar.events import Event
 from minerva_bus.security.credentials import Credentials
 from minerva_bus.wire.keys import ANY_WORLD, asking_key, control_key
 from minerva_bus.wire.plain import as_int, as_list, as_map, as_text, pack, unpack
@@ -74,7 +75,12 @@ class AskingOperator:
         return as_text(self._ask("fragment", agent=agent).get("fragment"), "the fragment")
 
     def order(self, event: AnyEvent) -> int:
-        """Send an event to the world; returns the number of the order."""
+        """Send an event to the world; returns the number of the order.
+
+        Raises MisuseError for what is no event, such as its type.
+        """
+        if not isinstance(event, Event | Events):  # pyright: ignore[reportUnnecessaryIsInstance]
+            raise MisuseError(f"expected an event, such as eSun(heat=0.5), not {event!r:.60}")
         answer = self._ask("order", event=plain_event(event), by=self._by)
         return as_int(answer.get("number", 0), "the number of an order")
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cache
 from typing import Any, Final
@@ -92,8 +92,10 @@ def by_option(*classes: type[Any]) -> Mapping[str, Setting]:
     return {each.option: each for each in declared if each.option}
 
 
-def check_known(names: Mapping[str, object], known: Mapping[str, Setting]) -> None:
-    """Raise MisuseError if a name is not one of these settings."""
+def check_known(
+    names: Mapping[str, object], known: Mapping[str, Setting], others: Sequence[str] = ()
+) -> None:
+    """Raise MisuseError if a name is not one of these settings; `others` may be meant, too."""
     for name in names:
         if name not in known:
-            raise MisuseError(f"there is no setting {name!r}{nearest(name, list(known))}")
+            raise MisuseError(f"there is no setting {name!r}{nearest(name, [*known, *others])}")

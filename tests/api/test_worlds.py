@@ -21,6 +21,7 @@ from minerva_bus import (
     World,
     each,
     on,
+    parse,
     run,
     service,
     view,
@@ -37,6 +38,11 @@ def test_a_vocabulary_is_collected_from_the_code():
     assert [*vocabulary.primitives] == ["PFrog"]  # Referenced only by a function that a view calls.
     assert [*vocabulary.transformations] == ["TAt"]
     assert [*vocabulary.events] == ["eCroak", "eFeed", "ePicture", "eTick"]
+
+
+def test_symbols_may_be_a_vocabulary():
+    pond = World("ε", agents=[], services=[each(eTick)], symbols=Vocabulary.of(PFrog))
+    assert "PFrog" in pond.vocabulary.primitives
 
 
 def test_agents_are_found_where_the_world_is_made():
@@ -121,8 +127,18 @@ def test_options_of_a_world_made_in_python():
     (lambda: World("AFrog#a", agents=[Frog], services=[each(eTick), each(eTick)]), "two services"),
     (lambda: World("AFog#a", agents=[Frog]), "no AFog; did you mean 'AFrog'"),
     (lambda: World("AFrog#a<x=", agents=[Frog]), "\\^"),
-    (lambda: World(3, agents=[Frog]), "a text or a Scene"),
+    (lambda: parse("AFrog#a", Vocabulary.of(PFrog)), r"Vocabulary.of\(...\).check\(parse\(text\)\)"),
+    (lambda: parse(Frog("a")), "parse takes a text"),
+    (lambda: World(3, agents=[Frog]), "a text, a Scene, or a function that returns one"),
+    (lambda: World([Frog("a"), Frog("b")], agents=[Frog]), r"of agents: Fox\('a'\).string \+"),
     (lambda: World("AFrog#a", agents=["Frog"]), "is no symbol"),
+    (lambda: World("AFrog#a", agents=[Frog("a")]), "is an agent: give its class, Frog"),
+    (lambda: World("AFrog#a", agents=Frog), r"agents is a list, such as agents=\[Fox\], not"),
+    (lambda: World("AFrog#a", agents="Frog"), r"agents is a list"),
+    (lambda: World("AFrog#a", agents=[Frog], services=each(eTick)), "services is a list"),
+    (lambda: World("AFrog#a", symbols=PFrog), "symbols is a list"),
+    (lambda: World("AFrog#a", agent=[Frog]), "no setting 'agent'; did you mean 'agents'"),
+    (lambda: run(pond(), frame=3), "no option 'frame'; did you mean 'frames'"),
     (lambda: World("AFrog#a", agents=[Frog], frames="x"), "whole number"),
     (lambda: run(pond()), r"has no end: run\(world, frames=300\)"),
     (lambda: run(pond(), frames=3, processes=0), "at least 1"),
@@ -231,6 +247,15 @@ def test_a_world_without_events_is_stepped_at_once():
     with World("AStone#s", agents=[Stone]).start() as live:
         live.step(50)
         assert live.frame == 50
+
+
+def test_what_is_no_event_cannot_be_published():
+    with pond().start() as live:
+        for given in ("eFeed", eFeed):
+            with pytest.raises(
+                MisuseError, match=r"an event, such as eSun\(heat=0.5\), not .*eFeed"
+            ):
+                live.publish(given)
 
 
 def test_a_live_world_ends_at_its_end():
