@@ -73,9 +73,11 @@ def main() -> None:
     last = sorted(times)[-2:]
     if len(last) < 2:
         return
-    slopes, bases = np.polyfit(last, [times[count] for count in last], 1)
+    before, after = np.array([times[count] for count in last])
+    # Of few frames, more regions may seem to cost less.
+    slopes = np.maximum(0.0, (after - before) / (last[1] - last[0]))
     for count in PREDICTED:
-        table.row(_row(f"{count}*", count, *(bases + slopes * count)))
+        table.row(_row(f"{count}*", count, *(after + slopes * (count - last[1]))))
 
 
 def _row(name: str, count: int, coordinator: float, region: float) -> dict[str, object]:
