@@ -14,6 +14,7 @@ from minerva_bus.launch.in_process import never
 from minerva_bus.launch.specs import load
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.settings.overrides import AS_WRITTEN, Overrides
+from minerva_bus.source import place_of
 from minerva_bus.study.code_digests import classes_of
 from minerva_bus.study.outcome import Outcome
 from minerva_bus.study.sent_world import spec_of
@@ -123,13 +124,20 @@ def run_fitness(
     outcome = run_trial(file, in_process, interrupted)
     name = getattr(fitness, "__name__", "fitness")
     try:
-        value = float(fitness(outcome))
+        returned = fitness(outcome)
     except MinervaError:
         raise
     except Exception as error:
-        raise MinervaError(f"{name} raised {error!r}") from error
+        # One line, because equal errors of several strings are counted.
+        place = place_of(error)
+        where = "" if place is None else f" at {place.file}:{place.line}"
+        raise MinervaError(f"{name} raised {error!r}{where}") from error
+    try:
+        value = float(returned)
+    except (TypeError, ValueError, OverflowError):
+        value = math.nan
     if not math.isfinite(value):
-        raise MinervaError(f"{name} returned {value}; expected a finite number")
+        raise MinervaError(f"{name} returned {returned!r:.60}; expected a finite number")
     return {"fitness": value, "digest": outcome.digest}
 
 

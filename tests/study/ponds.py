@@ -47,6 +47,10 @@ def nothing(outcome):
 
 def wrong(outcome):
     raise KeyError("size")
+
+
+def forgotten(outcome):
+    len(outcome.scene)
 """
 
 WORLD = """

@@ -169,7 +169,9 @@ def test_a_fitness_that_is_none_fails_the_run(tmp_path):
     file = read(tmp_path)
     with pytest.raises(MinervaError, match="nothing returned nan; expected a finite number"):
         run_fitness(file, load("pond_of_buds:nothing", tmp_path), in_process=True)
-    with pytest.raises(MinervaError, match=r"wrong raised KeyError\('size'\)"):
+    with pytest.raises(MinervaError, match="forgotten returned None; expected a finite number"):
+        run_fitness(file, load("pond_of_buds:forgotten", tmp_path), in_process=True)
+    with pytest.raises(MinervaError, match=r"wrong raised KeyError\('size'\) at .*buds.py:\d+$"):
         run_fitness(file, load("pond_of_buds:wrong", tmp_path), in_process=True)
 
 
