@@ -47,9 +47,10 @@ def column_bytes(scene: Scene) -> int:
 
 
 def has_room(needed: int, folder: Path = FOLDER) -> bool:
-    """Whether this much shared memory is free, in bytes."""
+    """Whether this much shared memory is free, in bytes, and can be written."""
     try:
-        return shutil.disk_usage(folder).free >= needed
+        # A container may mount it read-only; Zenoh would then not even listen.
+        return os.access(folder, os.W_OK) and shutil.disk_usage(folder).free >= needed
     except OSError:
         return False
 

@@ -72,9 +72,13 @@ def test_large_populations_are_what_it_is_for():
     assert column_bytes(parse("AWalker#a<x=1> · PDot<x=2>")) == 0
 
 
-def test_no_room_is_no_error(tmp_path):
+def test_no_room_is_no_error(tmp_path, monkeypatch):
     assert has_room(1, tmp_path)
     assert not has_room(1 << 60, tmp_path)
+    monkeypatch.setattr(
+        os, "access", lambda path, mode: False
+    )  # As on a read-only mount, also for root.
+    assert not has_room(1, tmp_path)
     assert not has_room(1, tmp_path / "nowhere")
 
 
