@@ -24,6 +24,7 @@ from minerva_bus import (
 )
 from minerva_bus.frame.compatibility import PROTOCOL_VERSION
 from minerva_bus.grammar.ids import Ids
+from minerva_bus.runtime.answers import MAX_VALUES
 from minerva_bus.wire.arrays import plain_ids
 from minerva_bus.wire.keys import Keys
 from minerva_bus.wire.limits import DEFAULT
@@ -310,7 +311,7 @@ CASES = {
     ),
     "`order`": Case(
         {"generates": []},
-        question=lambda: {"ask": "order", "event": ["eLists", [[[]] * (DEFAULT.values - 20)]]},
+        question=lambda: {"ask": "order", "event": ["eLists", [[[]] * (MAX_VALUES - 20)]]},
     ),
     "`status`": Case(question=lambda: {"ask": "status"}),
     "`scene`": Case(question=lambda: {"ask": "scene"}),

@@ -22,6 +22,9 @@ from minerva_bus.wire.limits import Limits, check
 from minerva_bus.wire.plain import as_map, pack, unpack
 from minerva_bus.wire.weighing import values_in
 
+MAX_VALUES: Final = 25_000
+"""Values of a question: the main thread reads an order at once, and prints it for people."""
+
 PAUSE_FACTOR: Final = 2.0
 """Pause after an answer, as a multiple of the time that the answer took."""
 
@@ -93,7 +96,7 @@ class Answers:
         asker, orders, key = self._asker(question)
         try:
             check("a question", len(question.data), self._limits.small_bytes, "bytes")
-            most = self._limits.values
+            most = min(self._limits.values, MAX_VALUES)
             check("a question", values_in(question.data, most), most, "values")
             asked = as_map(unpack(question.data), "a question")
             objection = self._admission.objection_to_question(asker, orders, asked.get("ask"))
