@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any, cast
 
 from minerva_bus import Event, EventType, Generator, Tick, Vocabulary
@@ -18,26 +18,39 @@ from minerva_bus.world.order import Order
 eStep = EventType("eStep")
 
 
-class Clock(Generator, events=("eStep",)):
-    """Starts a step in every frame."""
+class Clock(Generator, events=("eStep",), ahead=True):
+    """Starts a step in every frame; it needs none of the frames before."""
 
     def generate(self, tick: Tick) -> Iterator[Event]:
         yield eStep()
 
 
-def stepped(space: Space, steps: int, seed: int, *, digests: bool = False) -> Mapping[str, Any]:
-    """The state of the space after some steps; `digests` computes that of every frame."""
-    kind = type(space)
-    vocabulary = Vocabulary.of(eStep, kind)
+def world_of(space: Space, steps: int, seed: int) -> World:
+    """The world with this space, which takes one step in each frame."""
+    vocabulary = Vocabulary.of(eStep, type(space))
     expected = frozenset({"host", "clock"})
-    world = World("comparison", space.string, vocabulary, seed=seed, order=Order(("eStep",)),
-                  frames=steps, expected=expected)  # fmt: skip
-    algorithm = FrameAlgorithm(world)
-    members = [Member("clock", Clock()), Member("host", agents=[kind])]
+    return World("comparison", space.string, vocabulary, seed=seed, order=Order(("eStep",)),
+                 frames=steps, expected=expected)  # fmt: skip
+
+
+def members_of(space: Space) -> dict[str, Callable[[], Member]]:
+    """The functions that make the members of its world, by name."""
+    return {
+        "clock": lambda: Member("clock", Clock()),
+        "host": lambda: Member("host", agents=[type(space)]),
+    }
+
+
+def stepped(
+    space: Space, steps: int, seed: int, watch: Callable[[FrameAlgorithm], object] | None = None
+) -> Mapping[str, Any]:
+    """The state of the space after some steps; `watch` is called after each."""
+    algorithm = FrameAlgorithm(world_of(space, steps, seed))
+    members = [make() for make in members_of(space).values()]
     runner = InProcessRunner(algorithm, members, lambda _: None)
     runner.start()
     while runner.ended is None:
         runner.handle(s.Begin())
-        if digests:
-            assert algorithm.scene.digest
+        if watch is not None:
+            watch(algorithm)
     return cast("AgentNode", algorithm.scene.nodes[0]).state

@@ -49,9 +49,20 @@ class Town(Space, symbol="ATown"):
 
 def run(p: Schelling, seed: int):
     """Run the model; returns the function that computes its statistics."""
+    residents = Resident.read(stepped(town(p, seed), p.steps, seed)["residents"])
+
+    def figures():
+        groups = np.zeros(p.side**2, int)
+        groups[residents.cell] = residents.group
+        return of_town(groups.reshape(p.side, p.side), p.radius, p.wanted)
+
+    return figures
+
+
+def town(p: Schelling, seed: int) -> Town:
     cell = np.random.default_rng(seed).permutation(p.side**2)[: p.agents]
     group = 1 + 2 * np.arange(p.agents) // p.agents
-    town = Town(
+    return Town(
         "town",
         width=p.side,
         height=p.side,
@@ -60,11 +71,3 @@ def run(p: Schelling, seed: int):
         radius=p.radius,
         wanted=p.wanted,
     )
-    residents = Resident.read(stepped(town, p.steps, seed)["residents"])
-
-    def figures():
-        groups = np.zeros(p.side**2, int)
-        groups[residents.cell] = residents.group
-        return of_town(groups.reshape(p.side, p.side), p.radius, p.wanted)
-
-    return figures

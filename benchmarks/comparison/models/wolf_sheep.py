@@ -80,6 +80,15 @@ class Meadow(Space, symbol="AMeadow"):
 
 def run(p: WolfSheep, seed: int):
     """Run the model; returns the function that computes its statistics."""
+    state = stepped(meadow(p, seed), p.steps, seed)
+    return lambda: {
+        "sheep": float(state["sheep"].shape[1]),
+        "wolves": float(state["wolves"].shape[1]),
+        "grass": float((state["grass"] == 0).mean()),
+    }
+
+
+def meadow(p: WolfSheep, seed: int) -> Meadow:
     chance, cells = np.random.default_rng(seed), p.side**2
 
     def animals(count, first, gain, breed):
@@ -87,7 +96,7 @@ def run(p: WolfSheep, seed: int):
         return Animal.many(count, first=first, cell=cell, energy=energy, breed=breed, gain=gain)
 
     grown = np.where(chance.random(cells) < 0.5, 0, chance.integers(1, p.regrowth + 1, cells))
-    meadow = Meadow(
+    return Meadow(
         "meadow",
         width=p.side,
         height=p.side,
@@ -97,9 +106,3 @@ def run(p: WolfSheep, seed: int):
         grass=grown.reshape(p.side, p.side),
         regrowth=p.regrowth,
     )
-    state = stepped(meadow, p.steps, seed)
-    return lambda: {
-        "sheep": float(state["sheep"].shape[1]),
-        "wolves": float(state["wolves"].shape[1]),
-        "grass": float((state["grass"] == 0).mean()),
-    }
