@@ -46,9 +46,8 @@ def show_difference(a: Path, b: Path, as_json: bool) -> int:
 def show_frames(file: Path, begin: int, as_json: bool) -> None:
     """Print each frame of a record from one on; no code is run. Raises RecordError."""
     with Record(file) as record:
-        losses = record.losses()
-        if losses.damage:
-            print_message(f"{file} is damaged: {losses.damaged}; lost: {losses.frames}")
+        if message := record.losses().message(file):
+            print_message(message)
         for done in frames_after(record, begin):
             print_result(json.dumps(done.plain()) if as_json else "\n".join(done.lines()))
 

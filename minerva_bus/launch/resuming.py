@@ -101,9 +101,8 @@ def toward(checkpoint: Checkpoint, world: World, recorded: World) -> Checkpoint:
 
 def damage_of(record: Record) -> Iterator[str]:
     """Messages about the damage of a record and the frames lost."""
-    losses = record.losses()
-    if losses.damage:
-        yield f"{record.path} is damaged: {losses.damaged}; lost: {losses.frames}"
+    if message := record.losses().message(record.path):
+        yield message
 
 
 def no_frame(record: Record) -> MisuseError:

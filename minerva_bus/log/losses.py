@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Final
 
 from minerva_bus.log.scanning import Damage
@@ -45,6 +46,10 @@ class Losses:
         if self.open_from is not None:
             named.append(f"all from frame {self.open_from:,} on")
         return ", ".join(named) or "no frame"
+
+    def message(self, path: Path) -> str:
+        """One line about the damage of the record at a path, or an empty string."""
+        return f"{path} is damaged: {self.damaged}; lost: {self.frames}" if self.damage else ""
 
     def plain(self) -> dict[str, Any]:
         """As a JSON object; `lost_from` is null if the end is intact."""

@@ -1,5 +1,7 @@
 """The service `recorded`: the actions of an episode drive a world."""
 
+from contextlib import suppress
+
 import pytest
 from rover_yard import Rover, yard
 
@@ -29,6 +31,17 @@ def test_it_drives_another_world_and_begins_at_any_frame(recorded):
     assert state["r1"] - 7 == pytest.approx(whole["r1"] - before["r1"])
     assert state["r3"] == 0.0
     assert later.events["eSteer"] == 4
+
+
+def test_the_damage_of_an_episode_is_reported(recorded, tmp_path, capfd):
+    data = bytearray(recorded[1].read_bytes())
+    # In the last chunk, which is followed by the index.
+    at = data.rindex(b"\x28\xb5\x2f\xfd")
+    data[at + 8 : at + 12] = b"\xff" * 4
+    (tmp_path / "torn.mcap").write_bytes(data)
+    with suppress(MinervaError):
+        run(played(tmp_path / "torn.mcap"))
+    assert "torn.mcap is damaged: bytes " in capfd.readouterr().err
 
 
 @pytest.mark.parametrize(

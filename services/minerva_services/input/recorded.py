@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from pathlib import Path
@@ -49,6 +50,8 @@ class RecordedEvents(Generator):
                 raise MisuseError(f"recorded: the world has no event type {name}{near}")
         self.close()
         self._record = Record(self._path)
+        if message := self._record.losses().message(self._path):
+            sys.stderr.write(f"recorded: {message}\n")
         _check(self._record, self._types)
         self._frames: Iterator[RecordedFrame] = self._record.frames()
         self._ahead = next(self._frames, None)
