@@ -6,7 +6,10 @@ import json
 import sys
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any, Final, Protocol
+from typing import TYPE_CHECKING, Any, Final, Protocol
+
+if TYPE_CHECKING:
+    from minerva_bus.log.reader import Record
 
 FAILED: Final = 1
 """A check or a world failed."""
@@ -74,6 +77,12 @@ def forget_answer() -> None:
 def print_message(text: str) -> None:
     """Print a message for the user on standard error."""
     print(text, file=sys.stderr, flush=True)  # noqa: T201
+
+
+def print_damage(record: Record) -> None:
+    """Print what is lost of a damaged record, whose intact frames a command uses."""
+    if message := record.losses().message(record.path):
+        print_message(message)
 
 
 def print_error(text: str) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from minerva_bus.api.records import diff
 from minerva_bus.cli.answers import RecoveredTables
-from minerva_bus.cli.output import print_answer, print_message, print_result
+from minerva_bus.cli.output import print_answer, print_damage, print_result
 from minerva_bus.collect.parts import read_parts
 from minerva_bus.errors import MisuseError
 from minerva_bus.log.info import info_of
@@ -46,8 +46,7 @@ def show_difference(a: Path, b: Path, as_json: bool) -> int:
 def show_frames(file: Path, begin: int, as_json: bool) -> None:
     """Print each frame of a record from one on; no code is run. Raises RecordError."""
     with Record(file) as record:
-        if message := record.losses().message(file):
-            print_message(message)
+        print_damage(record)
         for done in frames_after(record, begin):
             print_result(json.dumps(done.plain()) if as_json else "\n".join(done.lines()))
 

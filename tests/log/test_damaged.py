@@ -12,7 +12,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from minerva_bus.errors import MisuseError
+from minerva_bus.cli.conversing import show_conversation
+from minerva_bus.cli.plotting import plot_file
+from minerva_bus.errors import MinervaError, MisuseError
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.launch.replaying import read_replay
@@ -121,7 +123,7 @@ def test_strings_are_known_again_behind_the_damage(tmp_path):
     assert losses.frames == f"frames 8 to {first_after - 1}"
 
 
-def test_a_replay_names_the_damage_that_took_all_frames(tmp_path):
+def test_commands_name_the_damage_that_took_all_frames(tmp_path, capsys):
     broken = bytes_of("meadow")
     for at, _ in parts(broken, CHUNK)[1:]:
         broken = flipped(broken, at + 100)
@@ -131,6 +133,11 @@ def test_a_replay_names_the_damage_that_took_all_frames(tmp_path):
         MisuseError, match=r"there is no frame in it; .* is damaged: bytes .*; lost"
     ):
         read_replay(path, "meadow", Overrides())
+    with pytest.raises(MinervaError, match="there is no eMessage"):
+        show_conversation(path, "", None, as_json=False)
+    pytest.importorskip("matplotlib")
+    plot_file(path, None, (), "", "", bars=False, as_json=False)
+    assert capsys.readouterr().err.count("is damaged: bytes ") == 2
 
 
 @pytest.mark.parametrize("opcode", [MESSAGE_INDEX, METADATA])
