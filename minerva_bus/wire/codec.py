@@ -83,12 +83,7 @@ class Decoder:
 
         An answer may have more for the member's `own` agents.
         """
-        # A message with fewer bytes than every limit cannot exceed one, and most are so small.
-        if len(data) > self._light:
-            wire = declaration(data)
-            beyond = BeyondLimits(own if wire.awaited else NO_AGENTS)
-            check_weight(data, wire, self._limits, beyond)
-        return self.decode(FROM_MEMBER, (member,), data, own)
+        return self.decode(FROM_MEMBER, (member,), data, own, weighed=True)
 
     def to_member(self, data: bytes) -> m.ToMember:
         """A message from the coordinator."""
@@ -140,13 +135,21 @@ class Decoder:
         key: tuple[str, ...],
         data: bytes,
         own: OwnAgents | None = None,
+        *,
+        weighed: bool = False,
     ) -> Any:
         """A message of one of these types; `key` are the values in the key, such as the sender.
 
         A message of a member or region may have as many rows and events as the limits allow, or
         more for its `own` agents; that of the coordinator (None) has those of all members.
+        `weighed`: check its size against the limits of its declaration first.
         """
         try:
+            # A message with fewer bytes than every limit cannot exceed one, and most are so small.
+            if weighed and len(data) > self._light:
+                wire = declaration(data)
+                beyond = BeyondLimits(own if own and wire.awaited else NO_AGENTS)
+                check_weight(data, wire, self._limits, beyond)
             with uncollected(len(data)):
                 return self._message(codecs, key, data, own)
         except (ProtocolError, SceneError):
