@@ -71,8 +71,8 @@ GARBAGE = {
         b"\x92\xa7emitted\x91\x92\xa5eStep\x91" + b"\x91" * 700 + b"\x01",
         "nested more",
     ),
-    "100 MB": (
-        msgpack.packb(["emitted", [["eWish", [1.0, "x" * (100 << 20)]]]]),
+    "more than 64 MiB": (
+        msgpack.packb(["emitted", [["eWish", [1.0, "x" * (65 << 20)]]]]),
         "bytes at once, over 67108864",
     ),
     "a figure that is none": (
