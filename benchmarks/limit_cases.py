@@ -169,7 +169,7 @@ def saved(state: Any) -> Message:
 OWN = 7 * AGENTS
 """Values of the agents of the host: their number, and two attributes and five others for each."""
 
-MOST_VALUES = DEFAULT.answer_values + 2 * OWN - 20
+MOST_VALUES = DEFAULT.answer_values + 4 * OWN - 20
 MOST_ROWS = DEFAULT.answer_rows + OWN
 MOST_AGENTS = MOST_VALUES // 7
 MOST_EVENTS = min(DEFAULT.host_events, (MOST_VALUES - OWN) // 9)

@@ -45,7 +45,7 @@ Measured = tuple[int, float, float]
 """Bytes, and milliseconds of CPU time to decode a message and to process it."""
 
 NAMES: Final = ("region-0", "region-1")
-VALUES: Final = DEFAULT.region_values + 2 * OWN - 40
+VALUES: Final = DEFAULT.region_values + 4 * OWN - 40
 
 
 def agents(name: str, count: int, x: float = 0.0) -> tuple[Piece, ...]:

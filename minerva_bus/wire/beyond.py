@@ -28,11 +28,11 @@ class BeyondLimits:
     own: OwnAgents
 
     def values(self) -> int:
-        """Values: twice those of the agents, because views may describe each of them once more.
+        """Values: four times those of the agents, which may grow and show every part.
 
         A number of a place is two of four bytes.
         """
-        return 2 * (weight_of(self.own.pieces()) + 2 * self.own.places())
+        return 4 * (weight_of(self.own.pieces()) + 2 * self.own.places())
 
     def rows(self) -> int:
         """Rows of columns: some for each agent, to change, show and send events."""

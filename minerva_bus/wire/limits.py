@@ -52,13 +52,13 @@ class Limits:
     tick_values: Annotated[int, Note("values of a `ticked`"), Configurable(1000)] = 50_000
     answer_values: Annotated[
         int,
-        Note("values of an `evolved` beyond twice those of the agents of its sender"),
+        Note("values of an `evolved` beyond four times those of the agents of its sender"),
         Configurable(1000),
     ] = 40_000
     # Lower, because a region also has a place for each node, and checks where it belongs.
     region_values: Annotated[
         int,
-        Note("values of a `part`, `parcel` or `replies` beyond twice those of the agents"),
+        Note("values of a `part`, `parcel` or `replies` beyond four times those of the agents"),
         Configurable(1000),
     ] = 20_000
     answer_rows: Annotated[
