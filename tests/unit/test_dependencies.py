@@ -124,7 +124,12 @@ def test_the_image_and_the_tests_install_what_is_locked():
     dockerfile = (ROOT / "deploy" / "docker" / "Dockerfile").read_text()
     for lock in ("build.txt", "image.txt"):
         assert re.search(rf"--require-hashes\s.*-r requirements/{lock}", dockerfile)
-    assert "--require-hashes -r requirements/dev.txt" in (ROOT / ".ci" / "run").read_text()
+    run = (ROOT / ".ci" / "run").read_text()
+    assert "\nlocked=requirements/dev.txt\n" in run
+    installs = [line for line in run.splitlines() if re.search(r"install .*-r ", line)]
+    assert len(installs) == 3
+    hashed = re.compile(r'--require-hashes -r "\$(locked|installer)"')
+    assert all(map(hashed.search, installs))
 
 
 SKIPPED = {"name": "a", "skip_reason": "Dependency not found and could not be audited: a (1)"}
