@@ -64,7 +64,6 @@ class RegionMember(Member):
         self._members = members_of(file)
         self._begin(Region(file.world, number, file.partition, self._members))
         self._decoder = Decoder(file.world.vocabulary, file.access.limits)
-        self._decoder_of_saved = Decoder(file.world.vocabulary, ON_DISK)
         self._journal = journal
         self._log = log
         self._sender = PartSender()
@@ -155,14 +154,15 @@ class RegionMember(Member):
         number, partition = self.region.number, self.region.partition
         self._begin(checkpoint.region(self._file.world, number, partition, self._members))
         kept, arrived, reports, requests, sent_bytes = checkpoint.messages
+        decoder = Decoder(self._file.world.vocabulary, ON_DISK)
         self._parcels.sent_bytes = sent_bytes
         for target, data in kept:
-            parcel = from_message(self._decoder_of_saved.parcel(data), number, target)
+            parcel = from_message(decoder.parcel(data), number, target)
             self._parcels.outbox.keep([parcel])
         for source, data in arrived:
             self._accept(ParcelArrived(source, data))
         for data in reports:
-            report = self._decoder_of_saved.from_member(self.name, data)
+            report = decoder.from_member(self.name, data)
             assert isinstance(report, m.TickReply)
             self._requests.reports[report.frame] = report
         for data in requests:
