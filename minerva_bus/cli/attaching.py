@@ -8,7 +8,7 @@ from contextlib import nullcontext, redirect_stdout
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import FrameType
-from typing import Any, Final
+from typing import Final
 
 from minerva_bus.blame import report
 from minerva_bus.cli.answers import MemberLeft
@@ -106,15 +106,22 @@ def _attached(
     within = join.keep_trying
     if within is None:
         within = BACK_WITHIN if there.local else RECONNECT_SECONDS
-    settings: Any = {
-        "own": own,
-        "back_within": within,
-        "arrival": replace(ARRIVAL, standby=standby),
-    }
+    arrival = replace(ARRIVAL, standby=standby)
     member = (
-        MemberProcess(participant, world, endpoint, print_message, ends=ends, **settings)
+        MemberProcess(
+            participant,
+            world,
+            endpoint,
+            print_message,
+            own=own,
+            ends=ends,
+            back_within=within,
+            arrival=arrival,
+        )
         if region is None
-        else RegionProcess(region, endpoint, print_message, **settings)
+        else RegionProcess(
+            region, endpoint, print_message, own=own, back_within=within, arrival=arrival
+        )
     )
     leave_on_signals(member)
     print_message(f"{participant.name}: joining {world} at {endpoint}; Ctrl-C leaves")
