@@ -72,8 +72,9 @@ class Answers:
 
     @property
     def wait(self) -> float:
-        """Seconds until the next question may be answered."""
-        return self._next_at - self._clock()
+        """Seconds until the next question may be answered; 0: now."""
+        # Callers sleep for this time, and the clock may pass the end between two of their calls.
+        return max(0.0, self._next_at - self._clock())
 
     def answer_due(self) -> None:
         """Answer the next question once the pause after the previous answer is over."""

@@ -255,9 +255,10 @@ class Coordinator(Sink):
             if item is None and self._postponed:
                 self._postponed.process_next()
                 return None
-            if item is not None or self._answers.wait <= 0:
+            wait = self._answers.wait
+            if item is not None or wait <= 0:
                 return item
-            self.system.sleep(min(self._answers.wait, POLL_SECONDS_ASKED))
+            self.system.sleep(min(wait, POLL_SECONDS_ASKED))
 
     def _drain(self, until: float) -> None:
         """Handle what is in the inbox, MAX_MESSAGES_AT_ONCE at most, and sleep once before `until`.

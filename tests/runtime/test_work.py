@@ -285,7 +285,8 @@ def test_excess_questions_are_rejected_at_once_and_answers_leave_time_for_frames
     assert answers.wait == PAUSE_FACTOR
     ask()
     assert replies[2:] == [{}]  # The query was admitted: the only new reply is the first answer.
-    system.now += PAUSE_FACTOR
+    system.now += 2 * PAUSE_FACTOR
+    assert answers.wait == 0
     answers.answer_due()
     assert len(answered) == 2
 
