@@ -158,9 +158,11 @@ def test_cut_off_at_every_thousandth_byte(tmp_path, whole):
 def recorded_run(path, **process):
     """Run and record the meadow for 150 frames; returns standard error."""
     words = ["run", MEADOW, "--in-process", "--rate", "0", "--frames", "150", "--flush", "0"]
+    # Python would store cut bytecode of what this process imports.
+    env = {**environment(path.parent), "PYTHONDONTWRITEBYTECODE": "1"}
     done = subprocess.run(
         [sys.executable, "-m", "minerva_bus.cli.main", *words, "--record", path],
-        capture_output=True, text=True, env=environment(path.parent), cwd=ROOT, **process,
+        capture_output=True, text=True, env=env, cwd=ROOT, **process,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     return done.stderr

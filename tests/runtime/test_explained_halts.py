@@ -63,8 +63,10 @@ def world_in(folder, tables):
 def faulty(tmp_path_factory):
     path = world_in(tmp_path_factory.mktemp("faulty"), FAULTS)
     (path.parent / "fault.txt").write_text("llm")
-    # Files of its processes have at most 16 kB, as on a disk that is full.
-    limited = ("bash", "-c", 'ulimit -f 16; exec "$@"', "bash")
+    # Files of its processes have at most 16 kB, as on a disk that is full. Python would store
+    # cut bytecode of what they import, and every later process would fail to read it.
+    small = 'ulimit -f 16; export PYTHONDONTWRITEBYTECODE=1; exec "$@"'
+    limited = ("bash", "-c", small, "bash")
     with World(path, "--record", "run.mcap", "--flush", "0", inside=limited) as world:
         cause(world, "pending request")
         yield world

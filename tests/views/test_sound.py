@@ -274,7 +274,9 @@ device = play(Path(sys.argv[1]), held(car(0.0) + home(0.0), 20))
 def run(path: Path, then: str) -> subprocess.CompletedProcess[str]:
     code = END.format(tests=str(Path(__file__).parent), then=then)
     command = [sys.executable, "-c", code, str(path)]
-    env = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    # Python would store cut bytecode of what a process with small files imports.
+    environment = {"PYTHONPATH": os.pathsep.join(sys.path), "PYTHONDONTWRITEBYTECODE": "1"}
+    env = {**os.environ, **environment}
     return subprocess.run(command, capture_output=True, text=True, timeout=60, env=env)
 
 
