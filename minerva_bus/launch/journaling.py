@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 from minerva_bus.frame import stimuli as s
@@ -11,6 +12,7 @@ from minerva_bus.launch.recording import description_of
 from minerva_bus.launch.runtime_folder import runtime_folder
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.log.description import encode_description
+from minerva_bus.log.errors import RecordError
 from minerva_bus.log.journal import Journal
 from minerva_bus.log.journaled import Journaled, read_journal
 from minerva_bus.runtime.coordinator import Coordinator
@@ -26,10 +28,25 @@ def journal_path(file: WorldFile) -> Path:
 def find_past(file: WorldFile, *, again: bool) -> Journaled | None:
     """The journal to continue from, if it exists, and `again` is set or it is configured.
 
-    Raises RecordError if the journal cannot be used.
+    Raises RecordError if the journal cannot be used, or if `again` is set and there is none.
     """
-    configured = again or file.bus.journal
-    return read_journal(journal_path(file), file.world) if configured else None
+    if not (again or file.bus.journal):
+        return None
+    path = journal_path(file)
+    past = read_journal(path, file.world)
+    if past is None and again:
+        # From its beginning the world would run once more, without a word to those who watch it.
+        raise RecordError(
+            f"{path}: there is no journal, so no other coordinator can continue the world"
+        )
+    return past
+
+
+def discard_journal(file: WorldFile) -> None:
+    """Delete the journal of a run that nothing continues, unless it is configured."""
+    if not file.bus.journal:
+        with suppress(OSError):
+            journal_path(file).unlink()
 
 
 def next_epoch(past: Journaled | None, now: float) -> int:
@@ -45,7 +62,7 @@ class RunJournal:
     """Writes the journal of a running world; `log` receives a failure to do so.
 
     A configured journal is deleted when the world has ended by itself; without configuration, it
-    is deleted whenever the run ends. Raises BusError if it cannot be created.
+    is deleted whenever the run ends in order. Raises BusError if it cannot be created.
     """
 
     def __init__(
@@ -120,10 +137,13 @@ class RunJournal:
         except OSError as error:
             self._give_up(self._journal, error)
 
-    def close(self) -> None:
-        """Close the journal at the end of the run."""
+    def close(self, *, in_order: bool) -> None:
+        """Close the journal; `in_order`: the run has not ended by an exception.
+
+        After an exception a successor needs it.
+        """
         if self._journal is not None:
-            over = self._coordinator.algorithm.over or not self._configured
+            over = self._coordinator.algorithm.over or (in_order and not self._configured)
             self._journal.close(over=over)
 
     def _note_members(self, journal: Journal) -> None:

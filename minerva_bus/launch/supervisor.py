@@ -13,7 +13,7 @@ from minerva_bus.launch.console import Console, live_line, starting_line
 from minerva_bus.launch.ending import Ending
 from minerva_bus.launch.forking import FAILED, UNREADY, how_ended
 from minerva_bus.launch.interrupts import caught
-from minerva_bus.launch.journaling import journal_path
+from minerva_bus.launch.journaling import discard_journal, journal_path
 from minerva_bus.launch.machine import REAL, LaunchContext, Machine
 from minerva_bus.launch.memory import prepare, remove_orphans
 from minerva_bus.launch.process_log import FAILURE_REPORT, ProcessLog
@@ -111,6 +111,7 @@ class Supervisor:
             # Of a coordinator that was killed and has no successor.
             if not self._ending.followed:
                 complete_tables(self._file.collect.into, self._log.note)
+                discard_journal(self._file)
             # Processes that are killed leave their files of shared memory behind.
             if self._context.shared:
                 remove_orphans()

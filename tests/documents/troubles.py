@@ -41,6 +41,7 @@ from minerva_bus.frame import messages as m
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.member import Member
 from minerva_bus.frame.overruns import Overruns
+from minerva_bus.launch.journaling import find_past
 from minerva_bus.launch.reading import read_world_file
 from minerva_bus.launch.registry import WorldLock
 from minerva_bus.log.journal import Journal
@@ -192,6 +193,10 @@ def taken_name(_: Path) -> object:
         return WorldLock("hut")
     finally:
         lock.release()
+
+
+def no_journal(folder: Path) -> object:
+    return find_past(read_world_file(world_file(folder)), again=True)
 
 
 def no_library(_: Path) -> object:
@@ -359,6 +364,7 @@ RAISED: Final[Mapping[str, Callable[[Path], object]]] = {
     "Counter.divide of ACounter#a at eTick in frame 0: ZeroDivisionError": tick(),
     "agents failed in frame 0": tick(),
     # --- records ---
+    "there is no journal, so no other coordinator can continue the world": no_journal,
     "this is no MCAP file": written("bad.mcap", "x", "info", "bad.mcap"),
     "cannot be written: No such file or directory": command(
         "run", "meadow", "--in-process", "--frames", "1", "--record", "/nowhere/a.mcap"

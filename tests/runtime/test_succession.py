@@ -55,7 +55,10 @@ def test_a_coordinator_that_is_killed_is_followed_and_members_stay(tmp_path):
 
 
 def failing_coordinator(folder, words, frame, times):
-    """Run a world whose coordinator raises an exception in a frame, `times` times."""
+    """Run a world whose coordinator raises an exception in a frame, `times` times.
+
+    The file `begun` lists the frames that began.
+    """
     script = folder / "failing.py"
     script.write_text(FAILING.format(words=[*map(str, words)], frame=frame, times=times))
     return subprocess.run(
@@ -67,6 +70,7 @@ def failing_coordinator(folder, words, frame, times):
 FAILING = """
 import sys
 from pathlib import Path
+from minerva_bus.frame.stimuli import Begin
 from minerva_bus.runtime.runner import Runner
 from minerva_bus.cli.main import main
 
@@ -74,6 +78,9 @@ handle, count = Runner.handle, Path("failures")
 
 def failing(self, stimulus):
     done = len(count.read_text()) if count.exists() else 0
+    if isinstance(stimulus, Begin):
+        with Path("begun").open("a") as begun:
+            print(self.algorithm.frame, file=begun)
     if self.algorithm.frame == {frame} and done < {times}:
         count.write_text("x" * (done + 1))
         raise LookupError("a defect of ours")
@@ -93,6 +100,11 @@ def test_a_coordinator_that_fails_is_followed_as_one_that_is_killed(tmp_path):
     assert "failed (LookupError: a defect of ours); a successor continues from its journal" in (
         done.stderr
     )
+    # A world that runs once more from its beginning has the same digest.
+    begun = [int(frame) for frame in (tmp_path / "begun").read_text().split()]
+    assert begun == sorted(begun)
+    assert {*begun} == {*range(40)}
+    assert not list((tmp_path / "runtime").glob("*.journal*"))
 
 
 def test_a_coordinator_that_fails_again_and_again_in_one_frame_ends_the_world(tmp_path):
@@ -100,7 +112,23 @@ def test_a_coordinator_that_fails_again_and_again_in_one_frame_ends_the_world(tm
     done = failing_coordinator(tmp_path, ("run", path, "--json"), frame=20, times=99)
     assert done.returncode == 1
     assert "a defect of ours" in done.stderr
+    assert not list((tmp_path / "runtime").glob("*.journal*"))
     assert 1 < len((tmp_path / "failures").read_text()) < 10
+
+
+def test_a_world_without_a_journal_ends_with_its_coordinator(tmp_path):
+    path = write_world(tmp_path, MEMBERS, frames=0, rate=20)
+    with World(path) as world:
+        world.runs("steps", "walkers")
+        pid = world.coordinator()
+        # A coordinator that notices the missing file ends by itself.
+        os.kill(pid, signal.SIGSTOP)
+        (journal,) = (tmp_path / "runtime").glob("*.journal")
+        journal.unlink()
+        os.kill(pid, signal.SIGKILL)
+        assert world.ends() == 1
+        assert f"{journal}: there is no journal, so no other coordinator can continue" in world.text
+        world.gone()
 
 
 def test_members_and_coordinator_are_killed_at_once(tmp_path):
