@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 
 from minerva_bus.errors import VocabularyError
 from minerva_bus.grammar.column import CHUNK
-from minerva_bus.grammar.columns import Columns, one_by_one, packed
+from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.fitting import Unfit
 from minerva_bus.grammar.ids import LONGEST, Ids
+from minerva_bus.grammar.packing import one_by_one, packed
 from minerva_bus.grammar.scene import EMPTY, AgentNode, Piece, Scene, agents
 from minerva_bus.grammar.slots import fill, fill_slots
 from minerva_bus.grammar.unique_ids import same_id

@@ -9,8 +9,8 @@ from minerva_bus.errors import ProtocolError
 from minerva_bus.frame.composition import Fragment, fragment_in
 from minerva_bus.frame.messages import EvolveReply, EvolveRequest, Fragments
 from minerva_bus.grammar.batch import AnyEvent
-from minerva_bus.grammar.columns import has_columns, size
 from minerva_bus.grammar.delta import Delta, difference
+from minerva_bus.grammar.packing import has_columns, size
 from minerva_bus.grammar.row_delta import RowDelta
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.vocabulary import Vocabulary

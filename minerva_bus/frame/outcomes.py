@@ -18,10 +18,11 @@ from numpy.typing import NDArray
 from minerva_bus.frame.composition import Fragment
 from minerva_bus.grammar.batch import AnyEvent, Events
 from minerva_bus.grammar.column import Column, Rows
-from minerva_bus.grammar.columns import Columns, packed
+from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.digest import same_values
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.ids import Ids
+from minerva_bus.grammar.packing import packed
 from minerva_bus.grammar.scene import EMPTY, AgentNode, Node, Scene, agents
 from minerva_bus.world.assembling import emissions
 from minerva_bus.world.lineage import parents_of

@@ -8,8 +8,9 @@ from minerva_bus.frame import messages as m
 from minerva_bus.frame.composition import Composition
 from minerva_bus.frame.views import patch_all
 from minerva_bus.grammar.batch import AnyEvent
-from minerva_bus.grammar.columns import Columns, packed
+from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.events import Event
+from minerva_bus.grammar.packing import packed
 from minerva_bus.grammar.scene import AgentNode, Scene, agents
 
 

@@ -11,12 +11,13 @@ import numpy as np
 from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.grammar.arrays import is_array
 from minerva_bus.grammar.batch import Events
-from minerva_bus.grammar.columns import Columns, around_each
+from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.condition import parse_condition
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.fields import NAME, Fields
 from minerva_bus.grammar.forms import Form, Motion, Shape, parameters_of
 from minerva_bus.grammar.ids import Ids
+from minerva_bus.grammar.packing import around_each
 from minerva_bus.grammar.scene import FigureNode, Scene, TransformationNode, Value
 from minerva_bus.grammar.terms import NUMBER, sort_of_kind
 

@@ -10,10 +10,11 @@ from typing import ClassVar, Protocol, TypeVar
 from minerva_bus.errors import MisuseError, VocabularyError, nearest
 from minerva_bus.grammar.arrays import fits
 from minerva_bus.grammar.batch import AnyEvent, Events
-from minerva_bus.grammar.columns import Columns, packed, rewritten
+from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.condition import Scope, parse_condition
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.fields import Fields
+from minerva_bus.grammar.packing import packed, rewritten
 from minerva_bus.grammar.parser import Parsed, parse_located
 from minerva_bus.grammar.scene import (
     AgentNode,

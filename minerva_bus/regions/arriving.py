@@ -8,7 +8,7 @@ import numpy as np
 
 from minerva_bus.errors import ProtocolError
 from minerva_bus.frame.composition import Composition
-from minerva_bus.grammar.columns import packed
+from minerva_bus.grammar.packing import packed
 from minerva_bus.grammar.scene import Piece, Scene, agents
 from minerva_bus.regions.parcel import Parcel
 from minerva_bus.regions.partition import Partition, regions_of

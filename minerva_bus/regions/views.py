@@ -10,7 +10,7 @@ from minerva_bus.frame.composition import PART, Composition
 from minerva_bus.frame.in_flight import FrameInFlight
 from minerva_bus.frame.messages import Parts, Patches, ViewShown
 from minerva_bus.frame.views import patch_all
-from minerva_bus.grammar.columns import size
+from minerva_bus.grammar.packing import size
 from minerva_bus.grammar.scene import EMPTY, AgentNode, Piece, Scene, agents
 from minerva_bus.regions.merging import Units, merged
 from minerva_bus.regions.places import Place, spans

@@ -22,11 +22,12 @@ from minerva_bus.errors import ProtocolError, VocabularyError
 from minerva_bus.grammar.arrays import fits
 from minerva_bus.grammar.batch import Events
 from minerva_bus.grammar.column import Column
-from minerva_bus.grammar.columns import CHAIN, Columns
+from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.delta import Change, Delta
 from minerva_bus.grammar.fields import Fields
 from minerva_bus.grammar.fitting import Unfit
 from minerva_bus.grammar.ids import Ids
+from minerva_bus.grammar.packing import CHAIN
 from minerva_bus.grammar.row_delta import RowDelta
 from minerva_bus.grammar.unique_ids import same_id
 from minerva_bus.grammar.vocabulary import Vocabulary

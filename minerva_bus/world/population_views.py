@@ -8,9 +8,10 @@ import numpy as np
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.batch import Events
-from minerva_bus.grammar.columns import Columns, Rows, has_columns
+from minerva_bus.grammar.columns import Columns, Rows
 from minerva_bus.grammar.condition import holds_of_many
 from minerva_bus.grammar.events import Event
+from minerva_bus.grammar.packing import has_columns
 from minerva_bus.grammar.scene import EMPTY, AgentNode, Scene, agents
 from minerva_bus.world.addressing import Addressed
 from minerva_bus.world.agent import Agent

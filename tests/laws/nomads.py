@@ -1,6 +1,6 @@
 """A world whose agents do everything that regions have to keep in order, for tests of regions."""
 
-from minerva_bus.grammar.columns import packed
+from minerva_bus.grammar.packing import packed
 from minerva_bus.grammar.scene import EMPTY, Scene
 from minerva_bus.grammar.symbols import EventType, Primitive, Transformation
 from minerva_bus.grammar.vocabulary import Vocabulary

@@ -15,7 +15,7 @@ from minerva_bus.errors import WorldStopped
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.description import World
 from minerva_bus.frame.member import Member
-from minerva_bus.grammar.columns import packed
+from minerva_bus.grammar.packing import packed
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.regions.partition import ByFunction, ById, ByPosition
 from minerva_bus.regions.region import Region

@@ -3,7 +3,7 @@
 import pytest
 
 from minerva_bus.errors import ProtocolError
-from minerva_bus.grammar.columns import packed
+from minerva_bus.grammar.packing import packed
 from minerva_bus.grammar.scene import AgentNode, Scene
 from minerva_bus.regions.balancing import balanced, borders_of, is_due, moved
 from minerva_bus.regions.partition import ById, ByPosition

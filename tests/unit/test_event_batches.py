@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 
 from minerva_bus import Agent, EventBatch, Events, EventType, Frame, Policy, evolve, on
 from minerva_bus.grammar.column import Column
-from minerva_bus.grammar.columns import one_by_one
 from minerva_bus.grammar.ids import Ids
+from minerva_bus.grammar.packing import one_by_one
 
 eHit = EventType("eHit", dist=float)
 eTurn = EventType("eTurn")

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 
 from minerva_bus.errors import MisuseError, WorldFileError, WorldStopped
-from minerva_bus.grammar.columns import packed
+from minerva_bus.grammar.packing import packed
 from minerva_bus.grammar.scene import AgentNode, Scene
 from minerva_bus.launch.console import Console
 from minerva_bus.launch.in_process import InProcessRun

@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minerva_bus.errors import MisuseError
-from minerva_bus.grammar.columns import Column, Columns, Shape, merged, runs
+from minerva_bus.grammar.columns import Column, Columns, Shape
 from minerva_bus.grammar.ids import Ids
+from minerva_bus.grammar.packing import merged, runs
 from minerva_bus.grammar.scene import Piece, Scene, walk
 
 Array = NDArray[Any]
