@@ -60,7 +60,8 @@ if TYPE_CHECKING:
     from minerva_bus.world.expressions import count, data
     from minerva_bus.world.marking import on, view
     from minerva_bus.world.policy import Policy
-    from minerva_bus.world.services import Device, Generator, Tick, View, WorldInfo
+    from minerva_bus.world.service_inputs import Tick, View, WorldInfo
+    from minerva_bus.world.services import Device, Generator
     from minerva_bus.world.views import visualize
 
 
@@ -101,7 +102,8 @@ _HOMES = {
     "world.event_batch": "EventBatch",
     "world.expressions": "count data",
     "world.marking": "on view",
-    "world.services": "Device Generator Tick View WorldInfo",
+    "world.service_inputs": "Tick View WorldInfo",
+    "world.services": "Device Generator",
     "world.views": "visualize",
 }
 

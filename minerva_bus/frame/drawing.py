@@ -9,7 +9,8 @@ from minerva_bus.blame import blamed
 from minerva_bus.frame import messages as m
 from minerva_bus.frame.views import patch_all
 from minerva_bus.grammar.scene import Scene
-from minerva_bus.world.services import Device, Service, View
+from minerva_bus.world.service_inputs import View
+from minerva_bus.world.services import Device, Service
 
 
 @dataclass(slots=True)

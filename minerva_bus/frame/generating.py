@@ -15,7 +15,8 @@ from minerva_bus.grammar.batch import AnyEvent, in_columns
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.world.context import Frame
 from minerva_bus.world.readings import Reading
-from minerva_bus.world.services import Device, Generator, Service, Tick
+from minerva_bus.world.service_inputs import Tick
+from minerva_bus.world.services import Device, Generator, Service
 
 Outgoing: TypeAlias = m.FromMember | m.Readings
 

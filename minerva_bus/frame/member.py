@@ -27,7 +27,8 @@ from minerva_bus.world.operator import NoOperator, Operator
 from minerva_bus.world.policy import Policy
 from minerva_bus.world.readings import Reading
 from minerva_bus.world.service_attributes import check_attributes
-from minerva_bus.world.services import Device, Generator, Service, WorldInfo
+from minerva_bus.world.service_inputs import WorldInfo
+from minerva_bus.world.services import Device, Generator, Service
 
 Outgoing: TypeAlias = m.FromMember | m.Readings
 

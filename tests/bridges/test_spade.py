@@ -20,7 +20,7 @@ from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.scene import agents
 from minerva_bus.log.reader import Record
 from minerva_bus.semantics.geometry import interpret
-from minerva_bus.world.services import View
+from minerva_bus.world.service_inputs import View
 from minerva_services.bridges.spade import Spade, service
 from minerva_services.bridges.spade.acl_messages import (
     Clock,

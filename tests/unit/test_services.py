@@ -9,7 +9,7 @@ from minerva_bus import Context, Device, Event, Frame, Generator
 from minerva_bus.errors import MisuseError, WorldFileError
 from minerva_bus.frame.member import Member
 from minerva_bus.launch.specs import bind
-from minerva_bus.world.services import Tick
+from minerva_bus.world.service_inputs import Tick
 
 
 class Rain(Generator, events=("eRain",)):

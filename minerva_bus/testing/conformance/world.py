@@ -22,7 +22,8 @@ from minerva_bus.world.agent import Agent
 from minerva_bus.world.context import Context
 from minerva_bus.world.marking import on, view
 from minerva_bus.world.readings import Battery, Sightings
-from minerva_bus.world.services import Device, Generator, Tick, View
+from minerva_bus.world.service_inputs import Tick, View
+from minerva_bus.world.services import Device, Generator
 
 SEED: Final = 7
 DT: Final = 0.1

@@ -39,7 +39,7 @@ from minerva_bus.launch.worldfile import Process, WorldFile
 from minerva_bus.settings.tables import BusSettings
 from minerva_bus.world.order import Order
 from minerva_bus.world.readings import Sighting, Sightings
-from minerva_bus.world.services import Emit
+from minerva_bus.world.service_inputs import Emit
 
 NAME: Final = "shore"
 STRING: Final = """

@@ -20,7 +20,8 @@ from minerva_bus.grammar.scene import Scene, agents
 from minerva_bus.launch.specs import load
 from minerva_bus.minds import eReply, eThink
 from minerva_bus.semantics.geometry import interpret
-from minerva_bus.world.services import Device, Emit, Generator, Tick, View, WorldInfo
+from minerva_bus.world.service_inputs import Emit, Tick, View, WorldInfo
+from minerva_bus.world.services import Device, Generator
 from minerva_services.bridging.bridge import log
 from minerva_services.event_factory import event_type
 from minerva_services.llm.answering import CallLimits, CallSetup, RequestResult

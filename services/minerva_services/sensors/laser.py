@@ -25,7 +25,8 @@ from minerva_bus.grammar.packing import MANY
 from minerva_bus.grammar.types import Degrees, Metres, Seconds
 from minerva_bus.world.beams import Reals, hits, no_returns
 from minerva_bus.world.readings import Scan
-from minerva_bus.world.services import Generator, Tick, WorldInfo
+from minerva_bus.world.service_inputs import Tick, WorldInfo
+from minerva_bus.world.services import Generator
 from minerva_services.event_factory import EventFactory, event_type
 
 

@@ -17,7 +17,7 @@ from minerva_bus.outputs import is_stream
 from minerva_bus.world.compensation import Compensator
 from minerva_bus.world.readings import Mount
 from minerva_bus.world.recordings import Recorded, Recording, RecordingError
-from minerva_bus.world.services import Emit
+from minerva_bus.world.service_inputs import Emit
 from minerva_services.bridging import Bridge, Source, SourceError
 from minerva_services.bridging.bridge import SourceItem
 

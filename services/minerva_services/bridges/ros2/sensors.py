@@ -14,7 +14,7 @@ from minerva_bus.grammar.types import Cells, Degrees, Metres
 from minerva_bus.world.compensation import Compensator
 from minerva_bus.world.readings import Mount, Reading
 from minerva_bus.world.recordings import Recorded
-from minerva_bus.world.services import WorldInfo
+from minerva_bus.world.service_inputs import WorldInfo
 from minerva_services.bridges.ros2.messages import (
     BATTERY,
     COMPRESSED,

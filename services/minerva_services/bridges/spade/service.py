@@ -9,7 +9,8 @@ from minerva_bus.acl import Outside, eMail, eMessage
 from minerva_bus.errors import MinervaError, MisuseError
 from minerva_bus.grammar.events import Event
 from minerva_bus.semantics.geometry import interpret
-from minerva_bus.world.services import Device, View, WorldInfo
+from minerva_bus.world.service_inputs import View, WorldInfo
+from minerva_bus.world.services import Device
 from minerva_services.bridges.spade.acl_messages import (
     Clock,
     InvalidMessage,

@@ -8,7 +8,8 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from minerva_bus.errors import MisuseError
-from minerva_bus.world.services import Device, View, WorldInfo
+from minerva_bus.world.service_inputs import View, WorldInfo
+from minerva_bus.world.services import Device
 from minerva_services.options import check_port, check_rate, event_types, require
 from minerva_services.views.overlay import Overlay
 from minerva_services.views.page_address import listen

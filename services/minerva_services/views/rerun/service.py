@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.outputs import check_output
-from minerva_bus.world.services import Device, View, WorldInfo
+from minerva_bus.world.service_inputs import View, WorldInfo
+from minerva_bus.world.services import Device
 from minerva_services.options import event_types, require
 from minerva_services.views.overlay import Overlay
 from minerva_services.views.svg.files import prepare_folder

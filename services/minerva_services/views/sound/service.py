@@ -6,7 +6,8 @@ import math
 from collections.abc import Mapping
 
 from minerva_bus.errors import MisuseError
-from minerva_bus.world.services import Device, View, WorldInfo
+from minerva_bus.world.service_inputs import View, WorldInfo
+from minerva_bus.world.services import Device
 from minerva_services.options import event_types, names_in
 from minerva_services.views.sound.sonification import Sonification
 from minerva_services.views.sound.sound_geometry import roles

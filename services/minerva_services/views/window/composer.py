@@ -11,7 +11,7 @@ from minerva_bus.semantics.poses import Pose
 from minerva_bus.world.beams import origins
 from minerva_bus.world.operator import WorldStatus
 from minerva_bus.world.readings import Reading, Scan
-from minerva_bus.world.services import View, WorldInfo
+from minerva_bus.world.service_inputs import View, WorldInfo
 from minerva_services.views.fates import OrderEntry
 from minerva_services.views.names import agent_names
 from minerva_services.views.overlay import Overlay
