@@ -102,6 +102,12 @@ class CollectionStep:
             # not subscribe to the tick of all.
             algorithm.out.send(member, m.TickRequest(frame))
 
+    def ask_for_next(self) -> None:
+        """Ask generators that are ahead for the next frame, while the hosts evolve this one."""
+        frame, last = self._algorithm.frame + 1, self._algorithm.world.frames
+        if not last or frame < last:
+            self._ask_ahead(frame)
+
     # --- replies ---
 
     def tick_reply(self, reply: m.TickReply) -> None:
@@ -165,7 +171,7 @@ class CollectionStep:
 
     def collect(self) -> None:
         """Steps 2 to 4: e*, e^v and e^u."""
-        algorithm, world = self._algorithm, self._algorithm.world
+        algorithm = self._algorithm
         in_flight = algorithm.in_flight
         due = due_views(algorithm.members.index, algorithm.frame, in_flight.clock_views)
         later: Mapping[str, Sequence[AnyEvent]]
@@ -177,10 +183,6 @@ class CollectionStep:
             due = tuple(sorted({*due, *in_flight.logged.due}))
         self._gather(due)
         algorithm.inbox.put_back(later)
-        if not world.frames or algorithm.frame + 1 < world.frames:
-            # Asked while the hosts evolve this frame, so that the next
-            # one need not wait for the answers.
-            self._ask_ahead(algorithm.frame + 1)
 
     def _gather(self, due: tuple[str, ...]) -> None:
         algorithm, events = self._algorithm, self._algorithm.in_flight.events

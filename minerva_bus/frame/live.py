@@ -153,12 +153,16 @@ class LiveSource(FrameSource):
         self.begin, self.collect = collection.begin, collection.collect
         self.tick_reply, self.emitted = collection.tick_reply, collection.emitted
         self.order, self.ask = collection.order, collection.ask
-        self.evolve, self.settle, self.commit = (
-            evolution.request,
-            evolution.settle,
-            evolution.commit,
-        )
+        self.settle, self.commit = evolution.settle, evolution.commit
         self.evolve_reply, self.ask_again = evolution.reply, evolution.ask_again
+
+    def evolve(self) -> None:
+        """Steps 5 and 6: request the next string and the views, then early events."""
+        self.evolution.request()
+        # After the hosts: a generator that wakes up first may take the processor that the frame's
+        # slowest members need. None is asked when the world closes or repeats a logged frame.
+        if self._algorithm.phase is Phase.EVOLVE:
+            self.collection.ask_for_next()
 
     def why_over(self) -> str:
         """Step 9: reason why no frame follows, or an empty string."""
