@@ -97,8 +97,12 @@ def coordinator(
     said: Callable[[str, str, str], None] | None = None,
     rate: float = 0.0,
     sinks: Sequence[Sink] = (),
+    idle: Callable[[], None] = lambda: None,
 ) -> Coordinator:
-    """A coordinator that prints its log lines; a member that stalls ends the world."""
+    """A coordinator that prints its log lines; a member that stalls ends the world.
+
+    `idle` is called before it waits for members, as for a record.
+    """
 
     def log(name: str, line: str, _: str) -> None:
         print(f"{name}: {line}", file=sys.stderr)
@@ -112,6 +116,7 @@ def coordinator(
         listening=listening,
         stalled=stalled,
         frame_done=frame_done,
+        idle=idle,
     )
     made = Coordinator(world, watchers, rate=rate, sinks=sinks)
     return made

@@ -3,7 +3,9 @@
     python -m benchmarks.comparison.bus [--models wolf_sheep flocking schelling]
         [--sizes large small] [--turns 3] [--runs 1] [--json]
 
-On the bus, coordinator, host and clock are processes. The digests of the last frame must agree.
+On the bus, coordinator, host and clock are processes. The coordinator computes the digest of each
+frame when a record would write it: while it waits for the answers to the next request. The digests
+of the last frame must agree.
 Milliseconds per frame: the median of the times between two frames, and the processor time of all
 processes. `ratio` and `cpu ratio` divide those of the bus by those in one process, without digests.
 Turns alternate; the medians of the turns are shown. On a busy machine, processes wait for each
@@ -28,6 +30,7 @@ from benchmarks.comparison.parameters import PARAMETERS
 from benchmarks.comparison.stepping import members_of, stepped, world_of
 from benchmarks.forked import Members, coordinator, forked
 from minerva_bus.frame.algorithm import FrameAlgorithm
+from minerva_bus.grammar.scene import Scene
 from minerva_bus.space import Space
 
 MODELS: Final[dict[str, Callable[[Any, int], Space]]] = {
@@ -53,7 +56,7 @@ class Times(NamedTuple):
 
 
 class Meter:
-    """Notes the end of each frame, and with `digests` computes its digest.
+    """Notes the end of each frame, and with `digests` computes its digest when it is `idle`.
 
     `processes` are other ones whose processor time counts.
     """
@@ -62,12 +65,19 @@ class Meter:
         self._digests = digests
         self._processes = [os.getpid(), *processes]
         self._ends: list[tuple[float, float]] = []
+        self._scenes: list[Scene] = []
 
     def done(self, algorithm: FrameAlgorithm) -> None:
         """Note the end of a frame."""
         if self._digests:
-            assert algorithm.scene.digest
+            self._scenes.append(algorithm.scene)
         self._ends.append((time.perf_counter(), sum(map(_processor_time, self._processes))))
+
+    def idle(self) -> None:
+        """Compute the digests of the frames that have ended since the last call."""
+        for scene in self._scenes:
+            assert scene.digest
+        self._scenes.clear()
 
     def times(self, algorithm: FrameAlgorithm) -> Times:
         """Times of a frame after the warm-up."""
@@ -111,7 +121,10 @@ def _coordinated(space: Space, steps: int) -> Times:
     members = Members("comparison", members_of(space))
     meter = Meter(digests=True, processes=members.pids.values())
     hub = coordinator(
-        world_of(space, steps, 1), members.connect, lambda _: meter.done(hub.algorithm)
+        world_of(space, steps, 1),
+        members.connect,
+        lambda _: meter.done(hub.algorithm),
+        idle=meter.idle,
     )
     hub.run()
     members.wait()
