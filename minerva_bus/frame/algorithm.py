@@ -24,7 +24,8 @@ from minerva_bus.frame.inputs import FrameInputs
 from minerva_bus.frame.instructions import Instructions
 from minerva_bus.frame.joining import MemberLifecycle
 from minerva_bus.frame.live import FrameSource, LiveSource
-from minerva_bus.frame.members import MemberChange, Members
+from minerva_bus.frame.member_states import MemberChange
+from minerva_bus.frame.members import Members
 from minerva_bus.frame.norms import BROKEN, Norms
 from minerva_bus.frame.phases import TRANSITIONS, Awaited, Phase
 from minerva_bus.frame.placement import Placement

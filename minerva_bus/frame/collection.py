@@ -10,7 +10,7 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.calling import NOTHING
 from minerva_bus.frame.inbox import AGENTS, PEOPLE, Orders, counting, is_people, name_of
 from minerva_bus.frame.inputs import FrameInputs
-from minerva_bus.frame.members import MemberChange, MemberEntry, MemberState
+from minerva_bus.frame.member_states import MemberChange, MemberEntry, MemberState
 from minerva_bus.frame.senders import SenderRights
 from minerva_bus.frame.views import due_views
 from minerva_bus.grammar.batch import AnyEvent

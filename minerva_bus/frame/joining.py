@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.compatibility import incompatibility
-from minerva_bus.frame.members import MemberChange, MemberEntry, MemberState
+from minerva_bus.frame.member_states import MemberChange, MemberEntry, MemberState
 from minerva_bus.frame.phases import Phase
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ from minerva_bus.frame.collection import CollectionStep, is_handed_over
 from minerva_bus.frame.description import World
 from minerva_bus.frame.evolution import EvolutionStep
 from minerva_bus.frame.inbox import is_people
-from minerva_bus.frame.members import MemberEntry
+from minerva_bus.frame.member_states import MemberEntry
 from minerva_bus.frame.own_agents import OwnAgents
 from minerva_bus.frame.phases import Phase
 from minerva_bus.grammar.batch import AnyEvent

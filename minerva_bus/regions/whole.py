@@ -21,7 +21,7 @@ from minerva_bus.frame.collection import (
 )
 from minerva_bus.frame.inputs import FrameInputs, RecordedFrame
 from minerva_bus.frame.live import why_over
-from minerva_bus.frame.members import MemberEntry
+from minerva_bus.frame.member_states import MemberEntry
 from minerva_bus.frame.own_agents import NO_AGENTS, OwnAgents
 from minerva_bus.frame.replaying import RecordedSource
 from minerva_bus.frame.views import due_views

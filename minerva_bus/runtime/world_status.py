@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from minerva_bus.frame.members import MemberEntry
+from minerva_bus.frame.member_states import MemberEntry
 from minerva_bus.runtime.operated import Operated
 from minerva_bus.world.operator import MemberStatus, WorldStatus
 

@@ -11,17 +11,11 @@ from hypothesis import HealthCheck, given, settings
 
 from minerva_bus import EMPTY, Scene
 from minerva_bus.errors import VocabularyError
-from minerva_bus.frame import members as member_table
+from minerva_bus.frame import member_states
 from minerva_bus.frame.compatibility import PROTOCOL_VERSION, incompatibility
 from minerva_bus.frame.composition import Composition
-from minerva_bus.frame.members import (
-    MAX_DEPARTED,
-    TRANSITIONS,
-    MemberChange,
-    MemberEntry,
-    Members,
-    MemberState,
-)
+from minerva_bus.frame.member_states import TRANSITIONS, MemberChange, MemberEntry, MemberState
+from minerva_bus.frame.members import MAX_DEPARTED, Members
 from minerva_bus.frame.messages import Hello
 from minerva_bus.frame.pace import Pace
 from minerva_bus.frame.placement import place
@@ -94,9 +88,9 @@ def test_every_state_can_be_reached_and_left():
 
 
 def test_the_drawing_of_the_table_has_all_states():
-    drawn = set(re.findall(r"[A-Z]{4,}", member_table.__doc__))
+    drawn = set(re.findall(r"[A-Z]{4,}", member_states.__doc__))
     assert drawn == {state.name for state in MemberState}
-    assert Path(member_table.__file__).exists()
+    assert Path(member_states.__file__).exists()
 
 
 def test_members_are_sorted_by_name_not_arrival():
