@@ -19,8 +19,9 @@ from numpy.typing import NDArray
 from minerva_bus.collect.rows import Data
 from minerva_bus.collect.table import DataTable, Gathered, columns_of, needed, texts
 from minerva_bus.errors import MisuseError
+from minerva_bus.file_marks import MARK
 from minerva_bus.grammar.ids import Ids
-from minerva_bus.outputs import MARK, check_output
+from minerva_bus.outputs import check_output
 
 ENDINGS: Final = (".csv", ".parquet", ".columns")
 """Endings of files that are not parts."""

@@ -21,8 +21,9 @@ from minerva_bus.api.world import world_of
 from minerva_bus.cosimulation.stepped_world import SteppedWorld
 from minerva_bus.cosimulation.world_slave import DESCRIPTION, STARTS
 from minerva_bus.errors import MisuseError
+from minerva_bus.file_marks import MARK
 from minerva_bus.grammar.fields import Field
-from minerva_bus.outputs import MARK, check_output, write_output
+from minerva_bus.outputs import check_output, write_output
 
 TYPES: Final = {"real": "Float64", "int": "Int64", "bool": "Boolean", "text": "String"}
 """Types of FMI variables, by the kind of a value."""

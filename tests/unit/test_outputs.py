@@ -7,15 +7,9 @@ from minerva_bus.collect.drafts import TableFiles
 from minerva_bus.collect.plans import TablePlan
 from minerva_bus.collect.writers import CsvWriter
 from minerva_bus.errors import MisuseError
+from minerva_bus.file_marks import is_own
 from minerva_bus.log.exporting import new_folder
-from minerva_bus.outputs import (
-    check_output,
-    check_replaceable,
-    is_own,
-    note_read,
-    replacing,
-    write_output,
-)
+from minerva_bus.outputs import check_output, check_replaceable, note_read, replacing, write_output
 
 TEXTS = (".svg", ".html", ".yaml", ".toml", ".mnv", ".mmd")
 SVG = b"<svg xmlns='http://www.w3.org/2000/svg'/>\n"

@@ -14,7 +14,8 @@ from pathlib import Path
 import numpy as np
 
 from minerva_bus.errors import MisuseError
-from minerva_bus.outputs import MARK, check_output
+from minerva_bus.file_marks import MARK
+from minerva_bus.outputs import check_output
 from minerva_services.views.sound.synthesis import Samples
 
 _CHANNELS, _WIDTH, _PCM = 2, 2, 1

@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from minerva_bus.errors import MisuseError
-from minerva_bus.outputs import MARK, check_output, gif_comment
+from minerva_bus.file_marks import MARK, gif_comment
+from minerva_bus.outputs import check_output
 from minerva_services.views.svg.files import prepare_folder
 from minerva_services.views.window.painter import Pixels
 
