@@ -17,19 +17,16 @@ from pathlib import Path
 from typing import Final
 
 from minerva_bus.errors import KeysError, MisuseError, nearest
-from minerva_bus.security.certificates import (
-    Authority,
-    Issued,
-    Wanted,
+from minerva_bus.security.certificate_files import (
     certificate_pem,
     check_pair,
     key_pem,
-    now,
     read_certificate,
     read_issued,
     read_key,
     read_revoked,
 )
+from minerva_bus.security.certificates import Authority, Issued, Wanted, now
 from minerva_bus.security.credentials import (
     FAMILY,
     HUB,

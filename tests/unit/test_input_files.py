@@ -12,7 +12,7 @@ from minerva_bus.launch.installed import declared_options, file_text
 from minerva_bus.launch.reading import read_world_file
 from minerva_bus.log import scanning
 from minerva_bus.log.chunks import Chunks
-from minerva_bus.security.certificates import read_certificate
+from minerva_bus.security.certificate_files import read_certificate
 from minerva_services.options import read_password
 
 SPARSE = 64 << 30
