@@ -14,7 +14,7 @@ import minerva_agents.robot
 from minerva_agents.robot.narrows import Narrows, is_passable, passable_width
 from minerva_agents.robot.occupancy import FREE, OCCUPIED, OccupancyMap
 from minerva_agents.robot.options import RobotOptions
-from minerva_agents.robot.world import scene
+from minerva_agents.robot.world import notes, scene
 from minerva_bus.errors import WorldFileError
 from minerva_bus.launch.reading import read_world_file
 from minerva_bus.settings.overrides import Overrides
@@ -42,9 +42,20 @@ def two_rooms(width, offset, along_x):
     return OccupancyMap(cells if along_x else np.ascontiguousarray(cells.T), PIXEL)
 
 
-def drive(tmp_path, width, offset, along_x=True, frames=700):
-    """Run a search for a marker behind the door; return its results."""
-    floor = two_rooms(width, offset, along_x)
+def two_oblique_rooms(width, degrees, shift):
+    """A room of 4 x 4 m and a wall through its middle, with a door `shift` m off its centre."""
+    count = pixels(4.0)
+    x, y = (np.indices((count, count)) + 0.5) * PIXEL - 2.0
+    cos, sin = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
+    along, across = x * cos + y * sin - shift, y * cos - x * sin
+    solid = (abs(across) < WALL / 2) & (abs(along) > width / 2)
+    solid[0] = solid[-1] = solid[:, 0] = solid[:, -1] = True
+    start, end = [(2.0 - side * sin, 2.0 + side * cos) for side in (-1.2, 1.2)]
+    return OccupancyMap(np.where(solid, OCCUPIED, FREE).astype(np.int16), PIXEL), start, end
+
+
+def options_of(tmp_path, floor, start, end):
+    """Options of a world with this floor and one marker, A."""
     picture = np.where(floor.cells == FREE, 254, 0).astype(np.uint8).T[::-1]
     high, wide = picture.shape
     (tmp_path / "m.pgm").write_bytes(f"P5 {wide} {high} 255\n".encode() + picture.tobytes())
@@ -52,15 +63,24 @@ def drive(tmp_path, width, offset, along_x=True, frames=700):
         f'{{"image": "m.pgm", "resolution": {PIXEL}, "origin": [0, 0, 0], "negate": 0,'
         ' "occupied_thresh": 0.65, "free_thresh": 0.196}'
     )
-    start, end = (0.7, 0.6), (3.5, 0.6)
-    if not along_x:
-        start, end = start[::-1], end[::-1]
-    options = {
+    return {
         "map": str(tmp_path / "m.yaml"),
         "start": f"{start[0]}, {start[1]}, 0",
         "markers": {"A": list(end)},
         "parcels": "",
     }
+
+
+def drive(tmp_path, width, offset, along_x=True, frames=700):
+    """Run a search for a marker behind the door; return its results."""
+    start, end = (0.7, 0.6), (3.5, 0.6)
+    if not along_x:
+        start, end = start[::-1], end[::-1]
+    options = options_of(tmp_path, two_rooms(width, offset, along_x), start, end)
+    return search(options, end, frames)
+
+
+def search(options, end, frames):
     chosen = RobotOptions.read(options)
     simulator = Simulator(chosen.floor, chosen.places, scene(options), "A")
     run = simulator.go(frames)
@@ -99,6 +119,34 @@ def test_there_is_none_through_a_door_that_is_narrower_than_the_robot():
     narrows = Narrows.around(grid, (10.3, 10.7), RADIUS, 0.1)
     assert narrows.way_to_cell((10, 50)) is None
     assert not is_passable(grid, [(21.5, 20.5), (21.5, 40.5)], RADIUS, 0.1)
+
+
+@pytest.mark.parametrize(
+    ("width", "degrees", "shift", "helps"),
+    [
+        (0.55, 40, 0.0, "--cell 0.05"),
+        (0.47, 39, 0.03, "--cell 0.025"),
+        (0.3, 39, 0.03, None),  # narrower than the robot
+        (0.55, 62, 0.0, None),
+        (0.76, 45, 0.05, None),
+    ],
+)
+def test_a_run_warns_of_an_oblique_door_that_the_cells_close(
+    tmp_path, width, degrees, shift, helps
+):
+    """The planner fails on a part of the widths at which the robot fits; the note says where."""
+    options = options_of(tmp_path, *two_oblique_rooms(width, degrees, shift))
+    lines = list(notes(options))
+    assert ["no way to A: with cells of 0.1 m" in line for line in lines] == [True] * bool(helps)
+    assert helps is None or lines[0].endswith(helps)
+
+
+@pytest.mark.parametrize(("degrees", "is_passable"), [(40, False), (62, True)])
+def test_the_note_about_an_oblique_door_is_what_happens(tmp_path, degrees, is_passable):
+    floor, start, end = two_oblique_rooms(0.55, degrees, 0.0)
+    options = options_of(tmp_path, floor, start, end)
+    assert bool(notes(options)) is not is_passable
+    assert search(options, end, frames=120).reached is is_passable
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,14 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from minerva_agents.robot.ground import blocked, cell_of, centre_of, sees, straightened
+from minerva_agents.robot.ground import (
+    all_that_see,
+    blocked,
+    cell_of,
+    centre_of,
+    sees,
+    straightened,
+)
 from minerva_agents.robot.knowledge import MARKER, Cell, Mask, free, obstacles
 from minerva_agents.robot.wave import STEP, Wave
 from minerva_bus import portable
@@ -71,7 +78,7 @@ def good_places(robot: ARobot, place: Cell) -> Iterator[Mask]:
     # Masks are built on demand, because the tests of sight are slow and an early mask usually
     # suffices.
     for dist in _DISTANCES:
-        yield _with_view(walls, _around(walls, place, dist / robot.cell), place)
+        yield cells_with_view(walls, place, dist / robot.cell)
     if robot.failures >= RELAX_FAILURES:
         for dist in _DISTANCES:
             yield _around(walls, place, dist / robot.cell)
@@ -109,16 +116,18 @@ def make_way_again(robot: ARobot) -> None:
     return make_way(robot, (row, column))
 
 
-def _around(walls: Mask, place: Cell, cells: float) -> Mask:
-    rows, columns = np.ogrid[: walls.shape[0], : walls.shape[1]]
-    return (rows - place[0]) ** 2 + (columns - place[1]) ** 2 <= cells * cells
-
-
-def _with_view(walls: Mask, around: Mask, place: Cell) -> Mask:
-    visible = np.zeros(walls.shape, np.bool_)
-    for row, column in np.argwhere(around & ~walls).tolist():
-        visible[row, column] = sees(walls, centre_of((row, column)), centre_of(place))
+def cells_with_view(walls: Mask, place: Cell, reach: float) -> Mask:
+    """Cells at most `reach` cells from a place that see it."""
+    visible = _around(walls, place, reach) & ~walls
+    rows, columns = visible.nonzero()
+    centres = (rows.astype(np.float64) + 0.5, columns.astype(np.float64) + 0.5)
+    visible[rows, columns] = all_that_see(walls, *centres, centre_of(place))
     return visible
+
+
+def _around(walls: Mask, place: Cell, reach: float) -> Mask:
+    rows, columns = np.ogrid[: walls.shape[0], : walls.shape[1]]
+    return (rows - place[0]) ** 2 + (columns - place[1]) ** 2 <= reach * reach
 
 
 def _sees(robot: ARobot, place: Cell) -> bool:

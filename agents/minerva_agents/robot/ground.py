@@ -19,7 +19,7 @@ from typing import Final, TypeAlias
 import numpy as np
 
 from minerva_agents.robot.distances import inflate
-from minerva_agents.robot.knowledge import Cell, Mask, obstacles
+from minerva_agents.robot.knowledge import Cell, Mask, Reals, obstacles
 from minerva_bus import Cells, portable
 
 Position: TypeAlias = tuple[float, float]
@@ -144,13 +144,25 @@ def _leaves_at_once(grid: Cells, at: Position, turns: Way, room: float) -> bool:
 
 def sees(walls: Mask, here: Position, there: Position) -> bool:
     """True if no obstacle lies between two positions; the end cells do not count."""
-    down, across = there[0] - here[0], there[1] - here[1]
-    # Two samples per cell, so that the line skips no cell except at corners.
-    count = 2 * math.ceil(max(abs(down), abs(across))) + 1
-    ends = (cell_of(here), cell_of(there))
-    for step in range(1, count):
-        part = step / count
-        cell = cell_of((here[0] + part * down, here[1] + part * across))
-        if cell not in ends and walls[cell]:
-            return False
-    return True
+    return bool(all_that_see(walls, np.array([here[0]]), np.array([here[1]]), there)[0])
+
+
+def all_that_see(walls: Mask, rows: Reals, columns: Reals, there: Position) -> Mask:
+    """Of n positions, (n,) rows and columns, those that `sees` says see another, (n,)."""
+    down, across = there[0] - rows, there[1] - columns
+    # Two samples per cell, so that a line skips no cell except at corners.
+    counts = 2 * np.ceil(np.maximum(np.abs(down), np.abs(across))).astype(np.intp) + 1
+    result = np.ones(len(rows), np.bool_)
+    for count in np.unique(counts).tolist():
+        lines = np.flatnonzero(counts == count)
+        parts = np.arange(1, count) / count
+        firsts, seconds = rows[lines, np.newaxis], columns[lines, np.newaxis]
+        passed = (
+            np.floor(firsts + parts * down[lines, np.newaxis]).astype(np.intp),
+            np.floor(seconds + parts * across[lines, np.newaxis]).astype(np.intp),
+        )
+        is_end = (passed[0] == np.floor(firsts)) & (passed[1] == np.floor(seconds))
+        last = cell_of(there)
+        is_end |= (passed[0] == last[0]) & (passed[1] == last[1])
+        result[lines] = ~(walls[passed] & ~is_end).any(axis=1)
+    return result

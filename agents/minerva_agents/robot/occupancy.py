@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Final, TypeAlias
+from typing import Final, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,7 @@ UNKNOWN: Final = -1
 
 Point: TypeAlias = tuple[float, float]
 MapPose: TypeAlias = tuple[float, float, float]
+Numbers = TypeVar("Numbers", float, NDArray[np.float64])
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,11 +81,17 @@ class OccupancyMap:
 
     def centre_of(self, cell: tuple[int, int]) -> Point:
         """World position of a cell's centre, in metres."""
-        return self._point(cell[0] + 0.5, cell[1] + 0.5)
+        return self.point(cell[0] + 0.5, cell[1] + 0.5)
 
     def corner_of(self, cell: tuple[int, int]) -> Point:
         """World position of the corner of a cell nearest to cell (0, 0), in metres."""
-        return self._point(cell[0], cell[1])
+        return self.point(float(cell[0]), float(cell[1]))
+
+    def point(self, row: Numbers, column: Numbers) -> tuple[Numbers, Numbers]:
+        """World position in metres of rows and columns from the map's origin, with fractions."""
+        cos, sin = self._heading()
+        along, across = row * self.resolution, column * self.resolution
+        return self.x + cos * along - sin * across, self.y + sin * along + cos * across
 
     def _cells_to(self, x: float, y: float) -> Point:
         """The rows and columns from the origin of the map to a world position, as fractions."""
@@ -92,11 +99,6 @@ class OccupancyMap:
         east, north = x - self.x, y - self.y
         along, across = cos * east + sin * north, cos * north - sin * east
         return along / self.resolution, across / self.resolution
-
-    def _point(self, row: float, column: float) -> Point:
-        cos, sin = self._heading()
-        along, across = row * self.resolution, column * self.resolution
-        return self.x + cos * along - sin * across, self.y + sin * along + cos * across
 
     def _frame(self) -> tuple[object, ...]:
         return self.resolution, self.x, self.y, self.angle, self.markers, self.start

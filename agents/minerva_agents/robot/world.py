@@ -17,8 +17,9 @@
 
 All other options belong to the world's other members.
 
-With "astar" a robot passes every door of at least `narrows.passable_width`, 0.5 m for the defaults.
-It passes narrower ones only where its grid lines fall favourably.
+With "astar" a robot passes every door of at least `narrows.passable_width`, 0.5 m for the defaults,
+in a wall along the lines of its grid. It passes narrower ones, and those in oblique walls, only
+where its grid lines fall favourably; `notes` computes that from the map.
 """
 
 from __future__ import annotations
@@ -31,7 +32,9 @@ from typing import Any, Final
 import numpy as np
 
 from minerva_agents.robot import vocabulary as words
+from minerva_agents.robot.foreseen import is_within_reach, known_grid, reachable_cells
 from minerva_agents.robot.grids import MapError
+from minerva_agents.robot.ground import Position, cell_of
 from minerva_agents.robot.knowledge import holds
 from minerva_agents.robot.localising import ALocalisingRobot
 from minerva_agents.robot.narrows import passable_width
@@ -140,7 +143,7 @@ def defaults(options: Mapping[str, Any]) -> Mapping[str, Any]:
 def notes(options: Mapping[str, Any]) -> Sequence[str]:
     """Hints about doors that are too narrow for the cells, and markers that no camera sees."""
     chosen = RobotOptions.read(options)
-    return (*_doors(chosen), *_hidden(chosen))
+    return (*_doors(chosen), *_shut_off(chosen), *_hidden(chosen))
 
 
 def _doors(chosen: RobotOptions) -> Sequence[str]:
@@ -155,6 +158,47 @@ def _doors(chosen: RobotOptions) -> Sequence[str]:
         f" {chosen.cell:g} m wide; with --cell {better[0]:g} the limit is"
         f" {passable_width(chosen.radius, better[0]):.2f} m",
     )
+
+
+def _shut_off(chosen: RobotOptions) -> Sequence[str]:
+    """A hint if robots find no way to markers because of their cells, and one with smaller ones."""
+    names = _out_of_reach(chosen, chosen.cell)
+    if not names:
+        return ()
+    for part in _CELL_DIVISORS:
+        size = round(chosen.cell / part, 9)
+        helped = names - _out_of_reach(chosen, size)
+        if helped:
+            return (
+                f"the robots may find no way to {', '.join(sorted(helped))}: with cells of"
+                f" {chosen.cell:g} m an opening on the way looks narrower than it is; use"
+                f" --cell {size:g}",
+            )
+    return ()
+
+
+def _out_of_reach(chosen: RobotOptions, cell: float) -> set[str]:
+    """Names of the markers to which robots find no way, although they know the map."""
+    try:
+        empty = _empty_grid(chosen.floor, cell)
+    except MapError:  # too many cells, so nobody can use this size
+        return {marker.name for marker in chosen.places}
+    grid = known_grid(chosen.floor, empty.cells, empty.x, empty.y, cell)
+    at = empty.position(*chosen.start_pose[:2], cell)
+    places = {
+        marker.name: cell_of(empty.position(marker.x, marker.y, cell)) for marker in chosen.places
+    }
+    # Most floors have no narrow opening, and the fine grid takes several times as long.
+    for fine in (False, True) if chosen.planner == "astar" else (False,):
+        reachable = reachable_cells(grid, at, chosen.radius, cell, fine=fine)
+        places = {
+            name: place
+            for name, place in places.items()
+            if not is_within_reach(reachable, grid, place, cell)
+        }
+        if not places:
+            break
+    return set(places)
 
 
 def _hidden(chosen: RobotOptions) -> Sequence[str]:
@@ -180,13 +224,14 @@ def _is_inside(marker: Marker, floor: OccupancyMap) -> bool:
 
 def _robot(name: str, start: MapPose, grid: _Grid, chosen: RobotOptions) -> ARobot:
     """A robot without knowledge, objective or action (4.2.4)."""
-    x, y, angle = start
+    angle = start[2]
+    row, column = grid.position(*start[:2], chosen.cell)
     kind = ALocalisingRobot if chosen.localise == "matching" else ARobot
     return kind(
         name,
         grid=grid.cells,
-        row=(x - grid.x) / chosen.cell,
-        column=(y - grid.y) / chosen.cell,
+        row=row,
+        column=column,
         angle=angle,
         cell=chosen.cell,
         x0=grid.x,
@@ -218,6 +263,10 @@ class _Grid:
     cells: Cells
     x: float
     y: float
+
+    def position(self, x: float, y: float, cell: float) -> Position:
+        """Position in cells, with the side `cell`, of a place in metres."""
+        return (x - self.x) / cell, (y - self.y) / cell
 
 
 def _empty_grid(floor: OccupancyMap, cell: float) -> _Grid:
