@@ -186,7 +186,9 @@ def _out_of_reach(chosen: RobotOptions, cell: float) -> set[str]:
     grid = known_grid(chosen.floor, empty.cells, empty.x, empty.y, cell)
     at = empty.position(*chosen.start_pose[:2], cell)
     places = {
-        marker.name: cell_of(empty.position(marker.x, marker.y, cell)) for marker in chosen.places
+        marker.name: cell_of(empty.position(marker.x, marker.y, cell))
+        for marker in chosen.places
+        if not _is_inside(marker, chosen.floor)
     }
     # Most floors have no narrow opening, and the fine grid takes several times as long.
     for fine in (False, True) if chosen.planner == "astar" else (False,):
