@@ -1,6 +1,7 @@
 """Imports go in one direction, and each library has one place (ARCHITECTURE.md)."""
 
 import ast
+import re
 import subprocess
 import sys
 from functools import cache
@@ -23,6 +24,7 @@ ORDER = [
     "log",
     "security",
     "runtime",
+    "settings",
     "launch",
     "acl",
     "minds",
@@ -31,6 +33,7 @@ ORDER = [
     "rl",
     "cosimulation",
     "mcp",
+    "testing",
     "cli",
 ]
 ONLY = {
@@ -72,6 +75,21 @@ def test_a_package_imports_only_those_below_it(package):
             assert not (parts[0] == "minerva_bus" and parts[1:2] and parts[1] in above), (
                 f"{path.relative_to(ROOT)} imports {name}"
             )
+
+
+def test_the_document_has_this_order():
+    text = (ROOT / "ARCHITECTURE.md").read_text(encoding="utf-8")
+    line = re.search(r"```\n(portable → [^`]*)```", text)[1]
+    assert line.split() == " → ".join(ORDER).split()
+    folders = {path.parent.name for path in (ROOT / "minerva_bus").glob("*/__init__.py")}
+    assert folders == set(ORDER)
+
+
+def test_modules_beside_the_packages_import_none_of_them():
+    for path in sorted((ROOT / "minerva_bus").glob("*.py")):
+        if not path.name.startswith("__"):
+            packages = {name.split(".")[1] for name in imports(path) if name.count(".")}
+            assert not packages & set(ORDER), path
 
 
 @pytest.mark.parametrize(("library", "home"), ONLY.items())
@@ -123,7 +141,7 @@ def test_the_command_line_answers_before_anything_heavy_is_there():
     names = {name.split(".")[0] for name in modules}
     assert not names & {"numpy", "zenoh", "msgpack", "mcap", "cryptography"}
     packages = {name.split(".")[1] for name in modules if "minerva_bus." in name}
-    assert not packages & (set(ORDER) - {"runtime", "cli"})
+    assert not packages & (set(ORDER) - {"runtime", "settings", "cli"})
 
 
 @pytest.mark.parametrize(
