@@ -10,7 +10,7 @@ from hypothesis import given, settings
 
 from minerva_bus import Cells, Degrees, Metres, Reals, Scene, parse
 from minerva_bus.errors import MisuseError
-from minerva_bus.grammar.fields import Fields
+from minerva_bus.grammar.fields import Field, Fields
 from minerva_bus.grammar.fitting import Unfit
 from minerva_bus.grammar.limits import Range
 from minerva_bus.grammar.types import Type, parse_type, type_of
@@ -312,3 +312,74 @@ def test_lists_are_fitted_as_their_items_are(item, lists):
     fitted = kind.fit(tuple(lists))
     assert repr(fitted) == repr(expected)  # 1.0 is not 1.
     assert kind.fit(fitted) is fitted  # So that an unchanged value is recognized.
+
+
+class Word(str):
+    """A text of another class."""
+
+    __slots__ = ()
+
+
+RAW = {
+    "real": st.sampled_from([0.5, -0.0, 1e300, 1.5, math.nan, -math.inf]),
+    "int": st.sampled_from([0, 3, 2**63 - 1, -(2**63), 2**63, -(2**63) - 1]),
+    "text": st.sampled_from(["", "a", "b", "ab", "é"]),
+    "bool": st.booleans(),
+}
+"""Values of the class of a type: most need no conversion, the others are just beyond."""
+
+WRONG = st.sampled_from(
+    [True, 3, 2**63, -(2**63) - 1, 1.5, 2.0, math.nan, -math.inf, "a", "é", "\ud800", Word("a")]
+    + [np.float64(1.5), np.int16(2), np.bool_(True), Quantity(1.0, "m"), (1.0,), None]
+)
+SHAPES = st.lists(
+    st.sampled_from(
+        ["real", "real m", "int", "text", "bool", "int 0..5", "text a|b", "list of real"]
+    ),
+    min_size=1,
+    max_size=3,
+)
+
+
+@st.composite
+def fields_and_rows(draw):
+    """Fields, and rows of values for them, most of which need no conversion."""
+    texts = draw(SHAPES)
+    fields = Fields(tuple(Field(f"f{n}", parse_type(text)) for n, text in enumerate(texts)))
+    usual = [RAW.get(text.split()[0], WRONG) for text in texts]
+    row = st.tuples(*usual) | st.tuples(*[value | WRONG for value in usual])
+    return fields, draw(st.lists(row, min_size=1, max_size=3))
+
+
+def fitted_alone(fields, row):
+    """Each value fitted by its type; None if one does not fit."""
+    try:
+        return [field.type.fit(value) for field, value in zip(fields.all, row, strict=True)]
+    except Unfit:
+        return None
+
+
+@settings(max_examples=200, deadline=None)
+@given(fields_and_rows())
+def test_fast_checks_of_fields_agree_with_their_types(drawn):
+    """`fitted`, `is_final` and `are_final` are faster forms of `Type.fit`."""
+    fields, rows = drawn
+    final = [fields.is_final(row) for row in rows]
+    assert fields.are_final(zip(*rows, strict=True)) == all(final)
+    for row, is_final in zip(rows, final, strict=True):
+        expected = fitted_alone(fields, row)
+        if expected is None:
+            with pytest.raises(Unfit):
+                fields.fitted("PBox", row)
+            assert not is_final
+            continue
+        fitted = fields.fitted("PBox", row)
+        same = [value is other for value, other in zip(fitted, row, strict=True)]
+        assert [(type(v), v) for v in fitted] == [(type(v), v) for v in expected]
+        # Final values stay the same objects. All others of these types are converted, but for
+        # those of which only `Type.fit` knows: other letters, ranges, words and lists.
+        assert all(same) or not is_final
+        simple = all(field.type.words == () and not field.type.range for field in fields.all)
+        simple &= all(field.type.item is None for field in fields.all)
+        if all(same) and simple and all(str(value).isascii() for value in row):
+            assert is_final
