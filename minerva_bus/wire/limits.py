@@ -140,6 +140,7 @@ def limit_notes() -> Mapping[str, str]:
     return {name: note.text for name, note in _marks(Note).items()}
 
 
+@cache  # Decoding asks for each answer.
 def configurable_limits() -> Mapping[str, int]:
     """Minimum of each limit that a world file may set, by its name."""
     return {name: mark.least for name, mark in _marks(Configurable).items()}

@@ -17,6 +17,8 @@ from minerva_bus.wire.weighing import values_in
 SLICE: Final = 1 << 18
 """Bytes decoded per call: msgpack holds the GIL for the duration of a call."""
 
+_TEXT: Final = frozenset({str})
+
 COLLECTED: Final = 1 << 12
 """Messages from this size on are decoded with the garbage collector off: they create many
 containers and no garbage, so collections would only cost time."""
@@ -103,7 +105,7 @@ def as_pairs(plain: Any, what: str) -> list[tuple[Any, Any]]:
 
 def as_map(plain: Any, what: str) -> dict[str, Any]:
     """`plain` as a map with text keys. Raises ProtocolError."""
-    if not isinstance(plain, dict) or not all(isinstance(k, str) for k in cast(Any, plain)):
+    if not isinstance(plain, dict) or not _TEXT.issuperset(map(type, cast(Any, plain))):
         raise ProtocolError(f"{what} must be a map with text keys, not {name_of(plain)}")
     return cast("dict[str, Any]", plain)
 

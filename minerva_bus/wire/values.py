@@ -50,8 +50,9 @@ def plain_value(value: Value) -> Any:
     """A value as plain data."""
     if isinstance(value, np.ndarray):
         real = value.dtype == np.float64
-        data = np.ascontiguousarray(value, "<f8" if real else "<i2").tobytes()
-        return msgpack.ExtType(MATRIX, HEADER.pack(b"r" if real else b"i", *value.shape) + data)
+        cells = np.ascontiguousarray(value, "<f8" if real else "<i2")
+        head = HEADER.pack(b"r" if real else b"i", *value.shape)
+        return msgpack.ExtType(MATRIX, b"".join((head, cells.data)))
     if isinstance(value, Scene):
         return msgpack.ExtType(STRING, msgpack.packb(plain_scene(value)))
     if isinstance(value, tuple):
