@@ -20,6 +20,7 @@ from minerva_bus.runtime.arrival import ARRIVAL, Arrival, GreetingTimer, Ungreet
 from minerva_bus.runtime.asking import AskingOperator, ask, question_key
 from minerva_bus.runtime.diagnosis import not_let_in
 from minerva_bus.runtime.inbox import Inbox, KeyedSample, keyed_sample
+from minerva_bus.runtime.memory import keep_freed_memory
 from minerva_bus.runtime.own_threads import Leave, OwnThreads, Published, Pulse, ReportFigures
 from minerva_bus.runtime.reconnect import CheckConnection, Diagnosed, ReconnectMonitor
 from minerva_bus.runtime.rejoin import ReclaimName, Rejoin
@@ -94,6 +95,7 @@ class MemberProcess:
         arrival: Arrival = ARRIVAL,
         system: System = REAL,
     ) -> None:
+        keep_freed_memory()
         name = checked_name(member.name, "a member")
         self.member = member
         self.inbox = Inbox()

@@ -14,6 +14,7 @@ from typing import Any, Final, Protocol, TypeAlias
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
+from minerva_bus.runtime.memory import keep_freed_memory
 
 Notice: TypeAlias = (
     s.Notify | s.OrderJudged | s.Fixed | s.Ready | s.FrameDone | s.Stopping | s.Ended
@@ -107,6 +108,7 @@ class Runner:
         transport: Transport,
         sinks: Iterable[Sink | Callable[[Notice], None]] = (),
     ) -> None:
+        keep_freed_memory()
         self.algorithm = algorithm
         self.transport = transport
         self.ended: s.Ended | None = None
