@@ -11,11 +11,12 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.checkpoint import HALTED
 from minerva_bus.frame.collection import note_answer
 from minerva_bus.frame.inputs import FrameInputs
+from minerva_bus.frame.lag import note_sent
 from minerva_bus.frame.phases import Phase
 from minerva_bus.frame.replies import duplicate_agent, foreign_fragment, foreign_sender, patched
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.fitting import Unfit
-from minerva_bus.grammar.scene import Scene, agents
+from minerva_bus.grammar.scene import EMPTY, Scene, agents
 from minerva_bus.world.lineage import copy_id
 
 if TYPE_CHECKING:
@@ -276,7 +277,8 @@ class EvolutionStep:
         result, inbox = in_flight.result, algorithm.inbox
         algorithm.goal.note(result.sent, algorithm.out)
         # Before the replacement, because an agent that died in this frame has no place after it.
-        inbox.emitted = self.sent_in_order()
+        sent = self.sent_in_order()
+        before = algorithm.composition.scene if sent and algorithm.world.lag is not None else EMPTY
         try:
             algorithm.placement.outdated |= algorithm.composition.replace(result.changed)
         except VocabularyError as error:
@@ -287,6 +289,7 @@ class EvolutionStep:
         record = frame_record(algorithm)
         algorithm.out.add(s.FrameDone(algorithm.frame, record, in_flight.events.ordered, inputs))
         algorithm.frame += 1
+        note_sent(algorithm, sent, before)
         if result.changed:
             algorithm.views.last_change = algorithm.frame
 

@@ -35,6 +35,11 @@ def source_of(person: str) -> str:
     return f"{PEOPLE}:{person}" if person else PEOPLE
 
 
+def postponed_to(frame: int) -> str:
+    """Source in a checkpoint of the events of agents that count in this later frame."""
+    return f"{AGENTS}{frame}"
+
+
 def is_people(source: str) -> bool:
     """Whether events of a source are sent by people."""
     return source.partition(":")[0] == PEOPLE
@@ -96,7 +101,8 @@ class EarlyTicks:
 class FrameInbox:
     """Events that wait for the next frame, by source.
 
-    `emitted`: events that agents sent in the last frame. `sanctions`: events from norms.
+    `emitted`: events that agents have sent for the next frame, `postponed` for later ones.
+    `sanctions`: events from norms.
     """
 
     def __init__(self, past: Checkpoint) -> None:
@@ -104,6 +110,12 @@ class FrameInbox:
             source: list(events) for source, events in past.inbox.items()
         }
         self.sanctions: list[AnyEvent] = self.events.pop(SOURCE, [])
+        # A checkpoint names these as no generator can be named.
+        self._postponed: dict[int, list[AnyEvent]] = {
+            int(source.removeprefix(AGENTS)): self.events.pop(source)
+            for source in sorted(self.events)
+            if source.startswith(AGENTS) and source.removeprefix(AGENTS).isdecimal()
+        }
         self.emitted: list[AnyEvent] = list(past.emitted)
         self.early = EarlyTicks()
         self.max_single_events: int = MAX_SINGLE_EVENTS
@@ -111,11 +123,21 @@ class FrameInbox:
         self._counts: dict[str, int] = {}
 
     def __bool__(self) -> bool:
-        return bool(self.events or self.emitted or self.sanctions)
+        return bool(self.events or self.emitted or self.sanctions or self._postponed)
+
+    def postpone(self, frame: int, events: Iterable[AnyEvent]) -> None:
+        """Queue events of agents for a frame after the next one."""
+        if waiting := [*events]:
+            self._postponed[frame] = waiting
+
+    def take_postponed(self, frame: int) -> list[AnyEvent]:
+        """Remove and return the events of agents that have waited for a frame."""
+        return self._postponed.pop(frame, [])
 
     def waiting(self) -> dict[str, tuple[AnyEvent, ...]]:
-        """Events for the next frame by source, for a checkpoint."""
+        """Events for the next frame by source, and postponed ones, for a checkpoint."""
         waiting = {source: tuple(events) for source, events in self.events.items()}
+        waiting |= {postponed_to(n): tuple(events) for n, events in self._postponed.items()}
         return {**waiting, SOURCE: tuple(self.sanctions)} if self.sanctions else waiting
 
     def take_sanctions(self) -> list[AnyEvent]:

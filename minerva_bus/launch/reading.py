@@ -17,7 +17,7 @@ from minerva_bus.launch.installed import file_text
 from minerva_bus.launch.norms import read_norms
 from minerva_bus.launch.options import filled, read_options
 from minerva_bus.launch.processes import check_members, read_patience, read_processes
-from minerva_bus.launch.region_settings import check_regions, read_partition
+from minerva_bus.launch.region_settings import check_regions, read_regions
 from minerva_bus.launch.specs import called
 from minerva_bus.launch.table import Table
 from minerva_bus.launch.toml import TomlError, read_toml
@@ -109,7 +109,7 @@ def _read(top: Table, text: str, path: Path) -> WorldFile:
     norms = read_norms(top.table("norm"), world.vocabulary, world.scene, names)
     watch = top.read(WatchSettings)
     collect = read_collecting(top, world.vocabulary)
-    partition = read_partition(top, path)
+    partition, lag = read_regions(top, path)
     for name in ("world", "bus", "limits", "metrics", "log", "collect", "regions"):
         # Every reader has taken its keys, so the remaining ones are unknown.
         top.table(name).done()
@@ -118,7 +118,7 @@ def _read(top: Table, text: str, path: Path) -> WorldFile:
     members = check_members(made, world.vocabulary, path)
     file = WorldFile(
         path,
-        replace(world, norms=norms),
+        replace(world, norms=norms, lag=lag),
         settings.rate,
         processes,
         bus,

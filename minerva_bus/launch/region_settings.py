@@ -16,8 +16,10 @@ from minerva_bus.launch.specs import load
 from minerva_bus.launch.table import Table
 from minerva_bus.launch.worldfile import Process, WorldFile
 from minerva_bus.regions.attached import beside, is_attached
+from minerva_bus.regions.lag import RegionLag
 from minerva_bus.regions.partition import ByFunction, ById, ByPosition, Partition
 from minerva_bus.regions.tree import ByTree, Split
+from minerva_bus.settings.declaring import settings_of
 from minerva_bus.settings.tables import MAX_REGIONS, RegionSettings
 from minerva_bus.world.policy import Policy
 from minerva_bus.world.services import Device, Generator, Service
@@ -28,13 +30,37 @@ _PARTS: Final = "below", "above"
 _INSTEAD: Final = "run it with one coordinator (--regions 0); its string is the same"
 
 
-def read_partition(top: Table, path: Path) -> Partition | None:
-    """The regions of a world file and command line; None for one coordinator.
+def read_regions(top: Table, path: Path) -> tuple[Partition | None, RegionLag | None]:
+    """The regions of a world file and command line, and the lag between them.
 
-    Raises WorldFileError.
+    Without regions, the world has one coordinator, which applies the lag, too. Raises
+    WorldFileError.
     """
-    settings = top.read(RegionSettings)
-    table = top.table("regions")
+    settings, table = top.read(RegionSettings), top.table("regions")
+    is_off = "regions" in top.overrides.values and not settings.count  # --regions 0
+    if is_off and not settings.lag:
+        return None, None
+    if is_off:  # The lag is that between the regions of the file.
+        count = settings_of(RegionSettings)["count"]
+        settings = replace(settings, count=table.get(count.key, count.kind, count.default))
+    partition = _partition(top, table, settings, path)
+    lag = _lag(table, settings, partition)
+    return None if is_off else partition, lag
+
+
+def _lag(table: Table, settings: RegionSettings, partition: Partition | None) -> RegionLag | None:
+    if not settings.lag:
+        return None
+    if partition is None:
+        table.wrong("lag", "is between regions: add count, grid or tree")
+    if settings.balance:
+        table.wrong("lag", "needs borders that stay where they are: remove balance")
+    if settings.function:
+        table.wrong("lag", "needs regions by id, grid or tree: remove function")
+    return RegionLag(settings.lag, partition) if partition.count > 1 else None
+
+
+def _partition(top: Table, table: Table, settings: RegionSettings, path: Path) -> Partition | None:
     given = [name for name in ("grid", "tree", "function") if getattr(settings, name)]
     if len(given) > 1:
         table.wrong(given[1], f"and {given[0]} are both given; expected one of them")
@@ -57,9 +83,7 @@ def read_partition(top: Table, path: Path) -> Partition | None:
     return ByFunction(settings.count, function)
 
 
-def _by_position(top: Table, table: Table, settings: RegionSettings) -> Partition | None:
-    if "regions" in top.overrides.values and not settings.count:
-        return None  # --regions 0
+def _by_position(top: Table, table: Table, settings: RegionSettings) -> Partition:
     name, partition = (
         ("grid", _grid(table, cast("dict[str, Any]", settings.grid)))
         if settings.grid is not None
@@ -108,10 +132,13 @@ def check_regions(file: WorldFile, members: Sequence[Member]) -> None:
     """Raise WorldFileError if the world contains what regions do not support."""
     world = file.world
     _check_attributes(file)
+    judging = [norm.name for norm in world.norms if norm.on]
     unsupported = {
         **{f"norms on events that name other agents ({name})": True for name in _naming(world)},
         # Each region has the events that concern its agents; other policies count all of them.
         f'policy = "{world.policy.value}"': world.policy is not Policy.SEQUENTIAL,
+        # The region of the sender judges them when they are sent, one coordinator when they count.
+        f"norms on events with lag ({', '.join(judging)})": bool(judging and world.lag),
         "agents_per_host in [placement]": bool(world.placement.agents_per_host),
     }
     outside = beside({each.name: each.service for each in members})

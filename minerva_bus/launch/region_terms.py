@@ -34,6 +34,7 @@ def terms_of(file: WorldFile) -> dict[str, Any]:
         "frames": world.frames,
         "until": world.until,
         "regions": regions,
+        "lag": repr(world.lag),
         "options": options,
         # Regions of a run that continues get their strings from the coordinator.
         CONTINUES: "" if world.past.frame else world.scene.digest.hex(),

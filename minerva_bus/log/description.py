@@ -16,6 +16,7 @@ from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.scene import EMPTY
 from minerva_bus.log.entries import FORMAT
 from minerva_bus.log.errors import RecordError
+from minerva_bus.log.lag import plain_lag, read_lag
 from minerva_bus.wire.limits import ON_DISK
 from minerva_bus.wire.plain import (
     as_int,
@@ -99,6 +100,7 @@ def encode_description(description: Description, *, string: bool = True) -> byte
         "expected": sorted(world.expected),
         "speaks_for": {name: list(kinds) for name, kinds in world.speaks_for.items()},
         "norms": [plain_norm(norm) for norm in world.norms],
+        "lag": plain_lag(world.lag),
         "file": description.file,
         "rate": description.rate,
         "options": dict(description.options),
@@ -148,6 +150,7 @@ def _description(plain: Mapping[str, Any]) -> Description:
         give_up=as_text(plain.get("give_up", ""), "give_up"),
         expected=frozenset(as_texts(plain["expected"], "expected")),
         norms=read_norms(plain.get("norms", []), reader),
+        lag=read_lag(plain.get("lag")),
         speaks_for={
             name: as_texts(kinds, "speaks_for")
             for name, kinds in as_map(plain.get("speaks_for", {}), "speaks_for").items()

@@ -212,4 +212,5 @@ class Journal:
 def key_of(world: World) -> bytes:
     """Digest of the properties that a world must share with a journal's to continue it."""
     rules = [world.seed, world.dt, list(world.order.types), world.policy.value]
+    rules += [] if world.lag is None else [repr(world.lag)]
     return blake2b(pack([plain_vocabulary(world.vocabulary), *rules]), digest_size=16).digest()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from minerva_bus.frame.collection import is_handed_over
-from minerva_bus.frame.inbox import AGENTS, PEOPLE, is_people, name_of, person_of
+from minerva_bus.frame.inbox import AGENTS, PEOPLE, is_people, name_of, person_of, postponed_to
 from minerva_bus.grammar.batch import AnyEvent, Events, single
 from minerva_bus.grammar.digest import same_values
 from minerva_bus.grammar.events import Event
@@ -44,11 +44,21 @@ def source_of(
         order, person = _order_before(event, frames, number)
         return EventSource("generator", source, number, order, person)
     if event.sender:
-        return EventSource("agent", event.sender, number - 1)
+        return EventSource("agent", event.sender, _sent_in(event, frames, number))
     sanctions = {norm.sanction.type for norm in norms if norm.sanction is not None}
     if event.type in sanctions or (norms and event.type == REFUSED):
         return EventSource("norm", str(event.data.get("norm", "")), number - 1)
     return EventSource("generator" if not sent else "unknown", "", number)
+
+
+def _sent_in(event: Event, frames: Mapping[int, PastFrame], number: int) -> int:
+    """The frame in which an agent has sent an event of frame `number`; a lag postpones some."""
+    sent = number - 1
+    while (past := frames.get(sent)) is not None and past.checkpoint is not None:
+        if not _has(past.checkpoint.inbox.get(postponed_to(number), ()), event):
+            break
+        sent -= 1
+    return sent
 
 
 def person_behind(source: str, number: int) -> EventSource:

@@ -67,9 +67,10 @@ class PlacedEvent:
     event: AnyEvent
 
     def take(self, rows: Rows) -> PlacedEvent:
-        """The events of these rows of a batch."""
-        batch = cast("Events", self.event)
-        numbers: list[int] = rows.tolist()
+        """The events of these rows of a batch; of a single event, all rows or none."""
+        batch, numbers = self.event, cast("list[int]", rows.tolist())
+        if isinstance(batch, Event):
+            return PlacedEvent([self.places[row] for row in numbers], batch)
         return PlacedEvent([self.places[row] for row in numbers], batch.take(rows))
 
 

@@ -71,6 +71,8 @@ class ParcelMessage:
     ] = None
     sanctions: Annotated[tuple[AnyEvent, ...], Note("of norms, for the next frame")] = ()
     later: Annotated[tuple[AnyEvent, ...], Note("sanctions for the frame after it")] = ()
+    postponed: Annotated[tuple[AnyEvent, ...], Note("that count `lag` frames after `events`")] = ()
+    postponed_senders: Annotated[bytes, Note("the places of the senders of `postponed`")] = b""
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,13 +111,12 @@ def to_message(parcel: Parcel | Replies) -> ParcelMessage | RepliesMessage:
         return RepliesMessage(parcel.frame, parcel.events)
     units, views = parcel.units, parcel.views
     layout = views.layout
-    places = [place for each in parcel.events for place in each.places]
     return ParcelMessage(
         parcel.frame,
         units.scene if units else None,
         packed_places(units.places),
         tuple(each.event for each in parcel.events),
-        packed_places(places),
+        _senders(parcel.events),
         views.views,
         views.patches,
         None if layout is None else layout.skeleton,
@@ -126,7 +127,13 @@ def to_message(parcel: Parcel | Replies) -> ParcelMessage | RepliesMessage:
         dict(parcel.norms.counts) or None,
         parcel.norms.sanctions,
         parcel.norms.later,
+        tuple(each.event for each in parcel.postponed),
+        _senders(parcel.postponed),
     )
+
+
+def _senders(events: Iterable[PlacedEvent]) -> bytes:
+    return packed_places([place for each in events for place in each.places])
 
 
 def from_message(message: RegionMessage, source: int, target: int) -> Parcel | Replies:
@@ -144,7 +151,9 @@ def parcel_of(message: ParcelMessage, source: int, target: int) -> Parcel:
     places = unpacked_places(message.places, nodes, "places")
     events = tuple(placed_events(message.events, message.senders))
     units = Units(places, scene.pieces)
-    return Parcel(message.frame, source, target, units, events, _views(message), _norms(message))
+    postponed = tuple(placed_events(message.postponed, message.postponed_senders))
+    parts = _views(message), _norms(message), postponed
+    return Parcel(message.frame, source, target, units, events, *parts)
 
 
 def check_given_up(given_up: m.Figures) -> None:

@@ -13,8 +13,9 @@ from minerva_bus.regions.views import NO_VIEWS, ViewPart
 class Parcel:
     """The message of one region to another after a frame; empty ones are not sent.
 
-    `units` become part of the receiver's string, and `events` belong to the next frame, unless
-    `frame` is the last one. `views` are only for the region of attached services.
+    `units` become part of the receiver's string, and `events` belong to the next frame and
+    `postponed` ones, with a lag, to a later one, unless the world ends before. `views` are only for
+    the region of attached services.
     """
 
     frame: int
@@ -24,10 +25,12 @@ class Parcel:
     events: tuple[PlacedEvent, ...]
     views: ViewPart = NO_VIEWS
     norms: NormPart = NO_NORMS
+    postponed: tuple[PlacedEvent, ...] = ()
 
     def __bool__(self) -> bool:
         """Whether it is not empty."""
-        return bool(self.units or self.events or self.norms) or self.views is not NO_VIEWS
+        has_events = bool(self.events or self.postponed)
+        return bool(self.units or has_events or self.norms) or self.views is not NO_VIEWS
 
     @property
     def needed_in(self) -> int:

@@ -8,7 +8,7 @@ attributes, which may be in any region.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import inf
 from typing import Final, TypeAlias
@@ -47,6 +47,14 @@ class Reach:
             return everywhere
         term = condition.term
         return [number for number in everywhere if _possible(term, self._cells[number])[0]]
+
+
+def reach_of(partition: Partition) -> Callable[[str], Sequence[int]]:
+    """The regions that an event without receivers reaches, by its condition."""
+    if isinstance(partition, ByPosition | ByTree) and partition.by_condition:
+        return Reach(partition).regions_for
+    everywhere = range(partition.count)
+    return lambda _: everywhere
 
 
 def check_reach(partition: Partition, composition: Composition) -> None:

@@ -20,6 +20,7 @@ from minerva_bus.frame import messages as m
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.description import World
 from minerva_bus.frame.member import Member
+from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.scene import Piece, agents
 from minerva_bus.regions.arriving import check_arriving
 from minerva_bus.regions.attached import HOME, AttachedServices, Replies
@@ -60,7 +61,9 @@ class Region:
         self.number = number
         self.partition = partition
         self.services = AttachedServices(number, partition.count, members, world.shown)
-        self.algorithm = FrameAlgorithm(replace(world, scene=own.scene, shown=()), RegionSource)
+        # The region itself delays events, as it alone knows which of them come from others.
+        part = replace(world, scene=own.scene, shown=(), lag=None)
+        self.algorithm = FrameAlgorithm(part, RegionSource)
         assert isinstance(self.algorithm.source, RegionSource)
         self._source = self.algorithm.source
         self._source.places = own.places
@@ -152,13 +155,19 @@ class Region:
         self.services.take(self.frame - 1, {parcel.source: parcel.views for parcel in parcels})
         self._join([parcel.units for parcel in parcels])
         events = in_order(event for parcel in parcels for event in parcel.events)
-        self.algorithm.inbox.emitted = events
+        self._queue(events, in_order(event for parcel in parcels for event in parcel.postponed))
         if self._norms is not None:
             norms = [parcel.norms for parcel in parcels]
             self._norms.receive(norms)
             self.algorithm.inbox.sanctions = [event for part in norms for event in part.sanctions]
             # Counts have changed since the last frame, by judging and by agents that have moved.
             self.algorithm.members.saved[SOURCE] = self._norms.saved()
+
+    def _queue(self, events: Sequence[AnyEvent], postponed: Sequence[AnyEvent]) -> None:
+        """Queue the events of agents for this frame, and with a lag those for a later one."""
+        inbox, lag = self.algorithm.inbox, self._world.lag
+        inbox.postpone(self.frame + (0 if lag is None else lag.frames), postponed)
+        inbox.emitted = [*inbox.take_postponed(self.frame), *events]
 
     def give(self, request: m.RegionRequest) -> None:
         """Begin a frame with events from outside of all regions, and perhaps with new borders.
@@ -212,7 +221,8 @@ class Region:
             agent.id: region for region, units in leaving.items() for agent in agents(units.scene)
         }
         routing = Routing(self.number, self.partition, composition, moving)
-        routed = routing.route(self._source.permitted)
+        near, crossing = self._divided()
+        routed, late = routing.route(near), routing.route(crossing, late=True)
         views = {HOME: self._source.shown} if self.services.shows else {}
         norms = self._norm_parts(routing, moving)
         parcels = [
@@ -224,10 +234,22 @@ class Region:
                 tuple(events),
                 views.get(to, NO_VIEWS),
                 norms.get(to, NO_NORMS),
+                tuple(late[to]),
             )
             for to, events in enumerate(routed)
         ]
         return [parcel for parcel in parcels if parcel or parcel.target == self.number]
+
+    def _divided(self) -> tuple[Sequence[PlacedEvent], Sequence[PlacedEvent]]:
+        """The events of the last frame for the next one, and those that the lag postpones."""
+        sent, lag = self._source.permitted, self._world.lag
+        if lag is None or not sent:
+            return sent, ()
+        crossing = lag.crossing([each.event for each in sent], self._source.before)
+        rows = [*zip(sent, crossing, strict=True)]
+        near = [each.take(np.flatnonzero(~crosses)) for each, crosses in rows]
+        late = [each.take(np.flatnonzero(crosses)) for each, crosses in rows]
+        return [each for each in near if each.places], [each for each in late if each.places]
 
     def _norm_parts(self, routing: Routing, moving: Mapping[str, int]) -> dict[int, NormPart]:
         if self._norms is None:

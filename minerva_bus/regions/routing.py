@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping
 from typing import Final
 
 import numpy as np
@@ -12,9 +12,8 @@ from minerva_bus.frame.composition import Composition
 from minerva_bus.grammar.batch import AnyEvent, Events
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.regions.merging import PlacedEvent
-from minerva_bus.regions.partition import ByPosition, Partition
-from minerva_bus.regions.reach import Reach
-from minerva_bus.regions.tree import ByTree
+from minerva_bus.regions.partition import Partition
+from minerva_bus.regions.reach import reach_of
 
 ELSEWHERE: Final = -1
 
@@ -38,29 +37,33 @@ class Routing:
         """`composition` includes the agents `moving`, which have the region to which they go."""
         self._number = number
         self._regions = range(partition.count)
-        self._reach: Reach | None = None
-        if isinstance(partition, ByPosition | ByTree) and partition.by_condition:
-            self._reach = Reach(partition)
+        self._reach = reach_of(partition)
         self._composition = composition
         self._moving = moving
         self._moving_ids = Ids.of(list(moving)) if moving else None
         self._targets = np.array(list(moving.values()), np.intp)
 
-    def route(self, placed: Iterable[PlacedEvent]) -> list[list[PlacedEvent]]:
-        """The events for each region, in their order."""
+    def route(
+        self, placed: Iterable[PlacedEvent], *, late: bool = False
+    ) -> list[list[PlacedEvent]]:
+        """The events for each region, in their order.
+
+        `late`: they count some frames later, and their receivers may move until then.
+        """
         routed: list[list[PlacedEvent]] = [[] for _ in self._regions]
         for each in placed:
             event = each.event
-            if isinstance(event, Events) and event.receivers is not None:
+            if isinstance(event, Events) and event.receivers is not None and not late:
                 self._divide(each, event.receivers, routed)
                 continue
-            regions = self._regions_of(event) if event.receivers else self._reached(event)
-            for region in regions:
+            for region in self._regions_for(event, late=late):
                 routed[region].append(each)
         return routed
 
-    def _reached(self, event: AnyEvent) -> Sequence[int]:
-        return self._regions if self._reach is None else self._reach.regions_for(event.condition)
+    def _regions_for(self, event: AnyEvent, *, late: bool) -> Collection[int]:
+        if not event.receivers:
+            return self._reach(event.condition)
+        return self._regions if late else self._regions_of(event)
 
     def _regions_of(self, event: AnyEvent) -> set[int]:
         regions = set[int]()

@@ -20,6 +20,7 @@ from minerva_bus.frame.collection import (
     visual_events,
 )
 from minerva_bus.frame.inputs import FrameInputs, RecordedFrame
+from minerva_bus.frame.lag import note_sent
 from minerva_bus.frame.live import why_over
 from minerva_bus.frame.member_states import MemberEntry
 from minerva_bus.frame.own_agents import NO_AGENTS, OwnAgents
@@ -258,13 +259,17 @@ class WholeSource(RecordedSource):
         algorithm, goal = self._algorithm, self._algorithm.goal
         for report in self._reports.values():
             goal.learn(report.reached, report.striving, report.given_up)
-        self._permitted = take_events(algorithm, self._whole.parts)
+        sent, before = take_events(algorithm, self._whole.parts), algorithm.composition.scene
         self._reports, self._replies, self._outside.current = {}, [], {}
         try:
             super().commit()
         except VocabularyError as error:
             algorithm.fail(f"frame {algorithm.frame}: {error}")
             return
+        if algorithm.world.lag is not None:  # Then there are no norms that judge events.
+            note_sent(algorithm, sent, before)
+            sent = algorithm.inbox.emitted
+        self._permitted = sent
         if algorithm.in_flight.result.changed:
             algorithm.views.last_change = algorithm.frame
 

@@ -37,6 +37,9 @@ MAX_PROCESSES: Final = 1000
 MAX_REGIONS: Final = 256
 """Each region runs the world's generators, and sends a parcel to each other one."""
 
+MAX_LAG: Final = 1000
+"""Checkpoints have all events that wait, so a longer lag makes long records."""
+
 _world = partial(setting, "world")
 _bus = partial(setting, "bus")
 _process = partial(setting, "process.NAME")
@@ -477,6 +480,13 @@ class RegionSettings:
         "Which regions get the events without receivers of agents in other ones: all of them, or"
         " those where the event's condition can hold.",
         choice("everywhere", "condition"),
+    )
+    lag: int = setting(
+        "regions",
+        0,
+        "Frames by which events of agents count later if they may cross a border between regions;"
+        " also without processes for the regions, as part of the world's meaning.",
+        whole(0, MAX_LAG),
     )
     function: str = setting(
         "regions",

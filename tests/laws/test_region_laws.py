@@ -1,6 +1,7 @@
 """Laws of regions: together they have the string of a single coordinator in every frame."""
 
 from collections import Counter
+from dataclasses import replace
 from functools import cache
 from random import Random
 from zlib import crc32
@@ -17,6 +18,8 @@ from minerva_bus.frame.description import World
 from minerva_bus.frame.member import Member
 from minerva_bus.grammar.packing import packed
 from minerva_bus.grammar.scene import Scene
+from minerva_bus.regions.lag import RegionLag
+from minerva_bus.regions.merging import merged
 from minerva_bus.regions.partition import ByFunction, ById, ByPosition
 from minerva_bus.regions.region import Region
 from minerva_bus.regions.tree import ByTree, Split
@@ -115,6 +118,59 @@ def test_events_reach_only_the_regions_where_their_condition_can_hold(partition)
     world = World("w", packed(Scene(tuple(settlers))), nomads.VOCABULARY, seed=3)
     regions = Regions(world, FRAMES, [partition], Random(0), nomad_hosts)
     assert regions.digests() == digests_of_one(world, FRAMES, nomad_hosts)
+
+
+LAG_FRAMES = [*FRAMES, *FRAMES[:2]]
+
+
+@pytest.mark.parametrize(
+    ("partition", "frames"),
+    [
+        (PARTITIONS[4][1], 1),
+        (ByPosition((0.5,)), 3),
+        *(pytest.param(each, 1, marks=pytest.mark.slow) for each in PARTITIONS[9]),
+    ],
+)
+def test_a_lag_is_that_of_one_coordinator(partition, frames):
+    """With restarts from a checkpoint, or kills, and agents that move while events wait for them."""
+    lag = RegionLag(frames, partition)
+    world = World("w", nomads.string(), nomads.VOCABULARY, seed=1, lag=lag)
+    kills = 0.01 if frames == 1 else 0.0
+    regions = Regions(
+        world, LAG_FRAMES, [partition], Random(4), nomad_hosts, kills, checkpoints=not kills
+    )
+    # One coordinator adds older events to those of the last frame.
+    strings = [digest for digest, _ in regions.digests()]
+    assert strings == [digest for digest, _ in digests_of_one(world, LAG_FRAMES, nomad_hosts)]
+    assert strings[2:5] != [digest for digest, _ in nomads_of_one(1)][2:]
+
+
+def test_a_lag_continues_with_regions_from_the_checkpoint_of_one_coordinator():
+    partition = ByPosition((0.5,))
+    world = World("w", nomads.string(), nomads.VOCABULARY, seed=1, lag=RegionLag(2, partition))
+    algorithm = FrameAlgorithm(world)
+    runner = InProcessRunner(algorithm, nomad_hosts())
+    runner.start()
+    for events in LAG_FRAMES[:3]:
+        begin(runner, events)
+    assert any(source[1:].isdecimal() for source in algorithm.checkpoint.inbox)
+    past = replace(world, scene=algorithm.scene, past=algorithm.checkpoint)
+    regions = [Region(past, number, partition) for number in range(2)]
+    runners = [InProcessRunner(each.algorithm, nomad_hosts()) for each in regions]
+    for each in runners:
+        each.start()
+    for events in LAG_FRAMES[3:]:
+        for region, each in zip(regions, runners, strict=True):
+            region.enter()
+            begin(each, events)
+        units = [region.units for region in regions]
+        parcels = [parcel for region in regions for parcel in region.leave()]
+        begin(runner, events)
+        assert merged(units).scene.digest == algorithm.scene.digest
+        for region in regions:
+            region.expect([parcel.source for parcel in parcels if parcel.target == region.number])
+        for parcel in parcels:
+            regions[parcel.target].receive(parcel)
 
 
 def test_regions_send_nothing_where_there_is_nothing():
