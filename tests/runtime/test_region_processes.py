@@ -39,6 +39,13 @@ class LoudSteps(Steps, events=("eStep",)):
         if tick.number == 5:
             print("tick")
         return super().generate(tick)
+
+class Talker(Walker, symbol="AWalker"):
+    @on("eStep")
+    def walk(self, step, moment):
+        to = "abcd"[moment.number % 4]
+        moment.emit(eWish(self.x + 1, self.id, receivers=[to]))
+        return super().walk(step, moment)
 """
 
 
@@ -76,11 +83,14 @@ def digests(path):
         return [frame.digest for frame in record.frames()]
 
 
-def test_a_record_of_regions_is_that_of_one_coordinator(path):
-    folder = path.parent
-    words = "--rate", 0, "--regions", 3, "--record", "regions.mcap", "--json"
+def test_a_record_of_regions_with_lag_is_that_of_one_coordinator(path):
+    folder, text = path.parent, path.read_text().replace("yard:Walker", "loud:Talker")
+    path.write_text(f"{text}\n[regions]\ncount = 3\nlag = 2\n")
+    words = "--rate", 0, "--record", "regions.mcap", "--json"
     regions = summary(minerva(folder, "run", path, *words))
-    single = alone(path, 30, "--record", "one.mcap")
+    single = alone(path, 30, "--regions", 0, "--record", "one.mcap")
+    path.write_text(text)
+    assert alone(path, 30)["digest"] != single["digest"]
     same = ("digest", "frames", "ended", "reached", "steps")
     assert {name: regions[name] for name in same} == {name: single[name] for name in same}
     assert regions["regions"] == regions["members"] == 3

@@ -17,6 +17,7 @@ from minerva_bus.launch.installed import find_world
 from minerva_bus.launch.reading import read_world_file, read_world_text
 from minerva_bus.launch.region_run import RegionRun
 from minerva_bus.launch.region_settings import check_region_run, check_regions
+from minerva_bus.log.description import Description, decode_description, encode_description
 from minerva_bus.regions.partition import ById, ByPosition
 from minerva_bus.regions.tree import ByTree, Split
 from minerva_bus.settings.overrides import Overrides
@@ -103,11 +104,39 @@ def test_the_command_line_replaces_the_number():
         ('function = "meadow:Rabbit"', "function needs the number of regions"),
         ('count = 2\nfunction = "meadow:WIDTH"', "names meadow:WIDTH, which is not a function"),
         ('count = 2\nfunction = "meadow:none"', "meadow has no none"),
+        ('count = 2\nlag = 1\nfunction = "meadow:Rabbit"', "lag needs regions by id, grid or tree"),
+        ("grid = { x = [8] }\nlag = 1\nbalance = 9", "lag needs borders that stay where they are"),
+        ("lag = 2", "lag is between regions: add count, grid or tree"),
+        ("count = 2\nlag = -1", "lag must be at least 0"),
     ],
 )
 def test_mistakes_are_named(table, problem):
     with pytest.raises(WorldFileError, match=problem):
         read(table)
+
+
+@pytest.mark.parametrize(
+    "table", ["count = 3", "grid = { x = [8], y = [3, 7] }", "tree = { x = 8, above = { y = 4 } }"]
+)
+def test_a_lag_is_that_of_the_file_with_one_coordinator_and_in_a_record(table):
+    lag = read(f"{table}\nlag = 2").world.lag
+    assert lag.frames == 2
+    file = read(f"{table}\nlag = 2", regions=0)
+    assert (file.partition, file.world.lag) == (None, lag)
+    description, _ = decode_description(encode_description(Description(file.world)))
+    assert description.world.lag == lag
+
+
+def test_one_region_has_no_lag():
+    assert read("count = 3\nlag = 2", regions=1).world.lag is None
+
+
+def test_norms_on_events_with_a_lag_are_refused():
+    norm = Norm("loud", on=("eBorn",))
+    file = read("count = 4\nlag = 1")
+    file = replace(file, world=replace(file.world, norms=(norm,)))
+    with pytest.raises(WorldFileError, match=r"norms on events with lag \(loud\)"):
+        check_regions(file, ())
 
 
 def test_a_norm_on_events_that_names_another_agent_is_refused():
