@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from functools import partial
 from itertools import chain
+from typing import Any
 
 from minerva_bus.errors import ProtocolError, SceneError, WorldStopped
 from minerva_bus.frame import messages as m
@@ -16,6 +17,7 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.collection import ORDERS
 from minerva_bus.frame.inbox import MAX_WAITING
 from minerva_bus.frame.member import Member, Outgoing, WorldRestarted
+from minerva_bus.frame.norms import NORMS
 from minerva_bus.frame.own_agents import OwnAgents
 from minerva_bus.launch.failures import own_members
 from minerva_bus.launch.free_running import close_services
@@ -28,6 +30,7 @@ from minerva_bus.launch.region_terms import agreed
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.log.entries import encode_inputs
 from minerva_bus.regions.journal import CHECKPOINT, COORDINATOR, JOURNAL
+from minerva_bus.regions.judging import LINES
 from minerva_bus.regions.merging import Units, agents_in
 from minerva_bus.regions.messages import AgainMessage, from_message, sources_in, to_message
 from minerva_bus.regions.norms import violations
@@ -69,6 +72,7 @@ class RegionMember(Member):
         self._sender = PartSender()
         self._done: s.FrameDone | None = None
         self._requests = RegionRequests()
+        self._violations: list[str] = []
         self._early: list[ParcelArrived] = []
         self._handlers[m.RegionRequest] = self._on_request
 
@@ -296,12 +300,19 @@ class RegionMember(Member):
         assert self._done is not None
         inputs = self._done.inputs if self.region.number == FIRST else None
         entry = b"" if inputs is None else encode_inputs(inputs.without_replies)
-        saved = {PART: encode(message(entry)), JOURNAL: self._journal.unreported()}
+        saved: dict[str, Any] = {
+            PART: encode(message(entry)),
+            JOURNAL: self._journal.unreported(),
+        }
+        if self._violations:
+            saved[LINES], self._violations = self._violations, []
         return m.TickReply(self.name, self.frame, (), saved)
 
     def _observe(self, notice: Notice) -> None:
         if isinstance(notice, s.FrameDone):
             self._done = notice
+        elif isinstance(notice, s.Notify) and notice.member == NORMS:
+            self._violations.append(notice.text)  # As a line of the whole world.
         elif isinstance(notice, s.Notify) and notice.member != ORDERS:  # The coordinator logs it.
             self._log(f"{notice.member}: {notice.text}")
         elif isinstance(notice, s.Stopping) and self.region.algorithm.failed:

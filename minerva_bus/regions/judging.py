@@ -7,11 +7,24 @@ from the same counts, because its record and the people who ask it have to know 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any, Final, cast
 
+from minerva_bus.frame import messages as m
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.collection import is_handed_over, people_of, report_orders
 from minerva_bus.frame.inputs import FrameInputs
+from minerva_bus.frame.norms import NORMS
 from minerva_bus.grammar.batch import AnyEvent
+
+LINES: Final = "norms"
+"""Key in the saved data of a region's `ticked` for what its norms have logged in the frame."""
+
+
+def log_violations(algorithm: FrameAlgorithm, report: m.TickReply) -> None:
+    """Log what the norms of a region have logged, as those of one coordinator do."""
+    lines: Any = (report.saved or {}).get(LINES)
+    for text in cast("list[object]", lines) if isinstance(lines, list) else ():
+        algorithm.out.log(NORMS, str(text))
 
 
 def permitted_events(

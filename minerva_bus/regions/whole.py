@@ -31,7 +31,7 @@ from minerva_bus.regions.balancing import balanced, is_due, packed_borders
 from minerva_bus.regions.dividing import cut
 from minerva_bus.regions.emissions import take_events
 from minerva_bus.regions.journal import JOURNAL, KeptJournals
-from minerva_bus.regions.judging import permitted_events
+from minerva_bus.regions.judging import log_violations, permitted_events
 from minerva_bus.regions.merging import agents_in
 from minerva_bus.regions.messages import check_given_up, packed_pairs
 from minerva_bus.regions.norms import judged
@@ -183,6 +183,7 @@ class WholeSource(RecordedSource):
         except (ProtocolError, SceneError) as error:
             algorithm.joining.violation(s.Violation(reply.member, str(error)))
             return
+        log_violations(algorithm, reply)
         note_answer(algorithm, member)
         algorithm.in_flight.pending.discard(reply.member)
 

@@ -260,7 +260,20 @@ def test_the_checkpoints_of_regions_are_those_of_one_coordinator(tmp_path):
     path = write_world(tmp_path, MEMBERS + NORMS, frames=FRAMES)
     file = read_world_file(path, Overrides(regions=3))
     single = FrameAlgorithm(file.world)
-    runner = InProcessRunner(single, members_of(file))
+    logs = {"one": [], "regions": []}
+
+    def log(name, notice):
+        logs[name] += [notice.text] if notice.member == "norms" else []
+
+    class Logging(Cluster):
+        def notify(self, notice):
+            log("regions", notice)
+
+    def observe(notice):
+        if isinstance(notice, s.Notify):
+            log("one", notice)
+
+    runner = InProcessRunner(single, members_of(file), observe)
     runner.start()
     checkpoints = []
 
@@ -279,7 +292,7 @@ def test_the_checkpoints_of_regions_are_those_of_one_coordinator(tmp_path):
                 cluster.succeed()
 
     with in_regions(file) as regions:
-        cluster = Cluster(regions, Random(1))
+        cluster = Logging(regions, Random(1))
         cluster.run(compare)
     while runner.ended is None:
         runner.handle(s.Begin())
@@ -287,6 +300,9 @@ def test_the_checkpoints_of_regions_are_those_of_one_coordinator(tmp_path):
     assert len(checkpoints) == 9
     assert figures_of_norms(cluster.runner.ended) == figures_of_norms(runner.ended)
     assert set(figures_of_norms(runner.ended)) == {"norm_loud", "norm_still"}
+    # Each region logs the first violation of a norm there.
+    assert set(logs["one"]) <= set(logs["regions"])
+    assert len(logs["one"]) == 2
 
 
 @pytest.mark.parametrize(("frames", "elsewhere"), [(9, False), (4, True)])
