@@ -19,7 +19,7 @@ def generator(seed: int = 7) -> np.random.Generator:
 
 def steps(model: MotionModel, turn: float, forward: float) -> np.ndarray:
     rng = generator()
-    made = [model.sample(turn, forward, rng) for _ in range(MANY)]
+    made = [model.sample(turn, forward, rng) for _ in range(MANY // 4)]
     return np.array([(sample.turn_deg, sample.forward_m, sample.after_deg) for sample in made])
 
 

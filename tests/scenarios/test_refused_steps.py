@@ -226,13 +226,13 @@ def crowd(kind, count):
 
 
 @pytest.mark.parametrize("kind", [Cart, Walker])
-@pytest.mark.parametrize("hosts", [1, 2, 3])
-def test_many_are_as_those_one_by_one_on_any_number_of_hosts(kind, hosts):
-    columns = crowd(kind, 200)
+def test_many_are_as_those_one_by_one_on_any_number_of_hosts(kind):
+    columns = crowd(kind, 100)
     alone = run(world(columns))
     assert len(set(alone)) == 14
-    assert run(world(Scene(columns.nodes), hosts=hosts)) == alone
-    assert run(world(columns, hosts=hosts)) == alone
+    for hosts in (1, 2, 3):
+        assert run(world(Scene(columns.nodes), hosts=hosts)) == alone
+        assert hosts == 1 or run(world(columns, hosts=hosts)) == alone
 
 
 @pytest.mark.parametrize("kind", [Moth, Spore])
