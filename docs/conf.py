@@ -1,5 +1,6 @@
 """How Sphinx builds the documentation site: `python -m sphinx -W docs build/site`."""
 
+import gc
 import logging
 import os
 import sys
@@ -11,6 +12,9 @@ from minerva_bus import __version__
 # Notebooks start worlds, whose names must not be those of worlds that already run here.
 runtime = tempfile.TemporaryDirectory(prefix="minerva-site-")
 os.environ["MINERVA_RUNTIME_DIR"] = runtime.name
+
+# Documents are large and live long: searching them for garbage takes a third of Sphinx's time.
+gc.set_threshold(1_000_000)
 
 sys.path.insert(0, str(Path(__file__).parent / "extensions"))
 # The reader of notebooks imports jsonschema, which compiles a grammar of this optional package for
