@@ -9,8 +9,8 @@ import pytest
 from hypothesis import Phase, settings
 
 # The duration of an example depends on the machine more than on the code. Each run draws other
-# examples, so half of the usual number finds as much in two runs.
-settings.register_profile("minerva", deadline=None, max_examples=50)
+# examples, so a third of the usual number finds as much in three runs.
+settings.register_profile("minerva", deadline=None, max_examples=30)
 # pytest --hypothesis-profile thorough
 settings.register_profile("thorough", deadline=None, max_examples=1000)
 # For mutation testing (tools/mutation.py): the first failure decides; shrinking is unnecessary.

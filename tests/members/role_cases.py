@@ -6,7 +6,7 @@ role, and in all others on demand.
 
 Of the cases about exact values and garbage, a member whose values are compared with the vectors may
 play a part, and all on demand. A virtual machine takes half a second to start, so Java plays a
-third; JavaScript plays half.
+fifth; JavaScript plays half.
 """
 
 from collections.abc import Sequence
