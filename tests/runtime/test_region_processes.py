@@ -4,6 +4,7 @@ import json
 import os
 import re
 import signal
+import subprocess
 import sys
 import tempfile
 import time
@@ -14,10 +15,12 @@ import running
 from region_proxy import SCRIPT, Proxy
 from running import (
     MEMBERS,
+    PATIENCE,
     Run,
     World,
     alive,
     children,
+    environment,
     eventually,
     here,
     minerva,
@@ -66,6 +69,39 @@ class Drum(Bell):
 """
 
 
+DEFECTS = """
+from pathlib import Path
+from minerva_bus.cli.main import main
+from minerva_bus.regions.region import Region
+from minerva_bus.regions.whole import WholeSource
+
+commit, leave = WholeSource.commit, Region.leave
+
+def fails(name):
+    path = Path(name)
+    if not path.exists():
+        path.write_text("once")
+        raise LookupError(f"a defect of ours: {name}")
+
+def failing_commit(self):
+    frame = self._algorithm.frame
+    if self._algorithm.in_flight.logged is None:
+        with Path("begun").open("a") as begun:
+            print(frame, file=begun)
+    if frame == 10:
+        fails("coordinator")
+    commit(self)
+
+def failing_leave(self):
+    if (self.number, self.frame) == (1, 20):
+        fails("region")
+    return leave(self)
+
+WholeSource.commit, Region.leave = failing_commit, failing_leave
+main()
+"""
+
+
 @pytest.fixture
 def path(tmp_path):
     (tmp_path / "loud.py").write_text(LOUD)
@@ -83,11 +119,20 @@ def digests(path):
         return [frame.digest for frame in record.frames()]
 
 
-def test_a_record_of_regions_with_lag_is_that_of_one_coordinator(path):
+def test_a_record_of_regions_with_lag_and_defects_is_that_of_one_coordinator(path):
+    """Exceptions in the coordinator and in a region: each continues in the same frame."""
     folder, text = path.parent, path.read_text().replace("yard:Walker", "loud:Talker")
     path.write_text(f"{text}\n[regions]\ncount = 3\nlag = 2\n")
-    words = "--rate", 0, "--record", "regions.mcap", "--json"
-    regions = summary(minerva(folder, "run", path, *words))
+    words = "--rate", "0", "--record", "regions.mcap", "--json"
+    (folder / "defects.py").write_text(DEFECTS)
+    done = subprocess.run(
+        [sys.executable, "defects.py", "run", path, *words], cwd=folder, env=environment(folder),
+        capture_output=True, text=True, timeout=PATIENCE, stdin=subprocess.DEVNULL,
+    )  # fmt: skip
+    regions = summary(done)
+    assert "a defect of ours: coordinator" in done.stderr
+    assert "a defect of ours: region" in done.stderr
+    assert (folder / "begun").read_text().split() == [*map(str, (*range(11), *range(10, 30)))]
     single = alone(path, 30, "--regions", 0, "--record", "one.mcap")
     path.write_text(text)
     assert alone(path, 30)["digest"] != single["digest"]
