@@ -25,8 +25,8 @@ class Passed(list):
         return [line for kind, line in self if kind == what]
 
 
-def flaser(ranges, pose=(0.0, 0.0, 0.0), time=1.0, odometry=(9.0, 9.0, 9.0)):
-    numbers = [len(ranges), *ranges, *pose, *odometry, time, "host", time]
+def flaser(ranges, pose=(0.0, 0.0, 0.0), time=1.0, odometry=None):
+    numbers = [len(ranges), *ranges, *pose, *(odometry or pose), time, "host", time]
     return "FLASER " + " ".join(map(str, numbers))
 
 

@@ -102,6 +102,18 @@ def test_wheel_odometry(tmp_path):
     assert said.reading == Odometry("r1", 1.0, 2.0, 90.0, 0.5, 180.0, 3.0)
 
 
+def test_a_laser_line_states_the_odometry_of_a_log_without_other_odometry(tmp_path):
+    """A corrected log keeps it as its second pose; equal poses are both corrected, or both not."""
+    corrected = [flaser([1.0], (x, 0.0, 0.0), x, (x + 0.5, 2.0, 0.0)) for x in (1.0, 2.0)]
+    said, _ = log_of(tmp_path, flaser([1.0], (9.0, 0.0, 0.0)), *corrected)
+    wheels = [message.reading for message in said if message.topic == "odometry"]
+    assert wheels == [Odometry("r1", x + 0.5, 2.0, 0.0, 0.0, 0.0, x) for x in (1.0, 2.0)]
+    poses = [message.reading.x for message in said if message.topic == "pose"]
+    assert poses == [9.0, 1.0, 2.0]
+    said, _ = log_of(tmp_path, odom(time=1.0), *corrected)
+    assert [message.reading.x for message in said if message.topic == "odometry"] == [0.0]
+
+
 def test_a_range_that_is_no_number_is_no_hit(tmp_path):
     said, passed = log_of(tmp_path, "FLASER 3 1.5 nan inf 0 0 0 0 0 0 1 h 1")
     (scan,) = [message.reading for message in said if isinstance(message.reading, Scan)]

@@ -52,7 +52,8 @@ class OdometryLine:
 class LaserLine:
     """A laser line: ranges in metres at `first` + i·`step` degrees, the laser's pose, and times.
 
-    `robot` is the robot's pose, if the line states it.
+    `robot` is the robot's pose, if the line states it, and `wheels` its pose by odometry, if that
+    differs from the laser's.
     """
 
     ranges: NDArray[np.float32]
@@ -63,6 +64,7 @@ class LaserLine:
     stamp: float
     laser: Pose | None = None
     robot: Pose | None = None
+    wheels: Pose | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,9 +164,12 @@ def _front_laser(words: _Words) -> LaserLine:
     ranges = words.ranges()
     if not len(ranges):
         raise LineError("no beams")
-    laser, _ = words.pose(), words.pose()  # some logs never correct the second pose
+    laser, second = words.pose(), words.pose()
+    # Tools that correct a log change the first pose only, or both: then the odometry is lost.
+    wheels = None if second == laser else second
     first, step = angles_of(len(ranges))
-    return LaserLine(ranges, first, step, NO_HIT_RANGE, *words.times(), laser)
+    times = words.times()
+    return LaserLine(ranges, first, step, NO_HIT_RANGE, *times, laser, wheels=wheels)
 
 
 @dataclass(frozen=True, slots=True)

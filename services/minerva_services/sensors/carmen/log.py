@@ -48,7 +48,8 @@ class CarmenLog:
     """A log file, plain or gzipped; `range_max` in metres, 0: as logged.
 
     An ODOM line with time 0 states where a correction has put the robot, not what its wheels
-    measured. It is skipped, unless there is a topic for corrections.
+    measured. It is skipped, unless there is a topic for corrections. Laser lines state the odometry
+    of a log that has no other ODOM lines.
     """
 
     path: Path
@@ -61,6 +62,7 @@ class CarmenLog:
     _size: int = 1
     _offset: float = 0.0
     _stamp: float = 0.0
+    _has_odometry: bool = False
 
     @property
     def part(self) -> float:
@@ -69,7 +71,7 @@ class CarmenLog:
 
     def readings(self) -> Iterator[Recorded]:
         """The readings in the order of the lines. Raises RecordingError."""
-        self._offset, is_empty = 0.0, True
+        self._offset, self._has_odometry, is_empty = 0.0, False, True
         for number, text in self._lines():
             try:
                 line = read_line(text)
@@ -125,6 +127,7 @@ class CarmenLog:
             case OdometryLine(time=0.0):
                 self.pass_over(_TIMELESS, f"{self.path}: line {number} is ODOM without a time")
             case OdometryLine() if self.topics.odometry:
+                self._has_odometry = True
                 yield Recorded(line.stamp, self.topics.odometry, self._odometry(line))
             case LaserLine():
                 yield from self._measured(line)
@@ -138,14 +141,19 @@ class CarmenLog:
         return Odometry(self.robot, at.x, at.y, at.angle, line.speed, line.turn, line.time)
 
     def _measured(self, line: LaserLine) -> Iterator[Recorded]:
-        """The scan, preceded by the robot's pose."""
+        """The scan, preceded by the robot's odometry and pose."""
         mount = self.mounting.over(_mount(line, self._offset))
+        if line.wheels is not None and self.topics.odometry and not self._has_odometry:
+            yield Recorded(line.stamp, self.topics.odometry, self._still(line.wheels, line.time))
         if line.laser is not None and self.topics.pose:
             at = _carrier(line.laser, mount)
-            pose = Odometry(self.robot, at.x, at.y, at.angle, 0.0, 0.0, line.time)
-            yield Recorded(line.stamp, self.topics.pose, pose)
+            yield Recorded(line.stamp, self.topics.pose, self._still(at, line.time))
         if self.topics.scan:
             yield Recorded(line.stamp, self.topics.scan, self._scan(line, mount))
+
+    def _still(self, at: Pose, time: float) -> Odometry:
+        """An odometry whose speeds the line does not state."""
+        return Odometry(self.robot, at.x, at.y, at.angle, 0.0, 0.0, time)
 
     def _scan(self, line: LaserLine, mount: Mount) -> Scan:
         return Scan(
