@@ -18,6 +18,7 @@ from minerva_bus.frame.description import World
 from minerva_bus.frame.member import Member
 from minerva_bus.grammar.packing import packed
 from minerva_bus.grammar.scene import Scene
+from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.regions.lag import RegionLag
 from minerva_bus.regions.merging import merged
 from minerva_bus.regions.partition import ByFunction, ById, ByPosition
@@ -34,6 +35,7 @@ from minerva_bus.testing.family import (
     eHit,
 )
 from minerva_bus.testing.strategies import family_events, family_strings, with_unique_ids
+from minerva_bus.world.marking import on
 from minerva_bus.world.norms import Norm, Then
 
 NEIGHBOURS = 40  # enough neighbours of one kind to be held in columns
@@ -143,6 +145,30 @@ def test_a_lag_is_that_of_one_coordinator(partition, frames):
     strings = [digest for digest, _ in regions.digests()]
     assert strings == [digest for digest, _ in digests_of_one(world, LAG_FRAMES, nomad_hosts)]
     assert strings[2:5] != [digest for digest, _ in nomads_of_one(1)][2:]
+
+
+class Mother(nomads.Settler, symbol="AMother"):
+    @on("eStep")
+    def act(self, step, moment):
+        self.x += moment.chance.uniform(-1.0, 1.0)
+        child = self.child(x=self.x)
+        moment.emit(nomads.eCall(value=50, receivers=[child.nodes[0].id]))
+        return self.string + child
+
+
+def test_an_event_follows_a_newborn_that_moves_while_it_waits():
+    mothers = Scene(tuple(Mother(f"m{n}").string.nodes[0] for n in range(3)))
+    partition = ByPosition((0.0,))
+    vocabulary = Vocabulary.of(nomads.eStep, nomads.eCall, Mother)
+    world = World("w", mothers, vocabulary, lag=RegionLag(1, partition))
+    frames = [[nomads.eStep()]] * 5
+
+    def hosts():
+        return [Member("hosts", None, (Mother,))]
+
+    regions = Regions(world, frames, [partition], Random(0), hosts)
+    strings = [digest for digest, _ in regions.digests()]
+    assert strings == [digest for digest, _ in digests_of_one(world, frames, hosts)]
 
 
 def test_a_lag_continues_with_regions_from_the_checkpoint_of_one_coordinator():
@@ -276,12 +302,19 @@ def test_a_region_without_agents_goes_on_until_all_are_empty():
     ),
     st.sampled_from(sorted(PARTITIONS)).flatmap(lambda count: st.permutations(PARTITIONS[count])),
     st.integers(0, 99),
+    st.integers(0, 2),
 )
-def test_regions_have_the_string_of_one_coordinator_in_every_frame(case, partitions, seed):
+def test_regions_have_the_string_of_one_coordinator_in_every_frame(case, partitions, seed, lag):
     w, frames = case
-    world = World("w", w, FAMILY_VOCABULARY, seed=seed)
+    if lag:  # Borders stay where they are.
+        partitions = partitions[:1]
+    delay = RegionLag(lag, partitions[0]) if lag else None
+    world = World("w", w, FAMILY_VOCABULARY, seed=seed, lag=delay)
     regions = Regions(world, frames, partitions, Random(seed), family_hosts, 0.005)
-    assert regions.digests() == digests_of_one(world, frames, family_hosts)
+    digests, single = regions.digests(), digests_of_one(world, frames, family_hosts)
+    strings = [digest for digest, _ in digests], [digest for digest, _ in single]
+    assert strings[0] == strings[1]
+    assert lag or digests == single
     assert regions.ahead <= 1
 
 
