@@ -13,8 +13,9 @@ from minerva_bus import __version__
 runtime = tempfile.TemporaryDirectory(prefix="minerva-site-")
 os.environ["MINERVA_RUNTIME_DIR"] = runtime.name
 
-# Documents are large and live long: searching them for garbage takes a third of Sphinx's time.
-gc.set_threshold(1_000_000)
+# Documents live as long as the build: searching them for garbage takes a third of Sphinx's time.
+# Without it a build takes 1 GB of memory.
+gc.disable()
 
 sys.path.insert(0, str(Path(__file__).parent / "extensions"))
 # The reader of notebooks imports jsonschema, which compiles a grammar of this optional package for
