@@ -1,5 +1,6 @@
 """Settings that apply to all tests."""
 
+import gc
 import os
 import signal
 import sys
@@ -30,6 +31,9 @@ WORLDS = pytest.StashKey[tempfile.TemporaryDirectory[str]]()
 # which takes 2 s; no test checks IRIs.
 sys.modules["rfc3987_syntax"] = None
 
+# To import and collect all tests creates millions of objects and almost no garbage.
+gc.disable()
+
 pytest_plugins = ["tests.flaky", "tests.quick", "tests.starts"]
 
 
@@ -54,6 +58,13 @@ def pytest_configure(config):
 def pytest_unconfigure(config):
     """Remove the folder of the worlds of this test process."""
     config.stash[WORLDS].cleanup()
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtestloop():
+    """Let no garbage collection go through the imported modules and the collected tests."""
+    gc.freeze()
+    gc.enable()
 
 
 @pytest.fixture(scope="module", autouse=True)
