@@ -104,7 +104,7 @@ class Condition:
         return None
 
     def check(self, scopes: Sequence[Scope], source: str) -> None:
-        """Raise VocabularyError if it cannot be fulfilled in any of the scopes, if there are any.
+        """Raise VocabularyError if it can hold in none of the scopes; without scopes, do nothing.
 
         The error is about the scope in which the largest part of it is valid.
         """

@@ -109,7 +109,7 @@ def _grouped(pieces: tuple[Piece, ...]) -> Iterator[Piece | list[Columns]]:
         elif size(group) >= MANY:
             yield merged(group)
         else:
-            # Fewer than `MANY` are digested one by one, also if they are held in columns: the
+            # Fewer than `MANY` are digested one by one, even if they are held in columns: the
             # digest must not depend on the representation.
             yield from Scene(tuple(group)).nodes
 

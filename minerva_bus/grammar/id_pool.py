@@ -17,13 +17,13 @@ Texts = NDArray[np.bytes_]
 Entries = NDArray[np.intp]
 
 SPARE: Final = 256
-"""Entries of the dead that a table may have beyond as many as there are agents."""
+"""A table may have this many entries of dead agents beyond the number of living ones."""
 
 
 class IdPool:
     """Ids with different hashes, each once; ids are added and never removed.
 
-    Different hashes show that ids differ. So equal entries mean equal ids, and the other way round.
+    Different hashes show that ids differ. So equal entries mean equal ids, and vice versa.
     """
 
     def __init__(self, texts: Texts, hashes: Hashes) -> None:

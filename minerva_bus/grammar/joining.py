@@ -1,4 +1,4 @@
-"""Concatenation of the same parts again and again, with a cache of the result."""
+"""Repeated concatenation of the same parts, with a cache of the result."""
 
 from __future__ import annotations
 

@@ -87,7 +87,7 @@ class Of:
         parameter: name of its parameter or attribute.
 
     Raises:
-        MisuseError: these are no names.
+        MisuseError: one of them is not a name.
 
     Example:
         `eObjective = EventType("eObjective", marker=Annotated[str, Of("PMarker", "name")])`

@@ -172,7 +172,7 @@ def walk_pieces(scene: Scene, whole: Callable[[Columns], bool]) -> Iterator[tupl
             if opened:
                 yield False, opened.pop()
         elif isinstance(piece, Columns):
-            # Agents come as nodes, which φ rejects one by one.
+            # Agents are passed as nodes, which φ rejects one by one.
             if piece.ids is not None or not whole(piece):
                 yield from walk(Scene(piece.nodes()))
         else:

@@ -73,7 +73,7 @@ def parse(text: str, source: str = "") -> Scene:
 
     Raises:
         GrammarError: with line, column, caret and what was expected.
-        MisuseError: for what is no text.
+        MisuseError: the argument is not a text.
 
     Example:
         >>> print(parse("TAt<x=1>(PSnail PSnail)"))

@@ -308,7 +308,7 @@ def _names_of(orders: ReportedTypes) -> tuple[str, ...]:
 
 
 def receiver_ids(receivers: Iterable[object]) -> tuple[str, ...]:
-    """The receivers of an event, each once, sorted. Raises MisuseError for what is no id."""
+    """The receivers of an event, each once, sorted. Raises MisuseError for anything but ids."""
     given = [receivers] if isinstance(receivers, str) else list(receivers)
     ids = [value for value in given if isinstance(value, str)]
     if isinstance(receivers, str) or len(ids) != len(given):

@@ -9,7 +9,7 @@ Color: TypeAlias = tuple[int, int, int]
 """Red, green and blue from 0 to 255."""
 
 OKABE_ITO: Final = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
-"""Colours that people with deficient colour vision distinguish, too (Okabe and Ito, 2008)."""
+"""Colours that people with colour-vision deficiency can also distinguish (Okabe and Ito, 2008)."""
 
 
 @lru_cache(maxsize=1024)
