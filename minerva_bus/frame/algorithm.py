@@ -38,7 +38,7 @@ from minerva_bus.world.norms import SOURCE
 
 MAX_NAMED_STRANGERS: Final = 3
 MAX_PROBLEM_LINES: Final = 10
-"""Most lines of a member's failure that are shown; its traceback is for the log file."""
+"""Maximum lines of a member's failure that are shown; its traceback is for the log file."""
 
 
 class FrameAlgorithm:

@@ -84,7 +84,7 @@ def restore(service: Service, saved: Mapping[str, Any]) -> None:
 
 
 def figures_by(service: Service) -> dict[str, bool | int | float | str]:
-    """The figures that a service reports. Raises UserCodeError if they are no figures.
+    """The figures that a service reports. Raises UserCodeError for invalid ones.
 
     Numbers that are not finite are omitted: the protocol forbids them.
     """

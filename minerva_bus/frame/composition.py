@@ -132,7 +132,7 @@ class Composition:
     def home_of_each(self, agents: Iterable[str]) -> dict[str, str]:
         """The fragments of these agents, by agent; agents that are not in the string are omitted.
 
-        Faster than `home` for many agents, for which that would search all parts again and again.
+        Faster for many agents than `home`, which would search all parts for each of them.
         """
         homes, others = dict[str, str](), list[str]()
         for agent in agents:

@@ -29,8 +29,8 @@ class Rule:
             return False
         if not self.near:
             return True
-        # Without the member there is no machine to be near to. A host's machine may be the empty
-        # text, so that is no substitute for a missing one.
+        # Without the member there is no machine to be near to. The empty text cannot stand for a
+        # missing machine, because a host's machine may be the empty text.
         return self.near in machines and machines[self.near] == machines.get(host)
 
 

@@ -21,7 +21,7 @@ MAX_REPLY: Final = 200
 """Entries in one reply to a reader."""
 
 MAX_PER_TYPE: Final = 2
-"""Most events of one type that are logged singly in a frame; further ones are counted."""
+"""Maximum events of one type that are logged singly in a frame; further ones are counted."""
 
 
 class EventLog:

@@ -73,7 +73,7 @@ class EvolutionStep:
         placement.outdated = False
         placement.arrange(algorithm.offers())
         rules = bool(algorithm.world.placement.rules)
-        # Agents without a host do not evolve, which is no error, so the log must mention them.
+        # Agents without a host do not evolve. This is not an error, so the log must mention them.
         placement.log.count(placement.unassigned_agents, rules=rules, out=algorithm.out)
         offers = algorithm.members.offers().values()
         placement.log.kinds(offers, placement.unassigned.values(), algorithm.out)

@@ -63,7 +63,7 @@ class Host:
             self._drop(fragment)
             piece = fragment_in(scene, fragment)
             if piece is None:
-                raise ProtocolError(f"the fragment #{fragment} is no agent of that name")
+                raise ProtocolError(f"the fragment #{fragment} is not an agent of that name")
             self.fragments[fragment] = piece
 
     def _drop(self, fragment: str) -> None:

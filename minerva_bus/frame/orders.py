@@ -50,7 +50,7 @@ def unknown_value(
     `known_by` keeps the values of the string for further events at the same time.
 
     It compares the order with the values that the string has for the event's type. A string without
-    any such value is no reason, because objects that a robot detects are not in it.
+    such a value is no reason to reject it, because objects that a robot detects are not in it.
     """
     for field in world.world.vocabulary.events[event.type].fields.all:
         source = field.type.source

@@ -32,7 +32,7 @@ class Pace:
         After a late frame the rhythm starts again; the following frames do not catch up.
         """
         if self.paused:
-            # A pause is no delay: the rhythm starts again after it.
+            # A pause is not a delay: the rhythm starts again after it.
             self._next = None
             return None
         if self.rate <= 0:

@@ -177,7 +177,7 @@ class Context(InFrame):
         """Emit an event or a batch into the next frame; the sender is the agent, if any.
 
         Raises:
-            MisuseError: it is no event.
+            MisuseError: it is not an event.
 
         """
         if isinstance(event, Events):

@@ -195,7 +195,7 @@ def _name_of(symbol: Any) -> str:
         return symbol if isinstance(symbol, str) else symbol.name
     kind: Any = getattr(symbol, "kind", None)
     if kind is None:
-        raise MisuseError(f"{symbol!r} is no agent class and no event type")
+        raise MisuseError(f"{symbol!r} is neither an agent class nor an event type")
     return str(kind.name)
 
 

@@ -178,8 +178,8 @@ class WorldStatus:
     members, people, strangers. `late_frames` have taken longer than real time, by `behind` seconds
     in all. `series` is the number of collected series that can be shown. `norms` are those
     that were broken, and `files` what the world writes. `end` is the frame at which the replay of a
-    record ends, 0 if this is no replay; its record is then among the files. `people` are the event
-    types that the world file lists for people.
+    record ends, 0 if this is not a replay; its record is then among the files. `people` are the
+    event types that the world file lists for people.
     """
 
     world: str
@@ -283,7 +283,7 @@ class Operator(Protocol):
         ...
 
     def series(self) -> Sequence[CollectedSeries]:
-        """The collected series; worlds with none may not know the question."""
+        """The collected series; worlds without any may not support the query."""
         ...
 
 

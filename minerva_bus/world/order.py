@@ -43,7 +43,7 @@ def collect(order: Order, sources: Mapping[str, Sequence[AnyEvent]]) -> tuple[An
     events = [event for _, event in keyed]
     if not any(isinstance(event, Events) for event in events):
         # The condition e^i ∉ z of equation 6. The source is not part of an event, so two generators
-        # that report the same event give it once, at its first place in the order.
+        # that report the same event yield it once, at its first place in the order.
         return tuple(dict.fromkeys(events))
     collected: list[AnyEvent] = []
     for _, group in groupby(events, lambda event: event.type):
