@@ -185,7 +185,7 @@ class Causes:
         call: TracedCall | None,
         calls: Sequence[TracedCall],
     ) -> str:
-        """What the reader must know about a change beside its method."""
+        """What the reader must know about a change in addition to its method."""
         name, new = change.after.id, value_of(change.after, attribute)
         computed = call is not None and _is_value(call, name, attribute, new)
         if computed and call is not None and call.caller.id != name:
@@ -239,7 +239,7 @@ class Causes:
 def _last_setter(
     calls: Sequence[TracedCall], before: AgentNode | None, name: str, attribute: str, new: Value
 ) -> TracedCall | None:
-    """The last call that gave an attribute its value, or that changed it at all."""
+    """The last call that gave an attribute its value, or else the last one that changed it."""
     setters: list[TracedCall] = []
     for call in calls:
         after = call.agent(name)

@@ -134,7 +134,7 @@ class Chunks:
             self._note(damage)
         # The description is in the first chunk, so nothing can be read without one.
         if not scanned.places:
-            raise RecordError(f"{self.path}: it was cut off before anything was in it")
+            raise RecordError(f"{self.path}: it was cut off before anything was written")
         self._summary = read_summary(self._file, self.size)
         self.places, self.indexed = scanned.places, self._summary.sound
         # An intact summary proves that the file was finished, even
@@ -156,7 +156,7 @@ class Chunks:
         known = begin.startswith(MAGIC) or b"minerva-bus" in begin or self._file.read() == MAGIC
         # Zeros may be the beginning of a record that never reached the disk.
         if not known and (begin.strip(b"\0") or not begin):
-            raise RecordError(f"{self.path}: this is no MCAP file; expected a record of a run")
+            raise RecordError(f"{self.path}: not an MCAP file; expected a record of a run")
 
     def _topics(self) -> dict[int, str]:
         """Channels are in the first chunk and in the summary; ours always have the same ids."""
@@ -178,7 +178,7 @@ def _check_profile(path: Path, header: bytes) -> None:
     profile = header[4 : 4 + size].decode("utf-8", "replace")
     if header and profile != PROFILE and b"minerva" not in header:
         raise RecordError(
-            f"{path}: an MCAP file, but no record of Minerva Bus: its profile is"
+            f"{path}: an MCAP file, but not a record of Minerva Bus: its profile is"
             f" {profile[:40]!r}, not {PROFILE!r}"
         )
 

@@ -234,7 +234,7 @@ def _changes(
         )
     x, y = without_agents(a), without_agents(b)
     if x != y:
-        yield AttributeDifference("what is no agent", "", _short(str(x)), _short(str(y)))
+        yield AttributeDifference("outside of agents", "", _short(str(x)), _short(str(y)))
 
 
 def _by_id(scene: Scene) -> dict[str, AgentNode]:

@@ -43,7 +43,7 @@ def recent_record(journal: Path, folder: Path, begin: int = 0) -> Generator[Reco
         RecordError: there is no such journal, it is damaged, or no frame is in it.
 
     """
-    # A device would be read for ever; the name may be from another machine.
+    # A device would be read forever; the name may be from another machine.
     if not journal.is_file():
         raise RecordError(f"{journal}: there is no journal on this machine")
     described, journaled = read_described(journal, begin)

@@ -118,7 +118,7 @@ class RecordingThread:
 
     def _write_next(self) -> None:
         """Write the oldest item; the caller holds `_writing`."""
-        # CPU time of this thread alone: waiting for the interpreter is no work.
+        # CPU time of this thread alone: waiting for the interpreter does not count.
         began = time.thread_time()
         pending = self.queue.take()
         if pending is not None:

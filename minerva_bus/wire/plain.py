@@ -39,12 +39,12 @@ def unpack(data: bytes, limits: Limits = DEFAULT) -> Any:
         raise ProtocolError(f"{size} bytes at once, over {limits.message_bytes}")
     # A value has at least one byte, so shorter data need no count.
     if size > limits.items and values_in(data, limits.items) > limits.items:
-        raise ProtocolError("this is no msgpack: too many items")
+        raise ProtocolError("this is not msgpack: too many items")
     try:
         with uncollected(size):
             return _unpacked(data)
     except Exception as error:
-        raise ProtocolError(f"this is no msgpack: {type(error).__name__} {error}"[:200]) from None
+        raise ProtocolError(f"this is not msgpack: {type(error).__name__} {error}"[:200]) from None
 
 
 @contextmanager

@@ -205,7 +205,7 @@ class Reader:
         symbol = as_text(node[0] if node else None, "a symbol")
         kind = symbol[:1]
         if len(node) != _ITEMS.get(kind, 0):
-            raise ProtocolError(f"{symbol[:40]!r} with {len(node) - 1} items is no symbol")
+            raise ProtocolError(f"{symbol[:40]!r} with {len(node) - 1} items is not a symbol")
         agent_id = self._new_id(node[1]) if kind == "A" else ""
         names, values = self._values(symbol, agent_id, node[2] if kind == "A" else node[1])
         if kind == "P":

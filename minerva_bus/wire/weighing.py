@@ -119,7 +119,7 @@ def check_weight(data: bytes, wire: Wire, limits: Limits, beyond: Beyond) -> Non
     most = getattr(limits, wire.max_bytes)
     if size > most:
         if not name:
-            raise ProtocolError("this is no msgpack list that begins with a message's name")
+            raise ProtocolError("this is not a msgpack list that begins with a message's name")
         check(name, size, most + beyond.bytes(), "bytes", raised(wire.max_bytes))
     most = getattr(limits, wire.max_values)
     if size <= most:  # A value has at least one byte.

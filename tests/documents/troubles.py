@@ -365,7 +365,7 @@ RAISED: Final[Mapping[str, Callable[[Path], object]]] = {
     "agents failed in frame 0": tick(),
     # --- records ---
     "there is no journal, so no other coordinator can continue the world": no_journal,
-    "this is no MCAP file": written("bad.mcap", "x", "info", "bad.mcap"),
+    "not an MCAP file": written("bad.mcap", "x", "info", "bad.mcap"),
     "cannot be written: No such file or directory": command(
         "run", "meadow", "--in-process", "--frames", "1", "--record", "/nowhere/a.mcap"
     ),
@@ -392,7 +392,7 @@ RAISED: Final[Mapping[str, Callable[[Path], object]]] = {
         MisuseError("the vocabulary has no eScan")
     ),
     "the world 'yard' has restarted, at frame 0": restarted,
-    "this is no msgpack": no_message,
+    "this is not msgpack": no_message,
     # --- slow worlds ---
     "cannot be compiled: the function print": not_compilable,
     # --- pictures ---

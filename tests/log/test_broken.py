@@ -86,18 +86,18 @@ def test_another_mcap_file(tmp_path):
         writer = Writer(stream)
         writer.start("ros2")
         writer.finish()
-    with pytest.raises(RecordError, match="no record of Minerva Bus: its profile is 'ros2'"):
+    with pytest.raises(RecordError, match="not a record of Minerva Bus: its profile is 'ros2'"):
         Record(path)
 
 
 @pytest.mark.parametrize("content", [b"", b"\x89MCAP0", b"#ROSBAG V2.0\n", b"[world]\n"])
 def test_no_mcap_file(content, tmp_path):
-    with pytest.raises(RecordError, match="no MCAP file"):
+    with pytest.raises(RecordError, match="not an MCAP file"):
         record_of(content, tmp_path)
 
 
 def test_only_a_header(tmp_path):
-    with pytest.raises(RecordError, match="cut off before anything was in it"):
+    with pytest.raises(RecordError, match="cut off before anything was written"):
         record_of(bytes_of("meadow")[:60], tmp_path)
 
 

@@ -171,7 +171,7 @@ def test_an_agent_that_is_not_there_and_what_is_no_agent(tmp_path, capsys):
     _, difference = diff(tmp_path, bytes_of("meadow"), written(frames), capsys)
     said = {change["agent"]: (change["a"], change["b"]) for change in difference["changes"]}
     assert said["ARabbit#r1"] == ("is there", "is not there")
-    assert "what is no agent" in said
+    assert "outside of agents" in said
 
 
 def test_for_people(tmp_path, capsys):

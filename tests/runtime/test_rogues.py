@@ -56,8 +56,8 @@ def goes_on(world):
 
 
 GARBAGE = {
-    "garbage": (b"\xc1garbage", "this is no msgpack"),
-    "text": (b'{"hello": 1}', "this is no msgpack"),
+    "garbage": (b"\xc1garbage", "this is not msgpack"),
+    "text": (b'{"hello": 1}', "this is not msgpack"),
     "a number": (b"\x07", "a message must be a list, not 7"),
     "an unknown message": (msgpack.packb(["hallo"]), "no message 'hallo' is sent here"),
     "a foreign event": (msgpack.packb(["emitted", [["eRain", []]]]), "no event type 'eRain'"),
@@ -66,7 +66,7 @@ GARBAGE = {
         msgpack.packb(["evolved", 1, 0, {"a": [1, ["AFox", "a", [], 0]]}, {}, {}]),
         "the vocabulary has no AFox",
     ),
-    "nested lists": (b"\x91" * 1_000_000, "this is no msgpack"),
+    "nested lists": (b"\x91" * 1_000_000, "this is not msgpack"),
     "nested data": (
         b"\x92\xa7emitted\x91\x92\xa5eStep\x91" + b"\x91" * 700 + b"\x01",
         "nested more",

@@ -193,7 +193,7 @@ def test_a_large_message_that_is_wrong_is_handed_over_with_what_is_wrong():
     large.add(LargeMessage("a", 1, b"\xc1"))
     system.calls.pop()()
     assert opened[0].message is None
-    assert "this is no msgpack" in opened[0].problem
+    assert "this is not msgpack" in opened[0].problem
 
 
 # --- postponed messages ---

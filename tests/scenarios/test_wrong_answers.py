@@ -332,10 +332,10 @@ def test_a_member_that_fails_is_named_with_its_frame_and_the_world_waits_for_the
 
 def test_garbage_from_a_member_is_named_and_the_member_is_shut_out():
     bus = started()
-    bus.handle(s.Violation("add", "this is no msgpack"))
+    bus.handle(s.Violation("add", "this is not msgpack"))
     bus.settle()
     assert "add" not in bus.alive
-    assert bus.said == ["add: broke the protocol: this is no msgpack"]
+    assert bus.said == ["add: broke the protocol: this is not msgpack"]
     bus.appear("add")
     bus.run(1)
     assert len(bus.records) == 2
@@ -359,6 +359,6 @@ def test_a_repeated_sender_of_garbage_is_named_once_until_it_rejoins():
 
 def test_garbage_in_the_name_of_a_stranger_changes_nothing():
     bus = started()
-    bus.handle(s.Violation("stranger", "this is no msgpack"))
+    bus.handle(s.Violation("stranger", "this is not msgpack"))
     bus.run(1)
     assert len(bus.records) == 2
