@@ -75,31 +75,23 @@ class PythonTables:
         self._check_list("services", services, "services=[Sun, each(eTick)]")
         symbols = [symbols] if isinstance(symbols, Vocabulary) else symbols
         self._check_list("symbols", symbols, "symbols=[PDot]")
-        finder, processes = SymbolFinder(names), dict[str, Any]()
+        finder = SymbolFinder(names)
         for symbol in symbols:
             finder.add(symbol)
         self._add_string(finder)
-        given: Mapping[str, Any] = (
-            cast("Mapping[str, Any]", agents)
-            if isinstance(agents, Mapping)
-            else {"agents": list(agents)}
-            if agents is not None
-            else {}
-        )
+        given = _by_process(agents)
         for classes in given.values():
             for cls in _listed(classes):
                 finder.add(cls)
-        for process, spec in self._services(services):
-            cls = find_service(spec.service) if isinstance(spec.service, str) else spec.service
-            # An instance, because event types may depend on its options.
-            finder.add_service(cls, bind(cls, spec.options, f"{self.name}: {process}")())
-            own = spec.service if isinstance(spec.service, str) else self._keep(cls)
-            processes[process] = {"service": own, **spec.options}
+        processes = {
+            process: self._process(process, spec, finder)
+            for process, spec in self._services(services)
+        }
         vocabulary = finder.vocabulary()
         self._kinds = finder.agents()
         # Found in the string and in code, after services have added the event types that they use.
         if agents is None:
-            given = {"agents": list(self._kinds.values())}
+            given = _by_process(self._kinds.values())
         hosts = {
             process: {"agents": [self._keep(cls) for cls in _listed(classes)]}
             for process, classes in given.items()
@@ -110,6 +102,14 @@ class PythonTables:
             raise MisuseError(f"{self.name}: two processes are called {min(twice)}")
         self.tables["process"] = {**hosts, **processes}
         self.tables["world"]["vocabulary"] = self._keep(vocabulary, "vocabulary")
+
+    def _process(self, name: str, spec: ServiceSpec, finder: SymbolFinder) -> dict[str, Any]:
+        """The table of a service's process; its symbols go to the finder."""
+        cls = find_service(spec.service) if isinstance(spec.service, str) else spec.service
+        # An instance, because event types may depend on its options.
+        finder.add_service(cls, bind(cls, spec.options, f"{self.name}: {name}")())
+        own = spec.service if isinstance(spec.service, str) else self._keep(cls)
+        return {"service": own, **spec.options}
 
     def _check_list(self, name: str, given: object, example: str) -> None:
         if isinstance(given, str) or not isinstance(given, Iterable):
@@ -210,6 +210,13 @@ class PythonTables:
 def _same(scene: Scene, options: Mapping[str, Any]) -> Scene:
     """The string of a world whose options do not change it."""
     return scene
+
+
+def _by_process(agents: Iterable[Any] | Mapping[str, Any] | None) -> Mapping[str, Any]:
+    """Classes of agents by the process that hosts them; those of a list are in `agents`."""
+    if isinstance(agents, Mapping):
+        return cast("Mapping[str, Any]", agents)
+    return {} if agents is None else {"agents": list(agents)}
 
 
 def _listed(classes: Any) -> list[Any]:

@@ -91,6 +91,7 @@ def _attached(
     *,
     standby: bool,
 ) -> int:
+    """Join a world and run the member in it to its end; returns the exit code."""
     own = identity(participant.name) if join.connect else None
     if own is not None and own.name != participant.name:
         raise KeysError(f"the certificate is of {own.name}: attach with --name {own.name}")
@@ -101,8 +102,6 @@ def _attached(
     if not there.local:  # Before Ctrl-C is handled as leaving, because this can take long.
         check_reachable(there, CONNECT_SECONDS)
 
-    service = participant.service
-    ends = not isinstance(service, Device)
     within = join.keep_trying
     if within is None:
         within = BACK_WITHIN if there.local else RECONNECT_SECONDS
@@ -114,7 +113,7 @@ def _attached(
             endpoint,
             print_message,
             own=own,
-            ends=ends,
+            ends=not isinstance(participant.service, Device),
             back_within=within,
             arrival=arrival,
         )
@@ -125,18 +124,31 @@ def _attached(
     )
     leave_on_signals(member)
     print_message(f"{participant.name}: joining {world} at {endpoint}; Ctrl-C leaves")
-    # A service may print, but only the answer may be on standard output. Other codes than FAILED,
-    # such as RAISED, are for a launcher that may restart the member.
-    with redirect_stdout(sys.stderr) if join.json else nullcontext():
-        code = min(member.run(), FAILED) or int(getattr(service, "failed", False))
+    code = _run(member, participant, as_json=join.json)
     failure = "" if member.failure is None else report(member.failure)
-    left = MemberLeft(participant.name, world, endpoint, participant.stopped, failure)
-    for line in left.lines():
-        print_message(line)
-    if join.json:
-        print_json(left.plain())
+    _report_end(
+        MemberLeft(participant.name, world, endpoint, participant.stopped, failure),
+        as_json=join.json,
+    )
     end_at_once(code)
     return code
+
+
+def _run(member: MemberProcess, participant: Member, *, as_json: bool) -> int:
+    """Take part until the end; returns the exit code, which is at most FAILED.
+
+    Other codes, such as RAISED, are for a launcher that may restart the member.
+    """
+    # A service may print, but only the answer may be on standard output.
+    with redirect_stdout(sys.stderr) if as_json else nullcontext():
+        return min(member.run(), FAILED) or int(getattr(participant.service, "failed", False))
+
+
+def _report_end(left: MemberLeft, *, as_json: bool) -> None:
+    for line in left.lines():
+        print_message(line)
+    if as_json:
+        print_json(left.plain())
 
 
 def bridge_source(kind: str, source: str, join: JoinOptions, options: dict[str, str]) -> int:
