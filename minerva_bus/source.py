@@ -174,6 +174,21 @@ def defined(handler: Callable[..., Any]) -> SourceLine | None:
     return SourceLine(code.co_filename, first + at, function_name(code), (lines[at].strip(),))
 
 
+def variables_of(function: Callable[..., Any]) -> dict[str, Any]:
+    """The variables of enclosing functions that a function uses, as far as they are set."""
+    code: CodeType | None = getattr(function, "__code__", None)
+    cells = getattr(function, "__closure__", None) or ()
+    pairs = zip(() if code is None else code.co_freevars, cells, strict=True)
+    return {name: cell.cell_contents for name, cell in pairs if _is_set(cell)}
+
+
+def _is_set(cell: Any) -> bool:
+    try:
+        return cell.cell_contents is not None
+    except ValueError:  # A variable that is set later.
+        return False
+
+
 def assignments(handler: Callable[..., Any], attribute: str) -> list[SourceLine]:
     """The lines of a method that set or delete an attribute of its first argument."""
     function = inspect.unwrap(handler)

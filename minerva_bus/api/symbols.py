@@ -12,6 +12,7 @@ from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.scene import AgentNode, Scene, TransformationNode
 from minerva_bus.grammar.symbols import AgentKind, EventType, Primitive, Transformation
 from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.source import variables_of
 from minerva_bus.world.agent import Agent
 from minerva_bus.world.services import Device, Generator, Service
 
@@ -51,7 +52,7 @@ class SymbolFinder:
             )
         else:
             raise MisuseError(
-                f"{symbol!r:.60} is no symbol: give primitives, transformations, event types and"
+                f"{symbol!r:.60} is not a symbol: give primitives, transformations, event types and"
                 ' agent classes with a symbol, class Fox(Agent, symbol="AFox")'
             )
 
@@ -166,19 +167,6 @@ def names_in(code: CodeType) -> Iterator[str]:
     for constant in code.co_consts:
         if isinstance(constant, CodeType):
             yield from names_in(constant)
-
-
-def variables_of(function: FunctionType) -> dict[str, Any]:
-    """The variables of enclosing functions that a function uses."""
-    cells = zip(function.__code__.co_freevars, function.__closure__ or (), strict=True)
-    return {name: cell.cell_contents for name, cell in cells if _is_filled(cell)}
-
-
-def _is_filled(cell: Any) -> bool:
-    try:
-        return cell.cell_contents is not None
-    except ValueError:  # A variable that is set later.
-        return False
 
 
 def _is_near(module: str) -> bool:

@@ -13,7 +13,7 @@ from minerva_bus.cli.places import client, identity, place
 from minerva_bus.errors import MinervaError, nearest
 from minerva_bus.frame.messages import FrameRecord
 from minerva_bus.grammar.batch import single
-from minerva_bus.grammar.printer import value_text
+from minerva_bus.grammar.printer import json_value
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.launch.registry import running
 from minerva_bus.runtime.client import Client
@@ -105,7 +105,7 @@ def echo_type(type_: str, target: WorldTarget, count: int, as_json: bool) -> Non
 def _entries(record: FrameRecord, type_: str) -> Iterator[dict[str, Any]]:
     for event in single(record.events):
         if type_ in ("", event.type):
-            data = {name: _plain(value) for name, value in event.data.items()}
+            data = {name: json_value(value) for name, value in event.data.items()}
             yield {
                 "frame": record.frame,
                 "type": event.type,
@@ -117,10 +117,6 @@ def _entries(record: FrameRecord, type_: str) -> Iterator[dict[str, Any]]:
     for agent, scene in sorted(record.changed.items()):
         if type_ and any(node.symbol == type_ for node in scene.nodes):
             yield {"frame": record.frame, "agent": agent, "text": str(scene)}
-
-
-def _plain(value: Any) -> Any:
-    return value if isinstance(value, bool | int | float | str) else value_text(value)
 
 
 def _echo_view(

@@ -23,6 +23,7 @@ from minerva_bus.compiled.form import (
 from minerva_bus.compiled.origin import MISSING, Origin, lookup
 from minerva_bus.grammar.symbols import EventType
 from minerva_bus.grammar.types import Type
+from minerva_bus.source import variables_of
 
 STATE: Final = Variable(ValueKind.REAL, "state")
 """An array of the kernel: a fault of the row, a 0 that no optimizer knows, turns of loops."""
@@ -190,19 +191,10 @@ def limit_of(declared: Type) -> Limit:
 def event_type_of(function: Callable[..., Any], name: str) -> EventType | None:
     """The event type of a name in the module of a function, which has the types of its data."""
     scope: Mapping[str, Any] = getattr(function, "__globals__", {})
-    closure: Any = getattr(function, "__closure__", None) or ()
-    cells = [cell.cell_contents for cell in closure if _filled(cell)]
-    for value in (*scope.values(), *cells):
+    for value in (*scope.values(), *variables_of(function).values()):
         if isinstance(value, EventType) and value.name == name:
             return value
     return None
-
-
-def _filled(cell: Any) -> bool:
-    try:
-        return cell.cell_contents is not None
-    except ValueError:  # assigned later
-        return False
 
 
 def slots_of(names: Mapping[str, ValueKind]) -> tuple[Slot, ...]:

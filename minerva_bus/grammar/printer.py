@@ -43,6 +43,11 @@ def head(node: Node) -> str:
     return f"{name}<{', '.join([f'{n}={value_text(v)}' for n, v in pairs])}>"
 
 
+def json_value(value: Value) -> bool | int | float | str:
+    """The value itself if JSON has it, otherwise its canonical text."""
+    return value if isinstance(value, bool | int | float | str) else value_text(value)
+
+
 def value_text(value: Value) -> str:
     """The canonical text of one value."""
     if isinstance(value, str):

@@ -9,7 +9,7 @@ from typing import Any, Final
 
 from minerva_bus.errors import BusError, MisuseError, nearest
 from minerva_bus.grammar.condition import Condition, Scope, parse_condition
-from minerva_bus.grammar.printer import value_text
+from minerva_bus.grammar.printer import json_value
 from minerva_bus.grammar.scene import AgentNode, Scene, agents
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.launch.installed import installed_worlds
@@ -127,12 +127,8 @@ class _Query:
         ]
 
 
-def _plain(value: Any) -> Any:
-    return value if isinstance(value, bool | int | float | str) else value_text(value)
-
-
 def _shown(node: AgentNode) -> dict[str, Any]:
-    return {"id": node.id, **{name: _plain(value) for name, value in node.state.items()}}
+    return {"id": node.id, **{name: json_value(value) for name, value in node.state.items()}}
 
 
 def _find_agents(call: ToolCall) -> Result:

@@ -27,6 +27,7 @@ from minerva_bus.errors import MinervaError
 from minerva_bus.grammar.symbols import EventType, Primitive, Transformation
 from minerva_bus.launch.specs import load
 from minerva_bus.launch.worldfile import WorldFile
+from minerva_bus.source import variables_of
 from minerva_bus.wording import named_some
 
 VERSION: Final = "Minerva Bus"
@@ -96,7 +97,7 @@ def state_digest(roots: Iterable[object]) -> str:
     """A digest of what runs of this code could leave behind in the process; "" if unknown.
 
     It has the variables of modules, classes and closures that the code uses, and the global random
-    generators. It is unknown if the code uses objects that are no plain data.
+    generators. It is unknown if the code uses objects that are not plain data.
     """
     walk = _walked(roots)
     generators = random.getstate(), cast("Any", np.random).get_state()
@@ -197,7 +198,7 @@ class _Walk:
         return self.value(value)
 
     def _function(self, function: FunctionType) -> object:
-        cells = [cell.cell_contents for cell in function.__closure__ or () if _filled(cell)]
+        cells = list(variables_of(function).values())
         given = (function.__defaults__, function.__kwdefaults__, cells, vars(function))
         return self._code(function.__code__, function), self.value(given)
 
@@ -257,13 +258,6 @@ def _digest(described: object) -> str:
     # The module of a world made in Python is numbered by its order of creation.
     text = re.sub(r"minerva_world_\d+", "minerva_world", repr(described))
     return blake2b(text.encode(), digest_size=8).hexdigest()
-
-
-def _filled(cell: Any) -> bool:
-    try:
-        return cell.cell_contents is not None
-    except ValueError:
-        return False
 
 
 def _package(value: object) -> str:
