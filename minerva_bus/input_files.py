@@ -34,7 +34,7 @@ def read_text(path: Path, most: int = MAX_BYTES) -> str:
 
 
 def check_input(path: Path, most: int = MAX_BYTES) -> None:
-    """Raise OSError if this is no regular file, or one of more than `most` bytes."""
+    """Raise OSError if this is not a regular file, or one of more than `most` bytes."""
     size = path.stat().st_size
     if path.is_dir():
         raise OSError(errno.EISDIR, "a folder; expected a file")

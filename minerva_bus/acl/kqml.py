@@ -83,7 +83,7 @@ def act_of(performative: str) -> Act | None:
     """
     if performative not in NEAREST:
         near = nearest(performative, list(NEAREST))
-        raise MisuseError(f"{performative!r} is no performative of KQML{near}")
+        raise MisuseError(f"{performative!r} is not a performative of KQML{near}")
     return NEAREST[performative]
 
 
@@ -96,4 +96,4 @@ def performative_of(act: Act | str) -> str | None:
         return _BACK.get(Act(act))
     except ValueError:
         near = nearest(str(act), list(ACTS))
-        raise MisuseError(f"{str(act)!r} is no communicative act{near}") from None
+        raise MisuseError(f"{str(act)!r} is not a communicative act{near}") from None

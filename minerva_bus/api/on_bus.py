@@ -143,7 +143,7 @@ class _Opened:
         self._lock = threading.Lock()
         self._closed = threading.Event()
         # Python waits for the threads of an open session before it exits, so this one closes it.
-        # It is no daemon: Python would abort if it ended such a thread within Zenoh's code.
+        # It is not a daemon: Python would abort if it ended such a thread within Zenoh's code.
         threading.Thread(target=self._watch, name="minerva-close").start()
 
     def _watch(self) -> None:

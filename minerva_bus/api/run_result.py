@@ -163,7 +163,7 @@ class Interrupted(KeyboardInterrupt):
         )
 
     def _render_traceback_(self) -> list[str]:
-        """The lines that a notebook shows: an interruption is no error in its code."""
+        """The lines that a notebook shows: an interruption is not an error in its code."""
         return [str(self)]
 
 

@@ -114,7 +114,7 @@ def run_request(request: Request, *, bus: bool, quiet: bool, film: int = 0) -> R
 
 
 def check_film(film: int) -> None:
-    """Raise MisuseError for an interval of a film that is no number of frames."""
+    """Raise MisuseError for an interval of a film that is not a number of frames."""
     if film < 0:
         raise MisuseError(f"film is {film}; expected a number of frames from 0")
 

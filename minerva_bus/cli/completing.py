@@ -182,7 +182,7 @@ def members_to_attach(ctx: typer.Context, incomplete: str) -> Choices:
 
 @completer
 def bridges(ctx: typer.Context, incomplete: str) -> Choices:
-    """Services that connect sensors: all that are no views, physics or input of this package."""
+    """Services that connect sensors: all that are not views, physics or input of this package."""
     others = ("minerva_services.views.", "minerva_services.physics.", "minerva_services.input.")
     from minerva_bus.launch.installed import SERVICES, entries
 

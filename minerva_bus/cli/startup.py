@@ -10,8 +10,8 @@ from contextlib import contextmanager
 BEGAN = time.monotonic() - time.process_time()
 """When this program started, on the monotonic clock, seconds.
 
-It is derived from CPU time, because start-up only computes. The age of the process is no measure: a
-shell may have become this process by exec.
+It is derived from CPU time, because start-up only computes. The age of the process is not a
+measure: a shell may have become this process by exec.
 """
 
 

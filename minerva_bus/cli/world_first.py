@@ -60,7 +60,7 @@ def _place(values: dict[str, Any], world: str, others: Sequence[Any], *, asks: b
 
 
 def _words(values: Mapping[str, Any], names: Sequence[str]) -> list[str]:
-    """All words that are no options, in their order."""
+    """All words that are not options, in their order."""
     words: list[str] = []
     for name in names:
         value = values.get(name)

@@ -236,7 +236,7 @@ def read_parts(folder: Path) -> TableParts:
     tables = _about(folder)
     if tables is None or path == folder:
         raise MisuseError(
-            f"{folder} is no folder with the parts of tables, such as sir.parquet.parts"
+            f"{folder} is not a folder with the parts of tables, such as sir.parquet.parts"
         )
     return TableParts(path, tables, again=True)
 

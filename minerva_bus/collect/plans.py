@@ -145,7 +145,7 @@ def plans_of(entries: Entries, vocabulary: Vocabulary, option: str = "collect:")
 def whole_plans(vocabulary: Vocabulary, interval: int = 1) -> list[TablePlan]:
     """A table for each agent kind and event type, with all data that fit into columns.
 
-    Attributes that are no number, bool or text, such as grids, have no column.
+    Attributes that are not a number, bool or text, such as grids, have no column.
     """
     plans: list[TablePlan] = []
     for symbol in sorted({*vocabulary.kinds, *vocabulary.events}):
@@ -218,6 +218,6 @@ def _columns(name: str, entry: Expression, fields: Fields) -> list[tuple[str, st
 def _data_columns(entry: Expression, types: Mapping[str, str]) -> list[tuple[str, str]]:
     for name, kind in types.items():
         if kind not in _TYPES:
-            raise MisuseError(f"collect: {entry.symbol}.{name} is no number, bool or text; name"
+            raise MisuseError(f"collect: {entry.symbol}.{name} is not a number, bool or text; name"
                               f" the data to collect: data({entry.symbol}, NAME)")  # fmt: skip
     return [(name, _TYPES[kind]) for name, kind in types.items()]

@@ -84,7 +84,7 @@ class Expressions(Arithmetic):
         if any(value.kind is not ValueKind.BOOL for value in values):
             raise self.problem(
                 node,
-                "`and` or `or` of values that are no bools, as a value",
+                "`and` or `or` of values that are not bools, as a value",
                 "compare them, or write `a if a else b`",
             )
         return Logic("and" if isinstance(node.op, ast.And) else "or", tuple(values))
@@ -306,7 +306,7 @@ class Expressions(Arithmetic):
         }
         if distribution.kind is ValueKind.INT:
             if any(value.kind is not ValueKind.INT for value in values.values()):
-                raise self.problem(node, "bounds that are no ints", "convert with int(...)")
+                raise self.problem(node, "bounds that are not ints", "convert with int(...)")
             if "high" not in values and "low" in values:
                 values = {"low": Constant(ValueKind.INT, 0), "high": values["low"]}
         for name, default in distribution.defaults.items():

@@ -148,7 +148,7 @@ class References:
         return constant
 
     def constant_of(self, value: Any) -> Constant | None:
-        """A Python object as a constant; None if it is no number, bool or text."""
+        """A Python object as a constant; None if it is not a number, bool or text."""
         if isinstance(value, bool):
             return Constant(ValueKind.BOOL, value)
         if type(value) is int and -INT_BITS <= value < INT_BITS:

@@ -181,7 +181,7 @@ class Statements(HelperCalls):
             raise self.problem(call, "these arguments of range", "write range(start, stop, step)")
         values = [self.value(argument) for argument in call.args]
         if any(value.kind is not ValueKind.INT for value in values):
-            raise self.problem(call, "a range of numbers that are no ints", "write int(...)")
+            raise self.problem(call, "a range of numbers that are not ints", "write int(...)")
         step = values[2] if len(values) == 3 else Constant(ValueKind.INT, 1)
         if not isinstance(step, Constant) or step.value == 0:
             raise self.problem(call, "a step that is not a constant", "write a number, such as 2")

@@ -146,7 +146,9 @@ class SteppedWorld:
         """The agent ("": all), event type and datum of an input."""
         parts = name.split(".")
         if len(parts) not in (2, 3):
-            raise MisuseError(f"{name!r} is no input; expected EVENT.DATUM or AGENT.EVENT.DATUM")
+            raise MisuseError(
+                f"{name!r} is not an input; expected EVENT.DATUM or AGENT.EVENT.DATUM"
+            )
         agent = parts[0] if len(parts) == 3 else ALL
         if agent:
             self._agent(agent, name)

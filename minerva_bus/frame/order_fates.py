@@ -159,7 +159,7 @@ class OrderFates:
 
     def _matches(self, report: Event, types: tuple[str, ...], frame: int) -> list[int]:
         """The open orders that an agent's report concerns."""
-        if not report.sender:  # What a person or a generator sends is no report of an agent.
+        if not report.sender:  # What a person or a generator sends is not a report of an agent.
             return []
         concerned = [n for n in sorted(self._open) if self._concerns(report, types, n, frame)]
         last = self._orders[concerned[-1]].event if concerned else None

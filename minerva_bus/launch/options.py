@@ -70,7 +70,7 @@ def _chosen(key: str, given: str, choices: list[Any]) -> Any:
 
 def beside(value: Any, folder: Path) -> Any:
     """The full path of a text that names a file in `folder`; any other value unchanged."""
-    # Other texts, such as a string of the grammar, are no paths, and may be too long for one.
+    # Other texts, such as a string of the grammar, are not paths, and may be too long for one.
     if isinstance(value, str) and value and "\n" not in value and len(value) < 1000:
         path = folder / value
         return str(path) if is_file(path) else value

@@ -95,10 +95,10 @@ class Swapped:
 
 
 def _checked(cls: object) -> type[Agent] | type[Service]:
-    """A class that was given in Python. Raises MisuseError if it is no member's."""
+    """A class that was given in Python. Raises MisuseError if it is not that of a member."""
     if inspect.isclass(cls) and issubclass(cls, Agent | Service):
         return cls
-    raise MisuseError(f"{cls!r:.60} is no class of agents, generators or devices")
+    raise MisuseError(f"{cls!r:.60} is not a class of agents, generators or devices")
 
 
 def run_swapped(

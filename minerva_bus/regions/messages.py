@@ -157,7 +157,7 @@ def parcel_of(message: ParcelMessage, source: int, target: int) -> Parcel:
 
 
 def check_given_up(given_up: m.Figures) -> None:
-    """Raise ProtocolError if the reason of an agent that has given up is no text."""
+    """Raise ProtocolError if the reason of an agent that has given up is not a text."""
     for who, why in given_up.items():
         if not isinstance(why, str):
             raise ProtocolError(f"given_up: expected text for {who[:40]}, not {why!r:.40}")

@@ -138,7 +138,7 @@ class ByFunction:
     function: Callable[[str, Any], object]
 
     def region_of(self, agent: AgentNode) -> int:
-        """The region of an agent. Raises MisuseError for a number that is no region."""
+        """The region of an agent. Raises MisuseError for a number that is not a region."""
         with blamed(self.function):
             region = self.function(agent.id, agent.state)
         if type(region) is not int or not 0 <= region < self.count:

@@ -118,5 +118,5 @@ def _of_comparison(term: Comparison, cell: Mapping[str, tuple[float, float]]) ->
         "==": (at, True),
         "!=": (True, at),
     }[sign]
-    # It also has agents whose attribute is no number (NaN), for which no comparison holds.
+    # It also has agents whose attribute is not a number (NaN), for which no comparison holds.
     return (possible[0], True) if is_last else possible

@@ -148,7 +148,7 @@ class WholeSource(RecordedSource):
         return agents_in(part.units for part in self._whole.parts)
 
     def objection(self, hello: m.Hello) -> str:
-        """Reason why a member, which is no region, cannot take part; or an empty string."""
+        """Reason why a member, which is not a region, cannot take part; or an empty string."""
         if hello.member in self._names or not (hello.kinds or hello.ticks):
             return ""
         what = "hosts agents" if hello.kinds else "is in step with the frames"

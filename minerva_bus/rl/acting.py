@@ -214,7 +214,7 @@ def _chosen(field: Field, event_type: EventType) -> bool:
         return True
     if field.default is None:
         raise MisuseError(
-            f"act: {field.name} of {event_type.name} is a {field.type}, which is no action;"
+            f"act: {field.name} of {event_type.name} is a {field.type}, which cannot be an action;"
             f" expected numbers, bools or Literal words, a default of {field.name}, or events to"
             f" choose from: act=[None, {event_type.name}(...)]"
         )

@@ -77,7 +77,7 @@ class AskingOperator:
     def order(self, event: AnyEvent) -> int:
         """Send an event to the world; returns the number of the order.
 
-        Raises MisuseError for what is no event, such as its type.
+        Raises MisuseError for anything but events, such as its type.
         """
         if not isinstance(event, Event | Events):  # pyright: ignore[reportUnnecessaryIsInstance]
             raise MisuseError(f"expected an event, such as eSun(heat=0.5), not {event!r:.60}")

@@ -157,7 +157,7 @@ def _own_process(running: Operated, asked: Mapping[str, Any], otherwise: str) ->
         names = ", ".join(entry.name for entry in members)
         raise ProtocolError(f"there is no member {member[:64]!r}; there are {names}")
     if not members.get(member).expected:
-        raise ProtocolError(f"{member} is no process of the world file: {otherwise}")
+        raise ProtocolError(f"{member} is not a process of the world file: {otherwise}")
     return member
 
 

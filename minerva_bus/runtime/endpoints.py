@@ -46,14 +46,14 @@ def check_endpoint(endpoint: str) -> Endpoint:
     kind, _, address = endpoint.partition("/")
     if kind not in _KINDS or not address:
         raise BusError(
-            f"{endpoint!r} is no endpoint; expected tcp/HOST:PORT, tls/HOST:PORT, quic/HOST:PORT"
-            " or unixsock-stream/PATH"
+            f"{endpoint!r} is not an endpoint; expected tcp/HOST:PORT, tls/HOST:PORT,"
+            " quic/HOST:PORT or unixsock-stream/PATH"
         )
     if kind == _PATH:
         return Endpoint(endpoint, kind, path=address)
     host, _, port = address.rpartition(":")
     if not host or not port.isdecimal() or int(port) > 65535:
-        raise BusError(f"{endpoint!r} is no endpoint; expected {kind}/HOST:PORT")
+        raise BusError(f"{endpoint!r} is not an endpoint; expected {kind}/HOST:PORT")
     return Endpoint(endpoint, kind, host.strip("[]"), int(port))
 
 

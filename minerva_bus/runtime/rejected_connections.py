@@ -40,7 +40,7 @@ def rejections_in(notify: Callable[[RejectedConnection], None]) -> Callable[[byt
     def rejected(line: bytes) -> bool:
         reason = reason_in(line)
         # Probes, such as `diagnosis.check_reachable`, connect without a
-        # handshake; they are no attempts to join.
+        # handshake; they are not attempts to join.
         if reason and reason != NOTHING:
             notify(RejectedConnection(reason))
         return bool(reason)

@@ -110,7 +110,7 @@ class WorldLink:
             # for example after it was frozen.
             if epoch <= self._epoch:
                 return None
-            # Decoded before the epoch is accepted: bytes that are no message
+            # Decoded before the epoch is accepted: bytes that are not a message
             # must not displace a coordinator.
             message = self._decoder.to_member(body)
         except (ProtocolError, SceneError):

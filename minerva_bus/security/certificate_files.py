@@ -57,7 +57,7 @@ def read_certificate(path: Path) -> x509.Certificate:
     try:
         return x509.load_pem_x509_certificate(_content(path))
     except (OSError, ValueError) as error:
-        raise KeysError(f"{path} is no certificate: {error}") from None
+        raise KeysError(f"{path} is not a certificate: {error}") from None
 
 
 def check_pair(certificate: Path, key: Path) -> None:
@@ -81,7 +81,7 @@ def read_revoked(path: Path, authority: x509.Certificate) -> frozenset[int]:
         # Serial numbers are unique only per authority.
         signed = revocations.is_signature_valid(key)
     except (OSError, ValueError, TypeError) as error:
-        raise KeysError(f"{path} is no list of what was revoked: {error}") from None
+        raise KeysError(f"{path} is not a revocation list: {error}") from None
     if not signed:
         raise KeysError(f"{path} was not issued by the authority beside it: delete it")
     return frozenset(revoked.serial_number for revoked in revocations)

@@ -197,7 +197,7 @@ def _host(host: str) -> x509.GeneralName:
     except ValueError:
         pass
     if not host or not {"/", ":"}.isdisjoint(host):
-        raise KeysError(f"--host: {host!r} is no host's name or address (without a port)")
+        raise KeysError(f"--host: {host!r} is not a host name or address (without a port)")
     return x509.DNSName(_ascii(host))
 
 

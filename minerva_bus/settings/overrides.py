@@ -23,7 +23,7 @@ class Overrides:
     world file are not created: its agents' code answers questions about a record. `values` are
     the other settings that were given, by the names of their options:
     `Overrides(seed=3, record="run.mcap")`; None means not given. Values are converted when a world
-    file is read. Raises MisuseError for a name that is no setting.
+    file is read. Raises MisuseError for a name that is not a setting.
     """
 
     options: Mapping[str, str]

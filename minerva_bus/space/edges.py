@@ -35,7 +35,7 @@ class Edges(NamedTuple):
                 otherwise the matrix has both directions.
 
         Raises:
-            MisuseError: these are no pairs of nodes.
+            MisuseError: these are not pairs of nodes.
 
         """
         nodes = np.asarray(pairs)

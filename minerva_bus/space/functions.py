@@ -69,7 +69,7 @@ def _extreme(operator: str) -> Any:
     def extreme(_: Any, first: Any, second: Any) -> Any:
         both = whole(first) and whole(second)
         if not all(whole(each) or isinstance(each, types.Float) for each in (first, second)):
-            raise errors.TypingError("min or max of values that are no numbers")
+            raise errors.TypingError("min or max of values that are not numbers")
         kind = types.int64 if both else types.float64
 
         def generate(target: Any, builder: Any, signature: Any, arguments: Any) -> Any:

@@ -120,7 +120,7 @@ class _Write(AbstractTemplate):
 
 
 def _check_index(index: Any) -> None:
-    """Raise TypingError for a type that is no index."""
+    """Raise TypingError for a type that is not an index."""
     if not isinstance(index, types.Integer):
         raise errors.TypingError(NO_INT)
 

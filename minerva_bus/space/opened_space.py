@@ -198,7 +198,7 @@ class OpenedSpace:
         return arguments
 
     def _arguments(self, parameter: RuleParameter) -> list[Any]:
-        """The arguments for a parameter that is no table."""
+        """The arguments for a parameter that is not a table."""
         if parameter.draws:
             return [self._draws]
         if parameter.type is CellGrid:

@@ -71,7 +71,7 @@ class ExecutorPool:
             self._executor = self._open_executor()
         if not _is_executor(self._executor):
             raise MisuseError(
-                f"{self._executor!r:.60} is no executor: give one of concurrent.futures, or"
+                f"{self._executor!r:.60} is not an executor: give one of concurrent.futures, or"
                 " Client(...).get_executor() of Dask, or a function that opens one"
             )
         folder = self._context.enter_context(temporary_folder("study"))

@@ -167,5 +167,5 @@ def test_a_replacement_that_cannot_be_used_is_named(folder):
     with pytest.raises(WorldFileError, match="every must be"):
         replay_swapped(path, "eTick", Pulse, options={"every": "often"})
     number: Any = int
-    with pytest.raises(MisuseError, match="<class 'int'> is no class of agents"):
+    with pytest.raises(MisuseError, match="<class 'int'> is not a class of agents"):
         replay_swapped(path, "agents", number)

@@ -104,7 +104,7 @@ def test_the_world_itself_is_right(folder):
             "which is not an executable file",
         ),
         ("[process.walkers]", "[process.coordinator]", "the process name coordinator is reserved"),
-        ("[process.walkers]", '[bus]\nlisten = "here"\n[process.walkers]', "is no endpoint"),
+        ("[process.walkers]", '[bus]\nlisten = "here"\n[process.walkers]', "is not an endpoint"),
     ],
 )
 def test_a_wrong_world_file(folder, old, new, message):
@@ -168,7 +168,7 @@ def test_symbols_are_checked_with_a_vocabulary(folder):
             ("run", "world.toml", "--view", "sprite"),
             "no view 'sprite' is installed; did you mean 'sprites'?",
         ),
-        (("attach", "words:Walker", "--connect", "nonsense", "--world", "w"), "is no endpoint"),
+        (("attach", "words:Walker", "--connect", "nonsense", "--world", "w"), "is not an endpoint"),
         (
             ("attach", "words:Walker", "--connect", "tcp/127.0.0.1:9", "--world", "w"),
             "no answer",

@@ -125,7 +125,7 @@ def test_an_invalid_endpoint_is_named_at_once(tmp_path, endpoint):
     write_world(tmp_path)
     done = here(tmp_path, "attach", "yard:Screen", "--connect", endpoint, "--world", "yard")
     assert done.returncode == 2
-    assert "is no endpoint" in done.stderr or "no world" in done.stderr
+    assert "is not an endpoint" in done.stderr or "no world" in done.stderr
     assert "Traceback" not in done.stderr
 
 

@@ -169,7 +169,7 @@ def test_a_run_that_takes_too_long_fails():
 
 def test_an_executor_that_cannot_work_is_explained():
     number: Any = 3
-    with pytest.raises(MisuseError, match="3 is no executor"):
+    with pytest.raises(MisuseError, match="3 is not an executor"):
         sweep(many(), seeds=2, frames=2, executor=number, quiet=True)
     pool = ThreadPoolExecutor(1)
     pool.shutdown()

@@ -187,5 +187,5 @@ def obstacles(grid: Cells) -> Mask:
 
 
 def free(grid: Cells) -> Mask:
-    """Mask of cells known to be free; markers are no obstacles."""
+    """Mask of cells known to be free; markers are not obstacles."""
     return ((grid == FREE) | (grid >= SEEN)) & (grid != CLOSED)

@@ -80,7 +80,7 @@ def _errors(first: Reals, second: Reals, steps: Reals) -> tuple[Reals, Reals]:
     x, y = (second[:, :2] - first[:, :2]).T
     ahead, left = cos * x + sin * y, cos * y - sin * x
     turn = second[:, 2] - first[:, 2] - steps[:, 2]
-    # A full turn is no error.
+    # A full turn is not an error.
     turn = (turn + np.pi) % (2 * np.pi) - np.pi
     errors = np.stack([ahead - steps[:, 0], left - steps[:, 1], turn], axis=1)
     slopes = np.zeros((len(first), 3, 6))

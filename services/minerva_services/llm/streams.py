@@ -50,7 +50,7 @@ async def streamed_reply(chunks: AsyncIterable[bytes], limit: asyncio.Timeout) -
 
 
 async def _data(chunks: AsyncIterable[bytes]) -> AsyncIterator[str]:
-    """The data of each event; a line that is no event is data, too."""
+    """The data of each event; a line that is not an event is data, too."""
     rest, size = b"", 0
     async for chunk in chunks:
         size += len(chunk)

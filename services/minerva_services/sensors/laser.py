@@ -1,7 +1,7 @@
 """gLaser of Table 4: an event for each obstacle that a range finder measures.
 
-A beam without a hit is no obstacle and therefore no event in Table 4. It still carries information:
-that direction is free. `clear` turns it into an event, if a world has a type for it.
+A beam without a hit is not an obstacle and therefore not an event in Table 4. It still carries
+information: that direction is free. `clear` turns it into an event, if a world has a type for it.
 
 Meaning of ranges, as published by drivers (ROS REP 117 and older conventions):
 

@@ -94,7 +94,7 @@ JOINING: Final = (
         key_view(1, 4, a=1.0), *END, roles=ANY_DEVICE,
     ),
     _case(
-        "early garbage", "ignores bytes that are no message before its welcome", "P14.4",
+        "early garbage", "ignores bytes that are not a message before its welcome", "P14.4",
         GREET, SendIgnored("all", b"\xc1"), SendIgnored(f"to/{MEMBER}", b"\xc1"), Enter(), GREET,
         *END, tier=Tier.ROBUST,
     ),

@@ -98,7 +98,7 @@ class Stepper:
         self._wake()
         logged, since = False, time.monotonic()
         with self._answered:
-            # Waits without limit: a slow simulator is no failure.
+            # Waits without limit: a slow simulator is not a failure.
             while not self._answered.wait_for(lambda: self._measured() >= self.now, _SILENT_AFTER):
                 if not logged and time.monotonic() - since >= _SILENT_AFTER:
                     logged = True

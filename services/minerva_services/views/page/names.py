@@ -84,7 +84,7 @@ class PageNames:
     def choose(self, number: int, name: str) -> None:
         """Give the person at a page a name; "" is that of the page.
 
-        Raises MisuseError for a text that is no name, and for the name of another page or person.
+        Raises MisuseError for a text that is not a name, and for that of another page or person.
         """
         if name in ("", self.of_page(number)):
             self._people.pop(number, None)

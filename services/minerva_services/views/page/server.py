@@ -101,7 +101,7 @@ class MemberPageServer:
         from websockets.asyncio.server import serve
 
         services, quiet = self._services, logging.getLogger("minerva.page")
-        quiet.setLevel(logging.CRITICAL)  # the errors of clients are no errors of the world
+        quiet.setLevel(logging.CRITICAL)  # errors of clients are not errors of the world
         server = serve(
             self._link,
             services.access.host,

@@ -155,7 +155,7 @@ def _module(module: str, joins: str) -> Path | None:
         return None
     path = Path(module)
     if path.suffix not in (".js", ".mjs") or not path.is_file():
-        raise MisuseError(f"page: module is {module!r}, which is no file with JavaScript")
+        raise MisuseError(f"page: module is {module!r}, which is not a file with JavaScript")
     return path.resolve()
 
 

@@ -35,7 +35,7 @@ class AgentFolder:
 
         @self._selected.on_update
         def _(event: GuiEvent[Any]) -> None:
-            # `offer` sets the value as well, which is no selection by a user.
+            # `offer` sets the value as well, which is not a selection by a user.
             if by_person(event):
                 chosen = self._selected.value
                 select("" if chosen == EVERYBODY else chosen)

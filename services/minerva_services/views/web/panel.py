@@ -206,6 +206,6 @@ class Panel:
 
         @self._rate.on_update
         def _(event: GuiEvent[Any]) -> None:
-            # `show_status` moves the slider as well, which is no action of a user.
+            # `show_status` moves the slider as well, which is not an action of a user.
             if by_person(event):
                 actions.set_rate(self._rate.value)
