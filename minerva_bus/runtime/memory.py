@@ -22,8 +22,8 @@ _MMAP_THRESHOLD: Final = -3
 def keep_freed_memory() -> bool:
     """Let this process and its forks reuse freed memory; False if they cannot be told to.
 
-    Each frame allocates the arrays of large populations anew. By default glibc returns freed arrays
-    to the system, which then clears every page again: a quarter of a frame of 100,000 birds. A user
+    Each frame allocates the arrays of large populations. By default glibc returns freed arrays to
+    the system, which then clears every page again: a quarter of a frame of 100,000 birds. A user
     who has set glibc's own variables is not overruled.
     """
     if any(name.startswith(("MALLOC_", "GLIBC_TUNABLES")) for name in os.environ):
