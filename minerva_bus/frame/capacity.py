@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 
-from minerva_bus.frame.composition import Fragment, shares
+from minerva_bus.frame.fragments import Fragment, shares
 from minerva_bus.grammar.scene import kind_counts
 
 

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from itertools import accumulate, pairwise
-from typing import Any, Final, TypeAlias, cast
+from itertools import accumulate
+from typing import Any, Final, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from minerva_bus.errors import VocabularyError
-from minerva_bus.grammar.column import CHUNK
+from minerva_bus.frame.fragments import PART, Fragment, Layout, fragment_in, ids_of
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.fitting import Unfit
 from minerva_bus.grammar.ids import LONGEST, Ids
@@ -19,13 +19,7 @@ from minerva_bus.grammar.scene import EMPTY, AgentNode, Piece, Scene, agents
 from minerva_bus.grammar.slots import fill, fill_slots
 from minerva_bus.grammar.unique_ids import same_id
 
-PART: Final = "~"
-"""Prefix of the names of parts of populations; no agent's id begins with it."""
-
 FIRST: Final = 64
-Fragment: TypeAlias = AgentNode | Columns
-Layout: TypeAlias = tuple[tuple[tuple[str, int], ...], ...]
-"""The parts of each population: name and number of rows."""
 
 
 class Composition:
@@ -98,7 +92,7 @@ class Composition:
 
     def _check_apart(self) -> None:
         """Raise VocabularyError if an id occurs in two columns, or in columns and elsewhere."""
-        known = [_ids(part) for part in self.parts.values()]
+        known = [ids_of(part) for part in self.parts.values()]
         if not known:
             return
         # Single agents have no columns to compare with, so their ids are collected here.
@@ -145,7 +139,7 @@ class Composition:
             return homes
         ids = Ids.of(others)
         for name, part in self.parts.items():
-            homes |= {others[row]: name for row in np.flatnonzero(_ids(part).rows_of(ids) >= 0)}
+            homes |= {others[row]: name for row in np.flatnonzero(ids_of(part).rows_of(ids) >= 0)}
         return homes
 
     def first_missing(self, agents: Ids | None) -> str | None:
@@ -154,7 +148,7 @@ class Composition:
             return None
         left = agents
         for part in self.parts.values():
-            left = left.take(_ids(part).rows_of(left) < 0)
+            left = left.take(ids_of(part).rows_of(left) < 0)
         return next((agent for agent in left.texts() if agent not in self._home), None)
 
     def homes(self, agents: Ids) -> Iterator[str]:
@@ -172,7 +166,7 @@ class Composition:
                 return
         left = agents
         for name, part in self.parts.items():
-            there = _ids(part).rows_of(left) >= 0
+            there = ids_of(part).rows_of(left) >= 0
             if there.any():
                 yield name
                 if there.all():
@@ -194,7 +188,7 @@ class Composition:
         }
         for name, home in homes.items():
             if home in self.parts and name != home:
-                within[name] = _ids(self.parts[home]).row_of(name)
+                within[name] = ids_of(self.parts[home]).row_of(name)
         return lambda name: (order.get(homes[name], -1), within.get(name, 0))
 
     def kind(self, agent: str) -> str:
@@ -211,14 +205,14 @@ class Composition:
         if self._kind:
             kinds[:] = [self._kind.get(agent, "") for agent in agents]
         for part in self.parts.values():
-            kinds[_ids(part).rows_of(agents) >= 0] = part.symbol
+            kinds[ids_of(part).rows_of(agents) >= 0] = part.symbol
         return kinds
 
     def agents(self) -> Iterable[str]:
         """The ids of all agents, also those within others."""
         yield from self._home
         for part in self.parts.values():
-            yield from _ids(part)
+            yield from ids_of(part)
 
     @property
     def count(self) -> int:
@@ -275,7 +269,7 @@ class Composition:
             # Parts whose ids are the same object have no births or
             # deaths, hence no new id to check.
             if piece.ids is not None and piece.ids is not self.parts[name].ids:
-                before[name] = _ids(self.parts[name])
+                before[name] = ids_of(self.parts[name])
             self._put(name, piece)
         self._scene = None
         if before and not self._newborn_alone(before):
@@ -284,12 +278,12 @@ class Composition:
     def _newborn_alone(self, before: Mapping[str, Ids]) -> bool:
         """Whether comparing newborns alone shows that all ids are distinct, as they were before."""
         for name, old in before.items():
-            now = _ids(self.parts[name])
+            now = ids_of(self.parts[name])
             row_delta = now.since(old) if now.distinct else None
             if row_delta is None:
                 return False
             newborn = now.take(row_delta.born)
-            others = [_ids(part) for other, part in self.parts.items() if other != name]
+            others = [ids_of(part) for other, part in self.parts.items() if other != name]
             if len(newborn) and any((ids.rows_of(newborn) >= 0).any() for ids in others):
                 return False
             if self._home and not self._home.keys().isdisjoint(newborn.texts()):
@@ -359,30 +353,6 @@ class Composition:
         return {name: Scene((node,)) for name, node in self.fragments.items()}
 
 
-def fragment_in(scene: Scene, name: str) -> Fragment | None:
-    """The fragment of this name, if the string consists of it alone; otherwise None."""
-    piece = scene.pieces[0] if len(scene.pieces) == 1 else None
-    if piece is not None and piece.ids is not None:
-        return piece if name.startswith(PART) else None
-    return piece if isinstance(piece, AgentNode) and piece.id == name else None
-
-
-def shares(rows: int, weights: Sequence[float]) -> list[int]:
-    """Number of rows for each host, by weight; at least one while there are enough.
-
-    Large populations are divided at chunk boundaries.
-    """
-    # The digest of the population can reuse the chunk digests of its parts if these are whole
-    # chunks. With few chunks per host, rounding to them would make the shares too unequal.
-    unit = CHUNK if rows >= 4 * CHUNK * len(weights) else 1
-    ends = np.cumsum(weights) / sum(weights) * (rows / unit)
-    cuts = [0]
-    for place, end in enumerate(ends[:-1], 1):
-        most = rows - len(weights) + place  # Each later host needs one as well.
-        cuts.append(max(min(round(end) * unit, most), min(cuts[-1] + 1, rows)))
-    return [end - begin for begin, end in pairwise([*cuts, rows])]
-
-
 def _in_place_of(population: Sequence[str], pieces: Sequence[Piece]) -> dict[str, Scene]:
     """Contents of the slots of a population's parts after a division into these pieces."""
     return {**dict.fromkeys(population, EMPTY), population[0]: Scene(tuple(pieces))}
@@ -392,13 +362,9 @@ def _rows(parts: Iterable[tuple[str, int]]) -> int:
     return sum(count for _, count in parts)
 
 
-def _ids(part: Columns) -> Ids:
-    return cast("Ids", part.ids)
-
-
 def _any_in(part: Columns, agents: Ids) -> bool:
-    return bool((_ids(part).rows_of(agents) >= 0).any())
+    return bool((ids_of(part).rows_of(agents) >= 0).any())
 
 
 def _has(part: Columns, agent: str) -> bool:
-    return _ids(part).row_of(agent) >= 0
+    return ids_of(part).row_of(agent) >= 0

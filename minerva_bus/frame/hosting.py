@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from minerva_bus.errors import ProtocolError
-from minerva_bus.frame.composition import Fragment, fragment_in
+from minerva_bus.frame.fragments import Fragment, fragment_in
 from minerva_bus.frame.messages import EvolveReply, EvolveRequest, Fragments
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.delta import Delta, difference

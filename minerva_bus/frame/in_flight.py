@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any, Final, cast
 
 from minerva_bus.frame import messages as m
-from minerva_bus.frame.composition import Layout
+from minerva_bus.frame.fragments import Layout
 from minerva_bus.frame.inbox import Orders
 from minerva_bus.frame.inputs import FrameInputs
 from minerva_bus.frame.trial import Trial

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from minerva_bus.frame.composition import Layout
+from minerva_bus.frame.fragments import Layout
 from minerva_bus.frame.messages import EvolveReply, TickReply
 from minerva_bus.grammar.batch import AnyEvent
 

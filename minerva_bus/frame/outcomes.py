@@ -15,7 +15,7 @@ from typing import Any, TypeAlias, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from minerva_bus.frame.composition import Fragment
+from minerva_bus.frame.fragments import Fragment, ids_of
 from minerva_bus.grammar.batch import AnyEvent, Events
 from minerva_bus.grammar.column import Column, Rows
 from minerva_bus.grammar.columns import Columns
@@ -121,7 +121,7 @@ class PopulationOutcome(FragmentOutcome):
 
     def left(self, sent: Sent, later: Sequence[tuple[FragmentOutcome, Sent]] = ()) -> Sent:
         """The events of the fragment that count, from this outcome and others."""
-        return _left(_ids(self._old), sent, self._undone, later)
+        return _left(ids_of(self._old), sent, self._undone, later)
 
 
 class ColumnsOutcome(PopulationOutcome):
@@ -149,7 +149,7 @@ class ColumnsOutcome(PopulationOutcome):
         for condition in norm.conditions:
             state = {name: self._value(name, elsewhere) for name in condition.names}
             offends &= condition.holds_of_many(state, self._old.count)
-        yield from _ids(self._old).take(np.flatnonzero(offends)).texts()
+        yield from ids_of(self._old).take(np.flatnonzero(offends)).texts()
 
     def _value(self, name: str, elsewhere: Elsewhere) -> Any:
         if name.startswith("#"):
@@ -161,15 +161,15 @@ class ColumnsOutcome(PopulationOutcome):
     def undo(self, who: str) -> None:
         """Replace an agent's unit by its previous state."""
         super().undo(who)
-        self._kept[_ids(self._old).row_of(who)] = False
+        self._kept[ids_of(self._old).row_of(who)] = False
 
     def was(self, who: str) -> AgentNode | None:
         """An agent as it was before the frame."""
-        return cast("AgentNode", self._old.node(_ids(self._old).row_of(who)))
+        return cast("AgentNode", self._old.node(ids_of(self._old).row_of(who)))
 
     def of_unit(self, unit: str) -> tuple[Node, ...]:
         """The node of an agent in this outcome."""
-        return (self._now.node(_ids(self._now).row_of(unit)),)
+        return (self._now.node(ids_of(self._now).row_of(unit)),)
 
     @property
     def scene(self) -> Scene:
@@ -184,7 +184,7 @@ class ColumnsOutcome(PopulationOutcome):
         for other in [None, *others]:
             part = self._old if other is None else cast("ColumnsOutcome", other)._now
             undone = [who for who, by in self._undone.items() if by is other]
-            rows = np.sort(_ids(self._old).rows_of(Ids.of(undone))) if undone else ()
+            rows = np.sort(ids_of(self._old).rows_of(Ids.of(undone))) if undone else ()
             if len(rows):
                 pairs = zip(columns, part.columns, strict=True)
                 columns = tuple([_with(new, old, np.asarray(rows, np.intp)) for new, old in pairs])
@@ -321,7 +321,3 @@ def _kept(sent: Sent, keeps: Callable[[str], bool]) -> list[AnyEvent]:
             rows = np.flatnonzero([keeps(who) for who in event.senders.texts()])
             kept += [event.take(rows)] if len(rows) else []
     return kept
-
-
-def _ids(part: Columns) -> Ids:
-    return cast("Ids", part.ids)

@@ -7,8 +7,9 @@ from hashlib import blake2b
 from typing import Final
 
 from minerva_bus.frame.capacity import Capacity, agents_in, apportion, fit
-from minerva_bus.frame.composition import Composition, Fragment, fragment_in
+from minerva_bus.frame.composition import Composition
 from minerva_bus.frame.constraints import Offers
+from minerva_bus.frame.fragments import Fragment, fragment_in
 from minerva_bus.frame.load import Load
 from minerva_bus.frame.messages import Fragments
 from minerva_bus.frame.unassigned import UnassignedLog

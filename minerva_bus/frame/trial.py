@@ -11,7 +11,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from minerva_bus.frame.composition import Composition, Fragment
+from minerva_bus.frame.composition import Composition
+from minerva_bus.frame.fragments import Fragment
 from minerva_bus.frame.outcomes import Elsewhere, FragmentOutcome, Sent, outcome_of, state_of
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.rest import rested

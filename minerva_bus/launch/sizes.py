@@ -11,7 +11,7 @@ from collections.abc import Iterable, Mapping
 from typing import Final
 
 from minerva_bus.errors import WorldFileError
-from minerva_bus.frame.composition import PART, Fragment
+from minerva_bus.frame.fragments import PART, Fragment
 from minerva_bus.frame.member import Member
 from minerva_bus.frame.messages import Fragments
 from minerva_bus.frame.placement import kinds_of

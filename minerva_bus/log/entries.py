@@ -22,7 +22,7 @@ from typing import Any, Final
 from minerva_bus.errors import ProtocolError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame.checkpoint import Checkpoint
-from minerva_bus.frame.composition import Layout
+from minerva_bus.frame.fragments import Layout
 from minerva_bus.frame.inputs import FrameInputs, RecordedFrame
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.scene import Scene

@@ -6,7 +6,8 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from minerva_bus.errors import WorldStopped
-from minerva_bus.frame.composition import PART, Composition
+from minerva_bus.frame.composition import Composition
+from minerva_bus.frame.fragments import PART
 from minerva_bus.frame.in_flight import FrameInFlight
 from minerva_bus.frame.messages import Parts, Patches, ViewShown
 from minerva_bus.frame.views import patch_all

@@ -27,7 +27,8 @@ from minerva_bus import (
 )
 from minerva_bus import evolve as eta
 from minerva_bus.errors import MinervaError, MisuseError
-from minerva_bus.frame.composition import Composition, shares
+from minerva_bus.frame.composition import Composition
+from minerva_bus.frame.fragments import shares
 from minerva_bus.grammar.batch import Events, single
 from minerva_bus.grammar.column import CHUNK
 from minerva_bus.grammar.columns import Columns
