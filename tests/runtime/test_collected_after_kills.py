@@ -63,13 +63,18 @@ def run_with(monkeypatch, folder, settings):
     monkeypatch.setattr(starts, "PROGRAMS", (*starts.PROGRAMS, [str(script)]))
 
 
-@pytest.mark.parametrize("settings", [
-    pytest.param("", id="one journal"),
-    # The successor can repeat a few frames only: earlier rows have to be in parts.
-    pytest.param("journal.MIN_REWRITE_BYTES, journal.REWRITE_RATIO = 1, 0", id="short journals"),
-    pytest.param("collecting.SAVE_SECONDS, writers.BUFFERED_ROWS = 0.0, 7", id="many parts"),
+SHORT = "journal.MIN_REWRITE_BYTES, journal.REWRITE_RATIO = 1, 0"
+"""The successor can repeat a few frames only: earlier rows have to be in parts."""
+PARTS = "collecting.SAVE_SECONDS, writers.BUFFERED_ROWS = 0.0, 7"
+
+
+# Parts are written by the same code for both endings, which differ in what a part contains.
+@pytest.mark.parametrize(("ending", "settings"), [
+    pytest.param(".csv", "", id="one journal"),
+    pytest.param(".parquet", SHORT, id="short journals"),
+    pytest.param(".csv", PARTS, id="many parts of .csv"),
+    pytest.param(".parquet", PARTS, id="many parts of .parquet"),
 ])  # fmt: skip
-@pytest.mark.parametrize("ending", [".csv", ".parquet"])
 def test_tables_of_a_killed_coordinator_are_continued(tmp_path, monkeypatch, ending, settings):
     whole = undisturbed(tmp_path / "whole", ending, 100)
     assert len(whole) == 3
