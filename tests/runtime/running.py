@@ -265,14 +265,16 @@ class World(Run):
         return eventually(alone, f"a coordinator\n{self.text}").pop()
 
     def kill_coordinator(self):
-        """Kill the coordinator and wait for its successor."""
-        pid = self.coordinator()
+        """Kill the coordinator and wait for its successor, which begins no frame once more."""
+        pid, frame = self.coordinator(), self.frame
         os.kill(pid, signal.SIGKILL)
 
         def followed():
             return self.members() and pid not in children(self.process.pid)
 
         eventually(followed, f"another coordinator\n{self.text}")
+        # A world that runs once more from frame 0 has the same digest at its end.
+        assert self.frame >= frame, self.text
 
     def look(self):
         """Record all processes below the launcher."""
