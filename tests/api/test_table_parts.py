@@ -129,7 +129,7 @@ def test_a_description_of_parts_that_no_run_has_written_is_refused(tmp_path, abo
     folder = tmp_path / "out.csv.parts"
     folder.mkdir()
     (folder / "tables.json").write_text(about)
-    with pytest.raises(MisuseError, match="no folder with the parts of tables"):
+    with pytest.raises(MisuseError, match="not a folder with the parts of tables"):
         read_parts(folder)
 
 
@@ -213,7 +213,7 @@ def test_parts_of_a_killed_run_are_not_overwritten(tmp_path):
         run(pond(), frames=2, collect={"n": count(Frog)}, into=into)
     files = read_parts(tmp_path / "out.csv.parts").join()
     assert files["frames"].read_text() == "frame\n"
-    with pytest.raises(MisuseError, match="no folder with the parts of tables"):
+    with pytest.raises(MisuseError, match="not a folder with the parts of tables"):
         read_parts(tmp_path)
 
 

@@ -131,7 +131,7 @@ def test_options_of_a_world_made_in_python():
     (lambda: parse(Frog("a")), "parse takes a text"),
     (lambda: World(3, agents=[Frog]), "a text, a Scene, or a function that returns one"),
     (lambda: World([Frog("a"), Frog("b")], agents=[Frog]), r"of agents: Fox\('a'\).string \+"),
-    (lambda: World("AFrog#a", agents=["Frog"]), "is no symbol"),
+    (lambda: World("AFrog#a", agents=["Frog"]), "is not a symbol"),
     (lambda: World("AFrog#a", agents=[Frog("a")]), "is an agent: give its class, Frog"),
     (lambda: World("AFrog#a", agents=Frog), r"agents is a list, such as agents=\[Fox\], not"),
     (lambda: World("AFrog#a", agents="Frog"), r"agents is a list"),

@@ -194,7 +194,7 @@ def test_spaces_of_observations_follow_from_the_vocabulary():
         ({"agents": "#d"}, "no agent #d"),
         ({"act": "eSee"}, "AFish does not respond to eSee; it responds to eEat"),
         ({"act": "eEatt"}, "no event type eEatt; did you mean 'eEat'?"),
-        ({"act": "eMix"}, "note of eMix is a text, which is no action"),
+        ({"act": "eMix"}, "note of eMix is a text, which cannot be an action"),
         ({"act": []}, "the list is empty"),
         ({"observe": ["fod"]}, "no attribute and no view fod; did you mean 'food'?"),
         ({"observe": lambda string, agent: "no"}, "the observation of a is 'no'"),

@@ -155,7 +155,7 @@ def test_certificates_of_another_authority_are_rejected(keys, tmp_path):
     with pytest.raises(KeysError, match=r"boss\.pem is the certificate of sensor"):
         keys.rights()
     (keys.folder / "boss.pem").write_text("nothing")
-    with pytest.raises(KeysError, match=r"boss\.pem is no certificate"):
+    with pytest.raises(KeysError, match=r"boss\.pem is not a certificate"):
         keys.rights()
     (keys.folder / "boss.pem").unlink()
     (keys.folder / "crl.pem").write_bytes((foreign.folder / "crl.pem").read_bytes())
@@ -279,7 +279,7 @@ def test_an_authority_is_created_completely_or_not(tmp_path):
         (("issue", "ca", "--role", "agent"), "choose another name"),
         (("issue", "x", "--role", "agent", "--days", "0"), "--days must be"),
         (("issue", "x", "--role", "agent", "--kinds", "Füchse"), "plain letters"),
-        (("issue", "x", "--role", "router", "--host", "tls/a:1"), "no host's name"),
+        (("issue", "x", "--role", "router", "--host", "tls/a:1"), "is not a host name or address"),
         (("issue", "sensor", "--role", "view"), "--renew replaces it"),
         (("issue", "x"), "--role is missing"),
         (("revoke", "sensr"), "did you mean 'sensor'?"),

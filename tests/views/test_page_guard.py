@@ -224,7 +224,7 @@ def test_the_page_loads_nothing_from_elsewhere():
         ({"draws": ""}, "draws"),
         ({"joins": "snails"}, "go together"),
         ({"module": "garden.js"}, "go together"),
-        ({"module": "garden.txt", "joins": "snails"}, "no file with JavaScript"),
+        ({"module": "garden.txt", "joins": "snails"}, "not a file with JavaScript"),
         ({"certificate": "/nothing.pem"}, "cannot be used"),
     ],
 )

@@ -118,7 +118,7 @@ TOO_MUCH = {
     },
     "a long hello": (hello(service="x" * 600), "hello has .* bytes, over 600"),
     "a long failure": (pack(["failed", 0, "x" * 600, ""]), "failed has .* bytes, over 600"),
-    "no name": (b"\x91" * 700, "this is no msgpack list that begins with a message's name"),
+    "no name": (b"\x91" * 700, "this is not a msgpack list that begins with a message's name"),
     "an unknown name": (pack(["hallo", "x" * 600]), "hallo has .* bytes, over 600"),
 }  # fmt: skip
 
@@ -268,7 +268,7 @@ def test_reading_in_slices_gives_the_same_message(plain, cut, more):
         assert pack(unpack(data)) == data
         for wrong in (data[:cut], data + more):
             if wrong != data:
-                with pytest.raises(ProtocolError, match="this is no msgpack"):
+                with pytest.raises(ProtocolError, match="this is not msgpack"):
                     unpack(wrong)
 
 
