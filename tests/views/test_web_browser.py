@@ -47,9 +47,10 @@ PATIENCE = 40.0
 
 
 def eventually(what, why, patience=PATIENCE):
+    """Wait until `what()` is true; `why` is the message of a failure, or makes it."""
     until = time.monotonic() + patience
     while not (result := what()):
-        assert time.monotonic() < until, why
+        assert time.monotonic() < until, why() if callable(why) else why
         time.sleep(0.1)
     return result
 
@@ -297,16 +298,19 @@ def test_a_click_on_the_name_of_a_robot_selects_it(page, building):
     )
     page.get_by_role("button", name="Pause").click()
     eventually(lambda: building.status().paused, "no pause")
+    tried = []
 
     def free():
-        """The label of r1 on the page, once no pin and no other robot is near it."""
+        """The label of r1 on the page, once no pin, no other robot and no control is near it."""
         frame = building.status().frame
         if frame_on(page) != frame:
             return None
         x, y = label_of(page, building, "r1")
         others = [*pins.values(), label_of(page, building, "r2")]
-        if all(abs(x - a) > 40 or abs(y - b) > 25 for a, b in others):
+        top = page.evaluate("([x, y]) => document.elementFromPoint(x, y)?.tagName", [x, y])
+        if top == "CANVAS" and all(abs(x - a) > 40 or abs(y - b) > 25 for a, b in others):
             return x, y
+        tried.append(f"frame {frame}: {top} at ({x:.0f}, {y:.0f})")
         page.get_by_role("button", name="Step").click()
         eventually(lambda: building.status().frame == frame + 1, "no step")
         return None
@@ -320,10 +324,11 @@ def test_a_click_on_the_name_of_a_robot_selects_it(page, building):
         with suppress(playwright.TimeoutError):
             page.get_by_text("ARobot#r1").wait_for(timeout=5000)
             return True
+        tried.append(f"a click at ({place[0]:.0f}, {place[1]:.0f}) selects nothing")
         page.get_by_role("button", name="Step").click()
         return False
 
-    eventually(selected, "r1 cannot be selected, or stays beside a marker or r2", 3 * PATIENCE)
+    eventually(selected, lambda: f"r1 cannot be selected: {tried[-20:]}", 2 * PATIENCE)
     page.get_by_role("button", name="Resume").click()
 
 
