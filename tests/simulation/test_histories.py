@@ -1,4 +1,4 @@
-"""Whole worlds under faults: the invariants of every history, checked on a thousand."""
+"""Whole worlds under faults: the invariants of every history, checked on two thousand."""
 
 import os
 import subprocess
@@ -12,7 +12,7 @@ from minerva_bus.testing.simulation.trying import report, tried, tried_seed
 from minerva_bus.testing.simulation.writing import read_back, written
 from minerva_bus.wire.keys import COORDINATOR
 
-HISTORIES = 1000
+HISTORIES = 2000
 REGION_HISTORIES = 100
 SHARE = 25
 FAILED = Path(__file__).with_name("failed.jsonl")
