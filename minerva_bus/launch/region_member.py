@@ -72,7 +72,6 @@ class RegionMember(Member):
         self._sender = PartSender()
         self._done: s.FrameDone | None = None
         self._requests = RegionRequests()
-        self._violations: list[str] = []
         self._early: list[ParcelArrived] = []
         self._handlers[m.RegionRequest] = self._on_request
 
@@ -304,15 +303,15 @@ class RegionMember(Member):
             PART: encode(message(entry)),
             JOURNAL: self._journal.unreported(),
         }
-        if self._violations:
-            saved[LINES], self._violations = self._violations, []
+        if lines := self._requests.take_lines():
+            saved[LINES] = lines
         return m.TickReply(self.name, self.frame, (), saved)
 
     def _observe(self, notice: Notice) -> None:
         if isinstance(notice, s.FrameDone):
             self._done = notice
         elif isinstance(notice, s.Notify) and notice.member == NORMS:
-            self._violations.append(notice.text)  # As a line of the whole world.
+            self._requests.lines.append(notice.text)  # A line of the whole world.
         elif isinstance(notice, s.Notify) and notice.member != ORDERS:  # The coordinator logs it.
             self._log(f"{notice.member}: {notice.text}")
         elif isinstance(notice, s.Stopping) and self.region.algorithm.failed:

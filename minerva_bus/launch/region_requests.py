@@ -13,18 +13,25 @@ REPORTS_KEPT: Final = 2
 class RegionRequests:
     """Frames that the coordinator has requested, and the reports that it may miss.
 
-    `last` is the number of the last requested frame. `reports` are those of the last frames.
+    `last` is the number of the last requested frame. `reports` are those of the last frames, and
+    `lines` of the world's log wait for the next one.
     """
 
     def __init__(self) -> None:
         self.last = -1
         self.reports: dict[int, m.TickReply] = {}
+        self.lines: list[str] = []
         self._requests: dict[int, m.RegionRequest] = {}
 
     def note(self, request: m.RegionRequest) -> None:
         """Note the request to run a frame."""
         self._requests[request.frame] = request
         self.last = request.frame
+
+    def take_lines(self) -> list[str]:
+        """Remove and return the lines that wait for a report."""
+        lines, self.lines = self.lines, []
+        return lines
 
     @property
     def waiting(self) -> list[m.RegionRequest]:
