@@ -101,8 +101,8 @@ class EarlyTicks:
 class FrameInbox:
     """Events that wait for the next frame, by source.
 
-    `emitted`: events that agents have sent for the next frame, `postponed` for later ones.
-    `sanctions`: events from norms.
+    `emitted`: events that agents have sent for the next frame; `postpone` queues those for later
+    ones. `sanctions`: events from norms.
     """
 
     def __init__(self, past: Checkpoint) -> None:
