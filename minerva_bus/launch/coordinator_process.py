@@ -106,10 +106,8 @@ class CoordinatorRun:
     def life(self) -> Generator[None, None, int]:
         """Run the world to its end, one turn of the loop per iteration; returns the exit code."""
         reporter = self._reporter
-        in_order = False
         try:
             ended = yield from self.coordinator.life()
-            in_order = True
         except Followed:
             reporter.followed()
             raise
@@ -117,7 +115,7 @@ class CoordinatorRun:
             # The report about the end starts the launcher's deadline for all processes, this one
             # included, so all files are closed before it. An exception closes them, too.
             reporter.record.close()
-            reporter.journal.close(in_order=in_order)
+            reporter.journal.close()
         # Not after an exception: a successor continues the tables.
         if reporter.collected is not None:
             reporter.collected.close()

@@ -61,8 +61,9 @@ def next_epoch(past: Journaled | None, now: float) -> int:
 class RunJournal:
     """Writes the journal of a running world; `log` receives a failure to do so.
 
-    A configured journal is deleted when the world has ended by itself; without configuration, it
-    is deleted whenever the run ends in order. Raises BusError if it cannot be created.
+    It is deleted when the world has ended by itself. After any other end a successor may need it,
+    so only the launcher knows when nothing does (`discard_journal`). Raises BusError if it cannot
+    be created.
     """
 
     def __init__(
@@ -74,7 +75,6 @@ class RunJournal:
     ) -> None:
         self._coordinator = coordinator
         self._log = log
-        self._configured = bool(file.bus.journal)
         self._members: MemberIndex | None = None
         self._failed: FileStatus | None = None
         self._journal: Journal | None = Journal(
@@ -137,14 +137,10 @@ class RunJournal:
         except OSError as error:
             self._give_up(self._journal, error)
 
-    def close(self, *, in_order: bool) -> None:
-        """Close the journal; `in_order`: the run has not ended by an exception.
-
-        After an exception a successor needs it.
-        """
+    def close(self) -> None:
+        """Close the journal."""
         if self._journal is not None:
-            over = self._coordinator.algorithm.over or (in_order and not self._configured)
-            self._journal.close(over=over)
+            self._journal.close(over=self._coordinator.algorithm.over)
 
     def _note_members(self, journal: Journal) -> None:
         members = self._coordinator.algorithm.members

@@ -39,7 +39,7 @@ def interrupted(world, number):
     code = world.ends()
     assert time.monotonic() - began < AT_ONCE
     assert not [pid for pid in world.pids.values() if alive(pid)]
-    assert not list((world.folder / "runtime").glob("*.json"))
+    assert not [*(world.folder / "runtime").glob("*.j*")], "neither lock nor journal"
     return code
 
 
