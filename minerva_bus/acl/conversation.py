@@ -71,11 +71,6 @@ class Conversation:
         """Whether it is in a final state."""
         return self.rules.ends(self.state)
 
-    @property
-    def our_turn(self) -> bool:
-        """Whether it is this side's turn."""
-        return Role(self.role) in self.rules.turns.get(self.state, ())
-
     def expired(self, frame: int) -> bool:
         """Whether its deadline has passed."""
         return NEVER < self.deadline < frame

@@ -6,9 +6,8 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from minerva_bus.api.live import Live
-from minerva_bus.cli.answers import AssistantsServed
 from minerva_bus.cli.options import WorldTarget
-from minerva_bus.cli.output import print_json, print_message
+from minerva_bus.cli.output import Done, print_message, print_report
 from minerva_bus.cli.places import client
 from minerva_bus.errors import MinervaError
 from minerva_bus.mcp.permissions import checked_permissions
@@ -39,10 +38,9 @@ def serve_assistants(
         check_listen(host)
 
         def listening(url: str) -> None:
-            served = AssistantsServed(url, tuple(sorted(allow)))
-            print_message("\n".join(served.lines()))
-            if as_json:
-                print_json(served.plain())
+            allowed = sorted(allow)
+            text = f"MCP at {url} ({', '.join(allowed) or 'read-only'})"
+            print_report(Done(text, {"url": url, "allow": allowed}), as_json)
 
         serve_http(world, host, port, listening)
     finally:

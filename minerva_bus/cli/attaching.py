@@ -11,9 +11,8 @@ from types import FrameType
 from typing import Final
 
 from minerva_bus.blame import report
-from minerva_bus.cli.answers import MemberLeft
 from minerva_bus.cli.options import JoinOptions
-from minerva_bus.cli.output import FAILED, print_json, print_message
+from minerva_bus.cli.output import FAILED, Done, print_message, print_report
 from minerva_bus.cli.places import identity, place
 from minerva_bus.errors import KeysError, MisuseError, UnknownOption, WorldFileError, nearest
 from minerva_bus.frame.member import Member, WorldRestarted
@@ -126,10 +125,7 @@ def _attached(
     print_message(f"{participant.name}: joining {world} at {endpoint}; Ctrl-C leaves")
     code = _run(member, participant, as_json=join.json)
     failure = "" if member.failure is None else report(member.failure)
-    _report_end(
-        MemberLeft(participant.name, world, endpoint, participant.stopped, failure),
-        as_json=join.json,
-    )
+    print_report(_end(participant, world, endpoint, failure), join.json)
     end_at_once(code)
     return code
 
@@ -144,11 +140,13 @@ def _run(member: MemberProcess, participant: Member, *, as_json: bool) -> int:
         return min(member.run(), FAILED) or int(getattr(participant.service, "failed", False))
 
 
-def _report_end(left: MemberLeft, *, as_json: bool) -> None:
-    for line in left.lines():
-        print_message(line)
-    if as_json:
-        print_json(left.plain())
+def _end(member: Member, world: str, endpoint: str, failure: str) -> Done:
+    """The end of a membership; without text if the member left at the request of its user."""
+    lines = [f"{member.name}: failed: {failure}"] if failure else []
+    if member.stopped:
+        lines.append(f"{member.name}: the world has ended: {member.stopped}")
+    fields = {"member": member.name, "world": world, "endpoint": endpoint}
+    return Done("\n".join(lines), {**fields, "ended": member.stopped, "failure": failure})
 
 
 def bridge_source(kind: str, source: str, join: JoinOptions, options: dict[str, str]) -> int:

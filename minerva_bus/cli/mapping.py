@@ -13,8 +13,7 @@ from typing import Any, Final, cast
 
 import typer
 
-from minerva_bus.cli.answers import MapDrawn
-from minerva_bus.cli.output import print_json, print_message
+from minerva_bus.cli.output import Done, print_report
 from minerva_bus.errors import WorldFileError, nearest
 from minerva_bus.launch.installed import entries
 from minerva_bus.launch.specs import load
@@ -51,10 +50,8 @@ def map_recording(
     passed = _Passed()
     with _progress(file.name) as progress:
         made = draw(_opener(file, passed), into, choice, progress)
-    drawn = MapDrawn(str(into), (*passed.lines(), *made))
-    print_message("\n".join(drawn.lines()))
-    if as_json:
-        print_json(drawn.plain())
+    notes = [*passed.lines(), *made]
+    print_report(Done("\n".join(notes), {"map": str(into), "notes": notes}), as_json)
 
 
 def _opener(file: Path, passed: PassOver) -> Callable[[], Recording]:

@@ -7,21 +7,18 @@ import sys
 import threading
 import time
 from types import FrameType
-from typing import Final
+from typing import Any, Final
 
-from minerva_bus.cli.answers import (
-    HostDraining,
-    MemberRestarting,
-    MetricsServed,
-    RateChanged,
-    ReplayMoved,
-    WorldPaused,
-    WorldResumed,
-    WorldStopping,
-)
 from minerva_bus.cli.asking import listing
 from minerva_bus.cli.options import WorldTarget
-from minerva_bus.cli.output import print_answer, print_json, print_message, print_result
+from minerva_bus.cli.output import (
+    Done,
+    print_answer,
+    print_json,
+    print_message,
+    print_report,
+    print_result,
+)
 from minerva_bus.cli.places import client
 from minerva_bus.errors import MinervaError, nearest
 from minerva_bus.launch.console import json_line
@@ -44,56 +41,68 @@ def stop_world(by: str, target: WorldTarget, as_json: bool) -> None:
     """Stop a world."""
     with client(target) as world:
         world.ask("stop", by=by)
-        print_answer(WorldStopping(world.world), as_json)
+        _print_done(world, as_json, "asked to stop")
 
 
 def pause_world(by: str, target: WorldTarget, as_json: bool) -> None:
     """Pause a world before its next frame."""
     with client(target) as world:
         world.operator.named(by).pause()
-        print_answer(WorldPaused(world.world, _paused_before(world)), as_json)
+        _print_paused(world, as_json)
 
 
 def resume_world(by: str, target: WorldTarget, as_json: bool) -> None:
     """Resume a world."""
     with client(target) as world:
         world.operator.named(by).resume()
-        print_answer(WorldResumed(world.world), as_json)
+        _print_done(world, as_json, "resumed")
 
 
 def step_world(frames: int, by: str, target: WorldTarget, as_json: bool) -> None:
     """Run a number of frames, wait for them, and pause."""
     with client(target) as world:
         world.operator.named(by).step(frames)
-        print_answer(WorldPaused(world.world, _paused_before(world)), as_json)
+        _print_paused(world, as_json)
 
 
 def set_rate(hz: float, by: str, target: WorldTarget, as_json: bool) -> None:
     """Change the frame rate of a world."""
     with client(target) as world:
         world.operator.named(by).set_rate(hz)
-        print_answer(RateChanged(world.world, hz), as_json)
+        limit = f"{hz:g} frames per second" if hz else "as fast as possible"
+        _print_done(world, as_json, limit, hz=hz)
 
 
 def restart_member(member: str, by: str, target: WorldTarget, as_json: bool) -> None:
     """Restart a process of a world."""
     with client(target) as world:
         world.operator.named(by).restart(member)
-        print_answer(MemberRestarting(world.world, member), as_json)
+        _print_done(world, as_json, f"restarting {member}", member=member)
 
 
 def drain_member(member: str, by: str, target: WorldTarget, as_json: bool) -> None:
     """Move the agents of a host to other hosts."""
     with client(target) as world:
-        others = world.operator.named(by).drain(member)
-        print_answer(HostDraining(world.world, member, tuple(others)), as_json)
+        hosts = world.operator.named(by).drain(member)
+        text = f"the agents of {member} move to {', '.join(hosts)}"
+        _print_done(world, as_json, text, member=member, hosts=hosts)
 
 
 def seek_frame(frame: int, target: WorldTarget, as_json: bool) -> None:
     """Continue a replay at another frame."""
     with client(target) as world:
         world.ask("seek", frame=frame)
-        print_answer(ReplayMoved(world.world, frame), as_json)
+        _print_done(world, as_json, f"continues from frame {frame}", frame=frame)
+
+
+def _print_done(world: Client, as_json: bool, text: str, **fields: Any) -> None:
+    done = Done(f"{world.world}: {text}", {"world": world.world, **fields})
+    print_answer(done, as_json)
+
+
+def _print_paused(world: Client, as_json: bool) -> None:
+    frame = _paused_before(world)
+    _print_done(world, as_json, f"paused before frame {frame}", frame=frame)
 
 
 def _paused_before(world: Client) -> int:
@@ -180,8 +189,6 @@ def serve_metrics(listen: str, target: WorldTarget, as_json: bool) -> None:
     with client(target) as world, Exporter(world.world, listen, world.ask) as exporter:
         for number in end_signals():
             signal.signal(number, end)
-        served = MetricsServed(world.world, exporter.url)
-        print_message("\n".join(served.lines()))
-        if as_json:
-            print_json(served.plain())
+        text = f"{world.world}: metrics at {exporter.url}"
+        print_report(Done(text, {"world": world.world, "url": exporter.url}), as_json)
         stop.wait()

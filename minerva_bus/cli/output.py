@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final, Protocol
 
@@ -34,6 +34,22 @@ class Answer(Protocol):
         ...
 
 
+@dataclass(frozen=True, slots=True)
+class Done:
+    """The answer of a command that only reports what it did: its text, and its JSON object."""
+
+    text: str
+    fields: Mapping[str, Any]
+
+    def plain(self) -> Mapping[str, Any]:
+        """The JSON object."""
+        return self.fields
+
+    def lines(self) -> list[str]:
+        """The lines of the text."""
+        return self.text.splitlines()
+
+
 @dataclass(slots=True)
 class _Printed:
     """Whether this command has printed its JSON answer."""
@@ -55,6 +71,17 @@ def print_answer(answer: Answer, as_json: bool) -> None:
         print_json(answer.plain())
     else:
         print_result("\n".join(answer.lines()))
+
+
+def print_report(answer: Answer, as_json: bool) -> None:
+    """Print an answer on standard error, since the command goes on or has another result.
+
+    With `--json`, standard output has it as JSON.
+    """
+    for line in answer.lines():
+        print_message(line)
+    if as_json:
+        print_json(answer.plain())
 
 
 def print_json(value: Any) -> None:

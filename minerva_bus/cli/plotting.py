@@ -6,8 +6,7 @@ from pathlib import Path
 from typing import Final
 
 from minerva_bus.api.exporting import export, read_plans
-from minerva_bus.cli.answers import FilePlotted
-from minerva_bus.cli.output import print_answer, print_damage
+from minerva_bus.cli.output import Done, print_answer, print_damage
 from minerva_bus.cli.progress import progress_bar
 from minerva_bus.collect.plans import parse_entries, series_of
 from minerva_bus.collect.reading import read_table
@@ -50,7 +49,7 @@ def plot_file(
         with Record(file) as record:
             print_damage(record)
             plot(record, into)
-    print_answer(FilePlotted(str(into)), as_json)
+    print_answer(Done(str(into), {"picture": str(into)}), as_json)
 
 
 def _plot_collected(file: Path, into: Path, collect: tuple[str, ...], options: PlotOptions) -> None:

@@ -6,8 +6,7 @@ import json
 from pathlib import Path
 
 from minerva_bus.api.records import diff
-from minerva_bus.cli.answers import RecoveredTables
-from minerva_bus.cli.output import print_answer, print_damage, print_result
+from minerva_bus.cli.output import Done, print_answer, print_damage, print_result
 from minerva_bus.collect.parts import read_parts
 from minerva_bus.errors import MisuseError
 from minerva_bus.log.info import info_of
@@ -67,4 +66,6 @@ def _recover_tables(folder: Path, output: Path | None, as_json: bool) -> None:
     if output is not None:
         raise MisuseError(f"--output is of records; the tables of {folder} have names of their own")
     files = read_parts(folder).join()
-    print_answer(RecoveredTables({name: str(path) for name, path in files.items()}), as_json)
+    text = "\n".join(f"{path}  {name}" for name, path in files.items())
+    tables = {name: {"file": str(path)} for name, path in files.items()}
+    print_answer(Done(text, {"tables": tables}), as_json)

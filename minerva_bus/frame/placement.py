@@ -38,7 +38,6 @@ class Placement:
         self._vocabulary = vocabulary
         self._limit = limit
         self._composition = composition
-        self._offers: Offers = {}
         self._host: dict[str, str] = {}
         self._load = Load()
         self._held: dict[str, dict[str, Fragment | None]] = {}
@@ -56,7 +55,6 @@ class Placement:
         host gets more agents than its limit. `mid_frame` the remaining hosts take over
         regardless of the limit, because the frame waits for the fragments.
         """
-        self._offers = offers
         capacity = Capacity(offers, 0 if mid_frame else self._limit)
         if not mid_frame:
             self._divide(offers)

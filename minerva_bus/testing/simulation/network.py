@@ -44,13 +44,11 @@ class Network:
         self.crash: Callable[[SimulatedProcess], None] = SimulatedProcess.kill
         self.lossy_until = 0.0
         self.echoes_until: dict[str, float] = {}
-        self._hubs = 0
 
     # --- sessions ---
 
     def open_hub(self, process: SimulatedProcess, listen: str) -> tuple[Any, str]:
         """Open a hub's session; return it with its endpoint."""
-        self._hubs += 1
         self.hub = Session(self, process, hub=True)
         return self.hub, listen.replace(":0", ":7447")
 
