@@ -4,7 +4,8 @@
     all        → term ("and" term)*
     term       → "not" term | "(" condition ")" | comparison
     comparison → value ("<" | "<=" | ">" | ">=" | "==" | "!=") value
-    value      → attribute | number | "text" | true | false
+    value      → attribute | number | "text" | true | false | distance
+    distance   → "distance" "(" x "," y "," x "," y ")"    between two points; attributes, numbers
 
 The text is parsed, never evaluated by Python, and limited in length and depth. If an agent lacks
 one of the attributes, or has it with another sort, the condition does not hold, not even a `not`.
@@ -15,7 +16,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, Final, NoReturn
@@ -25,7 +26,9 @@ from numpy.typing import NDArray
 
 from minerva_bus.errors import VocabularyError, nearest
 from minerva_bus.grammar.terms import (
+    NUMBER,
     Comparison,
+    Distance,
     Joined,
     Name,
     Not,
@@ -63,13 +66,7 @@ class Condition:
     @property
     def names(self) -> frozenset[str]:
         """The names of the attributes in it."""
-        return frozenset(name.name for name in self._names())
-
-    def _names(self) -> Iterator[Name]:
-        for comparison in self.comparisons:
-            yield from (
-                value for value in (comparison.left, comparison.right) if isinstance(value, Name)
-            )
+        return frozenset(name.name for each in self.comparisons for name, _ in each.names())
 
     def holds(self, state: Mapping[str, Any]) -> bool:
         """Whether it holds for an agent's state."""
@@ -96,11 +93,10 @@ class Condition:
         `sort_of` a name is empty if it is unknown or cannot be compared.
         """
         for comparison in self.comparisons:
-            left, right = comparison.left, comparison.right
-            for value, other in ((left, right), (right, left)):
-                sort, other_sort = sort_in(value, sort_of), sort_in(other, sort_of)
-                if isinstance(value, Name) and (not sort or (other_sort and sort != other_sort)):
-                    return value.offset, value.name, other_sort if sort else ""
+            for name, other in comparison.names():
+                sort, other_sort = sort_of(name.name), sort_in(other, sort_of)
+                if not sort or (other_sort and sort != other_sort):
+                    return name.offset, name.name, other_sort if sort else ""
         return None
 
     def check(self, scopes: Sequence[Scope], source: str) -> None:
@@ -218,8 +214,13 @@ class _Reader:
         self._at, at = token.end(), self._at
         comparison = Comparison(left, token["sign"], self._value())
         # A comparison of two constants is probably a mistake: it would not depend on the agent.
-        if not (isinstance(left, Name) or isinstance(comparison.right, Name)):
+        if next(comparison.names(), None) is None:
             self._wrong("the comparison has no attribute", "an attribute on one side", at)
+        values = left, comparison.right
+        if any(isinstance(each, Distance) for each in values) and any(
+            not isinstance(each, Name) and value_sort(each) != NUMBER for each in values
+        ):
+            self._wrong("a distance is a number", "a number or an attribute on the other side", at)
         self._found.append(comparison)
         return comparison
 
@@ -232,12 +233,41 @@ class _Reader:
             self._wrong("the condition cannot be read", expected, at)
         self._at = token.end()
         if token["name"]:
+            if token["name"] == "distance" and self._take_mark("("):
+                return self._distance()
             known = _TRUTHS.get(token["name"])
             return Name(token["name"], at) if known is None else known
         try:
             return json.loads(token["text"]) if token["text"] else float(token["number"])
         except ValueError:
             self._wrong("invalid escape or character in a text", "a JSON string", at)
+
+    def _distance(self) -> Distance:
+        """The distance after its opening parenthesis."""
+        values = [self._coordinate()]
+        for _ in range(3):
+            if not self._take_mark(","):
+                self._skip()
+                self._wrong("distance has four values: x, y, x and y", "','", self._at)
+            values.append(self._coordinate())
+        if not self._take_mark(")"):
+            self._skip()
+            self._wrong("distance has four values: x, y, x and y", "')'", self._at)
+        x, y, to_x, to_y = values
+        return Distance((x, y, to_x, to_y))
+
+    def _coordinate(self) -> Name | float:
+        self._skip()
+        at, value = self._at, self._value()
+        if isinstance(value, bool | str | Distance):
+            self._wrong("distance needs coordinates", "an attribute or a number", at)
+        return value
+
+    def _take_mark(self, mark: str) -> bool:
+        self._skip()
+        is_next = self._text.startswith(mark, self._at)
+        self._at += is_next
+        return is_next
 
     def _take_word(self, word: str) -> bool:
         token = _TOKEN.match(self._text, self._at)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import operator
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Final, TypeAlias, cast
 
@@ -34,7 +35,26 @@ class Name:
     offset: int
 
 
-Value: TypeAlias = Name | bool | float | str
+@dataclass(frozen=True, slots=True)
+class Distance:
+    """The Euclidean distance between two points of a plane, x and y of each; attributes or numbers.
+
+    It has one rounding for each operation, so it is the same number on every machine and in arrays.
+    """
+
+    coordinates: tuple[Name | float, Name | float, Name | float, Name | float]
+
+    def of(self, state: Mapping[str, Any]) -> Any:
+        """The distance for an agent; an array of them if the state has arrays."""
+        x, y, to_x, to_y = (_real(_in(state, value)) for value in self.coordinates)
+        # Attributes of agents may be infinite, or so large that their squares are.
+        with np.errstate(over="ignore", invalid="ignore"):
+            dx, dy = x - to_x, y - to_y
+            squared: Any = dx * dx + dy * dy
+            return math.sqrt(squared) if isinstance(squared, float) else np.sqrt(squared)
+
+
+Value: TypeAlias = Name | Distance | bool | float | str
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,11 +67,30 @@ class Comparison:
 
     def truth(self, state: Mapping[str, Any]) -> Any:
         """Whether it holds; an array of bools if the state has arrays."""
-        left, right = (state[v.name] if isinstance(v, Name) else v for v in (self.left, self.right))
+        left, right = _in(state, self.left), _in(state, self.right)
         # Beyond 2^53 Python compares an int and a float exactly, but arrays compare them as floats.
         if type(left) is not type(right):
             left, right = (float(v) if type(v) is int else v for v in (left, right))
         return _COMPARE[self.sign](left, right)
+
+    def names(self) -> Iterator[tuple[Name, Value]]:
+        """Each name in it, with a value of the sort that it must have."""
+        for value, other in ((self.left, self.right), (self.right, self.left)):
+            if isinstance(value, Name):
+                yield value, other
+            elif isinstance(value, Distance):
+                yield from ((each, 0.0) for each in value.coordinates if isinstance(each, Name))
+
+
+def _in(state: Mapping[str, Any], value: Value) -> Any:
+    """What a value is for an agent."""
+    if isinstance(value, Name):
+        return state[value.name]
+    return value.of(state) if isinstance(value, Distance) else value
+
+
+def _real(value: Any) -> Any:
+    return float(value) if isinstance(value, int | float) else value.astype(np.float64)
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,6 +137,8 @@ def sort_of_kind(kind: str) -> str:
 
 def value_sort(value: object) -> str:
     """The sort of a value, or of an array's values; empty if they cannot be compared."""
+    if isinstance(value, Distance):
+        return NUMBER
     if isinstance(value, np.ndarray):
         array = cast("NDArray[Any]", value)
         return _DTYPES.get(array.dtype.kind, "") if array.ndim == 1 else ""

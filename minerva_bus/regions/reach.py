@@ -1,23 +1,23 @@
 """Reach of events: the regions in which the condition of an event can hold.
 
 Regions by position know nothing of agents in other cells, but all of these have their attributes
-within the cell. A condition such as `x > 3 and x < 7` therefore excludes cells. It has to compare
-each attribute of the partition with a number: it then does not hold for agents without these
-attributes, which may be in any region.
+within the cell. A condition such as `x > 3 and x < 7` or `distance(x, y, 3, 4) < 2` therefore
+excludes cells. It has to compare each attribute of the partition with a number, or have it in a
+distance: it then does not hold for agents without these attributes, which may be in any region.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from math import inf
+from math import inf, isfinite, sqrt
 from typing import Final, TypeAlias
 
 from minerva_bus.errors import WorldStopped
 from minerva_bus.frame.composition import Composition
 from minerva_bus.grammar.condition import parse_condition
 from minerva_bus.grammar.scene import Piece, Scene, agents
-from minerva_bus.grammar.terms import Comparison, Joined, Name, Not, Term, Value
+from minerva_bus.grammar.terms import Comparison, Distance, Joined, Name, Not, Term, Value
 from minerva_bus.regions.partition import ByPosition, Cell, Partition
 from minerva_bus.regions.tree import ByTree
 
@@ -80,8 +80,7 @@ def _first_agents(piece: Piece) -> int:
 
 
 def _compared(comparison: Comparison) -> list[str]:
-    pairs = (comparison.left, comparison.right), (comparison.right, comparison.left)
-    return [name.name for name, value in pairs if isinstance(name, Name) and _is_number(value)]
+    return [name.name for name, value in comparison.names() if _is_number(value)]
 
 
 def _is_number(value: Value) -> bool:
@@ -101,8 +100,10 @@ def _possible(term: Term, cell: Cell) -> _Possible:
 
 def _of_comparison(term: Comparison, cell: Mapping[str, tuple[float, float]]) -> _Possible:
     name, sign, value = term.left, term.sign, term.right
-    if isinstance(value, Name):
+    if isinstance(value, Name | Distance):
         name, sign, value = value, _MIRRORED[sign], name
+    if isinstance(name, Distance) and _is_number(value):
+        return _of_distance(name, sign, float(value), cell)  # pyright: ignore[reportArgumentType]
     if not isinstance(name, Name) or name.name not in cell or not _is_number(value):
         return _UNKNOWN
     low, high = cell[name.name]
@@ -120,3 +121,42 @@ def _of_comparison(term: Comparison, cell: Mapping[str, tuple[float, float]]) ->
     }[sign]
     # It also has agents whose attribute is not a number (NaN), for which no comparison holds.
     return (possible[0], True) if is_last else possible
+
+
+def _of_distance(distance: Distance, sign: str, number: float, cell: Cell) -> _Possible:
+    """Rounding preserves order, so the distances of agents lie between those of the bounds."""
+    bounds = [_bounds(value, cell) for value in distance.coordinates]
+    gaps = [_gap(*pair) for pair in zip(bounds[:2], bounds[2:], strict=True)]
+    low, high = (sqrt(dx * dx + dy * dy) for dx, dy in zip(*gaps, strict=True))
+    can_hold = {
+        "<": low < number,
+        "<=": low <= number,
+        ">": high > number,
+        ">=": high >= number,
+        "==": low <= number <= high,
+        "!=": True,
+    }[sign]
+    # An unbounded coordinate may also not be a number (NaN), for which no comparison holds.
+    if not isfinite(high):
+        return can_hold, True
+    can_fail = {
+        "<": high >= number,
+        "<=": high > number,
+        ">": low <= number,
+        ">=": low < number,
+        "==": True,
+        "!=": low <= number <= high,
+    }[sign]
+    return can_hold, can_fail
+
+
+def _bounds(value: Name | float, cell: Cell) -> tuple[float, float]:
+    if isinstance(value, Name):
+        return cell.get(value.name, (-inf, inf))
+    return (float(value), float(value)) if isfinite(value) else (-inf, inf)
+
+
+def _gap(one: tuple[float, float], other: tuple[float, float]) -> tuple[float, float]:
+    """The least and the greatest distance between numbers of two intervals."""
+    apart = max(one[0] - other[1], other[0] - one[1], 0.0)
+    return apart, max(one[1] - other[0], other[1] - one[0])

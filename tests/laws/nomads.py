@@ -39,7 +39,8 @@ class Settler(Agent, symbol="ASettler"):
             names = [f"{kind}{moment.chance.integers(NOMADS)}", f"s{value % SETTLERS}"]
             moment.emit(eCall(value=value, receivers=names[: 1 + value % 2]))
         if moment.chance.chance(0.1):
-            moment.emit(eCall(value=value, condition="x > 0"))
+            near = f"distance(x, y, {self.x}, {self.y}) < 1.5"
+            moment.emit(eCall(value=value, condition=near if value % 2 else "x > 0"))
 
     def replaced(self, drawn):
         if drawn < 0.1:

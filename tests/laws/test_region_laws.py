@@ -110,6 +110,7 @@ def test_regions_keep_births_deaths_calls_and_migration_in_order(count, seed):
     "partition",
     [
         ByPosition((-1.0, 0.0, 1.0), by_condition=True),
+        ByPosition((-2.0, 2.0), (-1.0, 1.0), by_condition=True),
         ByTree(Split("x", 0.0, Split("x", -1.0), Split("x", 1.0)), by_condition=True),
     ],
 )

@@ -155,6 +155,9 @@ CONDITIONS: Final = (
     *("", "x < 5", "x <= 4.5", "x > 4.5", "x == 4.5", "x != 4.5", 'name == "é"', "alive"),
     *("alive == true", "not (x < 5)", "x < 5 and alive == false", "x < 5 or alive == false"),
     *('not alive == false and (name == "é" or x > 9)', "count == 3", "count < x", "missing < 5"),
+    *("distance(x, count, 1.5, -1) == 5", "5 > distance(1.5, -1, x, count)", "distance == x"),
+    *("not distance(x, name, 0, 0) < 9", "distance(x, alive, 0, 0) < 9", "distance(x, 0) < 9"),
+    *('distance(x, "a", 0, 0) < 9', "distance(x, 0, 0, 0, 0) < 9", "distance(x, 0, 0, 0 < 9"),
     *("not missing < 5", 'name < "f"', "x ==", "(x < 5", "x < 5 and", "x = 5", "name < 5"),
 )
 STATE: Final = {"x": 4.5, "count": 3, "name": "é", "alive": True}

@@ -2,7 +2,7 @@
 
 import { Invalid } from "./msgpack.js";
 
-const TOKEN = /\s*("(?:[^"\\]|\\.)*"|<=|>=|==|!=|[<>()]|[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[A-Za-z_]\w*|$)/y;
+const TOKEN = /\s*("(?:[^"\\]|\\.)*"|<=|>=|==|!=|[<>(),]|[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[A-Za-z_]\w*|$)/y;
 const COMPARISONS = {
   "<": (a, b) => less(a, b),
   "<=": (a, b) => !less(b, a),
@@ -108,10 +108,32 @@ class Parser {
     };
   }
 
+  /** The distance between two points, after its opening parenthesis. */
+  distance() {
+    const values = [this.coordinate()];
+    while (values.length < 4) values.push(this.accept(",") ? this.coordinate() : this.fail());
+    if (!this.accept(")")) this.fail();
+    return (state) => {
+      const numbers = values.map((value) => value(state));
+      if (numbers.some((value) => family(value) !== "number")) throw new Unanswerable();
+      const [x, y, toX, toY] = numbers.map(Number);
+      // Not Math.hypot, whose rounding differs between engines.
+      return Math.sqrt((x - toX) * (x - toX) + (y - toY) * (y - toY));
+    };
+  }
+
+  coordinate() {
+    if (/^(".*|true|false)$/.test(this.rest[0])) this.fail();
+    if (this.rest[0] === "distance" && this.rest[1] === "(") this.fail();
+    return this.operand();
+  }
+
   operand() {
     const token = this.rest.shift();
     if (token === undefined || ["and", "or", "not", "(", ")"].includes(token)) this.fail();
     if (Object.hasOwn(COMPARISONS, token)) this.fail();
+    if (token === ",") this.fail();
+    if (token === "distance" && this.accept("(")) return this.distance();
     const value = literal(token);
     if (value !== undefined) return () => value;
     return (state) => {
