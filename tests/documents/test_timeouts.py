@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from minerva_bus.launch import process_table, starting, stopped, supervisor
+from minerva_bus.launch import process_table, starting, stopped, supervised_run
 from minerva_bus.runtime import arrival as arrivals
 from minerva_bus.runtime import member, monitor, rejoin, session, waiting
 
@@ -47,5 +47,5 @@ def test_timeouts_that_follow_one_another_are_in_order():
     assert session.LEASE < member.BACK_WITHIN < monitor.BACK_WITHIN
     assert session.LEASE + member.BACK_WITHIN < stopped.STOPPED_SECONDS
     assert session.LEASE < rejoin.NAME_FREE_AGAIN < member.BACK_WITHIN
-    assert monitor.HURRIED_REPORTS_WITHIN < supervisor.STOP_SECONDS
+    assert monitor.HURRIED_REPORTS_WITHIN < supervised_run.STOP_SECONDS
     assert process_table.MAX_RESTART_SECONDS < process_table.HEALTHY_SECONDS

@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import pytest
 from running import PATIENCE, write_world
 
+from minerva_bus.launch.coordinator_reports import CoordinatorReports
 from minerva_bus.launch.forking import ChildProcess, how_ended, next_ended
 from minerva_bus.launch.machine import Machine
 from minerva_bus.launch.pipes import LineReader, Pipes
@@ -18,7 +19,6 @@ from minerva_bus.launch.process_table import (
     MIN_RESTART_SECONDS,
     SupervisedProcess,
 )
-from minerva_bus.launch.supervisor import Supervisor
 from minerva_bus.launch.worldfile import Process
 
 FAILING = """
@@ -183,11 +183,12 @@ def test_a_line_reader_finishes_with_an_unterminated_line_although_the_pipe_stay
 
 def test_the_reason_of_a_coordinator_is_the_first_line_of_its_last_error():
     """Views of regions are made by the coordinator, so the report of an error may be its output."""
-    supervisor, shown = object.__new__(Supervisor), []
-    supervisor._last_line, supervisor._context = "", SimpleNamespace(endpoint="tcp/127.0.0.1:1")
-    supervisor._console = SimpleNamespace(log=lambda _, line: shown.append(line))
+    shown = []
+    console = SimpleNamespace(log=lambda _, line: shown.append(line))
+    context = SimpleNamespace(endpoint="tcp/127.0.0.1:1")
+    reports = CoordinatorReports(SimpleNamespace(console=console, context=context))
     lines = ["at first", "Goat.picture: ZeroDivisionError", "  goat.py:28", "    1 / 0"]
     for line in lines:
-        supervisor._on_last_line(line)
+        reports.receive_line(line)
     assert shown == lines
-    assert supervisor._last_line == "Goat.picture: ZeroDivisionError"
+    assert reports.last_line == "Goat.picture: ZeroDivisionError"
