@@ -29,8 +29,10 @@ from minerva_bus import (
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.batch import single
 from minerva_bus.grammar.fields import Default
-from minerva_services.physics.neighbours import Neighbours
-from minerva_services.physics.neighbours.spots import Names, SpotReader
+from minerva_bus.grammar.ids import Ids
+from minerva_services.physics.neighbours import Neighbours, perception
+from minerva_services.physics.neighbours.perception import near, summary
+from minerva_services.physics.neighbours.spots import Names, SpotReader, Spots
 
 PSpot = Primitive("PSpot", who=str, vx=float)
 PCell = Primitive("PCell", who=str, x=int, y=int, colour=int, age=float)
@@ -360,3 +362,41 @@ def test_scenery_is_overlooked() -> None:
 def test_turned_spots_keep_their_place() -> None:
     view = TMove(0.0, 0.0)(TTurn(90.0)(PSpot("a", 1.0))) + TMove(1.0, 0.0)(PSpot("b", 2.0))
     assert [(event.who, event.dx) for event in told(joined(), view)] == [("b", 1.0), ("a", -1.0)]
+
+
+@pytest.mark.parametrize("size", [None, (4.0, 4.0)])
+def test_a_part_of_a_plane_has_the_sums_of_the_whole(size: tuple[float, float] | None) -> None:
+    # Half of the points are on a lattice whose distances are as long as the radius, but rounded.
+    x, y = np.random.default_rng(5).uniform(0, 4, (2, 200))
+    x[:100], y[:100] = np.round(x[:100], 1), np.round(y[:100], 1)
+    speeds = np.sin(9.0 * x + y)
+
+    def sums(rows: Any) -> dict[str, Any]:
+        spots = Spots(Ids.of([f"{row}" for row in rows]), x[rows], y[rows], {"vx": speeds[rows]})
+        pairs = near(spots.x, spots.y, 0.8, size)
+        return {**summary(spots, pairs, frozenset(("number", "dx", "vx", "apart_x")), 0.5)}
+
+    whole = sums(np.arange(200))
+    for row in range(200):
+        along, across = abs(x - x[row]), abs(y - y[row])
+        if size is not None:
+            along, across = np.minimum(along, 4.0 - along), np.minimum(across, 4.0 - across)
+        part = np.flatnonzero((along < 0.9) & (across < 0.9))
+        own = np.flatnonzero(part == row)[0]
+        own_sums = {name: column[own] for name, column in sums(part).items()}
+        assert own_sums == {name: column[row] for name, column in whole.items()}
+
+
+def test_pairs_depend_neither_on_the_order_nor_on_the_rounding_of_the_tree(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    class Tree:
+        def __init__(self, points: Any, boxsize: Any) -> None:
+            self.points = points
+
+        def query_pairs(self, radius: float, output_type: str) -> Any:
+            return np.array([[1, 2], [0, 2], [0, 1]])
+
+    monkeypatch.setattr(perception, "tree", lambda: Tree)
+    pairs = near(np.array([0.0, 0.5, 1.0]), np.zeros(3), 0.5)
+    assert [*zip(pairs.first.tolist(), pairs.second.tolist(), strict=True)] == [(0, 1), (1, 2)]

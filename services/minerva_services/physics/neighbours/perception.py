@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from collections.abc import Set as AbstractSet
 from dataclasses import dataclass
 from importlib import import_module
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,9 +18,16 @@ Numbers = NDArray[np.float64]
 Rows = NDArray[np.intp]
 
 
+_MARGIN: Final = 1.0 + 1e-9
+"""How much further the tree looks: it compares distances between boxes, which are rounded."""
+
+
 @dataclass(frozen=True, slots=True)
 class Pairs:
-    """Pairs of points, each once: rows, displacement from `first` to `second`, squared distance."""
+    """Pairs of points, each once: rows, displacement from `first` to `second`, squared distance.
+
+    They are ordered by both rows, `first` < `second`.
+    """
 
     first: Rows
     second: Rows
@@ -44,20 +51,25 @@ def tree() -> Any:
 def near(x: Numbers, y: Numbers, radius: float, size: tuple[float, float] | None = None) -> Pairs:
     """All pairs within a radius; `size` is (width, height) of a periodic plane.
 
-    The radius must be below half of both.
+    The radius must be below half of both. Whether two points are a pair depends on nothing but
+    them, and sums over pairs have the order of the rows, so a part of a plane has the same ones.
     """
     points = np.column_stack((x, y))
     if size is not None:
         points %= size
         points[points >= size] = 0.0  # a value just below 0 wraps to the far edge, which is 0
-    indices = tree()(points, boxsize=size).query_pairs(radius, output_type="ndarray")
-    first, second = indices[:, 0], indices[:, 1]
+    close = tree()(points, boxsize=size).query_pairs(radius * _MARGIN, output_type="ndarray")
+    ordered = close[:, 0] * len(points) + close[:, 1]
+    ordered.sort()
+    first, second = np.divmod(ordered, max(len(points), 1))
     way = points[second] - points[first]
     if size is not None:
         # The shortest displacement may lead across an edge (minimum image convention).
         way -= np.round(way / size) * size
     dx, dy = np.ascontiguousarray(way[:, 0]), np.ascontiguousarray(way[:, 1])
-    return Pairs(first, second, dx, dy, dx * dx + dy * dy)
+    pairs = Pairs(first, second, dx, dy, dx * dx + dy * dy)
+    within = pairs.squared <= radius * radius
+    return pairs if within.all() else pairs.take(np.flatnonzero(within))
 
 
 Data = Mapping[str, Any]
