@@ -9,7 +9,8 @@ from typing import Any
 from minerva_bus.api.world import World
 from minerva_bus.errors import WorldFileError
 from minerva_bus.grammar.parser import parse
-from minerva_bus.grammar.scene import Scene, walk
+from minerva_bus.grammar.scene import Scene
+from minerva_bus.grammar.traversal import walk
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.launch.installed import file_text, find_world
 from minerva_bus.launch.restless import restless

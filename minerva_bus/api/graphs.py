@@ -11,8 +11,8 @@ from minerva_bus.api.emitted import emitted_by
 from minerva_bus.api.world import World
 from minerva_bus.errors import MisuseError
 from minerva_bus.frame.messages import Hello
-from minerva_bus.grammar.scene import kind_counts
 from minerva_bus.grammar.symbols import AgentKind
+from minerva_bus.grammar.traversal import kind_counts
 from minerva_bus.launch.worldfile import Process, WorldFile
 from minerva_bus.outputs import check_output, write_output
 from minerva_bus.world.agent import Agent

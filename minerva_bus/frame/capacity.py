@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable, Sequence
 
 from minerva_bus.frame.fragments import Fragment, shares
-from minerva_bus.grammar.scene import kind_counts
+from minerva_bus.grammar.traversal import kind_counts
 
 
 class Capacity:

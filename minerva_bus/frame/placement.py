@@ -15,7 +15,8 @@ from minerva_bus.frame.messages import Fragments
 from minerva_bus.frame.unassigned import UnassignedLog
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.ids import Ids
-from minerva_bus.grammar.scene import Scene, kind_counts
+from minerva_bus.grammar.scene import Scene
+from minerva_bus.grammar.traversal import kind_counts
 from minerva_bus.grammar.vocabulary import Vocabulary
 
 MIN_BATCH: Final = 16

@@ -16,7 +16,8 @@ from minerva_bus.frame.fragments import Fragment
 from minerva_bus.frame.outcomes import Elsewhere, FragmentOutcome, Sent, outcome_of, state_of
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.rest import rested
-from minerva_bus.grammar.scene import Scene, kind_counts
+from minerva_bus.grammar.scene import Scene
+from minerva_bus.grammar.traversal import kind_counts
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.world.norms import Norm
 

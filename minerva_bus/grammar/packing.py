@@ -23,12 +23,10 @@ from minerva_bus.grammar.scene import (
     Scene,
     TransformationNode,
     Value,
-    of_pieces,
-    rebuild,
     rescoped,
-    walk,
     with_scope,
 )
+from minerva_bus.grammar.traversal import of_pieces, rebuild, walk
 
 MANY: Final = 32
 """Minimum number of neighbours of one shape that are digested together, and held in columns."""

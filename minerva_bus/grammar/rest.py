@@ -20,11 +20,10 @@ from minerva_bus.grammar.scene import (
     TransformationNode,
     Value,
     agents,
-    of_pieces,
-    rebuild,
     rescoped,
 )
 from minerva_bus.grammar.symbols import AgentKind
+from minerva_bus.grammar.traversal import of_pieces, rebuild
 
 Kinds = Mapping[str, AgentKind]
 

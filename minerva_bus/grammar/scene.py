@@ -9,16 +9,14 @@ A `Scene` is a concatenation of nodes, one class for each alternative of rule 3:
 A string consists of *pieces*. A piece is a node, or a `Columns` (grammar/columns.py) that
 represents many nodes of one shape. Both have `symbol`, `count`, `ids`, `still` and `nodes()`, so
 most code does not distinguish them. A *fragment* is a `Scene`, too. Nothing here recurses: only
-memory limits the depth of a string.
+memory limits the depth of a string. traversal.py has functions that walk and rewrite strings.
 """
 
 from __future__ import annotations
 
 import re
-from collections import Counter
-from collections.abc import Callable, Container, Iterator, Mapping
+from collections.abc import Container, Iterator, Mapping
 from dataclasses import dataclass
-from operator import is_
 from typing import TYPE_CHECKING, Any, ClassVar, Final, TypeAlias, cast, overload
 
 import numpy as np
@@ -277,91 +275,6 @@ def rescoped(node: Node, scope: Scene) -> Node:
     return node if isinstance(node, FigureNode) else with_scope(node, scope)
 
 
-def walk(scene: Scene) -> Iterator[tuple[bool, Node]]:
-    """(True, node) at the start of each node and (False, node) at the end of its scope, in order.
-
-    A figure has no scope, so it has a start only.
-    """
-    stack = [iter(scene.nodes)]
-    open_nodes: list[Node] = []
-    while stack:
-        node = next(stack[-1], None)
-        if node is None:
-            stack.pop()
-            if open_nodes:
-                yield False, open_nodes.pop()
-            continue
-        yield True, node
-        if not isinstance(node, FigureNode):
-            open_nodes.append(node)
-            stack.append(iter(node.scope.nodes))
-
-
-def rebuild(
-    scene: Scene,
-    leave: Callable[[Node, Scene], Scene | Node],
-    whole: Container[int] = (),
-) -> Scene:
-    """Rewrite a string from the leaves up: `leave(node, its rewritten scope)` replaces each node.
-
-    If `leave` returns the same node, the original is shared. Nodes whose `id()` is in `whole` are
-    passed to `leave` with their scope unchanged.
-    """
-    # A stack of its own: strings may be nested more deeply than Python recurses.
-    nodes, made = iter(scene.nodes), list[Node]()
-    opened: list[tuple[TransformationNode | AgentNode, Iterator[Node], list[Node]]] = []
-    while True:
-        # `made` has the new nodes of the current scope; `opened` the nodes around it, with the
-        # siblings that are still to come and those that are done.
-        for node in nodes:
-            if isinstance(node, FigureNode):
-                _put(made, leave(node, EMPTY))
-            elif not node.scope.pieces or id(node) in whole:
-                _put(made, leave(node, node.scope))
-            else:
-                opened.append((node, nodes, made))
-                nodes, made = iter(node.scope.nodes), []
-                break
-        else:
-            if not opened:
-                return shared(scene, made)
-            done, nodes, outer = opened.pop()
-            _put(outer, leave(done, shared(done.scope, made)))
-            made = outer
-
-
-def _put(nodes: list[Node], more: Scene | Node) -> None:
-    if isinstance(more, Scene):
-        nodes.extend(more.nodes)
-    else:
-        nodes.append(more)
-
-
-def shared(old: Scene, nodes: list[Node]) -> Scene:
-    """The string of these nodes; the old string if they are the same objects as its nodes."""
-    if len(nodes) == len(old.nodes) and all(map(is_, nodes, old.nodes)):
-        return old
-    return Scene(tuple(nodes)) if nodes else EMPTY
-
-
-def of_pieces(old: Scene, pieces: list[Piece]) -> Scene:
-    """As `shared`, for pieces: columns are compared as objects, not by their rows."""
-    if len(pieces) == len(old.pieces) and all(map(is_, pieces, old.pieces)):
-        return old
-    return Scene(tuple(pieces)) if pieces else EMPTY
-
-
-def kind_counts(*pieces: Piece) -> Counter[str]:
-    """Number of agents of each kind in pieces of a string, including agents in scopes."""
-    counts: Counter[str] = Counter()
-    for piece in pieces:
-        if piece.ids is not None:
-            counts[piece.symbol] += piece.count
-        elif not piece.still:
-            counts.update(agent.symbol for agent in agents(Scene((piece,))))
-    return counts
-
-
 def agents(scene: Scene, passed_over: Container[int] = ()) -> Iterator[AgentNode]:
     """All agents of a string, including those within others, from left to right.
 
@@ -386,8 +299,3 @@ def _perhaps_agents(scene: Scene) -> list[Node]:
         elif piece.ids is not None:
             return list(reversed(scene.nodes))
     return pieces
-
-
-def identities(scene: Scene) -> frozenset[int]:
-    """The `id()` of each node of a string, to recognize the nodes in another string."""
-    return frozenset(map(id, scene.nodes))

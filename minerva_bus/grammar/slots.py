@@ -12,10 +12,8 @@ from minerva_bus.grammar.scene import (
     Piece,
     Scene,
     TransformationNode,
-    of_pieces,
-    shared,
-    walk,
 )
+from minerva_bus.grammar.traversal import of_pieces, shared, walk
 
 
 def fill(skeleton: Scene, parts: Mapping[str, Scene]) -> Scene:

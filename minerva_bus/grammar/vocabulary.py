@@ -16,16 +16,9 @@ from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.fields import Fields
 from minerva_bus.grammar.packing import packed, rewritten
 from minerva_bus.grammar.parser import Parsed, parse_located
-from minerva_bus.grammar.scene import (
-    AgentNode,
-    FigureNode,
-    Node,
-    Scene,
-    TransformationNode,
-    Value,
-    rebuild,
-)
+from minerva_bus.grammar.scene import AgentNode, FigureNode, Node, Scene, TransformationNode, Value
 from minerva_bus.grammar.symbols import AgentKind, EventType, Primitive, Transformation
+from minerva_bus.grammar.traversal import rebuild
 from minerva_bus.grammar.types import Unfit
 from minerva_bus.grammar.unique_ids import UniqueIds, no_id
 

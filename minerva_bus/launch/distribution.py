@@ -13,7 +13,8 @@ from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from typing import Final
 
-from minerva_bus.grammar.scene import Scene, kind_counts
+from minerva_bus.grammar.scene import Scene
+from minerva_bus.grammar.traversal import kind_counts
 from minerva_bus.launch.capacity import cores
 from minerva_bus.launch.worldfile import Process, WorldFile
 from minerva_bus.wording import counted

@@ -8,7 +8,8 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from minerva_bus.frame.inputs import RecordedFrame
-from minerva_bus.grammar.scene import Scene, kind_counts
+from minerva_bus.grammar.scene import Scene
+from minerva_bus.grammar.traversal import kind_counts
 from minerva_bus.log.errors import RecordError
 from minerva_bus.log.losses import Losses
 from minerva_bus.log.reader import Record

@@ -19,14 +19,8 @@ from numpy.typing import NDArray
 
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.forms import Motion
-from minerva_bus.grammar.scene import (
-    AgentNode,
-    FigureNode,
-    Piece,
-    Scene,
-    TransformationNode,
-    walk,
-)
+from minerva_bus.grammar.scene import AgentNode, FigureNode, Piece, Scene, TransformationNode
+from minerva_bus.grammar.traversal import walk
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.semantics.plane import after
 from minerva_bus.semantics.poses import Pose

@@ -20,9 +20,9 @@ from minerva_bus.grammar.scene import (
     Scene,
     TransformationNode,
     Value,
-    rebuild,
     rescoped,
 )
+from minerva_bus.grammar.traversal import rebuild
 from minerva_bus.grammar.units import Quantity
 
 LETTERS = string.ascii_letters + string.digits + "_"

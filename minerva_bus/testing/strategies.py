@@ -22,17 +22,9 @@ from hypothesis.strategies import SearchStrategy
 
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.fields import Default, Fields
-from minerva_bus.grammar.scene import (
-    EMPTY,
-    AgentNode,
-    Node,
-    Scene,
-    Value,
-    agents,
-    rebuild,
-    rescoped,
-)
+from minerva_bus.grammar.scene import EMPTY, AgentNode, Node, Scene, Value, agents, rescoped
 from minerva_bus.grammar.symbols import AgentKind, EventType, Primitive, Transformation
+from minerva_bus.grammar.traversal import rebuild
 from minerva_bus.grammar.types import Type
 from minerva_bus.grammar.vocabulary import Entry, Vocabulary
 from minerva_bus.testing.any_string import (

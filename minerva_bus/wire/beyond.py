@@ -14,7 +14,8 @@ import msgpack
 
 from minerva_bus.frame.own_agents import OwnAgents
 from minerva_bus.grammar.columns import Columns
-from minerva_bus.grammar.scene import Piece, Scene, Value, walk
+from minerva_bus.grammar.scene import Piece, Scene, Value
+from minerva_bus.grammar.traversal import walk
 from minerva_bus.wire.values import PLAIN_TYPES, plain_scene
 
 PLACE_BYTES: Final = 8

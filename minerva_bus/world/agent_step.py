@@ -12,16 +12,8 @@ from minerva_bus.errors import MinervaError, MisuseError, StateError
 from minerva_bus.grammar.batch import AnyEvent, Events, as_batch
 from minerva_bus.grammar.condition import holds
 from minerva_bus.grammar.events import Event
-from minerva_bus.grammar.scene import (
-    AgentNode,
-    Node,
-    Scene,
-    agents,
-    identities,
-    rebuild,
-    rescoped,
-    scene_of,
-)
+from minerva_bus.grammar.scene import AgentNode, Node, Scene, agents, rescoped, scene_of
+from minerva_bus.grammar.traversal import identities, rebuild
 from minerva_bus.source import assignments
 from minerva_bus.world.addressing import Addressed
 from minerva_bus.world.agent import Agent

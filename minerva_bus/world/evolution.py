@@ -11,16 +11,8 @@ from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.packing import rewritten
-from minerva_bus.grammar.scene import (
-    EMPTY,
-    AgentNode,
-    Node,
-    Scene,
-    agents,
-    rebuild,
-    rescoped,
-    walk,
-)
+from minerva_bus.grammar.scene import EMPTY, AgentNode, Node, Scene, agents, rescoped
+from minerva_bus.grammar.traversal import rebuild, walk
 from minerva_bus.world.addressing import Addressed, addressed
 from minerva_bus.world.agent import Agent
 from minerva_bus.world.agent_step import evolve_agent

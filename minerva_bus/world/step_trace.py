@@ -12,7 +12,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from minerva_bus.grammar.events import Event
-from minerva_bus.grammar.scene import AgentNode, Scene, agents, walk, with_scope
+from minerva_bus.grammar.scene import AgentNode, Scene, agents, with_scope
+from minerva_bus.grammar.traversal import walk
 from minerva_bus.world.addressing import Addressed
 from minerva_bus.world.agent_step import AgentStep, process_all
 from minerva_bus.world.context import Context, Frame

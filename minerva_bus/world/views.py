@@ -10,16 +10,8 @@ from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.condition import holds
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.packing import has_columns, packed, rewritten
-from minerva_bus.grammar.scene import (
-    EMPTY,
-    AgentNode,
-    Node,
-    Scene,
-    agents,
-    identities,
-    rescoped,
-    with_scope,
-)
+from minerva_bus.grammar.scene import EMPTY, AgentNode, Node, Scene, agents, rescoped, with_scope
+from minerva_bus.grammar.traversal import identities
 from minerva_bus.world.addressing import Addressed, addressed
 from minerva_bus.world.agent import Agent
 from minerva_bus.world.kinds import ActivityError, Kinds, kinds_of

@@ -11,7 +11,8 @@ from minerva_bus import (
     on,
     view,
 )
-from minerva_bus.grammar.scene import FigureNode, walk
+from minerva_bus.grammar.scene import FigureNode
+from minerva_bus.grammar.traversal import walk
 
 PPush = Primitive("PPush", who=str, push=Metres)
 eStep, eBody = EventType("eStep"), EventType("eBody", x=Metres)

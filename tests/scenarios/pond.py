@@ -29,7 +29,7 @@ from minerva_bus import (
 )
 from minerva_bus.frame.description import World
 from minerva_bus.frame.member import Member
-from minerva_bus.grammar.scene import walk
+from minerva_bus.grammar.traversal import walk
 from minerva_bus.testing.memory_bus import MemoryBus
 from minerva_bus.world.order import Order
 from minerva_bus.world.readings import Sighting, Sightings

@@ -20,7 +20,8 @@ from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.description import World
 from minerva_bus.frame.member import Member
 from minerva_bus.frame.stimuli import Begin, FrameDone
-from minerva_bus.grammar.scene import EMPTY, AgentNode, Scene, agents, walk
+from minerva_bus.grammar.scene import EMPTY, AgentNode, Scene, agents
+from minerva_bus.grammar.traversal import walk
 from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.testing.family import FAMILY, FAMILY_VOCABULARY
 from minerva_bus.testing.memory_bus import MemoryBus

@@ -24,7 +24,8 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.description import World
 from minerva_bus.grammar.ids import LONGEST
 from minerva_bus.grammar.rest import rested
-from minerva_bus.grammar.scene import FigureNode, agents, walk
+from minerva_bus.grammar.scene import FigureNode, agents
+from minerva_bus.grammar.traversal import walk
 from minerva_bus.testing.memory_bus import MemoryBus
 from minerva_bus.world.norms import Norm
 from minerva_bus.world.order import Order

@@ -13,8 +13,8 @@ from minerva_bus.grammar.mutation.mutator import Mutator
 from minerva_bus.grammar.mutation.naming import copy_id, new_id
 from minerva_bus.grammar.mutation.places import Extent, extent, ids_of, places
 from minerva_bus.grammar.mutation.targets import parse_targets
-from minerva_bus.grammar.scene import walk
 from minerva_bus.grammar.symbols import AgentKind, Primitive, Transformation
+from minerva_bus.grammar.traversal import walk
 from minerva_bus.grammar.types import Degrees
 from minerva_bus.grammar.vocabulary import Vocabulary
 

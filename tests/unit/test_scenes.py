@@ -8,16 +8,8 @@ import pytest
 
 from minerva_bus import EMPTY, Scene, parse
 from minerva_bus.grammar.digest import scene_digest
-from minerva_bus.grammar.scene import (
-    FigureNode,
-    TransformationNode,
-    agents,
-    identities,
-    rebuild,
-    scene_of,
-    walk,
-    with_scope,
-)
+from minerva_bus.grammar.scene import FigureNode, TransformationNode, agents, scene_of, with_scope
+from minerva_bus.grammar.traversal import identities, rebuild, walk
 
 
 def figure(value):

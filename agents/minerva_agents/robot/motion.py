@@ -13,7 +13,8 @@ from typing import Final, cast
 from minerva_agents.robot.knowledge import at_distance
 from minerva_agents.robot.vocabulary import PRobot, TMove, TRotate
 from minerva_bus import Scene, portable
-from minerva_bus.grammar.scene import TransformationNode, walk
+from minerva_bus.grammar.scene import TransformationNode
+from minerva_bus.grammar.traversal import walk
 
 TURNING: Final = 180.0
 """Maximum turn rate in degrees per second."""

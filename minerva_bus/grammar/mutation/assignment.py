@@ -19,15 +19,8 @@ from minerva_bus.grammar.mutation.nodes import with_value
 from minerva_bus.grammar.mutation.places import NodePath, extent, places
 from minerva_bus.grammar.mutation.targets import Target, parse_targets
 from minerva_bus.grammar.packing import has_columns, packed
-from minerva_bus.grammar.scene import (
-    Node,
-    Scene,
-    Value,
-    agents,
-    rebuild,
-    rescoped,
-    walk,
-)
+from minerva_bus.grammar.scene import Node, Scene, Value, agents, rescoped
+from minerva_bus.grammar.traversal import rebuild, walk
 from minerva_bus.grammar.vocabulary import Vocabulary
 
 # Symbols begin with their letter and another capital one, names of processes usually do not.

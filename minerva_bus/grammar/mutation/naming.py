@@ -5,7 +5,8 @@ from __future__ import annotations
 import re
 from itertools import count
 
-from minerva_bus.grammar.scene import AgentNode, Node, Scene, rebuild, rescoped
+from minerva_bus.grammar.scene import AgentNode, Node, Scene, rescoped
+from minerva_bus.grammar.traversal import rebuild
 
 _COPY = re.compile(r"-[0-9]+$")
 

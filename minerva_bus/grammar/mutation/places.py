@@ -5,15 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from minerva_bus.grammar.scene import (
-    EMPTY,
-    AgentNode,
-    FigureNode,
-    Node,
-    Scene,
-    rescoped,
-    walk,
-)
+from minerva_bus.grammar.scene import EMPTY, AgentNode, FigureNode, Node, Scene, rescoped
+from minerva_bus.grammar.traversal import walk
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -12,8 +12,9 @@ from minerva_bus.collect.rows import agent_rows, event_rows
 from minerva_bus.collect.table import texts
 from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.grammar.batch import AnyEvent
-from minerva_bus.grammar.scene import AgentNode, Scene, walk
+from minerva_bus.grammar.scene import AgentNode, Scene
 from minerva_bus.grammar.symbols import AgentKind
+from minerva_bus.grammar.traversal import walk
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_services.datasets.vectors import RowVectors, is_numeric, numbers_in
 

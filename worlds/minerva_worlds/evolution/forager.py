@@ -37,7 +37,8 @@ from minerva_bus import (
     portable,
     view,
 )
-from minerva_bus.grammar.scene import walk
+from minerva_bus.grammar.scene import FigureNode, agents
+from minerva_bus.grammar.traversal import walk
 from minerva_bus.semantics.plane import PlaneGeometry, Pose
 from minerva_bus.study.outcome import Outcome
 
@@ -139,7 +140,11 @@ class Berry(Agent, symbol="ABerry"):
 
 def eyes(body: Scene) -> list[dict[str, float]]:
     """The parameters of a creature's eyes, in the order of its scope."""
-    return [dict(node.parameters) for opens, node in walk(body) if opens and node.symbol == "PEye"]
+    return [
+        dict(node.parameters)
+        for _, node in walk(body)
+        if isinstance(node, FigureNode) and node.symbol == "PEye"
+    ]
 
 
 # --- light and food -------------------------------------------------------------------------------
@@ -222,5 +227,5 @@ vocabulary = Vocabulary.of(
 
 def berries(outcome: Outcome) -> float:
     """Number of berries eaten, minus one per eye of a body."""
-    brood = [node for node in outcome.scene if node.symbol == "ACreature"]
+    brood = [agent for agent in agents(outcome.scene) if agent.symbol == "ACreature"]
     return sum(agent.state["eaten"] for agent in brood) - len(eyes(brood[0].scope))
