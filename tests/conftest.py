@@ -24,9 +24,6 @@ settings.register_profile(
 )
 settings.load_profile("minerva")
 
-WORLDS = pytest.StashKey[tempfile.TemporaryDirectory[str]]()
-"""Folder of the worlds that run in one test process."""
-
 # Each worker imports all test modules, and jsonschema compiles a grammar of this optional package,
 # which takes 2 s; no test checks IRIs.
 sys.modules["rfc3987_syntax"] = None
@@ -34,7 +31,7 @@ sys.modules["rfc3987_syntax"] = None
 # To import and collect all tests creates millions of objects and almost no garbage.
 gc.disable()
 
-pytest_plugins = ["tests.flaky", "tests.quick", "tests.starts"]
+pytest_plugins = ["tests.flaky", "tests.forks", "tests.quick", "tests.starts"]
 
 
 def pytest_configure(config):
@@ -48,16 +45,6 @@ def pytest_configure(config):
     config.option.loadscopereorder = False
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
-    # A world excludes others of its name for this user: those of other test processes, too.
-    config.stash[WORLDS] = tempfile.TemporaryDirectory(
-        prefix="minerva-tests-", ignore_cleanup_errors=True
-    )
-    os.environ["MINERVA_RUNTIME_DIR"] = config.stash[WORLDS].name
-
-
-def pytest_unconfigure(config):
-    """Remove the folder of the worlds of this test process."""
-    config.stash[WORLDS].cleanup()
 
 
 @pytest.hookimpl(tryfirst=True)
@@ -67,8 +54,19 @@ def pytest_runtestloop():
     gc.enable()
 
 
+@pytest.fixture(scope="session", autouse=True)
+def folder_of_worlds():
+    """The folder of the worlds that run in this test process.
+
+    A world excludes others of its name for this user: those of other test processes, too.
+    """
+    with tempfile.TemporaryDirectory(prefix="minerva-tests-", ignore_cleanup_errors=True) as folder:
+        os.environ["MINERVA_RUNTIME_DIR"] = folder
+        yield
+
+
 @pytest.fixture(scope="module", autouse=True)
-def environment():
+def environment(folder_of_worlds):
     """The environment of a test file is not that of the next one: Dask sets PYTHONHASHSEED."""
     before = dict(os.environ)
     yield

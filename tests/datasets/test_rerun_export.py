@@ -1,19 +1,22 @@
 """Files for Rerun made of records, read with Rerun's own reader."""
 
+from importlib.util import find_spec
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-pytest.importorskip("rerun", reason="pip install 'minerva-bus[rerun]'")
-from rerun.chunk import RrdReader
-
 from minerva_bus import export_dataset
+
+if not find_spec("rerun"):
+    pytest.skip("pip install 'minerva-bus[rerun]'", allow_module_level=True)
 
 
 @pytest.fixture(scope="module")
 def rows(recorded, tmp_path_factory):
     """For each entity: its frames, and the values of its components in order."""
+    from rerun.chunk import RrdReader  # late: it starts threads, which a fork would not have
+
     path = tmp_path_factory.mktemp("rerun") / "yard.rrd"
     export_dataset(recorded[1], path, "rerun")
     made = {}

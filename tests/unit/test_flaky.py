@@ -8,7 +8,8 @@ pytest_plugins = ["pytester"]
 
 ROOT = Path(__file__).parents[2]
 
-WORKERS = ("-p", "xdist", "-n", "2", "--dist", "loadfile")
+XDIST = ("-p", "xdist", "-n", "2", "--dist", "loadfile")
+WORKERS = ("--forks", "2")
 FLAKY = """
 from pathlib import Path
 
@@ -29,7 +30,7 @@ def suite(pytester, monkeypatch):
     monkeypatch.setenv("PYTHONPATH", str(ROOT))
     monkeypatch.setenv("PYTEST_DISABLE_PLUGIN_AUTOLOAD", "1")
     monkeypatch.delenv("PYTEST_ADDOPTS", raising=False)
-    pytester.makeconftest('pytest_plugins = ["tests.flaky"]')
+    pytester.makeconftest('pytest_plugins = ["tests.flaky", "tests.forks"]')
 
     def run(*options, **files):
         pytester.makepyfile(**{f"test_{name}": text for name, text in files.items()})
@@ -42,7 +43,7 @@ def last_lines(result):
     return [line for line in result.outlines if line][-2:]
 
 
-@pytest.mark.parametrize("workers", [(), WORKERS], ids=["one", "xdist"])
+@pytest.mark.parametrize("workers", [(), WORKERS, XDIST], ids=["one", "forks", "xdist"])
 def test_a_test_that_passes_alone_is_listed_last_and_the_run_is_green(suite, workers):
     result = suite("--retry", *workers, flaky=FLAKY, good=FIXED)
     assert result.ret == 0

@@ -1,5 +1,7 @@
 """A small world to be drawn in three dimensions, and functions to inspect the drawing."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -61,6 +63,7 @@ PAINTERS = []
 """The painters of a test; each holds a context of the driver until it is closed."""
 
 
+@cache
 def has_driver():
     try:
         without_window().release()
@@ -69,7 +72,10 @@ def has_driver():
     return True
 
 
-needs_driver = pytest.mark.skipif(not has_driver(), reason="there is no OpenGL driver (EGL) here")
+# A text, evaluated when a test begins: the driver starts threads, which a fork would not have.
+needs_driver = pytest.mark.skipif(
+    "not __import__('opengl_world').has_driver()", reason="there is no OpenGL driver (EGL) here"
+)
 
 
 def floor(rows=60, columns=40, cell=0.2):

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from web_world import FLOOR, PFloor, PMemory, PStone, PWanted, PWay, cart, named, slot, yard
 
-pytest.importorskip("rerun", reason="needs rerun-sdk (pip install 'minerva-bus[rerun]')")
-from rerun.chunk import RrdReader
-
 from minerva_bus import MinervaError, View
 from minerva_bus.grammar.scene import EMPTY
 from minerva_services.views.rerun import RerunView
+
+if not importlib.util.find_spec("rerun"):
+    pytest.skip("needs rerun-sdk (pip install 'minerva-bus[rerun]')", allow_module_level=True)
 
 WORLD = PFloor(FLOOR) + PStone(0.5) + named("hall", 3.0, 2.0) + slot("ACart", "c")
 LEGS = [(1.0, 0.0, 0.0), (1.5, 0.25, 90.0), (2.0, 0.5, 90.0)]
@@ -36,6 +36,8 @@ def recorded(tmp_path_factory):
 @pytest.fixture(scope="module")
 def rows(recorded):
     """For each entity: its frames, times, and values of components, in order."""
+    from rerun.chunk import RrdReader  # late: it starts threads, which a fork would not have
+
     made = {}
     for chunk in RrdReader(str(recorded)).stream().to_chunks():
         if chunk.is_static:

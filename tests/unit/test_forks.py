@@ -1,0 +1,128 @@
+"""`pytest --forks`: each test runs once and is reported as without the option, whatever it does."""
+
+from pathlib import Path
+
+import pytest
+
+pytest_plugins = ["pytester"]
+
+ROOT = Path(__file__).parents[2]
+OUTCOMES = """
+import sys, warnings
+import pytest
+open("imported", "a").write("once ")
+LOG = sys.stderr
+
+def test_passes(tmp_path):
+    assert tmp_path.is_dir()
+
+def test_warns():
+    warnings.warn("a strange wind")
+
+def test_skips():
+    pytest.skip("no sea here")
+
+def test_fails():
+    print("heard")
+    print("seen", file=LOG)
+    assert {"depth": 1} == {"depth": 2}
+
+@pytest.fixture(scope="module")
+def harbour():
+    yield
+    raise ValueError("flooded")
+
+def test_errs(harbour):
+    pass
+"""
+ENDINGS = """
+import os, signal, time
+import pytest
+
+def test_first():
+    pass
+
+def test_dies():
+    os.kill(os.getpid(), signal.SIGKILL)
+
+def test_second():
+    pass
+
+@pytest.mark.timeout(0.5)
+def test_hangs():
+    signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGALRM])
+    while True:
+        time.sleep(1)
+
+def test_last(tmp_path):
+    assert tmp_path.is_dir()
+"""
+STOPPED = """
+import time
+from pathlib import Path
+import pytest
+
+@pytest.fixture(scope="session")
+def harbour():
+    Path("opened").touch()
+    yield
+    Path("closed").touch()
+
+def test_waits(harbour):
+    time.sleep(60)
+"""
+STOPPING = """
+import time
+from pathlib import Path
+
+def test_fails():
+    while not Path("opened").exists():
+        time.sleep(0.01)
+    assert 0
+"""
+
+
+@pytest.fixture
+def suite(pytester, monkeypatch):
+    """Run pytest with two forks on test files in a separate process."""
+    monkeypatch.setenv("PYTHONPATH", str(ROOT))
+    monkeypatch.setenv("PYTEST_DISABLE_PLUGIN_AUTOLOAD", "1")
+    monkeypatch.delenv("PYTEST_ADDOPTS", raising=False)
+    pytester.makeconftest('pytest_plugins = ["tests.forks"]')
+
+    def run(*options, **files):
+        pytester.makepyfile(**{f"test_{name}": text for name, text in files.items()})
+        return pytester.runpytest_subprocess("-p", "pytest_timeout", "--forks", "2", *options)
+
+    return run
+
+
+def test_each_outcome_is_reported_as_without_forks(suite):
+    more = {f"good_{n}": "def test_good():\n    pass\n" for n in range(4)}
+    result = suite("-q", "-rs", outcomes=OUTCOMES, **more)
+    result.assert_outcomes(passed=7, failed=1, skipped=1, errors=1, warnings=1)
+    assert Path("imported").read_text() == "once "
+    result.stdout.fnmatch_lines_random(
+        [
+            "*ERROR at teardown of test_errs*", "E       ValueError: flooded",
+            "E*Differing items:", "heard", "seen", "*UserWarning: a strange wind",
+            "SKIPPED [[]1[]] test_outcomes.py:13: no sea here",
+        ]
+    )  # fmt: skip
+
+
+def test_the_tests_after_one_that_ends_its_process_run(suite):
+    result = suite(endings=ENDINGS)
+    result.assert_outcomes(passed=3, failed=2)
+    result.stdout.fnmatch_lines(
+        [
+            "*_ test_dies _*", "the process has ended with -9 after 0 s of this test",
+            "*_ test_hangs _*", "the process has ended with -9 after ? s of this test",
+        ]
+    )  # fmt: skip
+
+
+def test_a_run_that_stops_finishes_the_fixtures_of_other_forks(suite):
+    result = suite("-x", stopped=STOPPED, stopping=STOPPING)
+    result.assert_outcomes(failed=1)
+    assert Path("closed").exists()
