@@ -214,7 +214,7 @@ class FrameAlgorithm:
             return
         # Before the new frame is made, so that newcomers answer its tick and host its agents.
         self.joining.admit_joining()
-        self.in_flight = FrameInFlight(begin.due, begin.inputs)
+        self.in_flight = FrameInFlight(begin.due, begin.inputs, at_once=begin.at_once)
         self._enter(Awaited.BEGIN)
         self.source.begin()
 

@@ -129,6 +129,7 @@ class CollectionStep:
         note_answer(algorithm, member)
         if is_early:
             early.replies[reply.member] = reply
+            algorithm.source.evolve_ahead()
             return
         algorithm.in_flight.pending.discard(reply.member)
         algorithm.in_flight.ticked[reply.member] = reply
@@ -203,7 +204,13 @@ class CollectionStep:
         events.people = events.people or self._standing_for_people(sources)
         allowed = self._permitted(sources)
         if allowed:
-            events.split(collect(algorithm.world.order, allowed), algorithm.world.vocabulary.events)
+            early = algorithm.inbox.early.evolution
+            # The same objects as in the early request, which is then known to be for these events.
+            if early is not None and early.has_sources(allowed):
+                ordered = early.events
+            else:
+                ordered = collect(algorithm.world.order, allowed)
+            events.split(ordered, algorithm.world.vocabulary.events)
 
     def _add_ticked(self, sources: dict[str, Sequence[AnyEvent]]) -> None:
         """Add the events of lockstep members, and keep their saved data."""

@@ -10,6 +10,8 @@ from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.checkpoint import HALTED
 from minerva_bus.frame.collection import note_answer
+from minerva_bus.frame.evolution_ahead import EvolutionAhead
+from minerva_bus.frame.inbox import EarlyEvolution
 from minerva_bus.frame.inputs import FrameInputs
 from minerva_bus.frame.lag import note_sent
 from minerva_bus.frame.phases import Phase
@@ -31,6 +33,7 @@ class EvolutionStep:
 
     def __init__(self, algorithm: FrameAlgorithm) -> None:
         self._algorithm = algorithm
+        self.ahead = EvolutionAhead(algorithm)
 
     # --- requests ---
 
@@ -47,6 +50,12 @@ class EvolutionStep:
         self._arrange_if_needed()
         requests.layout = algorithm.composition.layout
         hosts = self._hosts_to_ask()
+        early = self.ahead.take()
+        if early is not None and self.ahead.counts(early, hosts):
+            self._take_up(early)
+            return
+        if early is not None:
+            hosts = self._ask_anew(early, hosts)
         for host in hosts:
             requests.outstanding[host, 0] = tuple(algorithm.placement.fragments_of(host))
             # Fragments are sent before the request that needs them;
@@ -64,6 +73,28 @@ class EvolutionStep:
                 algorithm.frame, (host,), events.evolving, events.visual, only=only
             )
             algorithm.out.send(host, request)
+
+    def _take_up(self, early: EarlyEvolution) -> None:
+        """Wait for the answer to the early request, unless it is here."""
+        requests = self._algorithm.in_flight.requests
+        requests.outstanding[early.host, 0] = early.fragments
+        requests.timed = False
+        if early.reply is not None:
+            self.reply(early.reply)
+
+    def _ask_anew(self, early: EarlyEvolution, hosts: tuple[str, ...]) -> tuple[str, ...]:
+        """Give a host its fragments again, since it has evolved them by other events.
+
+        Returns the hosts that have not been asked yet.
+        """
+        fragments = self._algorithm.placement.fragments_of(early.host)
+        for fragment in fragments:
+            self._algorithm.placement.resend(fragment)
+        if early.host not in hosts:
+            return hosts
+        # A further part, because a host evolves each part once.
+        self._repeat_request(fragments)
+        return tuple([host for host in hosts if host != early.host])
 
     def _arrange_if_needed(self) -> None:
         algorithm, placement = self._algorithm, self._algorithm.placement
@@ -143,6 +174,8 @@ class EvolutionStep:
     def reply(self, reply: m.EvolveReply) -> None:
         """Accept a host's results for its fragments, unless the host may not report them."""
         algorithm, requests = self._algorithm, self._algorithm.in_flight.requests
+        if self.ahead.keep(reply):
+            return
         member = algorithm.members.get(reply.member)
         key = (reply.member, reply.part)
         if reply.frame != algorithm.frame or key not in requests.outstanding or not member.active:
@@ -164,7 +197,7 @@ class EvolutionStep:
         note_answer(algorithm, member)
         # A repeated request concerns a few fragments only; its
         # duration is not the speed of the host.
-        if reply.elapsed and not reply.part:
+        if reply.elapsed and not reply.part and requests.timed:
             algorithm.placement.note_elapsed(reply.member, reply.elapsed)
         algorithm.in_flight.result.merge(reply, changed)
         algorithm.in_flight.result.changed_by.update(dict.fromkeys(changed, reply.member))

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from itertools import accumulate
+from operator import is_
 from typing import Final, TypeAlias
 
 from minerva_bus.frame import messages as m
@@ -66,12 +68,43 @@ def _receivers(event: AnyEvent) -> list[str]:
     return list(event.receivers or ())
 
 
-class EarlyTicks:
-    """Early requests to generators that do not depend on the world, before a frame begins."""
+@dataclass(slots=True)
+class EarlyEvolution:
+    """The request to a host for a frame that has not begun, and its reply if there is one.
+
+    `sources`: the events of the frame by source, as generators have answered; `events`: in order.
+    `fragments`: those of the host, in its order.
+    """
+
+    frame: int
+    host: str
+    fragments: tuple[str, ...]
+    sources: Mapping[str, Sequence[AnyEvent]]
+    events: tuple[AnyEvent, ...]
+    reply: m.EvolveReply | None = None
+
+    def has_sources(self, sources: Mapping[str, Sequence[AnyEvent]]) -> bool:
+        """Whether these are its sources, with the same events."""
+        return self.sources.keys() == sources.keys() and all(
+            are_same(events, sources[source]) for source, events in self.sources.items()
+        )
+
+
+def are_same(events: Sequence[AnyEvent], others: Sequence[AnyEvent]) -> bool:
+    """Whether these are the same objects: equal events may differ in the sign of a zero."""
+    return len(events) == len(others) and all(map(is_, events, others))
+
+
+class EarlyAnswers:
+    """Requests to members before a frame begins: to generators that do not depend on the world.
+
+    `evolution`: the request to a host, if there is one.
+    """
 
     def __init__(self) -> None:
         self._asked: dict[str, int] = {}
         self.replies: dict[str, m.TickReply] = {}
+        self.evolution: EarlyEvolution | None = None
 
     def ask(self, members: Iterable[str], frame: int) -> list[str]:
         """The members without a request for this frame; from now on they count as requested."""
@@ -85,6 +118,8 @@ class EarlyTicks:
 
     def awaits(self, member: str) -> bool:
         """Whether an early reply of a member is outstanding."""
+        if (early := self.evolution) is not None and early.host == member and early.reply is None:
+            return True
         return member in self._asked and member not in self.replies
 
     def take(self) -> dict[str, m.TickReply]:
@@ -96,6 +131,8 @@ class EarlyTicks:
         """Forget the requests to a member, because its process has been replaced."""
         self.replies.pop(member, None)
         self._asked.pop(member, None)
+        if self.evolution is not None and self.evolution.host == member:
+            self.evolution = None
 
 
 class FrameInbox:
@@ -117,7 +154,7 @@ class FrameInbox:
             if source.startswith(AGENTS) and source.removeprefix(AGENTS).isdecimal()
         }
         self.emitted: list[AnyEvent] = list(past.emitted)
-        self.early = EarlyTicks()
+        self.early = EarlyAnswers()
         self.max_single_events: int = MAX_SINGLE_EVENTS
         self.max_waiting: int = MAX_WAITING
         self._counts: dict[str, int] = {}

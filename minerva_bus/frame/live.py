@@ -92,6 +92,9 @@ class FrameSource:
         """Reason why a member cannot take part in these frames, or an empty string."""
         return ""
 
+    def evolve_ahead(self) -> None:
+        """Request the evolution of the next frame, if all that it depends on is known."""
+
     def emitted(self, emitted: m.Emitted) -> None:
         """Accept events of a free-running generator."""
 
@@ -155,6 +158,7 @@ class LiveSource(FrameSource):
         self.order, self.ask = collection.order, collection.ask
         self.settle, self.commit = evolution.settle, evolution.commit
         self.evolve_reply, self.ask_again = evolution.reply, evolution.ask_again
+        self.evolve_ahead = evolution.ahead.ask
 
     def evolve(self) -> None:
         """Steps 5 and 6: request the next string and the views, then early events."""

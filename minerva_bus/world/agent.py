@@ -89,7 +89,9 @@ class Agent:
     Class arguments: `symbol` is the name of the kind, such as "AFox"; without it a subclass
     declares no kind of its own. `rest` names the attributes that are commands, such as a robot's
     action. If a norm rejects the result of λ, they are reset: to 0, false, "" or (), and a string
-    to its primitives without transformations.
+    to its primitives without transformations. `ahead=True` declares that the agents send no events:
+    a host may then be asked for the next frame before the coordinator has its answer for this one,
+    if all else that the frame depends on is known. The string is the same.
 
     Raises:
         MisuseError: an id, attribute or value that the kind does not allow; and, when the class is
@@ -125,7 +127,11 @@ class Agent:
     _node: AgentNode | None
 
     def __init_subclass__(
-        cls, symbol: str = "", rest: tuple[str, ...] | None = None, **kwargs: Any
+        cls,
+        symbol: str = "",
+        rest: tuple[str, ...] | None = None,
+        ahead: bool | None = None,
+        **kwargs: Any,
     ) -> None:
         super().__init_subclass__(**kwargs)
         activities, views = handlers(cls, ON), handlers(cls, VIEW)
@@ -138,6 +144,8 @@ class Agent:
         name = symbol or (inherited.name if inherited is not None else "")
         if rest is None:
             rest = inherited.rest if inherited is not None else ()
+        if ahead is None:
+            ahead = inherited is not None and inherited.ahead
         if isinstance(rest, str):
             raise MisuseError(
                 f'{cls.__name__}: rest is a tuple of attributes: write rest=("{rest}",)'
@@ -153,6 +161,7 @@ class Agent:
                 frozenset(cls.views),
                 chances_of(cls, activities),
                 tuple(sorted(rest)),
+                ahead,
             )
             _check_columns(cls.kind, cls.population or cls.population_views)
             cls.compiled = marked_compiled(cls)
