@@ -178,7 +178,7 @@ def run_file(file: WorldFile, began: float, console: Console | None = None, film
     here = InProcessRun(file, console or Console(quiet=True), began, counts, keep)
     strings.add(here.algorithm.frame, here.algorithm.scene)
     summary = here.run()
-    if here.algorithm.failed:
+    if here.failed:
         raise WorldStopped(summary.ended)
     done = Run(
         here.algorithm.scene,

@@ -45,21 +45,13 @@ def run_world(file: WorldFile, began: float, options: RunOptions) -> None:
     failure = ""
     try:
         if options.in_process:
-            for number in end_signals():
-                # Every signal that ends a process becomes KeyboardInterrupt, so the run closes its
-                # record.
-                signal.signal(number, signal.default_int_handler)
-            here = InProcessRun if file.partition is None else RegionRun
-            summary = here(file, console, began).run()
+            summary, failure = _run_here(file, console, began, as_json=as_json or options.json)
         else:
             with in_regions(file) as processes:
                 profiling.check(processes)
                 supervisor = Supervisor(processes, console, began, profiling)
                 summary = supervisor.run()
                 failure = supervisor.failure
-    except WorldStopped as stopped:
-        console.problem(stopped.rest or str(stopped))
-        raise typer.Exit(FAILED) from None
     except MinervaError as error:
         # Someone who reads JSON lines finds every error among them; otherwise `main` prints it.
         if not as_json:
@@ -71,6 +63,24 @@ def run_world(file: WorldFile, began: float, options: RunOptions) -> None:
         raise typer.Exit(INTERRUPTED)
     if failure:
         raise typer.Exit(FAILED)
+
+
+def _run_here(
+    file: WorldFile, console: Console, began: float, *, as_json: bool
+) -> tuple[RunSummary, str]:
+    """Run a world in this process; returns its summary and the error that has ended it, or ""."""
+    for number in end_signals():
+        # Every signal that ends a process becomes KeyboardInterrupt, so the run closes its record.
+        signal.signal(number, signal.default_int_handler)
+    run = (InProcessRun if file.partition is None else RegionRun)(file, console, began)
+    try:
+        summary = run.run()
+    except WorldStopped as stopped:
+        console.problem(stopped.rest or str(stopped))
+        if not as_json:  # The error has said in which frame and why.
+            raise typer.Exit(FAILED) from None
+        return run.summary(), str(stopped)
+    return summary, summary.ended if run.failed else ""
 
 
 def _print_summary(

@@ -27,18 +27,26 @@ class CodeFailure:
         """The failure that an exception is."""
         return CodeFailure(member, frame, report(error), whole(error))
 
+    @property
+    def reason(self) -> str:
+        """Why the world ends, for its summary: the same words as on the bus."""
+        what = self.problem.partition("\n")[0]
+        return f"{self._failed}: {what}"
+
     def stops(self, console: Console) -> WorldStopped:
         """Show the failure; returns the exception that stops the world."""
         console.frame = self.frame
         console.log(self.member, f"failed in frame {self.frame}: {self.problem}", "error")
         console.details(self.member, self.details)
-        what = self.problem.partition("\n")[0]
         hint = "" if console.traceback else " (--traceback shows all frames)"
-        failed = f"{self.member} failed in frame {self.frame}"
         return WorldStopped(
-            f"{failed}: {what}; the world stops ({VARIABLE}=1 shows all frames)",
-            f"{failed}; the world stops{hint}",
+            f"{self.reason}; the world stops ({VARIABLE}=1 shows all frames)",
+            f"{self._failed}; the world stops{hint}",
         )
+
+    @property
+    def _failed(self) -> str:
+        return f"{self.member} failed in frame {self.frame}"
 
 
 @contextmanager

@@ -87,6 +87,11 @@ class InProcessRun:
             self._parts is not None and self._parts.runner.ended is not None
         )
 
+    @property
+    def failed(self) -> bool:
+        """Whether an error has ended the world, without an exception."""
+        return self.algorithm.failed
+
     def run(self) -> RunSummary:
         """Run the world to its end. Raises WorldStopped if user code fails."""
         with slow_frames_reported(lambda: self.algorithm.frame, self._warn_of_slow_code, __file__):
@@ -153,7 +158,7 @@ class InProcessRun:
             close_services(parts.members, self._console.log)
 
     def summary(self) -> RunSummary:
-        """The summary of the run."""
+        """The summary of the run, also of one that has failed."""
         ended = None if self._parts is None else self._parts.runner.ended
         return self._progress.summary(ended, self._reason)
 
@@ -230,9 +235,7 @@ class InProcessRun:
             self._reason = str(error)
             raise WorldStopped(str(error)) from None
         except Exception as error:
-            stopped = self._failed(error, self._parts.runner, self._parts.record)
-            self._reason = str(stopped)
-            raise stopped from error
+            raise self._failed(error, self._parts.runner, self._parts.record) from error
 
     def _failed(self, error: Exception, runner: InProcessRunner, record: RunRecord) -> WorldStopped:
         """Show an error in a member's code; returns the exception that stops the world."""
@@ -242,6 +245,7 @@ class InProcessRun:
         self._console.frame = frame
         failure = CodeFailure.of(error, member, frame)
         record.said(member, f"failed in frame {frame}: {failure.problem}\n{failure.details}")
+        self._reason = failure.reason
         return failure.stops(self._console)
 
     def _warn_of_slow_code(self, waited: float, place: SourceLine) -> None:

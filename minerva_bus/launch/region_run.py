@@ -80,6 +80,11 @@ class RegionRun:
         self._running: InProcessRunner | None = None
         self._services: FreeRunning | None = None
 
+    @property
+    def failed(self) -> bool:
+        """Whether an error has ended the world, without an exception."""
+        return any(part.region.algorithm.failed for part in self._parts)
+
     def run(self) -> RunSummary:
         """Run the world to its end. Raises WorldStopped if user code fails."""
         with printed(self._print):
@@ -100,7 +105,27 @@ class RegionRun:
                     elsewhere = part.region.services.elsewhere
                     members = (each for each in part.members if not elsewhere(each))
                     close_services(members, self._console.log)
-            return self._summary()
+            return self.summary()
+
+    def summary(self) -> RunSummary:
+        """The summary of the run, also of one that has failed."""
+        first, file = self._first_at, self._file
+        ends = [part.runner.ended for part in self._parts]
+        figures = total_figures([ended.figures for ended in ends if ended is not None])
+        scene = merged(self._units).scene if self._units else file.world.scene
+        return RunSummary(
+            world=file.world.name,
+            frames=self._frame,
+            digest=scene.digest.hex(),
+            reached=self._ending is not None and self._ending.reached,
+            ended=self._reason,
+            wall_seconds=0.0 if first is None else self._last_at - first,
+            first_frame_seconds=None if first is None else max(0.0, first - self._began),
+            members=len(file.processes),
+            seed=file.world.seed,
+            startup={},
+            figures={"regions": len(self._parts), **figures},
+        )
 
     def _open(self) -> None:
         file, partition = self._file, self._file.partition
@@ -222,25 +247,9 @@ class RegionRun:
             running = None if self._running is None else self._running.direct.running
             # Without one it is the function that assigns regions.
             member = "regions" if running is None else running.name
-            raise CodeFailure.of(error, member, self._frame).stops(self._console) from error
-
-    def _summary(self) -> RunSummary:
-        first, file = self._first_at, self._file
-        ends = [part.runner.ended for part in self._parts]
-        figures = total_figures([ended.figures for ended in ends if ended is not None])
-        return RunSummary(
-            world=file.world.name,
-            frames=self._frame,
-            digest=merged(self._units).scene.digest.hex(),
-            reached=self._ending is not None and self._ending.reached,
-            ended=self._reason,
-            wall_seconds=0.0 if first is None else self._last_at - first,
-            first_frame_seconds=None if first is None else max(0.0, first - self._began),
-            members=len(file.processes),
-            seed=file.world.seed,
-            startup={},
-            figures={"regions": len(self._parts), **figures},
-        )
+            failure = CodeFailure.of(error, member, self._frame)
+            self._reason = failure.reason
+            raise failure.stops(self._console) from error
 
     def _print(self, text: str) -> None:
         self._log(MEMBERS, text, "info")

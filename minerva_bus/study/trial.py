@@ -119,7 +119,7 @@ def _in_process(file: WorldFile, interrupted: Callable[[], bool]) -> Outcome:
     finally:
         run.close()
     summary = run.summary()
-    if run.algorithm.failed:
+    if run.failed:
         raise WorldStopped(summary.ended)
     return _outcome(run.algorithm.scene, summary, counts)
 

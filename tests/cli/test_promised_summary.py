@@ -77,7 +77,8 @@ vocabulary = Vocabulary.of(Primitive("PNothing"))
 
 class FailsAtFrame(Generator):
     def generate(self, tick):
-        raise ValueError("by design")
+        if tick.frame.number == 2:
+            raise ValueError("by design")
 
 
 class Impostor(Generator, events=("eNone",)):
@@ -96,11 +97,16 @@ def failing_world(folder, service, more=""):
     return path
 
 
-@pytest.mark.parametrize("words", [(), ("--in-process",)])
+@pytest.mark.parametrize("words", [(), ("--in-process",), ("--in-process", "--regions", "2")])
 def test_failing_members(tmp_path, words):
+    """The summary has the frames before the failure, wherever the members run."""
     done = minerva(tmp_path, "run", failing_world(tmp_path, "FailsAtFrame"), "--json", *words)
     assert done.returncode == 1
-    assert "ValueError: by design" in only_summary(done.stdout)["ended"]
+    summary = only_summary(done.stdout)
+    assert summary["ended"] == "one failed in frame 2: FailsAtFrame.generate: ValueError: by design"
+    assert (summary["world"], summary["frames"], summary["seed"]) == ("failing", 2, 0)
+    assert summary["first_frame_seconds"] > 0
+    assert len(summary["digest"]) == 32
 
 
 def test_a_member_without_permission_to_join(tmp_path):
