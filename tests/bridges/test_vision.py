@@ -131,6 +131,13 @@ def test_a_marker_is_as_large_as_it_is(dictionary, turned, pixels, blur):
     assert np.hypot(*(marker.corners - corners).T).max() < 0.3
 
 
+def test_corners_that_are_off_by_half_a_cell_are_corrected():
+    """OpenCV's are, in blurred images of markers seen at an angle."""
+    image, corners = exact("6X6_250", 40, 0.0, 1.2)
+    off = np.array([[1.4, 0.9], [-0.2, 2.2], [-1.0, -1.3], [0.2, -2.3]])
+    assert np.hypot(*(refined(image, corners + off) - corners).T).max() < 0.3
+
+
 def test_corners_stay_where_there_are_no_edges():
     corners = np.array([[20.0, 20.0], [40.0, 20.0], [40.0, 40.0], [20.0, 40.0]])
     for image in (np.full((60, 60), 128, np.uint8), np.zeros((60, 60), np.uint8)):

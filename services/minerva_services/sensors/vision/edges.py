@@ -29,8 +29,8 @@ _CELLS: Final = 8
 """Typical number of cells per side; the search stays within one cell."""
 
 _ROUNDS: Final = 3
-_MAX_SHIFT: Final = 2.0
-"""Maximum correction of a corner in pixels; a larger one means that the sides are not lines."""
+_MIN_LIMIT: Final = 2.0
+"""Pixels by which a corner may be corrected however small the cells are."""
 
 
 def refined(image: NDArray[np.uint8], corners: Reals) -> Reals:
@@ -42,9 +42,13 @@ def refined(image: NDArray[np.uint8], corners: Reals) -> Reals:
     for _ in range(_ROUNDS):
         # Each round samples across the sides that the previous one found.
         side = float(np.linalg.norm(np.roll(quad, -1, 0) - quad, axis=1).min())
-        lines = _lines(image, quad, min(_MAX_REACH, max(1.0, 0.8 * side / _CELLS)))
+        cell = side / _CELLS
+        lines = _lines(image, quad, min(_MAX_REACH, max(1.0, 0.8 * cell)))
         moved = _meeting(lines)
-        if not np.isfinite(moved).all() or np.abs(moved - corners).max() > _MAX_SHIFT:
+        # Corners in blurred images of markers seen at an angle are off by almost a cell. A larger
+        # correction means that the sides are not lines.
+        limit = min(_MAX_REACH, max(_MIN_LIMIT, cell))
+        if not np.isfinite(moved).all() or np.abs(moved - corners).max() > limit:
             return corners
         quad = moved
     return quad
