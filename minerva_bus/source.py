@@ -9,11 +9,13 @@ import ast
 import inspect
 import linecache
 import os
+import sys
 import sysconfig
 import textwrap
 import traceback
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 from types import CodeType, FrameType
 from typing import Any, Final
@@ -31,7 +33,8 @@ _LIBRARIES: Final = tuple(
     | {str(Path(os.__file__).parent) + os.sep}
 )
 
-# The file of methods that libraries generate, such as those of dataclasses, and of `python -c`.
+# The file of methods that libraries generate, such as those of dataclasses, of `exec` and of
+# `python -c`.
 _GENERATED: Final = "<string>"
 
 
@@ -48,12 +51,27 @@ class SourceLine:
         """As a JSON object."""
         return {"file": self.file, "line": self.line, "shown": self.shown}
 
+    @property
+    def where(self) -> str:
+        """`file:line`; in a notebook `Cell In[3], line 12`, as its own tracebacks have it."""
+        cell = _cell(self.file)
+        return f"{cell}, line {self.line}" if cell else f"{self.file}:{self.line}"
+
     def lines(self) -> list[str]:
         """`file:line, in function` and the source line, indented."""
-        where = f"  {self.file}:{self.line}"
+        where = f"  {self.where}"
         if self.function:
             where += f", in {self.function}"
         return [where, *(f"    {text[:LINE_LENGTH]}" for text in self.shown)]
+
+
+def _cell(file: str) -> str:
+    """The cell of a notebook or of IPython that was compiled as this file; otherwise empty."""
+    # Not imported: without IPython there are no cells.
+    interactive = sys.modules.get("IPython")
+    shell = None if interactive is None else interactive.get_ipython()
+    label = None if shell is None else shell.compile.format_code_name(file)
+    return "" if label is None else " ".join(label)
 
 
 def place_of(error: BaseException) -> SourceLine | None:
@@ -67,9 +85,8 @@ def place_of(error: BaseException) -> SourceLine | None:
     summary = traceback.extract_tb(error.__traceback__)[index]
     _, *shown = "".join(traceback.StackSummary.from_list([summary]).format()).split("\n")
     source = textwrap.dedent("\n".join(line for line in shown if line.strip()))
-    return SourceLine(
-        frame.f_code.co_filename, number, function_name(frame.f_code), tuple(source.splitlines())
-    )
+    lines = tuple(source.splitlines()) or _of_program(frame.f_code, number)
+    return SourceLine(frame.f_code.co_filename, number, function_name(frame.f_code), lines)
 
 
 def _user_frame(
@@ -80,14 +97,15 @@ def _user_frame(
     A package that the framework calls is user code even if it is installed.
     """
     # The first choice is a file of the user's own. Otherwise it is an installed package that the
-    # framework has called, such as one with agents.
-    written = [frame for frame, _ in frames if frame.f_code.co_filename != _GENERATED] or [
-        frame for frame, _ in frames
-    ]
+    # framework has called, such as one with agents, or code without a file.
+    written = [frame for frame, _ in frames if frame.f_code.co_filename != _GENERATED]
     entry = next((frame for frame in written if not is_foreign(frame.f_code.co_filename)), None)
     if entry is None:
         outside = (f for f in written if not f.f_code.co_filename.startswith(_FRAMEWORK))
         entry = next((f for f in outside if not _is_standard(f.f_code.co_filename)), None)
+    if entry is None:
+        written = [frame for frame, _ in frames if frame.f_code.co_filename == _GENERATED]
+        entry = next(iter(written), None)
     if entry is None:
         return None
     package = _package(entry)
@@ -96,6 +114,31 @@ def _user_frame(
         if own and frame in written:
             return frame, number, index
     return None
+
+
+def _of_program(code: CodeType, line: int) -> tuple[str, ...]:
+    """The line of the program of `python -c` that code is a part of; otherwise nothing.
+
+    Other code without a file has no source: Python does not keep that of `exec`.
+    """
+    if code.co_filename != _GENERATED or "-c" not in sys.orig_argv[:-1]:
+        return ()
+    source = sys.orig_argv[sys.orig_argv.index("-c") + 1]
+    # Code of `exec` has the same file and perhaps the same module.
+    if code not in _codes_of(source):
+        return ()
+    return (source.splitlines()[line - 1].strip(),)
+
+
+@cache
+def _codes_of(source: str) -> frozenset[CodeType]:
+    """The code of a program, and that of its functions and classes."""
+    waiting, codes = [compile(source, _GENERATED, "exec", dont_inherit=True)], set[CodeType]()
+    while waiting:
+        code = waiting.pop()
+        codes.add(code)
+        waiting += [each for each in code.co_consts if isinstance(each, CodeType)]
+    return frozenset(codes)
 
 
 def innermost(frames: Sequence[SourceLine]) -> SourceLine | None:
@@ -168,7 +211,8 @@ def defined(handler: Callable[..., Any]) -> SourceLine | None:
     try:
         lines, first = inspect.getsourcelines(code)
     except (OSError, TypeError):
-        return SourceLine(code.co_filename, first, function_name(code))
+        shown = _of_program(code, first)
+        return SourceLine(code.co_filename, first, function_name(code), shown)
     # The first line of the code object is that of the first decorator.
     at = next((n for n, line in enumerate(lines) if line.lstrip().startswith(("def ", "async"))), 0)
     return SourceLine(code.co_filename, first + at, function_name(code), (lines[at].strip(),))

@@ -10,7 +10,7 @@ from types import FunctionType
 from typing import Any, Final, cast
 
 from minerva_bus.errors import MisuseError
-from minerva_bus.source import handler_name
+from minerva_bus.source import SourceLine, handler_name
 
 REMEDY: Final = "leave out compiled=True, which runs the method agent by agent"
 MISSING: Final = object()
@@ -88,7 +88,7 @@ class Origin:
         advice = instead or REMEDY
         return NotCompilable(
             f"{self.name} cannot be compiled: {what}\n"
-            f"  {self.file}:{line}, in {self.name}{shown}\n"
+            f"  {SourceLine(self.file, line).where}, in {self.name}{shown}\n"
             f"  instead: {advice}"
         )
 

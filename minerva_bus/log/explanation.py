@@ -82,7 +82,7 @@ class Cause:
         """As lines of text."""
         shown = [f"frame {self.frame}: #{self.agent} {self.did}"]
         if self.place is not None:
-            shown.append(f"  in {self.method}, {self.place.file}:{self.place.line}")
+            shown.append(f"  in {self.method}, {self.place.where}")
             shown += [f"      {text}" for text in self.place.shown[:1]]
         elif self.method:
             shown.append(f"  in {self.method}")

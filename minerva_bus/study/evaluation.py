@@ -130,7 +130,7 @@ def run_fitness(
     except Exception as error:
         # One line, because equal errors of several strings are counted.
         place = place_of(error)
-        where = "" if place is None else f" at {place.file}:{place.line}"
+        where = "" if place is None else f" at {place.where}"
         raise MinervaError(f"{name} raised {error!r}{where}") from error
     try:
         value = float(returned)

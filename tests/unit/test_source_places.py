@@ -1,10 +1,14 @@
 """The line of user code that an error or a stack is reported at."""
 
+import sys
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
+import pytest
 
+from minerva_bus.errors import UserCodeError
 from minerva_bus.launch.traces import blocked_at
 from minerva_bus.source import SourceLine, innermost, place_of
 
@@ -55,3 +59,49 @@ def test_a_package_is_the_place_of_a_stack_only_if_the_stack_is_complete():
     assert blocked_at(written(package, cut=True), launcher) is None
     assert blocked_at(written(package, __file__, cut=True), launcher).file == __file__
     assert blocked_at(written(package, launcher, __file__), launcher).file == package
+
+
+# --- code without a file: cells, `python -c`, `exec` ---
+
+SNAIL = """
+from minerva_bus import Agent, EventType, Vocabulary, evolve, on
+
+eTick = EventType("eTick")
+
+class Snail(Agent, symbol="ASnail"):
+    @on("eTick")
+    def dry(self, tick, moment):
+        self.water = 1 / 0
+
+string = Vocabulary.of(eTick, Snail).read("ASnail#a")
+evolve(string, [eTick()], [Snail])
+"""
+
+
+def executed(file):
+    """The error of a snail whose code is compiled as this file, without the frame of this test."""
+    try:
+        exec(compile(SNAIL, file, "exec"), {"__name__": "__main__"})
+    except UserCodeError as error:
+        return error.__cause__
+    raise AssertionError("it did not fail")
+
+
+def test_the_place_in_a_cell_of_a_notebook_is_its_number(monkeypatch):
+    compiler = pytest.importorskip("IPython.core.compilerop").CachingCompiler()
+    shell = SimpleNamespace(compile=compiler)
+    monkeypatch.setitem(sys.modules, "IPython", SimpleNamespace(get_ipython=lambda: shell))
+    place = place_of(executed(compiler.cache(SNAIL, 7)))
+    assert place.lines()[:2] == ["  Cell In[7], line 9, in Snail.dry", "    self.water = 1 / 0"]
+    assert SourceLine("snail.py", 3).where == "snail.py:3"
+    monkeypatch.setitem(sys.modules, "IPython", SimpleNamespace(get_ipython=lambda: None))
+    assert place.where == f"{place.file}:9"
+
+
+def test_a_program_on_the_command_line_has_a_source_line(monkeypatch):
+    monkeypatch.setattr(sys, "orig_argv", ["python", "-c", SNAIL])
+    assert place_of(executed("<string>")).lines() == [
+        "  <string>:9, in Snail.dry", "    self.water = 1 / 0",
+    ]  # fmt: skip
+    monkeypatch.setattr(sys, "orig_argv", ["python", "-c", f"exec({SNAIL!r})"])
+    assert place_of(executed("<string>")).lines() == ["  <string>:9, in Snail.dry"]
