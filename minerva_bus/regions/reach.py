@@ -156,7 +156,7 @@ def _bounds(value: Name | float, cell: Cell) -> tuple[float, float]:
     return (float(value), float(value)) if isfinite(value) else (-inf, inf)
 
 
-def _gap(one: tuple[float, float], other: tuple[float, float]) -> tuple[float, float]:
+def _gap(first: tuple[float, float], second: tuple[float, float]) -> tuple[float, float]:
     """The least and the greatest distance between numbers of two intervals."""
-    apart = max(one[0] - other[1], other[0] - one[1], 0.0)
-    return apart, max(one[1] - other[0], other[1] - one[0])
+    apart = max(first[0] - second[1], second[0] - first[1], 0.0)
+    return apart, max(first[1] - second[0], second[1] - first[0])
