@@ -189,7 +189,7 @@ class Talker(Agent):
 def _sent(conversation: Conversation, act: str, deadline: int) -> Conversation:
     """The conversation after an act of its own side. Raises MisuseError."""
     if act not in ACTS:
-        raise MisuseError(f"there is not a communicative act {act!r}{nearest(act, list(ACTS))}")
+        raise MisuseError(f"there is no communicative act {act!r}{nearest(act, list(ACTS))}")
     after = conversation.sent(act, deadline)
     if after is None:
         where = (

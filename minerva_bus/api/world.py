@@ -199,7 +199,7 @@ def world_of(world: World | str | Path, options: Mapping[str, Any]) -> World:
     if isinstance(world, str | Path):
         return World.load(world, **options)
     if not isinstance(world, World):  # pyright: ignore[reportUnnecessaryIsInstance]
-        raise MisuseError(f"{world!r:.60} is no World, and no name of a world file")
+        raise MisuseError(f"{world!r:.60} is neither a World nor the name of a world file")
     return world
 
 

@@ -62,7 +62,7 @@ class FragmentOutcome:
             if unit in self._undone or not norm.concerns(agent.symbol):
                 continue
             # An agent that stays unchanged in a state that was forbidden
-            # before is no offender.
+            # before does not offend again.
             if old is not None and same_values(old.values, agent.values):
                 continue
             if norm.holds(state_of(norm, agent, old, elsewhere)):

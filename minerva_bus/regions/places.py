@@ -165,8 +165,8 @@ def _between(authors: Sequence[int | None], old: Columns) -> list[int]:
             author = before
             if before != after:
                 raise WorldStopped(
-                    f"regions: agents of the kind {old.symbol}, held in columns, have left nodes"
-                    " beside themselves that show no author; return agents by `self.child(...)`,"
+                    f"regions: agents of the kind {old.symbol}, held in columns, have returned"
+                    " nodes that belong to no row of them; return agents by `self.child(...)`,"
                     " or run this world without regions"
                 )
         made.append(author)

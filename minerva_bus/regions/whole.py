@@ -151,10 +151,10 @@ class WholeSource(RecordedSource):
         """Reason why a member, which is not a region, cannot take part; or an empty string."""
         if hello.member in self._names or not (hello.kinds or hello.ticks):
             return ""
-        what = "hosts agents" if hello.kinds else "is in step with the frames"
+        what = "hosts agents" if hello.kinds else "runs in step with the frames"
         return (
-            f"it {what}, and in a world with regions only they do so; run the world with one"
-            " coordinator (--regions 0), or send events freely"
+            f"it {what}, which only regions do in this world; run the world with one coordinator"
+            " (--regions 0), or send events freely"
         )
 
     def _request_of_frame(self) -> m.RegionRequest:

@@ -55,7 +55,7 @@ def test_kqml():
         )
         for performative, act in NEAREST.items()
     }
-    lost = re.search(r"; (`accept-proposal`.*?) have no counterpart", DOCUMENT)
+    lost = re.search(r"; (`accept-proposal`.*?) have no counterpart", DOCUMENT, re.DOTALL)
     assert {act for act in ACTS if performative_of(act) is None} == {
         *re.findall(r"`([a-z-]+)`", lost[1])
     }

@@ -143,7 +143,7 @@ def test_options_of_a_world_made_in_python():
     (lambda: World("AFrog#a", agents=[Frog], frames="x"), "whole number"),
     (lambda: run(pond()), r"has no end: run\(world, frames=300\)"),
     (lambda: run(pond(), frames=3, processes=0), "at least 1"),
-    (lambda: run(5, frames=3), "is no World"),
+    (lambda: run(5, frames=3), "is neither a World"),
     (lambda: run("nowhere.toml", frames=3), "no world file nowhere.toml"),
     (lambda: pond().save("pond.txt"), "ends with .toml"),
 ])  # fmt: skip

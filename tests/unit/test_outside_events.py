@@ -117,7 +117,7 @@ def test_only_regions_have_agents_and_generators_in_step():
     bell = answer_to(algorithm, Member("bell", Bell()))
     assert isinstance(bell[0], m.Welcome)
     for member, what in (
-        (Member("clock", Clock()), "is in step with the frames"),
+        (Member("clock", Clock()), "runs in step with the frames"),
         (Member("guests", None, [Guest]), "hosts agents"),
     ):
         (refused,) = answer_to(algorithm, member)

@@ -94,7 +94,7 @@ class BusGuard:
         if header == _INIT:
             reader.byte()
             if reader.byte() & 0x03 != _CLIENT:
-                raise ForbiddenMessage("it is no client")
+                raise ForbiddenMessage("it is not a client")
         elif header == _FRAME:
             reader.number()
             while not reader.is_empty:
@@ -123,7 +123,7 @@ class BusGuard:
             raise ForbiddenMessage("a message has unknown extensions")
         reader.number()
         if reader.byte() != _PUT:
-            raise ForbiddenMessage("a message is no plain PUT")
+            raise ForbiddenMessage("a message is not a plain PUT")
         if not self._puts.fullmatch(key):
             raise ForbiddenMessage(f"{self._member} may not publish on {key[:200]!r}")
 
