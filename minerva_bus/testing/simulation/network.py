@@ -7,8 +7,9 @@ from typing import Any, Final
 
 from minerva_bus.testing.simulation.links import Link, Weather
 from minerva_bus.testing.simulation.process import SimulatedProcess
-from minerva_bus.testing.simulation.sessions import Declared, Query, Session, matches
+from minerva_bus.testing.simulation.sessions import Query, Session, matches
 from minerva_bus.testing.simulation.timeline import EPOCH, Timeline
+from minerva_bus.testing.simulation.tokens import Tokens
 from minerva_bus.wire.codec import declaration
 from minerva_bus.wire.epochs import stamp
 
@@ -38,6 +39,7 @@ class Network:
         self.weather = weather
         self.hub: Session | None = None
         self.links: list[Link] = []
+        self.tokens = Tokens(self.links, self._reachable)
         self.clients: list[Session] = []
         self.graveyard: list[Generator[None, None, int] | None] = []
         self.crash_after: dict[str, int] = {}
@@ -105,14 +107,14 @@ class Network:
         for step in steps:
             step()
         for watch in session.watches:
-            self.tell_of_tokens(session, watch)
+            self.tokens.report(session, watch)
 
     def _tell_subscribers(self, session: Session) -> None:
         self.changed(session)
 
     def _tell_tokens(self, session: Session, link: Link) -> None:
         for token in session.tokens:
-            link.up(lambda key=token.key: self._seen(link, key, there=True))
+            link.up(lambda key=token.key: self.tokens.seen(link, key, there=True))
 
     def _retry(self, session: Session) -> None:
         chance = self.timeline.stream(f"retries of {session.process.name}")
@@ -168,7 +170,7 @@ class Network:
         self.links.remove(link)
         link.cut = True
         for key in list(link.tokens):
-            self._unseen(link, key)
+            self.tokens.unseen(link, key)
 
     def freeze(self, process: SimulatedProcess, seconds: float) -> None:
         """Freeze a process; after a lease it loses its links."""
@@ -184,83 +186,6 @@ class Network:
         for link in list(self.links):
             if process in (link.client.process, link.hub.process):
                 self.cut(link.client, (0.0, 0.0))
-
-    # --- tokens ---
-
-    def token(self, session: Session, key: str, *, there: bool) -> None:
-        """Declare or remove a token of a session."""
-        if session.hub:
-            self._show_token(session, key, there=there)
-        elif session.link is not None:
-            link = session.link
-            link.up(lambda: self._seen(link, key, there=there))
-
-    def _seen(self, link: Link, key: str, *, there: bool) -> None:
-        if there and key not in link.tokens:
-            before = self._count(link.hub, key)
-            link.tokens.append(key)
-            # A token is visible as long as any session has it.
-            if not before:
-                self._show_token(link.hub, key, there=True)
-        elif not there and key in link.tokens:
-            self._unseen(link, key)
-
-    def _unseen(self, link: Link, key: str) -> None:
-        link.tokens.remove(key)
-        if not self._count(link.hub, key):
-            self._show_token(link.hub, key, there=False)
-
-    def _count(self, hub: Session, key: str) -> int:
-        own = sum(token.key == key for token in hub.tokens)
-        return own + sum(key in link.tokens for link in self.links if link.hub is hub)
-
-    def _show_token(self, hub: Session, key: str, *, there: bool) -> None:
-        hub.see(key, there=there)
-        for link in list(self.links):
-            if link.hub is hub and any(
-                matches(watch.pattern, key) for watch in link.client.watches
-            ):
-                self._tell_of(link, key, there=there)
-
-    def _tell_of(self, link: Link, key: str, *, there: bool) -> None:
-        session = link.client
-
-        def notify() -> None:
-            # From a former link, or without a change: watchers receive changes only.
-            if session.link is not link or (key in session.known) is there:
-                return
-            if there:
-                session.known[key] = None
-            else:
-                session.known.pop(key)
-            session.see(key, there=there)
-
-        link.down(notify)
-
-    def tell_of_tokens(self, session: Session, watch: Declared) -> None:
-        """Notify a new watcher of the present tokens."""
-        if session.hub:
-            return  # The first coordinator has no predecessor.
-        link = session.link
-        if link is not None:
-
-            def asked() -> None:
-                for key in self.tokens_matching(session, watch.pattern):
-                    self._tell_of(link, key, there=True)
-
-            link.up(asked)
-
-    def tokens_matching(self, session: Session, pattern: str) -> list[str]:
-        """Tokens that are visible to the hub, sorted; none if it is unreachable."""
-        link = session.link
-        hub = session if session.hub else None if link is None or link.cut else link.hub
-        if hub is None or not self._reachable(hub):
-            return []
-        keys = {token.key for token in hub.tokens}
-        for link in self.links:
-            if link.hub is hub:
-                keys.update(link.tokens)
-        return sorted(key for key in keys if matches(pattern, key))
 
     # --- messages ---
 

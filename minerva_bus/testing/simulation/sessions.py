@@ -241,20 +241,20 @@ class Session:
         """Watch tokens, including the present ones."""
         declared = self._declared(key, handler, self.watches)
         if history:
-            self.network.tell_of_tokens(self, declared)
+            self.network.tokens.report(self, declared)
         return declared
 
     def take_token(self, key: str) -> Token:
         """Declare a token."""
         token = Token(key, self)
         self.tokens.append(token)
-        self.network.token(self, key, there=True)
+        self.network.tokens.declare(self, key, there=True)
         return token
 
     def drop_token(self, token: Token) -> None:
         """Remove a token."""
         self.tokens.remove(token)
-        self.network.token(self, token.key, there=False)
+        self.network.tokens.declare(self, token.key, there=False)
 
     def publish(self, key: str, data: bytes, *, droppable: bool) -> None:
         """Publish to all subscribers, of this process and of others."""
@@ -293,4 +293,4 @@ class Liveliness:
 
     def get(self, key: str, *, timeout: float) -> list[str]:
         """Matching tokens according to the hub, without delay."""
-        return self._session.network.tokens_matching(self._session, key)
+        return self._session.network.tokens.matching(self._session, key)
