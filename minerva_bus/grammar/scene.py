@@ -255,12 +255,8 @@ def with_scope(node: AgentNode, scope: Scene) -> AgentNode: ...
 @overload
 def with_scope(node: TransformationNode, scope: Scene) -> TransformationNode: ...
 @overload
-def with_scope(
-    node: TransformationNode | AgentNode, scope: Scene
-) -> TransformationNode | AgentNode: ...
-def with_scope(
-    node: TransformationNode | AgentNode, scope: Scene
-) -> TransformationNode | AgentNode:
+def with_scope(node: Scoped, scope: Scene) -> Scoped: ...
+def with_scope(node: Scoped, scope: Scene) -> Scoped:
     """The node with another scope; the same object if nothing changes."""
     # Empty scopes may be different objects.
     if scope is node.scope or (not scope.pieces and not node.scope.pieces):
