@@ -62,7 +62,7 @@ def main() -> None:
                     for name, value in sorted(summary.figures.items())
                     if isinstance(value, str | int | float)
                 },
-                "failure": supervisor.failure,
+                "failure": supervisor.problem,
             },
         )
     except MinervaError as error:

@@ -13,18 +13,24 @@ from minerva_bus.launch.summary import EndReport, RunSummary, Startup
 class Ending:
     """The end of the world; at the `deadline` its remaining processes are killed.
 
-    `failure`: the reason for a premature end. `reason`: that of the coordinator, None before it
-    stops, which is at `stopping_at`. `report`: its last report. `followed`: another
+    `problem`: the reason for a premature end, followed by the lines of user code that caused it if
+    they are known. `reason`: that of the coordinator, None before it stops, which is at
+    `stopping_at`. `report`: its last report. `followed`: another
     launcher's coordinator runs the world. Times are of the monotonic clock.
     """
 
-    failure: str = ""
+    problem: str = ""
     reason: str | None = None
     report: EndReport | None = None
     deadline: float | None = None
     stopping_at: float | None = None
     interrupts: int = 0
     followed: bool = False
+
+    @property
+    def failure(self) -> str:
+        """The reason for a premature end in one line."""
+        return self.problem.partition("\n")[0]
 
     @property
     def begun(self) -> bool:
@@ -37,9 +43,9 @@ class Ending:
         failed = self.report is not None and self.report.failed
         return not (self.failure or self.interrupts or failed)
 
-    def fail(self, failure: str) -> None:
+    def fail(self, problem: str) -> None:
         """Note a failure. The first one is the cause; later ones may be its consequences."""
-        self.failure = self.failure or failure
+        self.problem = self.problem or problem
 
     def end_by(self, deadline: float) -> None:
         """Set a deadline, unless an earlier one is set."""

@@ -97,10 +97,9 @@ class ProcessExits:
             self._stop_for(process, f"{how}{times}")
 
     def _stop_for(self, process: SupervisedProcess, why: str) -> None:
-        """Stop the world because of a process; the summary has the cause in one line."""
-        cause = process.cause.partition("\n")[0]
-        self._run.stop(f"{process.name} {cause or why}")
-        raised = FAILURE_REPORT.match(cause) and not self._run.console.traceback
+        """Stop the world because of a process."""
+        self._run.stop(f"{process.name} {process.cause or why}")
+        raised = FAILURE_REPORT.match(process.cause) and not self._run.console.traceback
         more = " (--traceback shows all frames)" if raised else ""
         self._run.console.log(process.name, f"{why}; the world stops{more}", "error")
 

@@ -53,9 +53,9 @@ class SupervisedRun:
         # A profile is written after the end of the world.
         return PROFILE_SECONDS if self.context.profiling.member else REPORT_SECONDS
 
-    def stop(self, failure: str) -> None:
-        """Stop the world early."""
-        self.ending.fail(failure)
+    def stop(self, problem: str) -> None:
+        """Stop the world early; see `Ending.problem`."""
+        self.ending.fail(problem)
         self.coordinator.command("stop")
         self.ending.deadline = self.machine.monotonic() + STOP_SECONDS
 

@@ -122,8 +122,13 @@ class Supervisor:
 
     @property
     def failure(self) -> str:
-        """Reason for a premature end of the world; otherwise empty."""
+        """Reason for a premature end of the world in one line; otherwise empty."""
         return self._run.ending.failure
+
+    @property
+    def problem(self) -> str:
+        """The reason, followed by the lines of user code that caused it if they are known."""
+        return self._run.ending.problem
 
     # --- turns ---
 

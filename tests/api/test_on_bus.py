@@ -12,6 +12,7 @@ import pytest
 from frogs import Frog, eCroak, eFeed, marsh, pond
 
 from minerva_bus import Interrupted, connect, count, data, run
+from minerva_bus.blame import report
 from minerva_bus.errors import BusError, MinervaError, MisuseError, WorldStopped
 from minerva_bus.launch.registry import running
 
@@ -189,9 +190,13 @@ def test_code_that_fails_in_a_step_is_an_exception_as_in_this_process():
         with marsh().start(bus=bus) as live:
             assert live.step(2) == 2
             for _ in range(2):  # Also of a world that has failed before.
-                with pytest.raises(WorldStopped, match=r"failed in frame 2: .*no more flies"):
+                with pytest.raises(WorldStopped, match=r"failed in frame 2: .*no more flies") as at:
                     live.step(5)
                 assert live.ended
+                # The reader's line, although on the bus another process has executed it.
+                shown = report(at.value).splitlines()
+                assert len(shown) <= 10
+                assert any(line.strip().startswith("raise ValueError") for line in shown)
         assert live.frame == 2
     assert not running()
 
