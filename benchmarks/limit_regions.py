@@ -112,7 +112,7 @@ def arrived(units: Units, events: Sequence[PlacedEvent] = ()) -> Measured:
     InProcessRunner(region.algorithm, ()).start()
     region.algorithm.frame = 1
     region.receive(Parcel(0, 1, 1, Units((), ()), ()))
-    region.expect([0])
+    region.expect({0: [0]})
     data = encode(to_message(Parcel(0, 0, 1, units, tuple(events))))
     known = agents_in([Units((), WORLD.scene.pieces), region.units])
     decoding, message = timed(lambda: Decoder(VOCABULARY).parcel(data, known))
@@ -147,7 +147,7 @@ def answered() -> Measured:
 def requested() -> Measured:
     """The most events of a generator that runs freely, for a frame."""
     events = (*singles(DEFAULT.single_events), batch(DEFAULT.events - DEFAULT.single_events))
-    data = encode(m.RegionRequest(0, b"", {"rain": events}))
+    data = encode(m.RegionRequest(0, (), {"rain": events}))
     region = Region(WORLD, 1, PARTITION)
     decoding, request = timed(lambda: Decoder(VOCABULARY).to_member(data))
     return len(data), decoding, timed(lambda: region.give(request))[0]

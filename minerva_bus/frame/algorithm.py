@@ -23,6 +23,7 @@ from minerva_bus.frame.inbox import FrameInbox
 from minerva_bus.frame.inputs import FrameInputs
 from minerva_bus.frame.instructions import Instructions
 from minerva_bus.frame.joining import MemberLifecycle
+from minerva_bus.frame.lag import saved_homes
 from minerva_bus.frame.live import FrameSource, LiveSource
 from minerva_bus.frame.member_states import MemberChange
 from minerva_bus.frame.members import Members
@@ -64,7 +65,7 @@ class FrameAlgorithm:
         limit = world.placement.agents_per_host
         self.placement = Placement(world.vocabulary, self.composition, limit)
         self.views = Views(world)
-        self.inbox = FrameInbox(past)
+        self.inbox = FrameInbox(past, world.scene)
         counts = past.saved.get(SOURCE, {})
         self.norms = Norms(world.norms, self.composition, world.vocabulary, counts)
         self.goal = WorldGoal(world, self.composition, self.members.saved)
@@ -379,9 +380,10 @@ class FrameAlgorithm:
     @property
     def checkpoint(self) -> Checkpoint:
         """State besides the string from which the world can resume; valid between frames."""
+        homes = saved_homes(self.world.lag, self.frame, self.inbox.homes, self.composition)
         return Checkpoint(
             self.frame,
-            dict(self.members.saved),
+            {**self.members.saved, **homes},
             tuple(self.inbox.emitted),
             self.inbox.waiting(),
             self.goal.reached,

@@ -13,12 +13,12 @@ from minerva_bus.frame.collection import note_answer
 from minerva_bus.frame.evolution_ahead import EvolutionAhead
 from minerva_bus.frame.inbox import EarlyEvolution
 from minerva_bus.frame.inputs import FrameInputs
-from minerva_bus.frame.lag import note_sent
+from minerva_bus.frame.lag import note_homes, note_sent
 from minerva_bus.frame.phases import Phase
 from minerva_bus.frame.replies import duplicate_agent, foreign_fragment, foreign_sender, patched
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.fitting import Unfit
-from minerva_bus.grammar.scene import EMPTY, Scene, agents
+from minerva_bus.grammar.scene import Scene, agents
 from minerva_bus.world.lineage import copy_id
 
 if TYPE_CHECKING:
@@ -311,7 +311,7 @@ class EvolutionStep:
         algorithm.goal.note(result.sent, algorithm.out)
         # Before the replacement, because an agent that died in this frame has no place after it.
         sent = self.sent_in_order()
-        before = algorithm.composition.scene if sent and algorithm.world.lag is not None else EMPTY
+        note_homes(algorithm)
         try:
             algorithm.placement.outdated |= algorithm.composition.replace(result.changed)
         except VocabularyError as error:
@@ -322,7 +322,7 @@ class EvolutionStep:
         record = frame_record(algorithm)
         algorithm.out.add(s.FrameDone(algorithm.frame, record, in_flight.events.ordered, inputs))
         algorithm.frame += 1
-        note_sent(algorithm, sent, before)
+        note_sent(algorithm, sent)
         if result.changed:
             algorithm.views.last_change = algorithm.frame
 

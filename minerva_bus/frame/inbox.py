@@ -11,8 +11,10 @@ from typing import Final, TypeAlias
 
 from minerva_bus.frame import messages as m
 from minerva_bus.frame.checkpoint import Checkpoint
+from minerva_bus.frame.lag import Homes, saved_strays
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.events import Event
+from minerva_bus.grammar.scene import Scene
 from minerva_bus.world.norms import SOURCE
 
 PEOPLE: Final = "~order"
@@ -139,10 +141,11 @@ class FrameInbox:
     """Events that wait for the next frame, by source.
 
     `emitted`: events that agents have sent for the next frame; `postpone` queues those for later
-    ones. `sanctions`: events from norms.
+    ones, and with a lag depends on the `homes` of agents. `sanctions`: events from norms.
     """
 
-    def __init__(self, past: Checkpoint) -> None:
+    def __init__(self, past: Checkpoint, scene: Scene) -> None:
+        """`past` and `scene` are the state with which the world begins."""
         self.events: dict[str, list[AnyEvent]] = {
             source: list(events) for source, events in past.inbox.items()
         }
@@ -157,6 +160,7 @@ class FrameInbox:
         self.early = EarlyAnswers()
         self.max_single_events: int = MAX_SINGLE_EVENTS
         self.max_waiting: int = MAX_WAITING
+        self.homes = Homes(scene, saved_strays(past.saved))
         self._counts: dict[str, int] = {}
 
     def __bool__(self) -> bool:

@@ -1,13 +1,15 @@
 """Lag: events across borders between parts of the string count some frames later.
 
 The parts are a property of the world, as are the frames, so a world has the same string however
-many coordinators run it.
+many coordinators run it. Agents move to other parts in some frames only, and between them each is
+*at home* in the part where it was in the last of these.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Protocol
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Final, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +19,21 @@ from minerva_bus.grammar.scene import Scene
 
 if TYPE_CHECKING:
     from minerva_bus.frame.algorithm import FrameAlgorithm
+    from minerva_bus.frame.composition import Composition
+
+HOMES: Final = "~homes"
+"""Key in `Checkpoint.saved` for the agents that are not at home where they are."""
+
+NOWHERE: Final = -1
+"""Home of an agent that has been born since agents could last move."""
+
+
+@dataclass(frozen=True, slots=True)
+class Homes:
+    """The homes of agents: the parts where they are in a string, except for `strays`."""
+
+    scene: Scene
+    strays: Mapping[str, int] = field(default_factory=dict[str, int])
 
 
 class Lag(Protocol):
@@ -27,23 +44,54 @@ class Lag(Protocol):
         """The additional frames, at least 1."""
         ...
 
-    def crossing(self, sent: Sequence[AnyEvent], before: Scene) -> list[NDArray[np.bool_]]:
-        """For each event, or batch, of a frame, which of its rows cross a border.
+    @property
+    def every(self) -> int:
+        """Agents move to other parts before the frames that are multiples of this."""
+        ...
 
-        `before` is the string with which the frame began.
-        """
+    def crossing(self, sent: Sequence[AnyEvent], homes: Homes) -> list[NDArray[np.bool_]]:
+        """For each event, or batch, of a frame, which of its rows cross a border."""
+        ...
+
+    def strays(self, homes: Homes, scene: Scene) -> dict[str, int]:
+        """The agents of homes and a later string whose home is not where they are, with it."""
         ...
 
 
-def note_sent(algorithm: FrameAlgorithm, sent: Sequence[AnyEvent], before: Scene) -> None:
-    """Queue what agents have sent in the frame that began with `before` and is complete now."""
+def homes_at(lag: Lag | None, frame: int, homes: Homes, string: Composition) -> Homes:
+    """The homes in a frame that begins with this string, after those of the frame before."""
+    return homes if lag is None or frame % lag.every else Homes(string.scene)
+
+
+def saved_homes(
+    lag: Lag | None, frame: int, homes: Homes, string: Composition
+) -> dict[str, dict[str, int]]:
+    """The entry for `Checkpoint.saved` before a frame that begins with this string."""
+    if lag is None or lag.every == 1:
+        return {}
+    return {HOMES: lag.strays(homes, string.scene) if frame % lag.every else {}}
+
+
+def saved_strays(saved: Mapping[str, Any]) -> Mapping[str, int]:
+    """The strays in `Checkpoint.saved`."""
+    return saved.get(HOMES, {})
+
+
+def note_homes(algorithm: FrameAlgorithm) -> None:
+    """Note where agents are at home in the frame that has not replaced its string yet."""
+    lag, inbox = algorithm.world.lag, algorithm.inbox
+    inbox.homes = homes_at(lag, algorithm.frame, inbox.homes, algorithm.composition)
+
+
+def note_sent(algorithm: FrameAlgorithm, sent: Sequence[AnyEvent]) -> None:
+    """Queue what agents have sent in the frame that is complete now."""
     inbox, lag = algorithm.inbox, algorithm.world.lag
     if lag is None:
         inbox.emitted = [*sent]
         return
     near: list[AnyEvent] = []
     late: list[AnyEvent] = []
-    for event, crosses in zip(sent, lag.crossing(sent, before) if sent else (), strict=True):
+    for event, crosses in zip(sent, lag.crossing(sent, inbox.homes) if sent else (), strict=True):
         near += _rows(event, ~crosses)
         late += _rows(event, crosses)
     inbox.postpone(algorithm.frame + lag.frames, late)

@@ -388,9 +388,12 @@ class RegionRequest:
 
     frame: int
     parcels: Annotated[
-        bytes,
-        Note("of the frame before: source and target of each, as uint16, little-endian"),
-    ] = b""
+        tuple[bytes, ...],
+        Note(
+            "for each frame whose parcels this one needs and the one before did not: source and"
+            " target of each, as uint16, little-endian"
+        ),
+    ] = ()
     events: Annotated[
         SentBy,
         Note("from outside of all regions, by source: the name of the generator or of the people"),

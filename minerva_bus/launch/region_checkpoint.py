@@ -52,7 +52,8 @@ class RegionCheckpoint:
         """The state of a region. Raises TypeError if a generator saves data that are not plain."""
         units, checkpoint = region.units, region.algorithm.checkpoint
         last = region.services.last
-        keyframe = encode_keyframe(region.frame, units.scene, Kept.of(checkpoint), last)
+        kept = Kept.of(replace(checkpoint, saved={**checkpoint.saved, **region.homes}))
+        keyframe = encode_keyframe(region.frame, units.scene, kept, last)
         norms, number = region.norms, region.number
         views = [
             Parcel(frame, source, number, NOTHING, (), part)
@@ -84,7 +85,12 @@ class RegionCheckpoint:
         return RegionCheckpoint(*as_list(unpack(data, ON_DISK), "a checkpoint"))
 
     def region(
-        self, world: World, number: int, partition: Partition, members: Iterable[Member]
+        self,
+        world: World,
+        number: int,
+        partition: Partition,
+        members: Iterable[Member],
+        ahead: int = 0,
     ) -> Region:
         """The region in this state; arguments as of `Region`. Raises ProtocolError."""
         keyframe = EntryDecoder(world.vocabulary).keyframe(self.keyframe)
@@ -102,7 +108,7 @@ class RegionCheckpoint:
 
         received = parcel(number, self.norms).norms
         own, present = Units(places, pieces), moved(partition, self.borders)
-        region = Region(past, number, present, members, own, received)
+        region = Region(past, number, present, members, own, received, ahead)
         views = [parcel(source, data) for source, data in self.views]
         for frame, parcels in groupby(views, lambda parcel: parcel.frame):
             region.services.take(frame, {each.source: each.views for each in parcels})

@@ -14,6 +14,7 @@ from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.live import FrameSource
 from minerva_bus.launch.region_checkpoint import RegionCheckpoint
 from minerva_bus.launch.region_journal import FileJournal, RegionJournal, ReportedJournal
+from minerva_bus.launch.region_schedule import notes_on, schedule_of
 from minerva_bus.launch.region_terms import TERMS, terms_of
 from minerva_bus.launch.temporary_folder import temporary_folder
 from minerva_bus.launch.worldfile import Process, WorldFile
@@ -110,7 +111,8 @@ def in_regions(file: WorldFile) -> Generator[WorldFile]:
             )
             for number in numbers
         ]
-        yield _with(file, (*regions, *outside))
+        notes = *file.notes, *notes_on(_with(file, inside))
+        yield replace(_with(file, (*regions, *outside)), notes=notes)
 
 
 def outside_of(processes: Iterable[Process]) -> frozenset[str]:
@@ -170,6 +172,7 @@ def source_of(file: WorldFile) -> Callable[[FrameAlgorithm], FrameSource] | None
         codec=part_codec(file.world.vocabulary, file.access.limits),
         terms={TERMS: terms_of(regions[0].world_file)},
         journals=_first_journals(file) if regions[0].elsewhere else {},
+        schedule=schedule_of(regions[0].world_file),
     )
 
 

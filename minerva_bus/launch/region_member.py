@@ -25,6 +25,7 @@ from minerva_bus.launch.in_process import members_of
 from minerva_bus.launch.region_checkpoint import RegionCheckpoint
 from minerva_bus.launch.region_journal import MAX_BYTES, RegionJournal
 from minerva_bus.launch.region_requests import RegionRequests
+from minerva_bus.launch.region_schedule import schedule_of
 from minerva_bus.launch.region_sending import ParcelSender
 from minerva_bus.launch.region_terms import agreed
 from minerva_bus.launch.worldfile import WorldFile
@@ -32,9 +33,15 @@ from minerva_bus.log.entries import encode_inputs
 from minerva_bus.regions.journal import CHECKPOINT, COORDINATOR, JOURNAL
 from minerva_bus.regions.judging import LINES
 from minerva_bus.regions.merging import Units, agents_in
-from minerva_bus.regions.messages import AgainMessage, from_message, sources_in, to_message
+from minerva_bus.regions.messages import (
+    AgainMessage,
+    expected_sources,
+    from_message,
+    to_message,
+)
 from minerva_bus.regions.norms import violations
 from minerva_bus.regions.part import PartMessage, PartSender
+from minerva_bus.regions.partition import Partition
 from minerva_bus.regions.region import Region
 from minerva_bus.regions.whole import FIRST, PART
 from minerva_bus.runtime.direct import InProcessRunner
@@ -65,15 +72,19 @@ class RegionMember(Member):
         self._parcels = ParcelSender(send)
         self._file = file
         self._members = members_of(file)
-        self._begin(Region(file.world, number, file.partition, self._members))
+        self._ahead = schedule_of(file).ahead
+        self._begin(self._region(file, number, file.partition))
         self._decoder = Decoder(file.world.vocabulary, file.access.limits)
         self._journal = journal
         self._log = log
         self._sender = PartSender()
         self._done: s.FrameDone | None = None
-        self._requests = RegionRequests()
+        self._requests = RegionRequests(self._ahead)
         self._early: list[ParcelArrived] = []
         self._handlers[m.RegionRequest] = self._on_request
+
+    def _region(self, file: WorldFile, number: int, partition: Partition) -> Region:
+        return Region(file.world, number, partition, self._members, ahead=self._ahead)
 
     def _begin(self, region: Region) -> None:
         self.region = region
@@ -98,13 +109,16 @@ class RegionMember(Member):
     # --- messages ---
 
     def _on_welcome(self, welcome: m.Welcome) -> None:
+        if self.stopped:  # It was on its way when the world ended.
+            return
         joins, saved = self.world is None, welcome.saved or {}
         region, file = self.region, agreed(self._file, self.name, saved)
-        if not joins and (file is not self._file or welcome.frame + 1 < region.frame):
+        present = welcome.frame + 1 + self._ahead
+        if not joins and (file is not self._file or present < region.frame):
             raise WorldRestarted(f"the world has restarted, at frame {welcome.frame}")
         if file is not self._file:
             self._file = file
-            self._begin(Region(file.world, region.number, region.partition, self._members))
+            self._begin(self._region(file, region.number, region.partition))
         super()._on_welcome(welcome)
         if not joins:
             return
@@ -155,7 +169,8 @@ class RegionMember(Member):
     def _restore(self, checkpoint: RegionCheckpoint) -> None:
         """Continue from the state that a former process of this region has saved."""
         number, partition = self.region.number, self.region.partition
-        self._begin(checkpoint.region(self._file.world, number, partition, self._members))
+        world, members = self._file.world, self._members
+        self._begin(checkpoint.region(world, number, partition, members, self._ahead))
         kept, arrived, reports, requests, sent_bytes = checkpoint.messages
         decoder = Decoder(self._file.world.vocabulary, ON_DISK)
         self._parcels.sent_bytes = sent_bytes
@@ -231,7 +246,8 @@ class RegionMember(Member):
     def _note(self, request: m.ToMember) -> None:
         assert isinstance(request, m.RegionRequest)
         self._requests.note(request)
-        self._parcels.outbox.acknowledge(request.frame)
+        # What the requests ahead of the last complete frame do not need any more, others may.
+        self._parcels.outbox.acknowledge(request.frame - 2 * self._ahead)
 
     def _on_stop(self, stop: m.Stop) -> None:
         self.stopped = stop.reason or "the world has ended"
@@ -265,7 +281,7 @@ class RegionMember(Member):
         """Run the requested frames for which everything has arrived."""
         region = self.region
         while (request := self._requests.of(region.frame)) is not None:
-            region.expect(sources_in(request.parcels, region.number))
+            region.expect(expected_sources(region.schedule, request, region.number))
             if region.missing:
                 return
             try:

@@ -7,7 +7,8 @@ from typing import Final
 from minerva_bus.frame import messages as m
 
 REPORTS_KEPT: Final = 2
-"""Reports that the coordinator may request again: those of the frames that it may wait for."""
+"""Reports that the coordinator may request again, and as many as the region runs ahead: those of
+the frames that it may wait for."""
 
 
 class RegionRequests:
@@ -17,7 +18,8 @@ class RegionRequests:
     `lines` of the world's log wait for the next one.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, ahead: int) -> None:
+        self._ahead = ahead
         self.last = -1
         self.reports: dict[int, m.TickReply] = {}
         self.lines: list[str] = []
@@ -49,4 +51,4 @@ class RegionRequests:
     def keep(self, report: m.TickReply) -> None:
         """Keep the report of a frame, instead of an earlier one."""
         self.reports[report.frame] = report
-        self.reports.pop(report.frame - REPORTS_KEPT, None)
+        self.reports.pop(report.frame - REPORTS_KEPT - self._ahead, None)

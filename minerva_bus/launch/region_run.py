@@ -209,7 +209,8 @@ class RegionRun:
         self._ending.learn([part.region.progress() for part in self._parts])
         parcels = [parcel for part in self._parts for parcel in part.region.leave()]
         for number, part in enumerate(self._parts):
-            part.region.expect([each.source for each in parcels if each.target == number])
+            sources = [each.source for each in parcels if each.target == number]
+            part.region.expect({part.region.frame - 1: sources})
         for parcel in parcels:
             self._parts[parcel.target].region.receive(parcel)
         # Together, so that an interrupted frame does not count.

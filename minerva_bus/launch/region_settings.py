@@ -38,7 +38,7 @@ def read_regions(top: Table, path: Path) -> tuple[Partition | None, RegionLag | 
     """
     settings, table = top.read(RegionSettings), top.table("regions")
     is_off = "regions" in top.overrides.values and not settings.count  # --regions 0
-    if is_off and not settings.lag:
+    if is_off and not settings.lag and settings.move_every == 1:
         return None, None
     if is_off:  # The lag is that between the regions of the file.
         count = settings_of(RegionSettings)["count"]
@@ -50,6 +50,8 @@ def read_regions(top: Table, path: Path) -> tuple[Partition | None, RegionLag | 
 
 def _lag(table: Table, settings: RegionSettings, partition: Partition | None) -> RegionLag | None:
     if not settings.lag:
+        if settings.move_every > 1:
+            table.wrong("move_every", "lets regions run ahead by the lag between them: add lag")
         return None
     if partition is None:
         table.wrong("lag", "is between regions: add count, grid or tree")
@@ -57,7 +59,11 @@ def _lag(table: Table, settings: RegionSettings, partition: Partition | None) ->
         table.wrong("lag", "needs borders that stay where they are: remove balance")
     if settings.function:
         table.wrong("lag", "needs regions by id, grid or tree: remove function")
-    return RegionLag(settings.lag, partition) if partition.count > 1 else None
+    if settings.move_every > 1 and settings.reach != "everywhere":
+        # Agents may be elsewhere than in the region that runs them.
+        table.wrong("move_every", 'needs reach = "everywhere"')
+    lag = RegionLag(settings.lag, partition, settings.move_every)
+    return lag if partition.count > 1 else None
 
 
 def _partition(top: Table, table: Table, settings: RegionSettings, path: Path) -> Partition | None:

@@ -8,6 +8,7 @@ from hashlib import blake2b
 from typing import Any, Final
 
 from minerva_bus.frame.member import Refusal
+from minerva_bus.launch.region_schedule import schedule_of
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.log.journal import key_of
 from minerva_bus.regions.partition import ByFunction
@@ -35,6 +36,7 @@ def terms_of(file: WorldFile) -> dict[str, Any]:
         "until": world.until,
         "regions": regions,
         "lag": repr(world.lag),
+        "frames ahead": schedule_of(file).ahead,
         "options": options,
         # Regions of a run that continues get their strings from the coordinator.
         CONTINUES: "" if world.past.frame else world.scene.digest.hex(),

@@ -1,8 +1,9 @@
 """The lag between regions in the description of a record.
 
-lag = [frames, {"ids": regions}]
-    | [frames, {"grid": [[name, [border, ...]], ...], "by_condition": bool}]
-    | [frames, {"tree": split, "by_condition": bool}]
+lag = [frames, regions, every]
+regions = {"ids": count}
+    | {"grid": [[name, [border, ...]], ...], "by_condition": bool}
+    | {"tree": split, "by_condition": bool}
 split = [name, border, split or nil, split or nil]
 """
 
@@ -20,15 +21,18 @@ from minerva_bus.wire.plain import as_bool, as_int, as_list, as_map, as_number, 
 
 def plain_lag(lag: Lag | None) -> list[Any] | None:
     """A lag as plain data."""
-    return [lag.frames, _plain(lag.partition)] if isinstance(lag, RegionLag) else None
+    if not isinstance(lag, RegionLag):
+        return None
+    return [lag.frames, _plain(lag.partition), lag.every]
 
 
 def read_lag(plain: Any) -> RegionLag | None:
     """The lag of plain data. Raises ProtocolError."""
     if plain is None:
         return None
-    frames, partition = _items(plain, 2)
-    return RegionLag(as_int(frames, "lag"), _partition(as_map(partition, "regions")))
+    frames, partition, every = _items(plain, 3)
+    regions = _partition(as_map(partition, "regions"))
+    return RegionLag(as_int(frames, "lag"), regions, as_int(every, "every"))
 
 
 def _plain(partition: Partition) -> dict[str, Any]:

@@ -2,32 +2,54 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from minerva_bus.frame.lag import NOWHERE
 from minerva_bus.grammar.columns import Columns
-from minerva_bus.grammar.scene import Piece, Scene
+from minerva_bus.grammar.ids import Ids
+from minerva_bus.grammar.scene import Piece, Scene, agents
 from minerva_bus.regions.attached import HOME
 from minerva_bus.regions.merging import Units
 from minerva_bus.regions.partition import Partition, regions_of
 from minerva_bus.regions.places import Place
 
 NOTHING: Final = Units((), ())
+NOBODY: Final[Mapping[str, int]] = MappingProxyType({})
 
 
-def cut(scene: Scene, partition: Partition) -> list[Units]:
-    """The units of each region in a world's initial string."""
+def cut(scene: Scene, partition: Partition, strays: Mapping[str, int] = NOBODY) -> list[Units]:
+    """The units of each region in the string with which a world begins.
+
+    The regions of `strays` are not those where they are.
+    """
     places = [(number,) for number in range(sum(piece.count for piece in scene.pieces))]
     regions: list[NDArray[np.intp]] = []
     for piece in scene.pieces:
         of_agents = regions_of(partition, piece)
         home = np.full(piece.count, HOME, np.intp)
-        regions.append(home if of_agents is None else of_agents)
+        regions.append(home if of_agents is None else _at_home(piece, of_agents, strays))
     parts = divided(Units(places, scene.pieces), regions)
     return [parts.get(number, NOTHING) for number in range(partition.count)]
+
+
+def _at_home(
+    piece: Piece, regions: NDArray[np.intp], strays: Mapping[str, int]
+) -> NDArray[np.intp]:
+    """The regions of the nodes of a piece; those of agents born since are where they are."""
+    if not strays:
+        return regions
+    if piece.ids is None:  # All agents of a unit are in the same region.
+        homes = [strays.get(agent.id, NOWHERE) for agent in agents(Scene((piece,)))]
+        known = [home for home in homes if home != NOWHERE]
+        return np.array(known[:1], np.intp) if known else regions
+    rows = Ids.of([*strays]).rows_of(piece.ids)
+    homes = np.array([*strays.values()], np.intp)[rows]
+    return np.where((rows >= 0) & (homes != NOWHERE), homes, regions)
 
 
 def divided(units: Units, regions: Sequence[NDArray[np.intp]]) -> dict[int, Units]:

@@ -20,6 +20,7 @@ from minerva_bus.regions.merging import PlacedEvent, Units
 from minerva_bus.regions.norms import NormPart
 from minerva_bus.regions.parcel import Parcel
 from minerva_bus.regions.places import Place
+from minerva_bus.regions.schedule import Schedule
 from minerva_bus.regions.views import PlacedSkeleton, ViewPart
 from minerva_bus.world.norms import Lately
 
@@ -226,6 +227,22 @@ def packed_pairs(targets: Iterable[Sequence[int]]) -> bytes:
     """Source and target of each parcel, of the targets by source, as uint16, little-endian."""
     pairs = [(source, to) for source, each in enumerate(targets) for to in each]
     return np.array(pairs, _REGION).tobytes()
+
+
+def expected_sources(
+    schedule: Schedule, request: m.RegionRequest, target: int
+) -> dict[int, list[int]]:
+    """By frame, the sources of the parcels to a region that a request lists.
+
+    Raises ProtocolError for a list of other frames than the requested one needs.
+    """
+    new = schedule.new(request.frame)
+    if len(new) != len(request.parcels):
+        given = len(request.parcels)
+        raise ProtocolError(f"advance: parcels: expected those of {len(new)} frames, not {given}")
+    return {
+        frame: sources_in(pairs, target) for frame, pairs in zip(new, request.parcels, strict=True)
+    }
 
 
 def sources_in(pairs: bytes, target: int) -> list[int]:

@@ -11,7 +11,7 @@ from minerva_bus.regions.parcel import Parcel
 class Outbox:
     """The last messages for each other region.
 
-    They are of at most three frames, because no region is further ahead.
+    They are of at most three frames, because no region is further ahead; see `acknowledge`.
 
     A request of the coordinator for frame t shows that it has the reports of frame t-1 of all
     regions, with everything that they needed until then. A process on another machine can continue
@@ -27,7 +27,11 @@ class Outbox:
             self._kept.setdefault(message.target, []).append(message)
 
     def acknowledge(self, frame: int) -> None:
-        """Drop what no region needs any more when a frame has been requested."""
+        """Drop what no region needs any more when a frame has been requested.
+
+        If regions run ahead, the frame is twice as many frames before it: the coordinator may lack
+        as many reports, and their frames may need the parcels of as many earlier ones.
+        """
         for region, kept in self._kept.items():
             self._kept[region] = [each for each in kept if each.needed_in >= frame]
 

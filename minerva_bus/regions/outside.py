@@ -21,12 +21,17 @@ class OutsideEvents:
     When a coordinator dies, only a part of the regions may have begun its last frame. So its
     successor repeats this frame with the same events, which the journal marks as handed over, and
     those that arrive before it are for the next one.
+
+    Frames that are requested `ahead` have none, and a successor does not know which ones are. So it
+    gives events to later ones only, except for those that are marked.
     """
 
-    def __init__(self, inbox: FrameInbox, *, succeeds: bool) -> None:
+    def __init__(self, inbox: FrameInbox, *, succeeds: bool, ahead: int = 0) -> None:
         self.current: EventsBySource = {}
         self._inbox = inbox
+        self._ahead = ahead
         self._fixed: EventsBySource | None = None
+        self._free_from: int = 0
         if succeeds:
             self._fix(inbox.events)
 
@@ -34,11 +39,18 @@ class OutsideEvents:
         """Whether a frame has to be repeated with events."""
         return bool(self._fixed)
 
-    def take(self) -> EventsBySource:
+    def wait_for(self, frame: int) -> bool:
+        """Whether there are events for a frame."""
+        return frame >= self._free_from and bool(self._inbox.events)
+
+    def take(self, frame: int) -> EventsBySource:
         """The events of the frame that begins, by source; too many of a generator wait."""
         if self._fixed is not None:
             self.current, self._fixed = self._fixed, None
+            self._free_from = frame + self._ahead + 1
             return self.current
+        if frame < self._free_from:
+            return {}
         later = self._inbox.hold_back()
         self.current = self._inbox.take(lambda _: False)
         self._inbox.put_back(later)
@@ -65,13 +77,14 @@ class OutsideEvents:
             self._fix(noted)
             return
         marked = {_unmarked(name): sent for name, sent in noted.items() if _is_marked(name)}
-        self._fix({name: sent for name, sent in marked.items() if sent})
+        self._fixed = {name: tuple(sent) for name, sent in marked.items() if sent}
         self._inbox.replace({name: sent for name, sent in noted.items() if not _is_marked(name)})
 
     def _fix(self, events: EventsBySource) -> None:
         """Repeat the frame that begins with these events."""
-        self._fixed = {name: tuple(sent) for name, sent in events.items()}
-        self._inbox.replace({})
+        waiting = {name: tuple(sent) for name, sent in events.items()}
+        self._fixed, later = ({}, waiting) if self._ahead else (waiting, {})
+        self._inbox.replace(later)
 
 
 def _marked(source: str) -> str:

@@ -33,6 +33,11 @@ class Parcel:
         return bool(self.units or has_events or self.norms) or self.views is not NO_VIEWS
 
     @property
+    def for_next_frame(self) -> bool:
+        """Whether it has more than postponed events."""
+        return bool(self.units or self.events or self.norms) or self.views != NO_VIEWS
+
+    @property
     def needed_in(self) -> int:
         """The frame that cannot begin without it."""
         return self.frame + 1

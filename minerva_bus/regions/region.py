@@ -1,9 +1,9 @@
 """A region: the frame algorithm on a part of a world's string, between parcels of the others.
 
 A region runs through `enter`, one frame of its algorithm, and `leave`, which returns the parcels
-for the others. It needs their parcels of frame t before frame t+1 begins, and may therefore be at
-most one frame ahead of another region. It depends neither on clocks nor on the transport of
-parcels, which may arrive in any order and more than once.
+for the others. It needs their parcels of frame t before frame t+1 begins, or a later one, by its
+`Schedule`. So it is a few frames ahead of other regions at most. It depends neither on clocks nor
+on the transport of parcels, which may arrive in any order and more than once.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from minerva_bus.errors import ProtocolError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.description import World
+from minerva_bus.frame.lag import saved_strays
 from minerva_bus.frame.member import Member
-from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.scene import Piece, agents
 from minerva_bus.regions.arriving import check_arriving
 from minerva_bus.regions.attached import HOME, AttachedServices, Replies
@@ -31,9 +31,11 @@ from minerva_bus.regions.merging import PlacedEvent, Units, in_order, merged
 from minerva_bus.regions.norms import NO_NORMS, NO_REPORT, NormPart, NormReport, RegionNorms
 from minerva_bus.regions.parcel import Parcel
 from minerva_bus.regions.partition import Partition, regions_of
+from minerva_bus.regions.postponing import PostponedEvents
 from minerva_bus.regions.progress import Progress
 from minerva_bus.regions.reach import check_reach
 from minerva_bus.regions.routing import Routing
+from minerva_bus.regions.schedule import Schedule
 from minerva_bus.regions.source import RegionSource
 from minerva_bus.regions.views import NO_VIEWS
 from minerva_bus.world.norms import SOURCE
@@ -50,14 +52,17 @@ class Region:
         members: Iterable[Member] = (),
         own: Units | None = None,
         received: NormPart | None = None,
+        ahead: int = 0,
     ) -> None:
         """`world` is the whole world, whose string is cut here, equally in each region.
 
+        Regions run `ahead` by so many frames: see `Schedule`.
         `members` are those of the world; the region delivers messages to them by
         `services.deliver`. A region that continues a run has its `own` part instead of a cut, and
         what norms have `received`; it has entered its first frame.
         """
-        own = cut(world.scene, partition)[number] if own is None else own
+        if own is None:
+            own = cut(world.scene, partition, saved_strays(world.past.saved))[number]
         self.number = number
         self.partition = partition
         self.services = AttachedServices(number, partition.count, members, world.shown)
@@ -67,8 +72,9 @@ class Region:
         assert isinstance(self.algorithm.source, RegionSource)
         self._source = self.algorithm.source
         self._source.places = own.places
-        self._world = world
-        self._inbox = ParcelInbox(world.past.frame + 1)
+        self._postponed = PostponedEvents(world, own.scene)
+        self.schedule = Schedule(1 if world.lag is None else world.lag.every, ahead)
+        self._inbox = ParcelInbox(number, world.past.frame, self.schedule)
         self._remaining: Units | None = None
         self.algorithm.goal.forget()
         self._settled: dict[int, Piece] = {}
@@ -115,8 +121,9 @@ class Region:
         Raises ProtocolError for one that its sender cannot have, because this region has not sent
         the parcels that it would need.
         """
-        if parcel.frame > self.frame:
-            raise ProtocolError(f"it is of frame {parcel.frame}, expected at most {self.frame}")
+        last = self.frame + self.schedule.ahead
+        if parcel.frame > last:
+            raise ProtocolError(f"it is of frame {parcel.frame}, expected at most {last}")
         if isinstance(parcel, Replies):
             return self.services.receive(parcel)
         return self._inbox.add(parcel)
@@ -126,14 +133,15 @@ class Region:
         """The parcels for frames that have not been entered, and replies for those not begun."""
         return [*self._inbox.kept, *self.services.arrived]
 
-    def expect(self, sources: Collection[int]) -> None:
-        """The next frame needs parcels of these regions: others have sent none.
+    def expect(self, sources: Mapping[int, Collection[int]]) -> None:
+        """These regions have sent parcels after each of these frames: others have sent none.
 
         Raises ProtocolError for a region that does not exist.
         """
-        if not {*range(self.partition.count)}.issuperset(sources):
-            raise ProtocolError(f"parcels of regions {sorted(sources)}: some do not exist")
-        self._inbox.expected = frozenset([self.number, *sources])
+        named = {region for regions in sources.values() for region in regions}
+        if not named.issubset(range(self.partition.count)):
+            raise ProtocolError(f"parcels of regions {sorted(named)}: some do not exist")
+        self._inbox.expect(sources)
 
     @property
     def missing(self) -> list[int]:
@@ -150,24 +158,21 @@ class Region:
         """
         if self._has_entered:
             return
-        parcels = self._inbox.enter(self.frame)
+        arrived, inbox = self._inbox.enter(self.frame), self.algorithm.inbox
+        parcels = arrived.present
         check_arriving(parcels, self.partition, self.algorithm.composition)
         self.services.take(self.frame - 1, {parcel.source: parcel.views for parcel in parcels})
         self._join([parcel.units for parcel in parcels])
+        self._postponed.enter(self.frame, self.algorithm.composition)
+        self._postponed.queue(inbox, arrived.later)
         events = in_order(event for parcel in parcels for event in parcel.events)
-        self._queue(events, in_order(event for parcel in parcels for event in parcel.postponed))
+        inbox.emitted = [*inbox.take_postponed(self.frame), *events]
         if self._norms is not None:
             norms = [parcel.norms for parcel in parcels]
             self._norms.receive(norms)
-            self.algorithm.inbox.sanctions = [event for part in norms for event in part.sanctions]
+            inbox.sanctions = [event for part in norms for event in part.sanctions]
             # Counts have changed since the last frame, by judging and by agents that have moved.
             self.algorithm.members.saved[SOURCE] = self._norms.saved()
-
-    def _queue(self, events: Sequence[AnyEvent], postponed: Sequence[AnyEvent]) -> None:
-        """Queue the events of agents for this frame, and with a lag those for a later one."""
-        inbox, lag = self.algorithm.inbox, self._world.lag
-        inbox.postpone(self.frame + (0 if lag is None else lag.frames), postponed)
-        inbox.emitted = [*inbox.take_postponed(self.frame), *events]
 
     def give(self, request: m.RegionRequest) -> None:
         """Begin a frame with events from outside of all regions, and perhaps with new borders.
@@ -190,6 +195,11 @@ class Region:
         received = NO_NORMS if self._norms is None else self._norms.received()
         own = self.number
         return Parcel(self.frame, own, own, NOTHING, (), norms=received)
+
+    @property
+    def homes(self) -> dict[str, dict[str, int]]:
+        """Where agents are at home in the frame that begins, as saved data of a checkpoint."""
+        return self._postponed.saved(self.frame, self.algorithm.composition)
 
     @property
     def _has_entered(self) -> bool:
@@ -216,13 +226,14 @@ class Region:
         frame, composition = self.frame - 1, self.algorithm.composition
         check_reach(self.partition, composition)
         self.algorithm.goal.forget()
-        leaving = self._leaving()
+        leaving = self._leaving() if self.schedule.moves(self.frame) else {}
         moving = {
             agent.id: region for region, units in leaving.items() for agent in agents(units.scene)
         }
         routing = Routing(self.number, self.partition, composition, moving)
-        near, crossing = self._divided()
-        routed, late = routing.route(near), routing.route(crossing, late=True)
+        near, crossing = self._postponed.divided(self._source.permitted)
+        late = routing.route(crossing, late=True)
+        routed = routing.route(near) if self.schedule.waits(self.frame) else routing.keep(near)
         views = {HOME: self._source.shown} if self.services.shows else {}
         norms = self._norm_parts(routing, moving)
         parcels = [
@@ -239,17 +250,6 @@ class Region:
             for to, events in enumerate(routed)
         ]
         return [parcel for parcel in parcels if parcel or parcel.target == self.number]
-
-    def _divided(self) -> tuple[Sequence[PlacedEvent], Sequence[PlacedEvent]]:
-        """The events of the last frame for the next one, and those that the lag postpones."""
-        sent, lag = self._source.permitted, self._world.lag
-        if lag is None or not sent:
-            return sent, ()
-        crossing = lag.crossing([each.event for each in sent], self._source.before)
-        rows = [*zip(sent, crossing, strict=True)]
-        near = [each.take(np.flatnonzero(~crosses)) for each, crosses in rows]
-        late = [each.take(np.flatnonzero(crosses)) for each, crosses in rows]
-        return [each for each in near if each.places], [each for each in late if each.places]
 
     def _norm_parts(self, routing: Routing, moving: Mapping[str, int]) -> dict[int, NormPart]:
         if self._norms is None:
@@ -276,7 +276,8 @@ class Region:
     def progress(self) -> Progress:
         """What the last frame means for the end of the world."""
         algorithm, goal = self.algorithm, self.algorithm.goal
-        return Progress(algorithm.at_rest, goal.reached, goal.given_up, goal.striving)
+        resting = algorithm.at_rest and not self._inbox.has_own_events
+        return Progress(resting, goal.reached, goal.given_up, goal.striving)
 
     def _leaving(self) -> dict[int, Units]:
         """The units whose agents are now in other regions, by region; the others remain."""

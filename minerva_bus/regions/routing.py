@@ -60,6 +60,11 @@ class Routing:
                 routed[region].append(each)
         return routed
 
+    def keep(self, placed: Iterable[PlacedEvent]) -> list[list[PlacedEvent]]:
+        """Events for agents that are here, or gone: all of them for this region."""
+        kept = [*placed]
+        return [kept if region == self._number else [] for region in self._regions]
+
     def _regions_for(self, event: AnyEvent, *, late: bool) -> Collection[int]:
         if not event.receivers:
             return self._reach(event.condition)

@@ -7,7 +7,6 @@ from typing import TypeAlias
 
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.live import LiveSource
-from minerva_bus.grammar.scene import EMPTY
 from minerva_bus.regions.merging import PlacedEvent
 from minerva_bus.regions.norms import Judged
 from minerva_bus.regions.places import Place, SenderPlaces, after_frame
@@ -20,7 +19,7 @@ class RegionSource(LiveSource):
     """The frames of a region; keeps the places of its nodes, and of the senders of its events.
 
     `rejected` are the numbers of those `sent` that norms reject, and `halted` the agents whose
-    actions devices must not execute. `before` is the string with which the last frame began.
+    actions devices must not execute.
     """
 
     def __init__(self, algorithm: FrameAlgorithm) -> None:
@@ -30,7 +29,6 @@ class RegionSource(LiveSource):
         self.rejected: tuple[int, ...] = ()
         self.halted: tuple[str, ...] = ()
         self.judge: Judge | None = None
-        self.before = EMPTY
         self.shown = NO_VIEWS
         self._views = PartialViews()
         self.commit = self._commit
@@ -52,7 +50,6 @@ class RegionSource(LiveSource):
         # Before the replacement: views are of the string that the frame began with, and agents
         # that died in this frame have no place after it.
         self.shown = self._views.part(algorithm.in_flight, composition, self.places)
-        self.before = composition.scene
         sent = self.evolution.sent_in_order()
         senders = SenderPlaces(self.places, composition) if sent else None
         self.sent = [PlacedEvent(senders.of(event), event) for event in sent] if senders else []

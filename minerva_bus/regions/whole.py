@@ -20,24 +20,24 @@ from minerva_bus.frame.collection import (
     visual_events,
 )
 from minerva_bus.frame.inputs import FrameInputs, RecordedFrame
-from minerva_bus.frame.lag import note_sent
+from minerva_bus.frame.lag import note_homes, note_sent, saved_strays
 from minerva_bus.frame.live import why_over
 from minerva_bus.frame.member_states import MemberEntry
 from minerva_bus.frame.own_agents import NO_AGENTS, OwnAgents
 from minerva_bus.frame.replaying import RecordedSource
 from minerva_bus.frame.views import due_views
 from minerva_bus.grammar.batch import AnyEvent
-from minerva_bus.regions.balancing import balanced, is_due, packed_borders
 from minerva_bus.regions.dividing import cut
 from minerva_bus.regions.emissions import take_events
 from minerva_bus.regions.journal import JOURNAL, KeptJournals
 from minerva_bus.regions.judging import log_violations, permitted_events
 from minerva_bus.regions.merging import agents_in
-from minerva_bus.regions.messages import check_given_up, packed_pairs
+from minerva_bus.regions.messages import check_given_up
 from minerva_bus.regions.norms import judged
-from minerva_bus.regions.outside import OutsideEvents
 from minerva_bus.regions.part import PartCodec, PartMessage, PartReceiver
 from minerva_bus.regions.partition import Partition
+from minerva_bus.regions.requesting import PARCELS, FrameRequests
+from minerva_bus.regions.schedule import IN_STEP, Schedule
 from minerva_bus.regions.whole_string import WholeString, saved_parts
 from minerva_bus.world.kinds import Kinds
 from minerva_bus.world.norms import SOURCE
@@ -62,8 +62,9 @@ class WholeSource(RecordedSource):
     """The frames of a world whose agents evolve in regions.
 
     `names` are the members that are the regions, by number; `kinds` make the views; regions that
-    join get the `terms` and their first `journals`, as saved data. A successor continues with the
-    parts in its journal instead of a `partition`, and repeats a frame that regions may have begun.
+    join get the `terms` and their first `journals`, as saved data; they run ahead by the
+    `schedule`. A successor continues with the parts in its journal instead of a `partition`, and
+    repeats the frames that regions may have begun.
     """
 
     # Other regions may wait for the parcels of one that has returned after its report.
@@ -80,35 +81,37 @@ class WholeSource(RecordedSource):
         codec: PartCodec,
         terms: Mapping[str, Any] | None = None,
         journals: Mapping[str, bytes] | None = None,
+        schedule: Schedule = IN_STEP,
     ) -> None:
         """Raises ProtocolError if the parts in the journal are damaged."""
-        self._names, self._codec, self._partition = names, codec, partition
+        self._names, self._codec = names, codec
         self._terms = terms or {}
         saved = algorithm.members.saved
         self._journals = KeptJournals(saved.pop(JOURNALS, journals or {}))
-        parts = saved.pop(PARTS, None)
-        if parts is None:
-            assert partition is not None
-            self._whole = WholeString(map(PartReceiver, cut(algorithm.world.scene, partition)))
+        if PARTS in saved:
+            self._whole = WholeString(saved_parts(saved.pop(PARTS), names, codec))
         else:
-            self._whole = WholeString(saved_parts(parts, names, codec))
+            assert partition is not None
+            parts = cut(algorithm.world.scene, partition, saved_strays(saved))
+            self._whole = WholeString(map(PartReceiver, parts))
         super().__init__(algorithm, cursor=self._whole, kinds=kinds)
-        self._request = m.RegionRequest(algorithm.frame)
+        parcels = saved.pop(PARCELS, None)
+        self._requests = FrameRequests(algorithm, schedule, partition, parcels)
         self._reports: dict[str, PartMessage] = {}
         self._replies: list[m.TickReply] = []
-        self._outside = OutsideEvents(algorithm.inbox, succeeds=parts is not None)
         self._permitted = judged(algorithm.world)
         self.emitted = CollectionStep(algorithm).emitted
 
     def journaled(self) -> Mapping[str, Mapping[str, Any]]:
         """The parts of all regions, as reports of regions that had nothing before; journals."""
         parts = self._whole.saved(self._algorithm.frame, self._names, self._codec)
-        return {PARTS: parts, JOURNALS: self._journals.all()}
+        return {PARTS: parts, JOURNALS: self._journals.all(), PARCELS: self._requests.saved}
 
     def saved_for(self, member: str) -> Mapping[str, Any] | None:
         """The terms and the kept journal of a region, or what another member has saved."""
         if member not in self._names:
             return super().saved_for(member)
+        self._requests.forget(member)
         journal = self._journals.of(member)
         return {**self._terms, **({} if journal is None else {JOURNAL: journal})}
 
@@ -121,25 +124,33 @@ class WholeSource(RecordedSource):
     @property
     def at_rest(self) -> bool:
         """Whether the next frame would change nothing in any region."""
-        return not self._outside and all(part.resting for part in self._whole.parts)
+        return self._requests.at_rest and all(part.resting for part in self._whole.parts)
 
     def begin(self) -> None:
-        """Request a frame of all regions, with the events from outside of them."""
+        """Request a frame of all regions, with the events from outside of them, and later ones."""
         algorithm, logged = self._algorithm, self._algorithm.in_flight.logged
         if logged is not None:
-            self._outside.load(logged.taken, logged.waiting)
+            self._requests.outside.load(logged.taken, logged.waiting)
             for reply in logged.reports:
                 self._accept(reply)
             return
         algorithm.in_flight.pending = set(self._names)
-        if self._outside.take():
-            algorithm.out.add(s.Fixed(algorithm.frame))
-        self._request = self._request_of_frame()
-        algorithm.out.send(s.TICKED, self._request)
+        for reply in self._requests.begin():
+            self.tick_reply(reply)
 
     def ask(self, member: MemberEntry) -> None:
-        """Repeat the request to a region that has returned while the frame waits for it."""
-        self._algorithm.out.send(member.name, self._request)
+        """Repeat the requests to a region that has returned."""
+        for request in self._requests:
+            self._algorithm.out.send(member.name, request)
+
+    def members_changed(self, hello: m.Hello | None) -> None:
+        """Repeat the requests of frames that have not begun to a region that has returned."""
+        super().members_changed(hello)
+        if hello is None or self._algorithm.awaits_tick(hello.member):
+            return
+        for request in self._requests:
+            if hello.member in self._names and self._requests.is_early(request.frame):
+                self._algorithm.out.send(hello.member, request)
 
     def agents_of(self, member: str) -> OwnAgents:
         """The agents about which a region reports: all, since any may have moved to it."""
@@ -157,23 +168,13 @@ class WholeSource(RecordedSource):
             " (--regions 0), or send events freely"
         )
 
-    def _request_of_frame(self) -> m.RegionRequest:
-        """A function of the last frame and of fixed events, so a successor repeats it equally."""
-        algorithm, current = self._algorithm, self._outside.current
-        events = {source: tuple(sent) for source, sent in sorted(current.items())}
-        parcels = packed_pairs(part.targets for part in self._whole.parts)
-        borders = _borders_of(self._partition, algorithm)
-        return m.RegionRequest(algorithm.frame, parcels, events, self._people(), borders)
-
-    def _people(self) -> tuple[str, ...]:
-        """The generators in this frame whose events count as sent by people."""
-        people = self._algorithm.members.standing_for_people()
-        return tuple(sorted(people.intersection(self._outside.current)))
-
     def tick_reply(self, reply: m.TickReply) -> None:
-        """Accept the report of a region."""
+        """Accept the report of a region, or keep that of a later frame."""
         algorithm = self._algorithm
         member = algorithm.members.get(reply.member)
+        if member.active and reply.member in self._names and self._requests.is_early(reply.frame):
+            self._requests.keep(reply)
+            return
         awaited = algorithm.awaits_tick(reply.member) and reply.frame == algorithm.frame
         if not member.active or not awaited or reply.member not in self._names:
             member.late += 1
@@ -209,11 +210,11 @@ class WholeSource(RecordedSource):
 
     def ordered(self) -> Mapping[str, Sequence[AnyEvent]]:
         """Events outside of all complete frames."""
-        return self._outside.noted(in_frame=self._algorithm.in_frame)
+        return self._requests.outside.noted(in_frame=self._algorithm.in_frame)
 
     def wait_with(self, events: Mapping[str, Sequence[AnyEvent]]) -> None:
         """Continue with what a predecessor has noted as `ordered`."""
-        self._outside.resume(events)
+        self._requests.outside.resume(events)
 
     def collect(self) -> None:
         """Steps 2 to 4: the events of all regions in the order of one coordinator."""
@@ -240,7 +241,7 @@ class WholeSource(RecordedSource):
 
     def _people_of(self, inputs: FrameInputs) -> tuple[str, ...]:
         logged = self._algorithm.in_flight.logged
-        outside = self._people() if logged is None else logged.people
+        outside = self._requests.people if logged is None else logged.people
         return tuple(sorted({*inputs.people, *outside}))
 
     def _due(self) -> tuple[str, ...]:
@@ -260,15 +261,17 @@ class WholeSource(RecordedSource):
         algorithm, goal = self._algorithm, self._algorithm.goal
         for report in self._reports.values():
             goal.learn(report.reached, report.striving, report.given_up)
-        sent, before = take_events(algorithm, self._whole.parts), algorithm.composition.scene
-        self._reports, self._replies, self._outside.current = {}, [], {}
+        sent = take_events(algorithm, self._whole.parts)
+        note_homes(algorithm)
+        self._reports, self._replies = {}, []
+        self._requests.done(part.targets for part in self._whole.parts)
         try:
             super().commit()
         except VocabularyError as error:
             algorithm.fail(f"frame {algorithm.frame}: {error}")
             return
         if algorithm.world.lag is not None:  # Then there are no norms that judge events.
-            note_sent(algorithm, sent, before)
+            note_sent(algorithm, sent)
             sent = algorithm.inbox.emitted
         self._permitted = sent
         if algorithm.in_flight.result.changed:
@@ -286,12 +289,3 @@ class WholeSource(RecordedSource):
 
     def seek(self, frame: int) -> None:
         """Do nothing: a running world has no other frames."""
-
-
-def _borders_of(partition: Partition | None, algorithm: FrameAlgorithm) -> bytes:
-    """The borders that begin with a frame, if they move.
-
-    A function of the string, so a successor that repeats the frame sends the same ones.
-    """
-    frame, scene = algorithm.frame, algorithm.scene
-    return packed_borders(balanced(partition, scene)) if is_due(partition, frame) else b""

@@ -488,6 +488,13 @@ class RegionSettings:
         " also without processes for the regions, as part of the world's meaning.",
         whole(0, MAX_LAG),
     )
+    move_every: int = setting(
+        "regions",
+        1,
+        "With a lag, agents move to other regions only before frames that are multiples of this, as"
+        " part of the world's meaning; between them, regions run up to `lag` frames ahead.",
+        whole(1, MAX_LAG),
+    )
     function: str = setting(
         "regions",
         "",

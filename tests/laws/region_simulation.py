@@ -7,16 +7,18 @@ from random import Random
 
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
+from minerva_bus.frame.composition import Composition
 from minerva_bus.frame.description import World
 from minerva_bus.grammar.batch import single
 from minerva_bus.launch.region_checkpoint import RegionCheckpoint
 from minerva_bus.regions.dividing import cut
-from minerva_bus.regions.merging import Merger, in_order
+from minerva_bus.regions.merging import Merger, in_order, merged
 from minerva_bus.regions.messages import from_message, packed_pairs, sources_in, to_message
 from minerva_bus.regions.outbox import Outbox
 from minerva_bus.regions.part import PartReceiver, PartSender
 from minerva_bus.regions.progress import RegionsGoal
 from minerva_bus.regions.region import Region
+from minerva_bus.regions.schedule import IN_STEP, Schedule
 from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.wire.codec import Decoder, encode
 
@@ -54,7 +56,8 @@ class Process:
         self.regions = regions
         self.journal = list(journal)
         members = regions.members()
-        region = Region(regions.world, number, regions.partitions[0], members)
+        first = regions.partitions[0]
+        region = Region(regions.world, number, first, members, ahead=regions.schedule.ahead)
         self.outbox = Outbox()
         self.sent = []
         self.parts = PartSender()
@@ -76,7 +79,9 @@ class Process:
         """Continue as another process does from what this one has saved before a frame."""
         region, members = self.region, self.regions.members()
         checkpoint = RegionCheckpoint.decoded(RegionCheckpoint.of(region, []).encoded())
-        copy = checkpoint.region(self.regions.world, region.number, region.partition, members)
+        copy = checkpoint.region(
+            self.regions.world, region.number, region.partition, members, region.schedule.ahead
+        )
         self.begin(copy, members)
         for message in region.arrived:
             copy.receive(message)
@@ -99,7 +104,7 @@ class Process:
         frame = region.frame
         if frame not in regions.requests:
             return False
-        self.outbox.acknowledge(frame)
+        self.outbox.acknowledge(frame - 2 * region.schedule.ahead)
         region.expect(regions.requests[frame][region.number])
         if region.missing:
             return False
@@ -141,6 +146,9 @@ class Regions:
     reports: dict = field(default_factory=lambda: defaultdict(dict))
     progress: dict = field(default_factory=lambda: defaultdict(list))
     requests: dict = field(default_factory=dict)
+    done: int = 0
+    targets: dict = field(default_factory=lambda: defaultdict(dict))
+    schedule: Schedule = IN_STEP
     parcels: int = 0
     end: tuple = ()
 
@@ -149,7 +157,7 @@ class Regions:
         self.decoder = Decoder(self.world.vocabulary)
         self.parts = [PartReceiver(part) for part in cut(self.world.scene, self.partitions[0])]
         self.processes = [Process(self, number) for number in range(count)]
-        self.requests[0] = [()] * count
+        self.request()
         while self.goes_on():
             number = chance.randrange(count)
             if chance.random() < self.kills:
@@ -165,25 +173,39 @@ class Regions:
                 merger.merge(units for units, _ in parts).scene,
                 in_order(chain(*(sent for _, sent in parts))),
             )
-            for parts in ([*of.values()] for _, of in sorted(self.reports.items()))
+            for parts in ([*self.reports[frame].values()] for frame in range(self.done))
         ]
 
     def goes_on(self):
-        """Request a frame when all regions have reported the one before, unless the world ends."""
-        frame = len(self.requests)
-        if len(self.reports[frame - 1]) < len(self.parts):
+        """Request frames when all regions have reported an earlier one, unless the world ends."""
+        reports = self.reports[self.done]
+        if len(reports) < len(self.parts):
             return True
-        parts = [process.region.algorithm.composition for process in self.processes]
-        ending = RegionsGoal(self.world, parts)
-        for _, progress in sorted(self.progress.items()):
-            ending.learn(progress)
-        if reason := ending.why_over(frame):
-            self.end = reason, ending.reached, frame
-        if reason or frame == len(self.frames):
+        self.done += 1
+        ending = RegionsGoal(
+            self.world, [Composition(merged(u for u, _ in reports.values()).scene)]
+        )
+        for frame in range(self.done):
+            ending.learn(self.progress[frame])
+        if reason := ending.why_over(self.done):
+            self.end = reason, ending.reached, self.done
+        if reason or self.done == len(self.frames):
             return False
-        pairs = packed_pairs(part.targets for part in self.parts)
-        self.requests[frame] = [sources_in(pairs, number) for number in range(len(parts))]
+        self.request()
         return True
+
+    def request(self):
+        """Request the frames that can run before the next one is done, with earlier parcels."""
+        last = min(self.schedule.last(self.done), len(self.frames) - 1)
+        for frame in range(len(self.requests), last + 1):
+            numbers = range(len(self.parts))
+            new = [
+                (past, packed_pairs(self.targets[past].get(each, ()) for each in numbers))
+                for past in self.schedule.new(frame)
+            ]
+            self.requests[frame] = [
+                {past: sources_in(pairs, number) for past, pairs in new} for number in numbers
+            ]
 
     def report(self, frame, number, message, progress):
         """Send the changes of a region's part to the coordinator, which assembles the string."""
@@ -192,6 +214,7 @@ class Regions:
             receiver.apply(self.decoder.part(encode(message)))
             self.reports[frame][number] = receiver.units, receiver.sent
             self.progress[frame].append(progress)
+            self.targets[frame][number] = receiver.targets
             self.parcels += len(receiver.targets)
 
     def deliver(self):
@@ -213,5 +236,5 @@ class Regions:
 
     def send_again(self, source, target):
         kept = source.outbox.kept_for(target.region.number)
-        assert len(kept) <= 6
+        assert len(kept) <= 6 + 4 * self.schedule.ahead
         self.messages += kept

@@ -15,6 +15,7 @@ from region_simulation import Regions, begin, digests_of_one
 from minerva_bus.errors import WorldStopped
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.description import World
+from minerva_bus.frame.lag import saved_strays
 from minerva_bus.frame.member import Member
 from minerva_bus.grammar.packing import packed
 from minerva_bus.grammar.scene import Scene
@@ -23,6 +24,7 @@ from minerva_bus.regions.lag import RegionLag
 from minerva_bus.regions.merging import merged
 from minerva_bus.regions.partition import ByFunction, ById, ByPosition
 from minerva_bus.regions.region import Region
+from minerva_bus.regions.schedule import IN_STEP, Schedule
 from minerva_bus.regions.tree import ByTree, Split
 from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.testing.family import (
@@ -127,25 +129,37 @@ LAG_FRAMES = [*FRAMES, *FRAMES[:2]]
 
 
 @pytest.mark.parametrize(
-    ("partition", "frames"),
+    ("partition", "frames", "every"),
     [
-        (PARTITIONS[4][1], 1),
-        (ByPosition((0.5,)), 3),
-        *(pytest.param(each, 1, marks=pytest.mark.slow) for each in PARTITIONS[9]),
+        (PARTITIONS[4][1], 1, 3),
+        (ByPosition((0.5,)), 3, 1),
+        (ById(2), 3, 4),
+        (ByPosition((0.5,)), 3, 9),
+        *(pytest.param(each, 1, 1, marks=pytest.mark.slow) for each in PARTITIONS[9]),
+        *(pytest.param(each, 3, 4, marks=pytest.mark.slow) for each in PARTITIONS[9]),
     ],
 )
-def test_a_lag_is_that_of_one_coordinator(partition, frames):
+def test_a_lag_is_that_of_one_coordinator(partition, frames, every):
     """With restarts from a checkpoint, or kills, and agents that move while events wait for them."""
-    lag = RegionLag(frames, partition)
+    lag = RegionLag(frames, partition, every)
     world = World("w", nomads.string(), nomads.VOCABULARY, seed=1, lag=lag)
     kills = 0.01 if frames == 1 else 0.0
+    schedule = Schedule(every, min(frames, every - 1))
     regions = Regions(
-        world, LAG_FRAMES, [partition], Random(4), nomad_hosts, kills, checkpoints=not kills
+        world,
+        LAG_FRAMES,
+        [partition],
+        Random(4),
+        nomad_hosts,
+        kills,
+        checkpoints=not kills,
+        schedule=schedule,
     )
     # One coordinator adds older events to those of the last frame.
     strings = [digest for digest, _ in regions.digests()]
     assert strings == [digest for digest, _ in digests_of_one(world, LAG_FRAMES, nomad_hosts)]
     assert strings[2:5] != [digest for digest, _ in nomads_of_one(1)][2:]
+    assert 1 <= regions.ahead <= schedule.ahead + 1
 
 
 class Mother(nomads.Settler, symbol="AMother"):
@@ -172,15 +186,19 @@ def test_an_event_follows_a_newborn_that_moves_while_it_waits():
     assert strings == [digest for digest, _ in digests_of_one(world, frames, hosts)]
 
 
-def test_a_lag_continues_with_regions_from_the_checkpoint_of_one_coordinator():
+@pytest.mark.parametrize("every", [1, 5])
+def test_a_lag_continues_with_regions_from_the_checkpoint_of_one_coordinator(every):
+    """Agents have moved, and others have been born, since they could change regions."""
     partition = ByPosition((0.5,))
-    world = World("w", nomads.string(), nomads.VOCABULARY, seed=1, lag=RegionLag(2, partition))
+    lag = RegionLag(2, partition, every)
+    world = World("w", nomads.string(), nomads.VOCABULARY, seed=1, lag=lag)
     algorithm = FrameAlgorithm(world)
     runner = InProcessRunner(algorithm, nomad_hosts())
     runner.start()
     for events in LAG_FRAMES[:3]:
         begin(runner, events)
     assert any(source[1:].isdecimal() for source in algorithm.checkpoint.inbox)
+    assert bool(saved_strays(algorithm.checkpoint.saved)) == (every > 1)
     past = replace(world, scene=algorithm.scene, past=algorithm.checkpoint)
     regions = [Region(past, number, partition) for number in range(2)]
     runners = [InProcessRunner(each.algorithm, nomad_hosts()) for each in regions]
@@ -195,7 +213,8 @@ def test_a_lag_continues_with_regions_from_the_checkpoint_of_one_coordinator():
         begin(runner, events)
         assert merged(units).scene.digest == algorithm.scene.digest
         for region in regions:
-            region.expect([parcel.source for parcel in parcels if parcel.target == region.number])
+            to_it = [parcel for parcel in parcels if parcel.target == region.number]
+            region.expect({region.frame - 1: [parcel.source for parcel in to_it]})
         for parcel in parcels:
             regions[parcel.target].receive(parcel)
 
@@ -304,19 +323,25 @@ def test_a_region_without_agents_goes_on_until_all_are_empty():
     st.sampled_from(sorted(PARTITIONS)).flatmap(lambda count: st.permutations(PARTITIONS[count])),
     st.integers(0, 99),
     st.integers(0, 2),
+    st.integers(1, 4),
 )
-def test_regions_have_the_string_of_one_coordinator_in_every_frame(case, partitions, seed, lag):
+def test_regions_have_the_string_of_one_coordinator_in_every_frame(
+    case, partitions, seed, lag, every
+):
     w, frames = case
+    schedule = Schedule(every, min(lag, every - 1)) if lag else IN_STEP
     if lag:  # Borders stay where they are.
         partitions = partitions[:1]
-    delay = RegionLag(lag, partitions[0]) if lag else None
+    delay = RegionLag(lag, partitions[0], every) if lag else None
     world = World("w", w, FAMILY_VOCABULARY, seed=seed, lag=delay)
-    regions = Regions(world, frames, partitions, Random(seed), family_hosts, 0.005)
+    regions = Regions(
+        world, frames, partitions, Random(seed), family_hosts, 0.005, schedule=schedule
+    )
     digests, single = regions.digests(), digests_of_one(world, frames, family_hosts)
     strings = [digest for digest, _ in digests], [digest for digest, _ in single]
     assert strings[0] == strings[1]
     assert lag or digests == single
-    assert regions.ahead <= 1
+    assert regions.ahead <= 1 + schedule.ahead
 
 
 def test_a_node_without_an_author_is_refused_in_columns():

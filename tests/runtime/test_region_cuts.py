@@ -19,6 +19,7 @@ from minerva_bus.launch.region_layout import in_regions, region_elsewhere
 from minerva_bus.launch.region_settings import check_region_run
 from minerva_bus.launch.resuming import read_resumed
 from minerva_bus.regions.journal import CHECKPOINT, JOURNAL, entries
+from minerva_bus.regions.lag import RegionLag
 from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.settings.overrides import Overrides
 from minerva_bus.testing.simulation.cluster import Cluster
@@ -77,10 +78,18 @@ def test_a_cut_link_delays_regions_and_nothing_else(file, seconds):
 
 
 @pytest.mark.parametrize(
-    ("seed", "frames", "kept"), [(1, 200, False), (2, 3, False), (3, 200, True), (4, 3, True)]
+    ("seed", "frames", "kept", "lag", "every"),
+    [
+        (1, 200, False, 0, 1),
+        (2, 3, False, 3, 9),
+        (3, 200, True, 2, 5),
+        (4, 3, True, 0, 1),
+    ],
 )
-def test_orders_count_once_whatever_dies_or_is_cut(file, seed, frames, kept, tmp_path, monkeypatch):
-    """A process that continues runs all frames again, or those since a checkpoint.
+def test_orders_count_once_whatever_dies_or_is_cut(
+    file, seed, frames, kept, lag, every, tmp_path, monkeypatch
+):
+    """Also if regions run ahead. A process that continues runs all frames again, or those since a checkpoint.
 
     A region has a file for its journal, or the coordinator keeps it: then the region also lacks
     what the report of its last frame had.
@@ -88,8 +97,12 @@ def test_orders_count_once_whatever_dies_or_is_cut(file, seed, frames, kept, tmp
     monkeypatch.setattr(region_journal, "CHECKPOINT_FRAMES", frames)
     chance, orders = Random(seed), []
     file = replace(file, bus=replace(file.bus, journal=str(tmp_path) if kept else ""))
+    delay = RegionLag(lag, file.partition, every) if lag else None
+    file = replace(file, world=replace(file.world, lag=delay))
+    ahead = []
 
     def disturb(cluster):
+        ahead.append(max(cluster.frames) - cluster.algorithm.frame)
         if cluster.algorithm.in_frame and chance.random() < 0.02:
             cluster.links.cuts.add(frozenset(chance.sample(range(3), 2)))
         elif cluster.links.cuts and chance.random() < 0.05:
@@ -110,6 +123,7 @@ def test_orders_count_once_whatever_dies_or_is_cut(file, seed, frames, kept, tmp
             saved(each.name)[JOURNAL] if kept else each.journal.read_bytes()
             for each in regions.processes
         ]
+    assert max(ahead) == 1 + lag
     assert len(cluster.deaths) > 1
     assert len(cluster.successions) > 1
     checkpoints = [next(entries(journal))[0] == CHECKPOINT for journal in journals]

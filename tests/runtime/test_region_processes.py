@@ -122,7 +122,7 @@ def digests(path):
 def test_a_record_of_regions_with_lag_and_defects_is_that_of_one_coordinator(path):
     """Exceptions in the coordinator and in a region: each continues in the same frame."""
     folder, text = path.parent, path.read_text().replace("yard:Walker", "loud:Talker")
-    path.write_text(f"{text}\n[regions]\ncount = 3\nlag = 2\n")
+    path.write_text(f"{text}\n[regions]\ncount = 3\nlag = 2\nmove_every = 7\n")
     words = "--rate", "0", "--record", "regions.mcap", "--json"
     (folder / "defects.py").write_text(DEFECTS)
     done = subprocess.run(

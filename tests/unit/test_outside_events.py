@@ -148,7 +148,7 @@ def test_services_that_no_frame_waits_for_and_commands_are_outside():
 
 
 def inbox(limit=100, **events):
-    made = FrameInbox(Checkpoint())
+    made = FrameInbox(Checkpoint(), Scene())
     made.max_single_events = limit
     made.replace({name: list(map(eRing, numbers)) for name, numbers in events.items()})
     return made
@@ -161,16 +161,16 @@ def numbers(events):
 def test_events_beyond_the_limit_of_a_frame_wait():
     waiting = inbox(2, bell=(1, 2, 3))
     outside = OutsideEvents(waiting, succeeds=False)
-    assert numbers(outside.take()) == {"bell": [1, 2]}
+    assert numbers(outside.take(0)) == {"bell": [1, 2]}
     waiting.add("bell", [eRing(4)])
-    assert numbers(outside.take()) == {"bell": [3, 4]}
+    assert numbers(outside.take(0)) == {"bell": [3, 4]}
 
 
 def test_a_successor_repeats_a_frame_with_the_events_that_regions_may_have():
     waiting = inbox(bell=(1,))
     waiting.add_order(eRing(5), "anna")
     first = OutsideEvents(waiting, succeeds=False)
-    fixed = numbers(first.take())
+    fixed = numbers(first.take(0))
     assert fixed == {"bell": [1], "~order:anna": [5]}
     waiting.add("bell", [eRing(2)])
     later = inbox()
@@ -180,6 +180,6 @@ def test_a_successor_repeats_a_frame_with_the_events_that_regions_may_have():
     again = OutsideEvents(inbox(), succeeds=True)
     again.resume(second.noted(in_frame=False))
     for outside in (second, again):
-        assert numbers(outside.take()) == fixed
+        assert numbers(outside.take(0)) == fixed
     later.add("bell", [eRing(3)])
-    assert numbers(second.take()) == {"bell": [2, 3]}
+    assert numbers(second.take(1)) == {"bell": [2, 3]}

@@ -8,6 +8,7 @@ import hypothesis.strategies as st
 import pytest
 from hypothesis import given, settings
 
+from minerva_bus import Device
 from minerva_bus.errors import MisuseError, WorldFileError, WorldStopped
 from minerva_bus.grammar.packing import packed
 from minerva_bus.grammar.scene import AgentNode, Scene
@@ -16,9 +17,12 @@ from minerva_bus.launch.in_process import InProcessRun
 from minerva_bus.launch.installed import find_world
 from minerva_bus.launch.reading import read_world_file, read_world_text
 from minerva_bus.launch.region_run import RegionRun
+from minerva_bus.launch.region_schedule import notes_on, schedule_of
 from minerva_bus.launch.region_settings import check_region_run, check_regions
+from minerva_bus.launch.worldfile import Process
 from minerva_bus.log.description import Description, decode_description, encode_description
 from minerva_bus.regions.partition import ById, ByPosition
+from minerva_bus.regions.schedule import Schedule
 from minerva_bus.regions.tree import ByTree, Split
 from minerva_bus.settings.overrides import Overrides
 from minerva_bus.world.norms import Norm
@@ -108,6 +112,12 @@ def test_the_command_line_replaces_the_number():
         ("grid = { x = [8] }\nlag = 1\nbalance = 9", "lag needs borders that stay where they are"),
         ("lag = 2", "lag is between regions: add count, grid or tree"),
         ("count = 2\nlag = -1", "lag must be at least 0"),
+        ("count = 2\nmove_every = 3", "move_every lets regions run ahead by the lag between them"),
+        ("count = 2\nlag = 1\nmove_every = 0", "move_every must be at least 1"),
+        (
+            'grid = { x = [8] }\nreach = "condition"\nlag = 1\nmove_every = 3',
+            'move_every needs reach = "everywhere"',
+        ),
     ],
 )
 def test_mistakes_are_named(table, problem):
@@ -119,9 +129,10 @@ def test_mistakes_are_named(table, problem):
     "table", ["count = 3", "grid = { x = [8], y = [3, 7] }", "tree = { x = 8, above = { y = 4 } }"]
 )
 def test_a_lag_is_that_of_the_file_with_one_coordinator_and_in_a_record(table):
-    lag = read(f"{table}\nlag = 2").world.lag
-    assert lag.frames == 2
-    file = read(f"{table}\nlag = 2", regions=0)
+    table += "\nlag = 2\nmove_every = 9"
+    lag = read(table).world.lag
+    assert (lag.frames, lag.every) == (2, 9)
+    file = read(table, regions=0)
     assert (file.partition, file.world.lag) == (None, lag)
     description, _ = decode_description(encode_description(Description(file.world)))
     assert description.world.lag == lag
@@ -129,6 +140,30 @@ def test_a_lag_is_that_of_the_file_with_one_coordinator_and_in_a_record(table):
 
 def test_one_region_has_no_lag():
     assert read("count = 3\nlag = 2", regions=1).world.lag is None
+
+
+@pytest.mark.parametrize(
+    ("lag", "every", "frames"), [(3, 50, 3), (3, 3, 2), (1, 2, 1), (3, 1, 0), (0, 1, 0)]
+)
+def test_regions_run_ahead_by_their_lag_until_agents_move(lag, every, frames):
+    file = read(f"count = 2\nlag = {lag}" + f"\nmove_every = {every}" * (every > 1))
+    assert schedule_of(file).ahead == frames
+    plural = "s" if frames > 1 else ""
+    notes = [f"regions run up to {frames} frame{plural} ahead of each other"] if frames else []
+    assert notes_on(file) == notes
+
+
+class Eye(Device, coupled=True):
+    pass
+
+
+def test_what_needs_the_whole_world_keeps_regions_in_step():
+    file = read("count = 2\nlag = 3\nmove_every = 9")
+    judged = replace(file, world=replace(file.world, norms=(Norm("loud", when="x > 3"),)))
+    shown = replace(file, processes=(*file.processes, Process("eye", Eye)))
+    for each, reason in ((judged, "norms"), (shown, "views and sensor topics (eye)")):
+        assert schedule_of(each) == Schedule(9, 0)
+        assert notes_on(each) == [f"regions wait for each other in each frame, because of {reason}"]
 
 
 def test_norms_on_events_with_a_lag_are_refused():

@@ -5,10 +5,14 @@ from dataclasses import replace
 import pytest
 
 from minerva_bus.errors import ProtocolError, SceneError
+from minerva_bus.frame import messages as m
 from minerva_bus.frame.description import World
 from minerva_bus.grammar.scene import Scene
+from minerva_bus.regions.dividing import NOTHING
+from minerva_bus.regions.lag import RegionLag
 from minerva_bus.regions.merging import PlacedEvent, Units, agents_in
 from minerva_bus.regions.messages import (
+    expected_sources,
     from_message,
     packed_pairs,
     packed_places,
@@ -18,9 +22,10 @@ from minerva_bus.regions.messages import (
 )
 from minerva_bus.regions.parcel import Parcel
 from minerva_bus.regions.part import PartReceiver, PartSender
-from minerva_bus.regions.partition import ByFunction
+from minerva_bus.regions.partition import ByFunction, ById
 from minerva_bus.regions.progress import NO_PROGRESS
 from minerva_bus.regions.region import Region
+from minerva_bus.regions.schedule import Schedule
 from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.testing.family import FAMILY_VOCABULARY, Walker, eHit
 from minerva_bus.wire.codec import Decoder, encode
@@ -94,26 +99,57 @@ def region():
     ],
 )
 def test_an_agent_that_cannot_move_here_is_refused(region, arriving, problem):
-    region.expect([1])
+    region.expect({0: [1]})
     region.receive(arriving)
     with pytest.raises(ProtocolError, match=problem):
         region.enter()
 
 
 def test_a_parcel_from_the_future_is_refused(region):
-    region.expect([1])
+    region.expect({0: [1]})
     assert region.missing == [1]
     with pytest.raises(ProtocolError, match="it is of frame 2, expected at most 1"):
         region.receive(parcel(frame=2))
 
 
 def test_a_parcel_that_its_sender_has_not_reported_is_refused(region):
-    region.expect([])
+    region.expect({0: []})
     region.receive(parcel("c"))
     with pytest.raises(
         ProtocolError, match="region 1 has sent a parcel of frame 0 that it has not"
     ):
         region.enter()
+
+
+EARLY = (PlacedEvent([(1,)], eHit(amount=1.0, sender="c")),)
+
+
+def test_regions_that_run_ahead_send_only_postponed_events():
+    """Others, and agents, are for frames before which agents move: here frames 0, 3 and 6."""
+    lag = RegionLag(2, ById(2), 3)
+    world = World("w", Scene(nodes("a", "b")), FAMILY_VOCABULARY, frames=9, lag=lag)
+    region = Region(world, 0, ById(2), ahead=2)
+    InProcessRunner(region.algorithm, ()).start()
+    late = received(to_message(Parcel(0, 1, 0, NOTHING, (), postponed=EARLY)))
+    for wrong in (parcel("c"), parcel(events=EARLY)):
+        with pytest.raises(ProtocolError, match="it is for frame 1, which does not wait for it"):
+            region.receive(wrong)
+    assert region.receive(late)
+    assert not region.receive(late)
+    assert region.receive(parcel("c", frame=2))
+    with pytest.raises(ProtocolError, match="it is of frame 3, expected at most 2"):
+        region.receive(parcel(frame=3))
+
+
+def test_a_frame_needs_parcels_of_as_many_frames_before_as_regions_run_ahead():
+    schedule = Schedule(5, 2)
+    new = [[*schedule.new(frame)] for frame in range(12)]
+    assert new == [[], [], [], [0], [1], [2, 3, 4], [], [], [5], [6], [7, 8, 9], []]
+    assert [schedule.last(frame) for frame in range(11)] == [2, 3, 4, 4, 4, 7, 8, 9, 9, 9, 12]
+    request = m.RegionRequest(5, (packed_pairs([(1,), (0,)]), b"", packed_pairs([(), (0,)])))
+    assert expected_sources(schedule, request, 0) == {2: [1], 3: [], 4: [1]}
+    with pytest.raises(ProtocolError, match="expected those of 0 frames, not 3"):
+        expected_sources(schedule, replace(request, frame=6), 0)
 
 
 @pytest.mark.parametrize("pairs", [b"\0\0", packed_pairs([(), (1, 0)])[:-1]])
@@ -125,7 +161,7 @@ def test_a_request_without_whole_pairs_is_refused(pairs):
 def test_a_request_for_parcels_of_unknown_regions_is_refused(region):
     assert sources_in(packed_pairs([(), (), (1, 0)]), 0) == [2]
     with pytest.raises(ProtocolError, match=r"parcels of regions \[2\]: some do not exist"):
-        region.expect([2])
+        region.expect({0: [2]})
 
 
 @pytest.mark.parametrize(

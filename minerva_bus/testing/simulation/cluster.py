@@ -110,6 +110,11 @@ class Cluster(Sink):
             elif not self._is_ready:
                 self._wait()
 
+    @property
+    def frames(self) -> list[int]:
+        """The frame of each region."""
+        return [member.region.frame for member in self._members.values()]
+
     # --- faults ---
 
     def start(self, name: str) -> None:
