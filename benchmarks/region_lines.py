@@ -1,12 +1,13 @@
 """Frames per second of a world over slow lines, with one coordinator and as regions elsewhere.
 
-    python -m benchmarks.region_lines [--delay 1 5 50] [--regions 0 2 4] [--agents 100] [--json]
+    python -m benchmarks.region_lines [--delay 1 5 50] [--regions 0 2 4] [--lag 0 1 3] [--json]
 
 A proxy delays both directions of each line by `delay` ms: between the coordinator and each process,
 and between each two regions. Regions 0 is one coordinator with the generator and one host on other
-machines. The world is that of benchmarks.regions. `trips` are the round trips that fit into a
-frame, 1 / (frames/s · 2 delay): no frame can be shorter than one, because the coordinator requests
-a frame when it has what the one before has led to.
+machines. The world is that of benchmarks.regions, whose agents move to other regions before every
+`every`-th frame if there is a lag. `predicted` is 1 / max(w, (w + 2 delay) / (lag + 1)), with the
+time w of a frame without a delay, measured in the same turns: a frame lasts a round trip between
+the coordinator and the regions, which a lag of n divides by n + 1.
 """
 
 from __future__ import annotations
@@ -33,7 +34,8 @@ from minerva_bus.testing.proxy import Proxy, slow_line
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-COLUMNS: Final = {"delay ms": ">9", "regions": ">8", "frames/s": ">9.1f", "trips": ">6.2f"}
+COLUMNS: Final = {"delay ms": ">9", "regions": ">8", "lag": ">4", "frames/s": ">9.1f",
+                  "predicted": ">10.1f"}  # fmt: skip
 MEMBER: Final = "member"
 """First word of the command line of a process whose links from other regions are delayed."""
 
@@ -106,21 +108,31 @@ def frames_per_second(path: Path, regions: int, milliseconds: float, frames: int
 def main() -> None:
     """Print a row for each delay and number of regions."""
     given = options(
-        __doc__, delay=[1, 5, 50], regions=[0, 2, 4], agents=100,
+        __doc__, delay=[1, 5, 50], regions=[0, 2, 4], lag=[0, 1, 3], every=50, agents=100,
         frames=Option(100, "of each turn"), turns=3,
     )  # fmt: skip
     table = Table(COLUMNS, as_json=given.json)
     with tempfile.TemporaryDirectory() as folder:
-        paths = {n: world(Path(folder), given.agents, 0, n) for n in given.regions}
-        for delay in given.delay:
+        paths = {
+            (n, lag): world(Path(folder), given.agents, 0, n, lag, given.every)
+            for n in given.regions
+            for lag in (given.lag if n > 1 else [0])
+        }
+        alone: dict[tuple[int, int], float] = {}
+        for delay in [0, *given.delay]:
             turns = [
-                {n: frames_per_second(path, n, delay, given.frames) for n, path in paths.items()}
+                {
+                    of: frames_per_second(path, of[0], delay, given.frames)
+                    for of, path in paths.items()
+                }
                 for _ in range(given.turns)
             ]
-            for n in given.regions:
-                rate = statistics.median(turn[n] for turn in turns)
-                trips = 1e3 / (rate * 2 * delay)
-                table.row({"delay ms": delay, "regions": n, "frames/s": rate, "trips": trips})
+            for n, lag in paths:
+                rate = statistics.median(turn[n, lag] for turn in turns)
+                work = 1 / alone.setdefault((n, lag), rate)
+                longest = max(work, (work + 2e-3 * delay) / (lag + 1))
+                row = {"delay ms": delay, "regions": n, "lag": lag, "frames/s": rate}
+                table.row({**row, "predicted": 1 / longest})
 
 
 if __name__ == "__main__":

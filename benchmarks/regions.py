@@ -58,12 +58,15 @@ class Walker(Agent, symbol="AWalker"):
 vocabulary = Vocabulary.of(eStep, eCall, Walker)
 
 
-def world(folder: Path, agents: int, work: int, regions: int) -> Path:
+def world(
+    folder: Path, agents: int, work: int, regions: int, lag: int = 0, move_every: int = 1
+) -> Path:
     """A world file with agents on a line, and borders between regions of equal width."""
     string = " · ".join(f"AWalker#w{n}<x={n}, work={work}>" for n in range(agents))
     borders = [round(agents * n / regions, 3) for n in range(1, regions)] if regions > 1 else []
     table = f"[regions]\ngrid = {{ x = {borders} }}\n" if regions else ""
-    path = folder / f"line-{regions}.toml"
+    table += f"lag = {lag}\nmove_every = {move_every}\n" if lag else ""
+    path = folder / f"line-{regions}-{lag}.toml"
     path.write_text(
         f'[world]\nvocabulary = "benchmarks.regions:vocabulary"\nseed = 7\nstring = "{string}"\n'
         '[process.walkers]\nagents = "benchmarks.regions:Walker"\n'
