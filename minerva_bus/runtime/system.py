@@ -11,7 +11,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Generator, Sequence
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager
 from typing import Final, Protocol, TypeVar
 
 import zenoh
@@ -39,58 +39,8 @@ class Timer(Protocol):
         ...
 
 
-class System(Protocol):
-    """A clock, threads and sessions; times are in seconds."""
-
-    def monotonic(self) -> float:
-        """Monotonic time."""
-        ...
-
-    def time(self) -> float:
-        """Time since 1970."""
-        ...
-
-    def sleep(self, seconds: float) -> None:
-        """Block the calling thread."""
-        ...
-
-    def later(self, seconds: float, call: Callable[[], object]) -> Timer:
-        """Call once after a delay, in a thread."""
-        ...
-
-    def every(self, seconds: float, call: Callable[[], object]) -> Timer:
-        """Call at intervals, in a thread."""
-        ...
-
-    def aside(self, call: Callable[[], object]) -> None:
-        """Call now, in a thread."""
-        ...
-
-    def open_hub(
-        self,
-        name: str,
-        listen: str,
-        *,
-        shared: bool = False,
-        secured: Secured | None = None,
-        routers: Sequence[str] = (),
-    ) -> tuple[zenoh.Session, str]:
-        """A coordinator's session and its endpoint; see `session.open_hub`."""
-        ...
-
-    def client(
-        self, name: str, endpoint: str, *, shared: bool, own: Credentials | None
-    ) -> AbstractContextManager[zenoh.Session]:
-        """A member's session, as a context that closes it; see `session.open_client`."""
-        ...
-
-    def obstacle(self, endpoint: str, own: Credentials | None) -> str:
-        """Reason why an endpoint is unreachable; may block."""
-        ...
-
-
-class RealSystem:
-    """The operating system, and Zenoh."""
+class System:
+    """A clock, threads and sessions, of the operating system and of Zenoh; times are in seconds."""
 
     def monotonic(self) -> float:
         """Monotonic time."""
@@ -165,7 +115,7 @@ class _Repeated:
             call()
 
 
-REAL: Final = RealSystem()
+REAL: Final = System()
 
 
 def run_through(life: Generator[None, None, Ended]) -> Ended:

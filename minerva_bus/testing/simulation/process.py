@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from minerva_bus.errors import MinervaError
 from minerva_bus.runtime.session import Secured
+from minerva_bus.runtime.system import System
 from minerva_bus.testing.simulation.timeline import EPOCH, Alarm, Timeline
 
 if TYPE_CHECKING:
@@ -138,7 +139,7 @@ class SimulatedProcess:
         self.frozen_until = max(self.frozen_until, self.timeline.now + seconds)
 
 
-class SimulatedSystem:
+class SimulatedSystem(System):
     """The clock, the timers and the sessions of one simulated process."""
 
     def __init__(self, process: SimulatedProcess) -> None:
