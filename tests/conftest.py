@@ -14,10 +14,12 @@ from hypothesis import Phase, settings
 settings.register_profile("minerva", deadline=None, max_examples=30)
 # pytest --hypothesis-profile thorough
 settings.register_profile("thorough", deadline=None, max_examples=1000)
-# For mutation testing (tools/mutation.py): the first failure decides; shrinking is unnecessary.
+# For mutation testing (tools/mutation.py): the first failure decides; shrinking is unnecessary. As
+# many examples as in the usual run, whose tests are judged.
 settings.register_profile(
     "mutation",
     deadline=None,
+    max_examples=30,
     derandomize=True,
     database=None,
     phases=(Phase.explicit, Phase.generate),

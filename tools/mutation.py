@@ -54,6 +54,8 @@ LINKED = (
     "worlds",
 )
 ALIVE = ("survived", "no tests")
+INCOMPLETE = 2
+"""Exit code: mutants without a verdict remain."""
 
 
 # --- mutmut ---------------------------------------------------------------------------------------
@@ -69,21 +71,31 @@ def run_module(
     workspace = _workspace(module, tests)
     _notice_changed_tests(workspace, tests)
     words = [_mutmut(), "run", "--max-children", str(processes), *_sample(workspace, digits)]
-    process = subprocess.Popen(words, cwd=workspace, start_new_session=True)
-    try:
-        process.wait(max(1.0, until - time.monotonic()))
-    except (subprocess.TimeoutExpired, KeyboardInterrupt):
-        os.killpg(process.pid, signal.SIGINT)
-        process.wait()
-    every = dict(_verdicts(workspace))
+    code = _run(words, workspace, until)
+    every = dict(_verdicts(workspace)) if (workspace / "mutants").exists() else {}
     verdicts = {name: verdict for name, verdict in every.items() if _is_in_sample(name, digits)}
-    if process.returncode and not any(verdict == "killed" for verdict in verdicts.values()):
+    if code is None and not verdicts:
+        _print_incomplete(module, "the time was over before the mutants were there")
+        raise SystemExit(INCOMPLETE)
+    if code and not any(verdict == "killed" for verdict in verdicts.values()):
         raise SystemExit(f"{module}: mutmut failed; its workspace is {workspace}")
     alive = [name for name, verdict in sorted(verdicts.items()) if verdict in ALIVE]
     survivors = [_survivor(module, name, workspace) for name in alive]
     different = [entry for entry in survivors if not only_a_cast(entry.mutation)]
     same = len(survivors) - len(different)
     return Result(module, verdicts, tuple(different), same, len(every) if digits else None)
+
+
+def _run(words: list[str], workspace: Path, until: float) -> int | None:
+    """Run mutmut until a monotonic time; its exit code, or None if the time was over."""
+    process = subprocess.Popen(words, cwd=workspace, start_new_session=True)
+    try:
+        return process.wait(max(1.0, until - time.monotonic()))
+    except (subprocess.TimeoutExpired, KeyboardInterrupt):
+        # Its own exit code then says nothing: interrupted statistics count as an error.
+        os.killpg(process.pid, signal.SIGINT)
+        process.wait()
+        return None
 
 
 def _sample(workspace: Path, digits: str) -> list[str]:
@@ -197,7 +209,13 @@ def report(result: Result) -> int:
         print(f"  listed, but it survives no more: {entry.function}\n    " + _indented(entry))
     if result.waiting:
         print(f"  {result.waiting} mutants wait; run the command again to go on")
-    return 1 if new or gone else 2 if result.waiting else 0
+    if result.waiting == len(result.verdicts) > 0:
+        _print_incomplete(result.module, "all tests run once before the first mutant")
+    return 1 if new or gone else INCOMPLETE if result.waiting else 0
+
+
+def _print_incomplete(module: str, why: str) -> None:
+    print(f"{module}: incomplete: {why}; allow more --minutes")
 
 
 def _indented(entry: Survivor) -> str:
@@ -228,7 +246,7 @@ def main() -> None:
         if options.record and not result.waiting:
             recorded(result)
         codes.add(report(result))
-    raise SystemExit(1 if 1 in codes else 2 if 2 in codes else 0)
+    raise SystemExit(1 if 1 in codes else INCOMPLETE if INCOMPLETE in codes else 0)
 
 
 if __name__ == "__main__":

@@ -2,7 +2,7 @@
 
 import tomllib
 
-from tools.mutation import MODULES
+from tools.mutation import INCOMPLETE, MODULES, report
 from tools.survivors import (
     ROOT,
     Result,
@@ -32,6 +32,15 @@ def test_a_survivor_is_known_by_what_it_changes_and_needs_a_reason():
     assert compared(result(bare), [bare]) == ([bare], [])
     assert compared(result(), [BEFORE, OTHER]) == ([], [BEFORE])
     assert compared(result(waiting=1), [BEFORE]) == ([], [])
+
+
+def test_a_run_whose_time_was_over_is_incomplete(capsys):
+    assert report(result()) == 0
+    assert report(result(waiting=1)) == INCOMPLETE
+    assert "incomplete" not in capsys.readouterr().out
+    nothing = Result("a.py", {"w": "not checked"}, ())
+    assert report(nothing) == INCOMPLETE
+    assert "incomplete: all tests run once before the first mutant" in capsys.readouterr().out
 
 
 def test_recording_keeps_reasons_and_other_modules(tmp_path):
