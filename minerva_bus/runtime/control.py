@@ -61,7 +61,7 @@ def _status(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _totals(running: Operated, _: Mapping[str, Any]) -> dict[str, Any]:
-    return {"totals": running.meter.counted().plain()}
+    return {"totals": running.metrics.counted().plain()}
 
 
 def _series(running: Operated, _: Mapping[str, Any]) -> dict[str, Any]:

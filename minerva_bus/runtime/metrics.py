@@ -11,7 +11,7 @@ from array import array
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from time import perf_counter
-from typing import Final, ParamSpec, Protocol, TypeVar
+from typing import Final, ParamSpec, TypeVar
 
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
@@ -27,18 +27,6 @@ MEASURED_SECONDS: Final = 5.0
 Figures = dict[str, float]
 P = ParamSpec("P")
 Result = TypeVar("Result")
-
-
-class Meter(Protocol):
-    """Metrics of a running world, as operators ask for them."""
-
-    def measured(self) -> Mapping[str, float]:
-        """Means over the last frames, in microseconds and bytes; keeps measuring for a while."""
-        ...
-
-    def counted(self) -> Totals:
-        """Totals since measuring began; keeps counting for a while."""
-        ...
 
 
 class FrameFigures:

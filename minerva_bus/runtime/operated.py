@@ -11,7 +11,7 @@ from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.event_log import EventLog
 from minerva_bus.frame.order_fates import OrderFates
 from minerva_bus.frame.pace import Pace
-from minerva_bus.runtime.metrics import Meter
+from minerva_bus.runtime.metrics import Metrics
 from minerva_bus.runtime.runner import Runner
 from minerva_bus.runtime.schedule import FrameSchedule
 from minerva_bus.runtime.status import StatusMeter
@@ -42,7 +42,7 @@ class Operated:
     schedule: FrameSchedule
     event_log: EventLog
     orders: OrderFates
-    meter: Meter
+    metrics: Metrics
     status: StatusMeter
     rejected: Callable[[], Mapping[str, int]]
     restart: Callable[[str], str]

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 def status_of(running: Operated, since: int = 0) -> WorldStatus:
     """State of a world, with the log entries since a number."""
     algorithm, pace, hz = running.algorithm, running.pace, running.status.hz
-    measured = dict(running.meter.measured())
+    measured = dict(running.metrics.measured())
     waits = {
         name.removeprefix("wait for "): measured.pop(name)
         for name in sorted(measured)
