@@ -60,6 +60,11 @@ class RegionCheckpoint:
             for frame, parts in region.services.shown.items()
             for source, part in parts.items()
         ]
+        views += [
+            Parcel(frame, source, number, NOTHING, (), halo=figures)
+            for frame, shown in region.services.nearby.shown.items()
+            for source, figures in shown.items()
+        ]
         return RegionCheckpoint(
             keyframe,
             packed_places(units.places),
@@ -111,5 +116,5 @@ class RegionCheckpoint:
         region = Region(past, number, present, members, own, received, ahead)
         views = [parcel(source, data) for source, data in self.views]
         for frame, parcels in groupby(views, lambda parcel: parcel.frame):
-            region.services.take(frame, {each.source: each.views for each in parcels})
+            region.services.take(frame, [*parcels], again=True)
         return region

@@ -30,6 +30,7 @@ from minerva_bus.launch.region_sending import ParcelSender
 from minerva_bus.launch.region_terms import agreed
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.log.entries import encode_inputs
+from minerva_bus.regions.generated import packed_answers, reported
 from minerva_bus.regions.journal import CHECKPOINT, COORDINATOR, JOURNAL
 from minerva_bus.regions.judging import LINES
 from minerva_bus.regions.merging import Units, agents_in
@@ -98,7 +99,7 @@ class RegionMember(Member):
     @property
     def running(self) -> str:
         """The name of the member whose code runs, or ran last; "" before the first call."""
-        running = self._runner.direct.running
+        running = self.region.services.nearby.running or self._runner.direct.running
         return "" if running is None else running.name
 
     def hello(self) -> m.Hello:
@@ -306,15 +307,19 @@ class RegionMember(Member):
         parcels = [parcel for parcel in region.leave() if not region.keeps(parcel)]
         self._parcels.send(parcels)
         targets = [parcel.target for parcel in parcels]
-        message = partial(self._sender.message, self.frame, *state, targets, norms=norms)
+        answered = packed_answers(region.services.nearby.answered)
+        message = partial(
+            self._sender.message, self.frame, *state, targets, norms=norms, answered=answered
+        )
         report = self._report(message)
         self._requests.keep(report)
         return report
 
     def _report(self, message: Callable[[bytes], PartMessage]) -> m.TickReply:
         assert self._done is not None
-        inputs = self._done.inputs if self.region.number == FIRST else None
-        entry = b"" if inputs is None else encode_inputs(inputs.without_replies)
+        answered, first = self.region.services.nearby.answered, self.region.number == FIRST
+        inputs = reported(self._done.inputs, answered, first=first)
+        entry = b"" if inputs is None else encode_inputs(inputs)
         saved: dict[str, Any] = {
             PART: encode(message(entry)),
             JOURNAL: self._journal.unreported(),

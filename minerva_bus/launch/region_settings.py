@@ -16,6 +16,7 @@ from minerva_bus.launch.specs import load
 from minerva_bus.launch.table import Table
 from minerva_bus.launch.worldfile import Process, WorldFile
 from minerva_bus.regions.attached import beside, is_attached
+from minerva_bus.regions.halo import halo_services
 from minerva_bus.regions.lag import RegionLag
 from minerva_bus.regions.partition import ByFunction, ById, ByPosition, Partition
 from minerva_bus.regions.tree import ByTree, Split
@@ -59,9 +60,11 @@ def _lag(table: Table, settings: RegionSettings, partition: Partition | None) ->
         table.wrong("lag", "needs borders that stay where they are: remove balance")
     if settings.function:
         table.wrong("lag", "needs regions by id, grid or tree: remove function")
-    if settings.move_every > 1 and settings.reach != "everywhere":
+    if settings.move_every > 1 and (settings.reach != "everywhere" or settings.halo):
         # Agents may be elsewhere than in the region that runs them.
-        table.wrong("move_every", 'needs reach = "everywhere"')
+        table.wrong("move_every", 'needs reach = "everywhere", and no halo')
+    if isinstance(partition, ByPosition | ByTree):  # A record continues with or without halos.
+        partition = replace(partition, halo=False)
     lag = RegionLag(settings.lag, partition, settings.move_every)
     return lag if partition.count > 1 else None
 
@@ -76,6 +79,8 @@ def _partition(top: Table, table: Table, settings: RegionSettings, path: Path) -
         table.wrong("balance", "moves the borders of regions by position: add grid or tree")
     if settings.reach != "everywhere":
         table.wrong("reach", "is about conditions on positions: add grid or tree")
+    if settings.halo:
+        table.wrong("halo", "is about positions near borders: add grid or tree")
     if not settings.count:
         if settings.function and "count" not in table:
             table.wrong("function", "needs the number of regions: add count")
@@ -102,7 +107,8 @@ def _by_position(top: Table, table: Table, settings: RegionSettings) -> Partitio
         what = f"the {name} has {cells} cells; omit it, or change the {name}"
         top.wrong_setting(RegionSettings, "count", f"is {settings.count}, but {what}")
     by_condition = settings.reach == "condition"
-    return replace(partition, balance=settings.balance, by_condition=by_condition)
+    balance, halo = settings.balance, settings.halo
+    return replace(partition, balance=balance, by_condition=by_condition, halo=halo)
 
 
 def _grid(table: Table, grid: dict[str, Any]) -> ByPosition:
@@ -138,6 +144,10 @@ def check_regions(file: WorldFile, members: Sequence[Member]) -> None:
     """Raise WorldFileError if the world contains what regions do not support."""
     world = file.world
     _check_attributes(file)
+    halos = halo_services(file.partition, (each.service for each in members))
+    _check_halos(file, halos)
+    generators = [each for each in halos if isinstance(each, Generator)]
+    generated = {name for each in generators for name in each.generates()}
     judging = [norm.name for norm in world.norms if norm.on]
     unsupported = {
         **{f"norms on events that name other agents ({name})": True for name in _naming(world)},
@@ -146,6 +156,13 @@ def check_regions(file: WorldFile, members: Sequence[Member]) -> None:
         # The region of the sender judges them when they are sent, one coordinator when they count.
         f"norms on events with lag ({', '.join(judging)})": bool(judging and world.lag),
         "agents_per_host in [placement]": bool(world.placement.agents_per_host),
+        # One coordinator counts the events of a service for all agents.
+        "norms on events of services with halo = true": any(
+            generated.intersection(norm.on) for norm in world.norms
+        ),
+        "services with halo = true that save data": any(
+            type(service).save is not Service.save for service in halos
+        ),
     }
     outside = beside({each.name: each.service for each in members})
     apart = outside.union(each.name for each in file.processes if each.command)
@@ -175,6 +192,20 @@ def _check_attributes(file: WorldFile) -> None:
             )
 
 
+def _check_halos(file: WorldFile, services: Sequence[Device]) -> None:
+    """Raise WorldFileError if services with a halo need other coordinates than regions have."""
+    partition = file.partition
+    for halo in [service.halo for service in services if service.halo is not None]:
+        assert isinstance(partition, ByPosition | ByTree)
+        other = sorted({*partition.attributes} - {halo.x, halo.y})
+        if other:
+            raise WorldFileError(
+                f"{file.path}: [regions] halo = true, but regions are divided by"
+                f" {' and '.join(other)}, and a service looks around agents at {halo.x} and"
+                f" {halo.y}; divide by these, or remove halo"
+            )
+
+
 def _naming(world: World) -> Iterator[str]:
     for norm in world.norms:
         names = [name for condition in norm.conditions for name in condition.names]
@@ -185,8 +216,15 @@ def _naming(world: World) -> Iterator[str]:
 def check_region_run(file: WorldFile, *, in_process: bool) -> None:
     """Raise WorldFileError if a run as regions cannot have its settings."""
     unsupported: dict[str, bool] = {}
+    services = {each.name: each.participant().service for each in file.processes}
+    partition = file.partition
+    has_halos = isinstance(partition, ByPosition | ByTree) and partition.halo
+    if has_halos and not halo_services(partition, services.values()):
+        raise WorldFileError(
+            f"{file.path}: [regions] halo = true, but no service in step looks around agents within"
+            " a radius, as neighbours does; remove halo"
+        )
     if in_process:
-        services = {each.name: each.participant().service for each in file.processes}
         commands = [each.name for each in file.processes if each.command or each.elsewhere]
         live = [name for name, service in services.items() if _is_in_real_time(service)]
         unsupported |= {

@@ -11,20 +11,22 @@ region `HOME`:
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Final, TypeAlias
+from typing import TYPE_CHECKING, Final
 
 from minerva_bus.errors import ProtocolError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame.member import Member
 from minerva_bus.grammar.batch import AnyEvent
+from minerva_bus.regions.nearby import NearbyServices
+from minerva_bus.regions.replies import Answer, Replies, received
 from minerva_bus.regions.views import ViewAssembly, ViewPart
 from minerva_bus.world.services import Device, Generator, Service
 
 HOME: Final = 0
 """The region of attached services, and of units without agents."""
 
-Answer: TypeAlias = m.FromMember | m.Readings
+if TYPE_CHECKING:
+    from minerva_bus.regions.parcel import Parcel
 
 
 def is_attached(service: Service | None) -> bool:
@@ -62,21 +64,6 @@ def _exchange(service: Service, others: Iterable[Service]) -> bool:
     )
 
 
-@dataclass(frozen=True, slots=True)
-class Replies:
-    """The events of all attached services in a frame, by their names, for one region."""
-
-    frame: int
-    source: int
-    target: int
-    events: Mapping[str, tuple[AnyEvent, ...]]
-
-    @property
-    def needed_in(self) -> int:
-        """The frame that cannot begin without it."""
-        return self.frame
-
-
 class AttachedServices:
     """One region's view of the services attached to a world.
 
@@ -86,17 +73,25 @@ class AttachedServices:
 
     def __init__(
         self,
-        number: int,
         regions: int,
+        nearby: NearbyServices,
         members: Iterable[Member],
         last: Iterable[m.ViewShown] = (),
     ) -> None:
-        """`last` are the last views of a run that continues, by which coupled devices act."""
-        attached = [member for member in members if is_attached(member.service)]
+        """`nearby` are the services with a halo, which are not among the attached ones.
+
+        `last` are the last views of a run that continues, by which coupled devices act.
+        """
+        apart = nearby.names
+        attached = [
+            each for each in members if is_attached(each.service) and each.name not in apart
+        ]
         hellos = [member.hello() for member in attached]
         self.send: Callable[[Sequence[Replies]], None] = lambda replies: None
-        self.shows = any(hello.draws for hello in hellos)
-        self._number = number
+        self.drawn = frozenset(name for hello in hellos for name in hello.draws)
+        self.nearby = nearby
+        nearby.send = lambda replies: self.send(replies)
+        self._number = nearby.number
         self._others = [region for region in range(regions) if region != HOME]
         self._names = frozenset(hello.member for hello in hellos)
         self._tickers = frozenset(hello.member for hello in hellos if hello.ticks)
@@ -117,15 +112,19 @@ class AttachedServices:
         """Whether the services are in this region."""
         return self._number == HOME
 
-    def lacks(self, frame: int) -> bool:
-        """Whether the replies for a frame have not arrived yet."""
-        return bool(self._tickers) and not self.at_home and frame not in self._replies
+    def lacks(self, frame: int) -> list[int]:
+        """The regions whose replies for a frame have not arrived yet."""
+        waits = self._tickers and not self.at_home and frame not in self._replies
+        return sorted({*self.nearby.lacks(frame), *([HOME] if waits else [])})
 
     def receive(self, replies: Replies) -> bool:
         """Accept replies; returns False if they have arrived before.
 
-        Raises ProtocolError for replies that are not those of all attached services.
+        Raises ProtocolError for replies that are not those of all attached services, or of all with
+        a halo.
         """
+        if self.nearby.names and frozenset(replies.events) == self.nearby.names:
+            return self.nearby.receive(replies)
         if replies.source != HOME or frozenset(replies.events) != self._tickers:
             raise ProtocolError(
                 f"replies of {', '.join(sorted(replies.events))[:80] or 'no service'}"
@@ -135,9 +134,20 @@ class AttachedServices:
         self._replies[replies.frame] = dict(replies.events)
         return True
 
-    def take(self, frame: int, parts: Mapping[int, ViewPart]) -> None:
-        """Assemble the views of a frame; services get them before they are asked again."""
-        if not self.at_home or not self.shows:
+    def take(self, frame: int, parcels: Sequence[Parcel], *, again: bool = False) -> None:
+        """Assemble the views of a frame; services get them before they are asked again.
+
+        `again`: a process before this one has done so, and has sent the replies for other regions.
+        """
+        shown = {parcel.source: parcel.halo for parcel in parcels if parcel.halo}
+        others = (parcel for parcel in parcels if parcel.source != self._number)
+        movers = None if again else [parcel.source for parcel in others if parcel.units]
+        if shown or not again:
+            self.nearby.take(frame, shown, movers)
+        for event_type in self.nearby.halos if shown else ():
+            self._last.pop(event_type, None)
+        parts = {parcel.source: parcel.views for parcel in parcels if parcel.views}
+        if not self.at_home or not parts:
             return
         for shown in self._assembly.assemble(frame, parts):
             self._last.pop(shown.event_type, None)
@@ -161,8 +171,8 @@ class AttachedServices:
     @property
     def arrived(self) -> list[Replies]:
         """The replies for frames that have not begun, in other regions."""
-        number = self._number
-        return [Replies(frame, HOME, number, of) for frame, of in sorted(self._replies.items())]
+        number, replies = self._number, sorted(self._replies.items())
+        return [*(Replies(frame, HOME, number, of) for frame, of in replies), *self.nearby.arrived]
 
     def elsewhere(self, member: Member) -> bool:
         """Whether a member is a service in another region, so that here it only stands for it."""
@@ -170,8 +180,10 @@ class AttachedServices:
 
     def deliver(self, member: Member, message: m.ToMember | m.Readings) -> Iterable[Answer]:
         """Deliver a message to a member of this region; returns its answers."""
+        if member.name in self.nearby.names:
+            return self.nearby.deliver(member, message)
         if member.name not in self._names:
-            return _received(member, message)
+            return received(member, message)
         # The view of this region alone: its parcel has it.
         is_view = isinstance(message, m.ViewShown)
         if not self.at_home:
@@ -180,9 +192,9 @@ class AttachedServices:
         # A member ignores views before its welcome.
         joins = isinstance(message, m.Greet | m.Welcome)
         for shown in () if joins else self._unshown.pop(member.name, ()):
-            answers += _received(member, shown)
+            answers += received(member, shown)
         if not is_view:
-            answers += _received(member, message)
+            answers += received(member, message)
         self._note(answers)
         return answers
 
@@ -210,10 +222,3 @@ class AttachedServices:
             if frozenset(replies) == self._tickers:
                 del self._replies[reply.frame]
                 self.send([Replies(reply.frame, HOME, to, replies) for to in self._others])
-
-
-def _received(member: Member, message: m.ToMember | m.Readings) -> list[Answer]:
-    answers = member.receive(message)
-    # On the bus an observer draws when its inbox is empty, which it always is here.
-    member.show()
-    return answers

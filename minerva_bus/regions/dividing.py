@@ -68,3 +68,32 @@ def divided(units: Units, regions: Sequence[NDArray[np.intp]]) -> dict[int, Unit
             part = piece if whole or not isinstance(piece, Columns) else piece.take(rows)
             pieces.setdefault(region, []).append(part)
     return {region: Units(places[region], tuple(pieces[region])) for region in sorted(places)}
+
+
+class Border:
+    """Finds the units that leave a region, by piece: those that have not changed stay."""
+
+    def __init__(self, number: int) -> None:
+        self._number = number
+        # Pieces are kept, not only their ids: Python reuses the id of an object that is gone.
+        self._settled: dict[int, Piece] = {}
+        self._settled_by: Partition | None = None
+
+    def leaving(self, units: Units, partition: Partition) -> tuple[dict[int, Units], Units | None]:
+        """The units whose agents are now in other regions, by region.
+
+        Also the remaining ones; None if all of them stay.
+        """
+        if self._settled_by is not partition:
+            self._settled, self._settled_by = {}, partition
+        regions: list[NDArray[np.intp]] = []
+        for piece in units.pieces:
+            own = np.full(piece.count, self._number, np.intp)
+            of_agents = None if id(piece) in self._settled else regions_of(partition, piece)
+            regions.append(own if of_agents is None else of_agents)
+        if all((each == self._number).all() for each in regions):
+            self._settled = {id(piece): piece for piece in units.pieces}
+            return {}, None
+        parts = divided(units, regions)
+        remaining = parts.pop(self._number, NOTHING)
+        return parts, remaining

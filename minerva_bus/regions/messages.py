@@ -74,6 +74,10 @@ class ParcelMessage:
     later: Annotated[tuple[AnyEvent, ...], Note("sanctions for the frame after it")] = ()
     postponed: Annotated[tuple[AnyEvent, ...], Note("that count `lag` frames after `events`")] = ()
     postponed_senders: Annotated[bytes, Note("the places of the senders of `postponed`")] = b""
+    halo: Annotated[
+        m.Parts, Mark.VIEW, Note("by visual event type, figures of agents near the receiver's cell")
+    ] = field(default_factory=dict[str, Scene])
+    halo_places: Annotated[bytes, Note("of the outermost nodes of `halo`, of all types")] = b""
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,6 +134,8 @@ def to_message(parcel: Parcel | Replies) -> ParcelMessage | RepliesMessage:
         parcel.norms.later,
         tuple(each.event for each in parcel.postponed),
         _senders(parcel.postponed),
+        {name: of.scene for name, of in sorted(parcel.halo.items())},
+        packed_places([place for _, of in sorted(parcel.halo.items()) for place in of.places]),
     )
 
 
@@ -153,8 +159,18 @@ def parcel_of(message: ParcelMessage, source: int, target: int) -> Parcel:
     events = tuple(placed_events(message.events, message.senders))
     units = Units(places, scene.pieces)
     postponed = tuple(placed_events(message.postponed, message.postponed_senders))
-    parts = _views(message), _norms(message), postponed
+    parts = _views(message), _norms(message), postponed, _halo(message)
     return Parcel(message.frame, source, target, units, events, *parts)
+
+
+def _halo(message: ParcelMessage) -> dict[str, Units]:
+    sizes = {name: sum(piece.count for piece in of.pieces) for name, of in message.halo.items()}
+    places, end = unpacked_places(message.halo_places, sum(sizes.values()), "halo_places"), 0
+    halo: dict[str, Units] = {}
+    for name, of in sorted(message.halo.items()):
+        begin, end = end, end + sizes[name]
+        halo[name] = Units(places[begin:end], of.pieces)
+    return halo
 
 
 def check_given_up(given_up: m.Figures) -> None:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 from minerva_bus.regions.merging import PlacedEvent, Units
 from minerva_bus.regions.norms import NO_NORMS, NormPart
@@ -15,7 +16,8 @@ class Parcel:
 
     `units` become part of the receiver's string, and `events` belong to the next frame and
     `postponed` ones, with a lag, to a later one, unless the world ends before. `views` are only for
-    the region of attached services.
+    the region of attached services. `halo` are figures near the receiver's cell, by visual event
+    type; in the parcel of a region to itself all of its agents' figures.
     """
 
     frame: int
@@ -26,16 +28,17 @@ class Parcel:
     views: ViewPart = NO_VIEWS
     norms: NormPart = NO_NORMS
     postponed: tuple[PlacedEvent, ...] = ()
+    halo: Mapping[str, Units] = field(default_factory=dict[str, Units])
 
     def __bool__(self) -> bool:
         """Whether it is not empty."""
         has_events = bool(self.events or self.postponed)
-        return bool(self.units or has_events or self.norms) or self.views is not NO_VIEWS
+        return bool(self.units or has_events or self.norms or self.views or self.halo)
 
     @property
     def for_next_frame(self) -> bool:
         """Whether it has more than postponed events."""
-        return bool(self.units or self.events or self.norms) or self.views != NO_VIEWS
+        return bool(self.units or self.events or self.norms or self.views or self.halo)
 
     @property
     def needed_in(self) -> int:

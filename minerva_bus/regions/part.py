@@ -71,7 +71,11 @@ class PartMessage:
     striving: Annotated[tuple[str, ...], Note("the kinds of agents that have sent either")]
     parcels: Annotated[bytes, Note("the regions to which it has sent one, as uint16")]
     inputs: Annotated[
-        bytes, Note("of region 0: the events of generators, as an entry of a record (section 12)")
+        bytes,
+        Note(
+            "of region 0: the events of generators, as an entry of a record (section 12); of the"
+            " others: those of services with a halo, for agents of the region"
+        ),
     ]
     rejected: Annotated[bytes, Note("the numbers of those `events` that norms reject, as int32")]
     counts: Annotated[
@@ -80,6 +84,10 @@ class PartMessage:
     ]
     sanctions: Annotated[tuple[AnyEvent, ...], Note("of norms, for the next frame")]
     halted: Annotated[tuple[str, ...], Note("agents whose actions no device executes")]
+    answered: Annotated[
+        m.Saved,
+        Note("by service with a halo, the places of the receivers of its events in `inputs`"),
+    ] = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,6 +121,7 @@ class PartSender:
         targets: Sequence[int],
         inputs: bytes,
         norms: NormReport = NO_REPORT,
+        answered: m.Saved = None,
     ) -> PartMessage:
         """The message after a frame, relative to that of the frame before."""
         kept, changed, patches = _changes(self.pieces, units.pieces)
@@ -139,6 +148,7 @@ class PartSender:
             counts,
             norms.sanctions,
             norms.halted,
+            answered,
         )
 
 

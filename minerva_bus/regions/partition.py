@@ -66,6 +66,7 @@ class ByPosition:
     there are (len(across) + 1) * (len(down) + 1) regions. Outer cells have no outer border. An
     agent without the attributes has a region by its id. `balance`: frames after which borders are
     moved; 0: never. `by_condition`: events reach only the regions where their conditions can hold.
+    `halo`: services with a halo run in each region.
     """
 
     across: tuple[float, ...]
@@ -73,6 +74,7 @@ class ByPosition:
     names: tuple[str, str] = ("x", "y")
     balance: int = 0
     by_condition: bool = False
+    halo: bool = False
 
     @property
     def count(self) -> int:

@@ -12,32 +12,31 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
 
-import numpy as np
-from numpy.typing import NDArray
-
 from minerva_bus.errors import ProtocolError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.description import World
 from minerva_bus.frame.lag import saved_strays
 from minerva_bus.frame.member import Member
-from minerva_bus.grammar.scene import Piece, agents
+from minerva_bus.grammar.scene import agents
 from minerva_bus.regions.arriving import check_arriving
 from minerva_bus.regions.attached import HOME, AttachedServices, Replies
 from minerva_bus.regions.balancing import moved
-from minerva_bus.regions.dividing import NOTHING, cut, divided
+from minerva_bus.regions.dividing import NOTHING, Border, cut
+from minerva_bus.regions.halo import HaloViews
 from minerva_bus.regions.inbox import ParcelInbox
 from minerva_bus.regions.merging import PlacedEvent, Units, in_order, merged
+from minerva_bus.regions.nearby import NearbyServices
 from minerva_bus.regions.norms import NO_NORMS, NO_REPORT, NormPart, NormReport, RegionNorms
 from minerva_bus.regions.parcel import Parcel
-from minerva_bus.regions.partition import Partition, regions_of
+from minerva_bus.regions.partition import Partition
 from minerva_bus.regions.postponing import PostponedEvents
 from minerva_bus.regions.progress import Progress
 from minerva_bus.regions.reach import check_reach
 from minerva_bus.regions.routing import Routing
 from minerva_bus.regions.schedule import Schedule
 from minerva_bus.regions.source import RegionSource
-from minerva_bus.regions.views import NO_VIEWS
+from minerva_bus.regions.views import NO_VIEWS, PartialViews
 from minerva_bus.world.norms import SOURCE
 
 
@@ -65,7 +64,9 @@ class Region:
             own = cut(world.scene, partition, saved_strays(world.past.saved))[number]
         self.number = number
         self.partition = partition
-        self.services = AttachedServices(number, partition.count, members, world.shown)
+        members = [*members]
+        nearby = NearbyServices(number, partition, members, world.shown, own)
+        self.services = AttachedServices(partition.count, nearby, members, world.shown)
         # The region itself delays events, as it alone knows which of them come from others.
         part = replace(world, scene=own.scene, shown=(), lag=None)
         self.algorithm = FrameAlgorithm(part, RegionSource)
@@ -75,10 +76,12 @@ class Region:
         self._postponed = PostponedEvents(world, own.scene)
         self.schedule = Schedule(1 if world.lag is None else world.lag.every, ahead)
         self._inbox = ParcelInbox(number, world.past.frame, self.schedule)
+        self._source.views = PartialViews(self.services.drawn)
+        self._halo = self._source.halo = HaloViews(number, nearby.halos) if nearby.names else None
+        self._cells = partition
         self._remaining: Units | None = None
         self.algorithm.goal.forget()
-        self._settled: dict[int, Piece] = {}
-        self._settled_by = partition
+        self._border = Border(number)
         self._norms: RegionNorms | None = None
         if world.norms:
             algorithm = self.algorithm
@@ -147,7 +150,7 @@ class Region:
     def missing(self) -> list[int]:
         """The regions that have not sent what `enter` needs, or then the next frame."""
         if self._has_entered:
-            return [HOME] if self.services.lacks(self.frame) else []
+            return self.services.lacks(self.frame)
         return self._inbox.missing(self.frame)
 
     def enter(self) -> None:
@@ -161,7 +164,8 @@ class Region:
         arrived, inbox = self._inbox.enter(self.frame), self.algorithm.inbox
         parcels = arrived.present
         check_arriving(parcels, self.partition, self.algorithm.composition)
-        self.services.take(self.frame - 1, {parcel.source: parcel.views for parcel in parcels})
+        self.services.take(self.frame - 1, parcels)
+        self.services.nearby.answer(self.frame)
         self._join([parcel.units for parcel in parcels])
         self._postponed.enter(self.frame, self.algorithm.composition)
         self._postponed.queue(inbox, arrived.later)
@@ -226,7 +230,9 @@ class Region:
         frame, composition = self.frame - 1, self.algorithm.composition
         check_reach(self.partition, composition)
         self.algorithm.goal.forget()
-        leaving = self._leaving() if self.schedule.moves(self.frame) else {}
+        leaving, self._remaining = dict[int, Units](), None
+        if self.schedule.moves(self.frame):
+            leaving, self._remaining = self._border.leaving(self.units, self.partition)
         moving = {
             agent.id: region for region, units in leaving.items() for agent in agents(units.scene)
         }
@@ -234,7 +240,10 @@ class Region:
         near, crossing = self._postponed.divided(self._source.permitted)
         late = routing.route(crossing, late=True)
         routed = routing.route(near) if self.schedule.waits(self.frame) else routing.keep(near)
-        views = {HOME: self._source.shown} if self.services.shows else {}
+        self.services.nearby.moved(moving)
+        views = {HOME: self._source.shown}
+        shown = {} if self._halo is None else self._halo.by_region(self._cells)
+        self._cells = self.partition
         norms = self._norm_parts(routing, moving)
         parcels = [
             Parcel(
@@ -246,6 +255,7 @@ class Region:
                 views.get(to, NO_VIEWS),
                 norms.get(to, NO_NORMS),
                 tuple(late[to]),
+                shown.get(to, {}),
             )
             for to, events in enumerate(routed)
         ]
@@ -278,23 +288,3 @@ class Region:
         algorithm, goal = self.algorithm, self.algorithm.goal
         resting = algorithm.at_rest and not self._inbox.has_own_events
         return Progress(resting, goal.reached, goal.given_up, goal.striving)
-
-    def _leaving(self) -> dict[int, Units]:
-        """The units whose agents are now in other regions, by region; the others remain."""
-        if self._settled_by is not self.partition:
-            self._settled, self._settled_by = {}, self.partition
-        regions: list[NDArray[np.intp]] = []
-        for piece in self.algorithm.scene.pieces:
-            own = np.full(piece.count, self.number, np.intp)
-            regions.append(own if id(piece) in self._settled else self._regions_of(piece, own))
-        if all((each == self.number).all() for each in regions):
-            # Pieces are kept, not only their ids: Python reuses the id of an object that is gone.
-            self._settled = {id(piece): piece for piece in self.algorithm.scene.pieces}
-            return {}
-        parts = divided(self.units, regions)
-        self._remaining = parts.pop(self.number, NOTHING)
-        return parts
-
-    def _regions_of(self, piece: Piece, own: NDArray[np.intp]) -> NDArray[np.intp]:
-        regions = regions_of(self.partition, piece)
-        return own if regions is None else regions

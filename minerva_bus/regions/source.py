@@ -7,6 +7,7 @@ from typing import TypeAlias
 
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.live import LiveSource
+from minerva_bus.regions.halo import HaloViews
 from minerva_bus.regions.merging import PlacedEvent
 from minerva_bus.regions.norms import Judged
 from minerva_bus.regions.places import Place, SenderPlaces, after_frame
@@ -30,7 +31,8 @@ class RegionSource(LiveSource):
         self.halted: tuple[str, ...] = ()
         self.judge: Judge | None = None
         self.shown = NO_VIEWS
-        self._views = PartialViews()
+        self.views = PartialViews()
+        self.halo: HaloViews | None = None
         self.commit = self._commit
 
     @property
@@ -49,7 +51,9 @@ class RegionSource(LiveSource):
         self.halted = algorithm.in_flight.result.halted
         # Before the replacement: views are of the string that the frame began with, and agents
         # that died in this frame have no place after it.
-        self.shown = self._views.part(algorithm.in_flight, composition, self.places)
+        self.shown = self.views.part(algorithm.in_flight, composition, self.places)
+        if self.halo is not None:
+            self.halo.note(algorithm.in_flight, composition, self.places)
         sent = self.evolution.sent_in_order()
         senders = SenderPlaces(self.places, composition) if sent else None
         self.sent = [PlacedEvent(senders.of(event), event) for event in sent] if senders else []

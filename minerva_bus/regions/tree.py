@@ -67,12 +67,13 @@ class ByTree:
 
     Outer rectangles have no outer border. An agent without the attributes has a region by its id.
     `balance`: frames after which borders are moved; 0: never. `by_condition`: events reach only the
-    regions where their conditions can hold.
+    regions where their conditions can hold. `halo`: services with a halo run in each region.
     """
 
     root: Split
     balance: int = 0
     by_condition: bool = False
+    halo: bool = False
 
     @property
     def count(self) -> int:

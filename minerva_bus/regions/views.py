@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from minerva_bus.errors import WorldStopped
@@ -56,21 +56,27 @@ class ViewPart:
     layout: PlacedSkeleton | None = None
     halted: tuple[str, ...] = ()
 
+    def __bool__(self) -> bool:
+        """Whether any view is due in the frame."""
+        return bool(self.views)
+
 
 NO_VIEWS = ViewPart()
 
 
 class PartialViews:
-    """The views that a region sends to the region of its devices."""
+    """The views that a region sends to the region of its devices: those of some event types."""
 
-    def __init__(self) -> None:
+    def __init__(self, drawn: Collection[str] = ()) -> None:
+        self._drawn = drawn
         self._sent: PlacedSkeleton | None = None
 
     def part(
         self, in_flight: FrameInFlight, composition: Composition, places: Sequence[Place]
     ) -> ViewPart:
         """The part of a frame whose results are final, before they replace the string."""
-        types = sorted({event.type for event in in_flight.events.visual})
+        visual = {event.type for event in in_flight.events.visual}
+        types = sorted(visual.intersection(self._drawn))
         if not types:
             return NO_VIEWS
         layout, result = PlacedSkeleton.of(composition, places), in_flight.result
@@ -85,7 +91,7 @@ class PartialViews:
 
 
 @dataclass(slots=True)
-class _RegionViews:
+class RegionViews:
     """The latest views of a region, by event type and fragment."""
 
     layout: PlacedSkeleton = field(default_factory=PlacedSkeleton)
@@ -99,6 +105,7 @@ class _RegionViews:
         )
 
     def take(self, part: ViewPart) -> None:
+        """Continue with the views of a frame."""
         self.halted = part.halted
         if part.layout is not None:
             self.layout = part.layout
@@ -120,7 +127,7 @@ class ViewAssembly:
     """
 
     def __init__(self, sequence: int = 0) -> None:
-        self._regions: dict[int, _RegionViews] = {}
+        self._regions: dict[int, RegionViews] = {}
         self._skeletons: dict[str, Scene] = {}
         self._frames: dict[str, int] = {}
         self._sequence = sequence
@@ -142,7 +149,7 @@ class ViewAssembly:
         Raises WorldStopped if nothing shows which agents have made which nodes of a view.
         """
         for number, part in sorted(parts.items()):
-            self._regions.setdefault(number, _RegionViews()).take(part)
+            self._regions.setdefault(number, RegionViews()).take(part)
             self._forget_skeletons(part)
         types = sorted({event_type for part in parts.values() for event_type in part.views})
         halted = tuple(sorted({who for part in parts.values() for who in part.halted}))
@@ -165,12 +172,12 @@ class ViewAssembly:
             parts |= {name: view for name, view in views if not name.startswith(PART)}
         skeleton = self._skeletons.get(event_type)
         if skeleton is None:
-            units = merged(_units(region, event_type) for region in self._regions.values())
+            units = merged(placed_views(region, event_type) for region in self._regions.values())
             skeleton = self._skeletons[event_type] = units.scene
         return ViewShown(event_type, frame, self._sequence, parts, skeleton, halted=halted)
 
 
-def _units(region: _RegionViews, event_type: str) -> Units:
+def placed_views(region: RegionViews, event_type: str) -> Units:
     """The slots of a region, and what its agents in columns show, by place."""
     views, places, pieces = region.views.get(event_type, {}), list[Place](), list[Piece]()
     for piece, own in region.layout.each():

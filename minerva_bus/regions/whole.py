@@ -29,6 +29,7 @@ from minerva_bus.frame.views import due_views
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.regions.dividing import cut
 from minerva_bus.regions.emissions import take_events
+from minerva_bus.regions.generated import GeneratedEvents
 from minerva_bus.regions.journal import JOURNAL, KeptJournals
 from minerva_bus.regions.judging import log_violations, permitted_events
 from minerva_bus.regions.merging import agents_in
@@ -69,7 +70,6 @@ class WholeSource(RecordedSource):
 
     # Other regions may wait for the parcels of one that has returned after its report.
     admits_at_once = True
-    _generated: FrameInputs
 
     def __init__(
         self,
@@ -100,6 +100,7 @@ class WholeSource(RecordedSource):
         self._reports: dict[str, PartMessage] = {}
         self._replies: list[m.TickReply] = []
         self._permitted = judged(algorithm.world)
+        self._generated = GeneratedEvents()
         self.emitted = CollectionStep(algorithm).emitted
 
     def journaled(self) -> Mapping[str, Mapping[str, Any]]:
@@ -195,8 +196,10 @@ class WholeSource(RecordedSource):
             raise ProtocolError(f"ticked: a region must report its {PART}")
         message = self._codec.decode(data, self.agents_of(reply.member))
         check_given_up(message.given_up)
-        if reply.member == self._names[FIRST]:
-            self._generated = self._codec.inputs(message.inputs)
+        first = reply.member == self._names[FIRST]
+        if first or message.inputs:
+            inputs = self._codec.inputs(message.inputs)
+            self._generated.add(reply.member, inputs, message.answered, first=first)
         self._whole.parts[self._names.index(reply.member)].apply(message)
         received = (reply.saved or {}).get(JOURNAL)
         if isinstance(received, bytes) and received:
@@ -219,7 +222,7 @@ class WholeSource(RecordedSource):
     def collect(self) -> None:
         """Steps 2 to 4: the events of all regions in the order of one coordinator."""
         algorithm, inbox = self._algorithm, self._algorithm.inbox
-        inputs = self._generated
+        inputs = self._generated.take()
         people = self._people_of(inputs)
         sources = permitted_events(algorithm, inputs, people)
         if self._permitted:

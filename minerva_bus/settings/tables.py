@@ -481,6 +481,13 @@ class RegionSettings:
         " those where the event's condition can hold.",
         choice("everywhere", "condition"),
     )
+    halo: bool = setting(
+        "regions",
+        False,
+        "Run services that look around agents within a radius, such as `neighbours`, in each region"
+        " of a grid or tree, with the agents near its borders; otherwise they run in region 0.",
+        BOOLEAN,
+    )
     lag: int = setting(
         "regions",
         0,

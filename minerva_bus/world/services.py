@@ -21,6 +21,7 @@ from typing import Any, ClassVar, Final
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.batch import AnyEvent
+from minerva_bus.world.halo import Halo
 from minerva_bus.world.readings import Reading
 from minerva_bus.world.service_inputs import Emit, Tick, View, WorldInfo
 from minerva_bus.world.signatures import check_overridden
@@ -184,6 +185,7 @@ class Device(Service):
 
     draws: tuple[str, ...] = ()
     coupled: bool = False
+    halo: Halo | None = None
     every: int = 0
     rate: float = 0.0
 

@@ -236,5 +236,5 @@ class Regions:
 
     def send_again(self, source, target):
         kept = source.outbox.kept_for(target.region.number)
-        assert len(kept) <= 6 + 4 * self.schedule.ahead
+        assert len(kept) <= 9 + 4 * self.schedule.ahead
         self.messages += kept

@@ -10,11 +10,12 @@ from minerva_bus.launch.in_process import members_of
 from minerva_bus.launch.installed import find_world
 from minerva_bus.launch.reading import read_world_file
 from minerva_bus.regions.partition import ById, ByPosition
+from minerva_bus.regions.tree import ByTree, Split
 from minerva_bus.settings.overrides import Overrides
 
 OPTIONS = {
     "meadow": {},
-    "flock": {"birds": "70"},
+    "flock": {"birds": "150"},
     "crowd": {"people": "40"},
     "warehouse": {},
     "robots": {},
@@ -50,6 +51,31 @@ def test_regions_have_the_digests_of_one_coordinator(name, count, checkpoints):
     grid, chance = GRIDS[count], Random(count)
     regions = Regions(of.file.world, FRAMES, grid, chance, of.members, kills, checkpoints)
     assert regions.digests() == of.single
+
+
+HALOS = [
+    ("crowd", [ByPosition((12.0,), (8.0,), halo=True)], True),
+    ("flock", [ByTree(Split("x", 20.0, Split("y", 11.0)), halo=True)], False),
+    (
+        "flock",  # The borders move in each frame, so half of the birds do.
+        [ByPosition((12.0, 30.0), (8.0,), halo=True), ByPosition((28.0, 49.0), (25.0,), halo=True)],
+        True,
+    ),
+]
+
+
+@pytest.mark.parametrize(("name", "partitions", "checkpoints"), HALOS)
+def test_services_with_a_halo_have_the_digests_of_one_coordinator(name, partitions, checkpoints):
+    of, kills = world_file(name), 0.0 if checkpoints else 0.02
+    frames = of.file.world, FRAMES, partitions, Random(5), of.members
+    regions = Regions(*frames, kills=kills, checkpoints=checkpoints)
+    assert regions.digests() == of.single
+    nearby = [process.region.services.nearby for process in regions.processes]
+    assert all(each.names == {"neighbours"} for each in nearby)
+    # Together they answer once for each agent: those of other regions are only shown.
+    events = [each.event for of in nearby for placed in of.answered.values() for each in placed]
+    answered = [name for event in events for name in event.receivers]
+    assert len(answered) == len(set(answered)) > 0
 
 
 @pytest.mark.slow

@@ -1,0 +1,213 @@
+"""Halos: the figures that a region shows the others, because they are near their cells.
+
+A service with a halo runs in each region. It sees the figures of the region's agents, and those of
+other regions within its radius of the region's cell. A figure has to be within the cell of its
+agent: then all figures near an agent of a region are near the cell, too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from math import inf
+from typing import Any, Final, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from minerva_bus.errors import WorldStopped
+from minerva_bus.frame.composition import Composition
+from minerva_bus.frame.in_flight import FrameInFlight
+from minerva_bus.grammar.columns import Columns
+from minerva_bus.grammar.ids import Ids
+from minerva_bus.grammar.scene import Piece, Scene
+from minerva_bus.grammar.slots import fill
+from minerva_bus.grammar.traversal import walk
+from minerva_bus.regions.merging import Units
+from minerva_bus.regions.partition import ByPosition, Cell, Partition
+from minerva_bus.regions.places import Place
+from minerva_bus.regions.tree import ByTree
+from minerva_bus.regions.views import PartialViews, RegionViews, placed_views
+from minerva_bus.world.halo import Halo
+from minerva_bus.world.services import Device, Generator, Service
+
+Figures: TypeAlias = Mapping[str, Units]
+"""Figures with their places, by visual event type."""
+
+_MARGIN: Final = 1.0 + 1e-9
+_ROUNDING: Final = 1e-12
+"""How much more than the radius counts as near, as a factor and as a share of a periodic plane:
+services round distances."""
+
+
+def halo_of(partition: Partition, service: Service | None) -> Halo | None:
+    """The halo with which a service runs in each region; None if it does not."""
+    if not (isinstance(partition, ByPosition | ByTree) and partition.halo):
+        return None
+    answers = isinstance(service, Generator) and service.lockstep and not service.ahead
+    if not (isinstance(service, Device) and service.coupled and answers):
+        return None
+    return None if service.topics or service.publishes else service.halo
+
+
+def halo_services(partition: Partition | None, services: Iterable[Service | None]) -> list[Device]:
+    """The services that run in each region with a halo."""
+    near = [each for each in services if isinstance(each, Device)]
+    return [each for each in near if partition and halo_of(partition, each) is not None]
+
+
+class HaloViews:
+    """The figures of a region's agents, for services with a halo here and in other regions."""
+
+    def __init__(self, number: int, halos: Mapping[str, Halo]) -> None:
+        """`halos` are those of all services, by visual event type."""
+        self._number = number
+        self._halos = halos
+        self._partial = PartialViews(frozenset(halos))
+        self._views = RegionViews()
+        self._shown: dict[str, Units] = {}
+
+    def note(
+        self, in_flight: FrameInFlight, composition: Composition, places: Sequence[Place]
+    ) -> None:
+        """Note the views of a frame whose results are final, before they replace the string."""
+        part = self._partial.part(in_flight, composition, places)
+        self._shown = {}
+        if part:
+            self._views.take(part)
+            self._shown = {name: _filled(self._views, name) for name in part.views}
+
+    def by_region(self, partition: Partition) -> dict[int, dict[str, Units]]:
+        """The figures for each region, all for this one; agents are in the cells of `partition`.
+
+        Raises WorldStopped if an agent's figure is outside of the cell of its region.
+        """
+        assert isinstance(partition, ByPosition | ByTree)
+        shown = {self._number: dict(self._shown)} if self._shown else {}
+        cells = partition.cells
+        for event_type, units in self._shown.items():
+            halo = self._halos[event_type]
+            figures = [figures_in(piece, halo) for piece in units.pieces]
+            for each in figures:
+                _check_inside(each, cells[self._number], halo)
+            for region, cell in enumerate(cells):
+                near = None if region == self._number else _near(units, figures, cell, halo)
+                if near is not None:
+                    shown.setdefault(region, {})[event_type] = near
+        return shown
+
+
+@dataclass(frozen=True, slots=True)
+class PieceFigures:
+    """The agents' figures of a piece; all have shape (n,), without figures (0,).
+
+    `bounds` are the coordinates by name.
+    """
+
+    who: Ids
+    at: Mapping[str, NDArray[Any]]
+
+
+NO_FIGURES: Final = PieceFigures(Ids.of([]), {})
+
+
+def figures_in(piece: Piece, halo: Halo) -> PieceFigures:
+    """The figures of a piece, one for each of its nodes, or none.
+
+    Those without numbers as coordinates are none: the service says what is wrong with them.
+    """
+    if isinstance(piece, Columns):
+        columns = {
+            name: column
+            for level in piece.levels()
+            for name, column in zip(level.names, level.columns, strict=True)
+        }
+        names = halo.x, halo.y
+        who = columns.get(halo.who)
+        if who is None or who.dtype != object:
+            return NO_FIGURES
+        if any(name not in columns or columns[name].dtype.kind not in "if" for name in names):
+            return NO_FIGURES
+        ids = who.ids if who.ids is not None else Ids.of(who.list())
+        return PieceFigures(ids, {name: columns[name].array for name in names})
+    values = dict(_values(piece))
+    x, y, who = (values.get(name) for name in (halo.x, halo.y, halo.who))
+    numbers = all(isinstance(each, int | float) for each in (x, y))
+    if not (numbers and isinstance(who, str)):
+        return NO_FIGURES
+    return PieceFigures(Ids.of([who]), {halo.x: np.array([x]), halo.y: np.array([y])})
+
+
+def _values(piece: Piece) -> Iterator[tuple[str, Any]]:
+    for opens, node in walk(Scene((piece,))):
+        if opens:
+            yield from zip(node.names, node.values, strict=True)
+
+
+def _filled(views: RegionViews, event_type: str) -> Units:
+    """What the agents of a region show, with a place for each outermost node."""
+    units, shown = placed_views(views, event_type), views.views.get(event_type, {})
+    places: list[Place] = []
+    pieces: list[Piece] = []
+    for own, piece in units.each():
+        if piece.still:
+            made: Iterable[Piece] = (piece,)
+            places += own
+        else:  # A slot, or a transformation around some, which is a single node.
+            made = fill(Scene((piece,)), shown).pieces
+            places += [own[0]] * sum(each.count for each in made)
+        pieces += made
+    return Units(places, tuple(pieces))
+
+
+def _bounds(cell: Cell, halo: Halo) -> Iterator[tuple[str, float, float, float]]:
+    """Name, bounds and length of the plane, 0 if it is not periodic, for each coordinate."""
+    for name, length in zip((halo.x, halo.y), halo.size or (0.0, 0.0), strict=True):
+        low, high = cell.get(name, (-inf, inf))
+        yield name, max(low, 0.0) if length else low, min(high, length) if length else high, length
+
+
+def _check_inside(figures: PieceFigures, cell: Cell, halo: Halo) -> None:
+    for name, low, high, length in _bounds(cell, halo):
+        at = figures.at.get(name)
+        if at is None:
+            continue
+        # The far edge of a periodic plane is the near one. Comparisons with NaN do not hold.
+        inside = (at >= low) & ((at < high) | (at == length if length else False))
+        if not inside.all():
+            row = int(np.argmin(inside))
+            raise WorldStopped(
+                f"regions: halo = true: #{figures.who[row]} shows {name} = {at[row]}, outside of"
+                f" the cell of its region, {low} to {high}; expected figures at the attributes that"
+                " divide the regions, within a periodic plane, or halo = false"
+            )
+
+
+def _near(units: Units, figures: Sequence[PieceFigures], cell: Cell, halo: Halo) -> Units | None:
+    """The figures within the radius of a cell, along each axis; None if there are none."""
+    places: list[Place] = []
+    pieces: list[Piece] = []
+    for (own, piece), each in zip(units.each(), figures, strict=True):
+        near = np.ones(len(each.who), np.bool_)
+        for name, low, high, length in _bounds(cell, halo) if each.at else ():
+            near &= _within(each.at[name], low, high, length, halo.radius)
+        rows = np.flatnonzero(near)
+        if not len(rows):
+            continue
+        places += [own[row] for row in rows.tolist()]
+        pieces.append(piece.take(rows) if isinstance(piece, Columns) else piece)
+    return Units(places, tuple(pieces)) if pieces else None
+
+
+def _within(
+    at: NDArray[Any], low: float, high: float, length: float, radius: float
+) -> NDArray[np.bool_]:
+    """Whether coordinates are within the radius of an interval."""
+    if low > high:  # A cell outside of a periodic plane, where no agent can be.
+        return np.zeros(len(at), np.bool_)
+    reach = radius * _MARGIN + _ROUNDING * length
+    near = np.zeros(len(at), np.bool_)
+    for image in (at, at - length, at + length) if length else (at,):
+        # Differences as services compute them: rounding preserves their order.
+        near |= (low - image <= reach) & (image - high <= reach)
+    return near

@@ -1,0 +1,259 @@
+"""Services that run in each region, because they perceive what is near an agent only.
+
+A region answers for the agents that it had when the frame of the view began. If one of them has
+moved since, it sends the events to the agent's new region, which waits for them:
+
+    frame t      each region sends figures near the cells of others to them, in its parcels
+    frame t + 1  its services see these and its own, and their events go to where the agents are
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from minerva_bus.errors import ProtocolError, WorldStopped
+from minerva_bus.frame import messages as m
+from minerva_bus.frame.member import Member
+from minerva_bus.grammar.batch import AnyEvent, Events
+from minerva_bus.grammar.ids import Ids
+from minerva_bus.grammar.scene import Scene, agents
+from minerva_bus.regions.halo import Figures, figures_in, halo_of
+from minerva_bus.regions.merging import PlacedEvent, Units, merged
+from minerva_bus.regions.partition import Partition
+from minerva_bus.regions.places import Place
+from minerva_bus.regions.replies import Answer, Replies, received
+from minerva_bus.world.halo import Halo
+
+
+class NearbyServices:
+    """The services with a halo, in one region.
+
+    `send` is called with the events for agents that have moved to other regions. `answered` are the
+    events of the last frame by service, with the places of their receivers, and `running` is the
+    member whose code runs between two frames.
+    """
+
+    def __init__(
+        self,
+        number: int,
+        partition: Partition,
+        members: Iterable[Member],
+        last: Sequence[m.ViewShown] = (),
+        own: Units | None = None,
+    ) -> None:
+        """`last` are the last views of a run that continues, with the region's `own` part."""
+        self.send: Callable[[Sequence[Replies]], None] = lambda replies: None
+        self.halos: dict[str, Halo] = {}
+        self.answered: Mapping[str, Sequence[PlacedEvent]] = {}
+        self.running: Member | None = None
+        self.number = number
+        self._members: dict[str, Member] = {}
+        for member in members:
+            halo = halo_of(partition, member.service)
+            if halo is not None:
+                self._members[member.name] = member
+                self.halos |= dict.fromkeys(member.hello().draws, halo)
+        self._unshown = [view for view in last if view.event_type in self.halos]
+        self._sequence = max([view.sequence for view in self._unshown], default=0)
+        # Views that no region has divided show all agents; those of this region are its own.
+        self._own = _within(own) if own is not None and self._unshown else None
+        self._shown: tuple[int, Mapping[int, Figures]] = -1, {}
+        self._movers: frozenset[int] | None = None
+        self._moving: Mapping[str, int] = {}
+        self._replies: dict[tuple[int, int], Replies] = {}
+        self._ready: dict[str, m.TickReply] = {}
+
+    @property
+    def names(self) -> frozenset[str]:
+        """The names of the services."""
+        return frozenset(self._members)
+
+    # --- between frames ---
+
+    def moved(self, moving: Mapping[str, int]) -> None:
+        """Note the regions of agents that leave this one after a frame."""
+        self._moving = moving if self._members else {}
+
+    def take(self, frame: int, shown: Mapping[int, Figures], movers: Iterable[int] | None) -> None:
+        """Assemble the views of a frame from the figures of each region.
+
+        `movers` are the regions that have sent agents to this one, whose replies the next frame
+        needs; None if they have arrived. Raises ProtocolError for replies of others.
+        """
+        if not self._members:
+            return
+        self._replies = {key: each for key, each in self._replies.items() if key[0] > frame}
+        self._movers = None if movers is None else frozenset(movers)
+        for each in self._replies.values():
+            self._check_expected(each)
+        self._shown = frame, shown
+        own = shown.get(self.number)
+        if own is None:
+            self._own = self._own if self._unshown else None
+            return
+        self._own = _showing(own, self.halos)
+        self._unshown.clear()
+        for event_type in sorted(own):
+            parts = [of[event_type] for _, of in sorted(shown.items()) if event_type in of]
+            self._sequence += 1
+            scene = merged(parts).scene
+            self._unshown.append(m.ViewShown(event_type, frame, self._sequence, {}, scene))
+
+    @property
+    def shown(self) -> Mapping[int, Mapping[int, Figures]]:
+        """The latest figures by frame and region: `take` continues with them elsewhere."""
+        frame, shown = self._shown
+        return {frame: shown} if shown else {}
+
+    def receive(self, replies: Replies) -> bool:
+        """Accept replies of another region; returns False if they have arrived before."""
+        frame, _ = self._shown
+        key = replies.frame, replies.source
+        if replies.frame <= frame or key in self._replies:
+            return False
+        self._check_expected(replies)
+        self._replies[key] = replies
+        return True
+
+    def _check_expected(self, replies: Replies) -> None:
+        frame, _ = self._shown
+        is_current = self._movers is not None and replies.frame == frame + 1
+        if is_current and replies.source not in (self._movers or ()):
+            raise ProtocolError(f"replies of region {replies.source}, which has sent no agents")
+
+    @property
+    def arrived(self) -> list[Replies]:
+        """The replies for frames that have not begun."""
+        return [replies for _, replies in sorted(self._replies.items(), key=lambda item: item[0])]
+
+    def lacks(self, frame: int) -> list[int]:
+        """The regions whose replies for a frame have not arrived."""
+        return [each for each in sorted(self._movers or ()) if (frame, each) not in self._replies]
+
+    def answer(self, frame: int) -> None:
+        """Let the services answer for a frame, before the replies of others are awaited."""
+        if any(member.world is None for member in self._members.values()):
+            return  # The first frame: no agent has moved yet.
+        if all(name in self._ready and self._ready[name].frame == frame for name in self._members):
+            return
+        answered: dict[str, list[PlacedEvent]] = {}
+        elsewhere = {to: dict[str, tuple[AnyEvent, ...]]() for to in {*self._moving.values()}}
+        for name, member in sorted(self._members.items()):
+            self.running = member
+            reply = self._reply(member, frame)
+            answered[name] = [self._placed(name, event) for event in reply.events]
+            here, away = self._divided(answered[name])
+            self._ready[name] = replace(reply, events=here)
+            for to, events in elsewhere.items():
+                events[name] = tuple(away.get(to, ()))
+        self.running = None
+        self._unshown.clear()
+        self._moving, self.answered = {}, answered
+        if elsewhere:
+            self.send([Replies(frame, self.number, to, of) for to, of in sorted(elsewhere.items())])
+
+    def _reply(self, member: Member, frame: int) -> m.TickReply:
+        drawn = member.hello().draws
+        for view in self._unshown:
+            if view.event_type in drawn:
+                received(member, view)
+        answers = received(member, m.TickRequest(frame))
+        (reply,) = [each for each in answers if isinstance(each, m.TickReply)]
+        return reply
+
+    def _placed(self, name: str, event: AnyEvent) -> PlacedEvent:
+        """An event, or a batch, for the agents that this region had; with their places."""
+        receivers = event.receivers if isinstance(event, Events) else Ids.of(event.receivers)
+        if receivers is None or len(receivers) != len(event) or self._own is None:
+            raise WorldStopped(
+                f"regions: halo = true: {name} has sent an {event.type} that is not for one agent,"
+                " or not in the frame after a view; expected events for single agents about the"
+                " view of the last frame, or halo = false"
+            )
+        ids, places = self._own
+        rows: NDArray[np.intp] = ids.rows_of(receivers)
+        own = np.flatnonzero(rows >= 0)
+        event = event.take(own) if isinstance(event, Events) and len(own) < len(rows) else event
+        numbers: list[int] = rows[own].tolist()
+        return PlacedEvent([places[row] for row in numbers], event)
+
+    def _divided(
+        self, placed: Iterable[PlacedEvent]
+    ) -> tuple[tuple[AnyEvent, ...], dict[int, list[AnyEvent]]]:
+        """The events for agents that are here, or gone, and those for other regions."""
+        here: list[AnyEvent] = []
+        away: dict[int, list[AnyEvent]] = {}
+        moving, targets = Ids.of([*self._moving]), np.array([*self._moving.values()], np.intp)
+        for each in placed:
+            if not each.places:
+                continue
+            event = each.event
+            receivers = event.receivers if isinstance(event, Events) else Ids.of(event.receivers)
+            assert receivers is not None
+            rows = moving.rows_of(receivers) if self._moving else np.full(len(receivers), -1)
+            to = np.where(rows >= 0, targets[rows], self.number) if self._moving else rows
+            stays = _taken(event, np.flatnonzero((rows < 0) | (to == self.number)))
+            here += stays
+            for region in {*self._moving.values()}:
+                away.setdefault(region, []).extend(_taken(event, np.flatnonzero(to == region)))
+        return tuple(here), away
+
+    # --- in a frame ---
+
+    def deliver(self, member: Member, message: m.ToMember | m.Readings) -> Iterable[Answer]:
+        """Deliver a message of this region to one of the services; returns its answers."""
+        match message:
+            case m.ViewShown():  # The view of this region alone.
+                return ()
+            case m.TickRequest(frame):
+                self.answer(frame)
+                ready = self._ready[member.name]
+                others = [each.events[member.name] for each in self.arrived if each.frame == frame]
+                return (replace(ready, events=_joined(ready.events, *others)),)
+            case _:
+                return received(member, message)
+
+
+_Own = tuple[Ids, Sequence[Place]]
+_NOBODY: _Own = Ids.of([]), ()
+
+
+def _showing(shown: Figures, halos: Mapping[str, Halo]) -> _Own:
+    """The agents with a figure, and their places."""
+    ids: list[Ids] = []
+    places: list[Place] = []
+    for event_type, units in shown.items():
+        for own, piece in units.each():
+            who = figures_in(piece, halos[event_type]).who
+            ids.append(who)
+            places += own[: len(who)]
+    return (Ids.concatenated(ids), places) if ids else _NOBODY
+
+
+def _within(units: Units) -> _Own:
+    """The agents of a string, and the places of the nodes around them."""
+    ids: list[str] = []
+    places: list[Place] = []
+    for own, piece in units.each():
+        inside = [agent.id for agent in agents(Scene((piece,)))]
+        ids += inside
+        places += own if piece.ids is not None else [own[0]] * len(inside)
+    return Ids.of(ids), places
+
+
+def _taken(event: AnyEvent, rows: NDArray[np.intp]) -> Sequence[AnyEvent]:
+    if not len(rows):
+        return ()
+    return (event.take(rows),) if isinstance(event, Events) else (event,)
+
+
+def _joined(*parts: Sequence[AnyEvent]) -> tuple[AnyEvent, ...]:
+    """The events of several regions; a batch if each of them has one."""
+    present = [each for events in parts for each in events]
+    batches = [each for each in present if isinstance(each, Events)]
+    whole = Events.concatenated(batches) if batches and len(batches) == len(present) else None
+    return tuple(present) if whole is None else (whole,)

@@ -1,0 +1,121 @@
+"""Halos: which figures a region shows another one, and what is refused."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from minerva_bus.errors import WorldFileError, WorldStopped
+from minerva_bus.grammar.scene import Scene
+from minerva_bus.grammar.symbols import Primitive, Transformation
+from minerva_bus.launch.in_process import members_of
+from minerva_bus.launch.installed import find_world
+from minerva_bus.launch.reading import read_world_text
+from minerva_bus.launch.region_settings import check_region_run, check_regions
+from minerva_bus.regions.halo import HaloViews, figures_in
+from minerva_bus.regions.merging import Units
+from minerva_bus.regions.partition import ByPosition
+from minerva_bus.settings.overrides import Overrides
+from minerva_bus.world.halo import Halo
+
+PSpot = Primitive("PSpot", who=str)
+PTree = Primitive("PTree", age=float)
+TMove = Transformation("TMove", x=float, y=float)
+GRID = ByPosition((2.0, 5.0), (4.0,), halo=True)
+places = st.integers(0, 80).map(lambda number: number / 10)
+
+
+def shown(points, number, size=None, radius=1.0):
+    """The ids that a region with these figures shows each region."""
+    halo = Halo(radius, size=size)
+    nodes = [TMove(x, y)(PSpot(name)).nodes[0] for name, x, y in points]
+    scenery = TMove(-9.0, -9.0)(PTree(3.0)).nodes[0]
+    views: Any = HaloViews(number, {"eWhere": halo})
+    pieces = Scene((*nodes, scenery)).pieces
+    views._shown = {"eWhere": Units([(n,) for n in range(len(pieces))], pieces)}
+    return {
+        region: [name for piece in of["eWhere"].pieces for name in figures_in(piece, halo).who]
+        for region, of in views.by_region(GRID).items()
+    }
+
+
+@given(
+    st.lists(st.tuples(places, places), min_size=1, max_size=9), st.sampled_from([None, (8.0, 8.0)])
+)
+def test_whatever_is_within_the_radius_of_an_agent_is_shown_to_its_region(points, size):
+    named = [(f"a{n}", x, y) for n, (x, y) in enumerate(points)]
+    column = np.searchsorted(GRID.across, [x for _, x, _ in named], side="right")
+    cells = (column + 3 * np.searchsorted(GRID.down, [y for *_, y in named], side="right")).tolist()
+    seen = {number: set() for number in range(6)}
+    for number in set(cells):
+        own = [each for each, cell in zip(named, cells, strict=True) if cell == number]
+        for region, names in shown(own, number, size).items():
+            seen[region].update(names)
+    for (_, x, y), cell in zip(named, cells, strict=True):
+        for name, to_x, to_y in named:
+            gaps = abs(np.array([x - to_x, y - to_y]))
+            gaps = gaps if size is None else np.minimum(gaps, 8.0 - gaps)
+            assert gaps @ gaps > 1.0 or name in seen[cell]
+
+
+@pytest.mark.parametrize(
+    ("x", "size", "regions"),
+    [
+        (2.5, None, {1: ["a"], 0: ["a"]}),
+        (3.5, None, {1: ["a"]}),
+        (4.0, None, {1: ["a"], 2: ["a"]}),
+        (4.0, (8.0, 20.0), {1: ["a"], 2: ["a"]}),
+    ],
+)
+def test_a_figure_is_shown_only_near_a_border(x, size, regions):
+    assert shown([("a", x, 1.5)], 1, size) == regions
+
+
+def test_the_edges_of_a_torus_are_next_to_each_other():
+    assert shown([("a", 8.0, 7.9)], 5, (8.0, 8.0)) == {5: ["a"], 0: ["a"], 2: ["a"], 3: ["a"]}
+
+
+@pytest.mark.parametrize(
+    ("x", "number", "size"),
+    [(5.0, 1, None), (1.9, 1, None), (-0.1, 0, (8.0, 8.0)),
+     (8.1, 2, (8.0, 8.0))],
+)  # fmt: skip
+def test_a_figure_outside_of_the_cell_of_its_agent_stops_the_world(x, number, size):
+    with pytest.raises(WorldStopped, match=r"#a shows x = .* or halo = false"):
+        shown([("a", x, 1.0)], number, size)
+
+
+FLOCK = find_world("flock")
+TEXT = FLOCK.read_text(encoding="utf-8")
+NORM = """
+[norm.loud]
+on = ["eNear"]
+when = "event.number > 3"
+"""
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        ("[regions]\ncount = 2\nhalo = true", "add grid or tree"),
+        ("[regions]\ngrid = { vx = [0] }\nhalo = true", "divided by vx, .* looks .* at x and y"),
+        (f"[regions]\ngrid = {{ x = [30] }}\nhalo = true\n{NORM}", "norms on events of services"),
+    ],
+)
+def test_what_halos_cannot_do_is_refused(text, problem):
+    def check():
+        file = read_world_text(f"{TEXT}\n{text}\n", FLOCK, Overrides())
+        check_regions(file, members_of(file))
+
+    with pytest.raises(WorldFileError, match=problem):
+        check()
+
+
+def test_a_world_without_such_services_is_refused():
+    meadow = find_world("meadow")
+    text = f"{meadow.read_text(encoding='utf-8')}\n[regions]\ngrid = {{ x = [8] }}\nhalo = true\n"
+    file = read_world_text(text, meadow, Overrides())
+    with pytest.raises(WorldFileError, match="no service in step looks around agents"):
+        check_region_run(file, in_process=True)
