@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import string
 from collections.abc import Callable
+from functools import cache
 from itertools import count
 from typing import Any
 
@@ -25,20 +26,26 @@ from minerva_bus.grammar.scene import (
 from minerva_bus.grammar.traversal import rebuild
 from minerva_bus.grammar.units import Quantity
 
+# Hypothesis validates each strategy once, with its parts. A strategy that depends on what has been
+# drawn costs less if its parts are the same objects each time, which `cache` gives.
+
 LETTERS = string.ascii_letters + string.digits + "_"
 UNITS = ("m", "km", "cm", "mm", "deg", "rad", "s", "m/s", "km/h", "Hz")
 
 
+@cache
 def names() -> SearchStrategy[str]:
     """Names of parameters, attributes and data."""
     return st.text(LETTERS, min_size=1, max_size=8).filter(lambda name: not name[0].isdigit())
 
 
+@cache
 def symbols(letter: str) -> SearchStrategy[str]:
     """Symbols of one alphabet: P, T, A, or e for event types."""
     return st.text(LETTERS, max_size=6).map(lambda rest: letter + rest)
 
 
+@cache
 def ids() -> SearchStrategy[str]:
     """Ids of agents."""
     first = st.sampled_from(LETTERS)
@@ -46,35 +53,45 @@ def ids() -> SearchStrategy[str]:
     return st.builds(str.__add__, first, st.text(LETTERS + ":-", max_size=8))
 
 
+@cache
 def given_ids() -> SearchStrategy[str]:
     """Ids as written in world files; only those of newborns and copies contain : and -."""
     return st.text(LETTERS, min_size=1, max_size=6)
 
 
+@cache
 def integers() -> SearchStrategy[int]:
     """Whole numbers of 64 bits."""
     return st.integers(-(1 << 63), (1 << 63) - 1)
 
 
+@cache
 def reals() -> SearchStrategy[float]:
     """Finite numbers, including -0.0 and denormal ones."""
     return st.floats(allow_nan=False, allow_infinity=False)
 
 
+@cache
 def texts() -> SearchStrategy[str]:
     """Texts of Unicode characters, including quotes, backslashes and control characters."""
     # Surrogates cannot be encoded in UTF-8.
     return st.text(st.characters(exclude_categories=("Cs",)), max_size=12)
 
 
+@cache
 def matrices() -> SearchStrategy[Array]:
     """Read-only matrices of both types, also without rows or columns."""
     return st.one_of(matrices_of(np.int16), matrices_of(np.float64))
 
 
-@st.composite
-def matrices_of(draw: DrawFn, dtype: type[np.int16] | type[np.float64]) -> Array:
+@cache
+def matrices_of(dtype: type[np.int16] | type[np.float64]) -> SearchStrategy[Array]:
     """Read-only matrices of one type; few different values, so that equal ones repeat."""
+    return _matrix(dtype)
+
+
+@st.composite
+def _matrix(draw: DrawFn, dtype: type[np.int16] | type[np.float64]) -> Array:
     rows, columns = draw(st.integers(0, 4)), draw(st.integers(0, 4))
     cells: SearchStrategy[Any] = st.integers(-32768, 32767) if dtype is np.int16 else reals()
     few = draw(st.lists(cells | st.sampled_from([0.0, -0.0]), min_size=1, max_size=3))
@@ -84,11 +101,13 @@ def matrices_of(draw: DrawFn, dtype: type[np.int16] | type[np.float64]) -> Array
     return matrix
 
 
+@cache
 def quantities() -> SearchStrategy[Quantity]:
     """Numbers with a unit, as in a text, before a vocabulary converts them."""
     return st.builds(Quantity, reals(), st.sampled_from(UNITS))
 
 
+@cache
 def values(depth: int = 2) -> SearchStrategy[Value]:
     """Any value that a text may hold, with lists and strings nested up to a depth."""
     plain: SearchStrategy[Any] = st.one_of(
@@ -100,6 +119,7 @@ def values(depth: int = 2) -> SearchStrategy[Value]:
     return st.one_of(plain, st.lists(inner, max_size=3).map(tuple), scenes(depth - 1, max_leaves=3))
 
 
+@cache
 def scenes(depth: int = 1, max_leaves: int = 12) -> SearchStrategy[Scene]:
     """Any string of L(M): arbitrary symbols, parameters and values, unique ids of agents."""
     bare: SearchStrategy[Any] = st.dictionaries(names(), values(depth), max_size=2)

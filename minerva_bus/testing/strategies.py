@@ -13,6 +13,7 @@ Hypothesis must be installed (`pip install hypothesis`); nothing else in Minerva
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from functools import cache, lru_cache
 from inspect import signature
 from typing import Any, Final, TypeVar
 
@@ -75,6 +76,7 @@ __all__ = [
 _KINDS = ("bool", "int", "real", "text", "cells", "matrix")
 
 
+@cache
 def types(depth: int = 1) -> SearchStrategy[Type]:
     """Types of parameters, attributes and data."""
     plain = st.one_of(
@@ -89,6 +91,8 @@ def types(depth: int = 1) -> SearchStrategy[Type]:
     return st.one_of(plain, types(depth - 1).map(lambda item: Type("list", item=item)))
 
 
+# The strings are those of a vocabulary, and each vocabulary is drawn.
+@lru_cache(4096)
 def values_of(wanted: Type, strings: SearchStrategy[Scene] | None = None) -> SearchStrategy[Value]:
     """Values of one type, in their final form; `strings` draws those of strings of L(M)."""
     if wanted.item is not None:
@@ -107,6 +111,7 @@ def values_of(wanted: Type, strings: SearchStrategy[Scene] | None = None) -> Sea
     return by_kind[wanted.kind]
 
 
+@cache
 def vocabularies() -> SearchStrategy[Vocabulary]:
     """Vocabularies with a few symbols of each alphabet and a few event types."""
     return st.builds(
@@ -144,6 +149,7 @@ def _is_free(name: str) -> bool:
     return name not in _ARGUMENTS and not hasattr(Event, name)
 
 
+@cache
 def _field() -> SearchStrategy[Any]:
     wanted = types() | st.just(Type("string"))
     return wanted | wanted.flatmap(
@@ -185,6 +191,7 @@ def _one(names: Iterable[str], make: Callable[[str], SearchStrategy[Node]]) -> S
     return st.one_of(each) if each else st.nothing()
 
 
+@cache
 def worlds() -> SearchStrategy[tuple[Vocabulary, Scene]]:
     """A vocabulary with one of its strings."""
     # The string depends on the vocabulary that is drawn.
