@@ -98,9 +98,8 @@ class RegionMember(Member):
 
     @property
     def running(self) -> str:
-        """The name of the member whose code runs, or ran last; "" before the first call."""
-        running = self.region.services.nearby.running or self._runner.direct.running
-        return "" if running is None else running.name
+        """The name of the member whose code runs, or has failed; "" if none does."""
+        return self.region.services.running
 
     def hello(self) -> m.Hello:
         """A member in step that generates nothing itself."""

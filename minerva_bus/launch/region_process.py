@@ -8,7 +8,7 @@ from functools import partial
 from typing import Any, Final
 
 from minerva_bus.blame import report
-from minerva_bus.errors import BusError, WorldStopped
+from minerva_bus.errors import BusError, MinervaError, UserCodeError, WorldStopped
 from minerva_bus.launch.region_layout import RegionSpec
 from minerva_bus.launch.region_member import RegionMember
 from minerva_bus.runtime.arrival import STARTED_HERE, Arrival
@@ -154,6 +154,10 @@ class RegionProcess(MemberProcess):
             self.link.send(reply)
 
     def _described(self, error: Exception) -> str:
-        """The error, with the name of the member in this process whose code failed."""
+        """The error, with the name of the member in this process whose code failed, if it was."""
         running = "" if isinstance(error, WorldStopped) else self._region.running
-        return f"{running}: {report(error)}" if running else report(error)
+        # Errors of the user's function that assigns regions, or with a text for the user.
+        if not running and isinstance(error, MinervaError | UserCodeError):
+            return report(error)
+        ours = f"{self._spec.name}: an error of Minerva Bus, not of the world's code"
+        return f"{running or ours}: {report(error)}"

@@ -77,7 +77,6 @@ class RegionRun:
         self._first_at: float | None = None
         self._last_at = began
         self._reason = ""
-        self._running: InProcessRunner | None = None
         self._services: FreeRunning | None = None
 
     @property
@@ -141,9 +140,7 @@ class RegionRun:
             runner = InProcessRunner(region.algorithm, members, observe, deliver=deliver)
             self._parts.append(_Part(region, members, runner))
         for part in self._parts:
-            self._running = part.runner
             part.runner.start()
-        self._running = None
         home = self._parts[HOME]
         self._services = FreeRunning(
             _AllRegions([each.runner for each in self._parts]), home.members
@@ -182,10 +179,8 @@ class RegionRun:
     def _pass_on(self) -> None:
         """Pass on what services that run freely have sent."""
         assert self._services is not None
-        self._running = self._parts[HOME].runner
         self._services.deliver()
         self._services.pulse()
-        self._running = None
 
     def _advance(self) -> None:
         """Run one frame in all regions, or end the world."""
@@ -200,11 +195,9 @@ class RegionRun:
             part.region.enter()
         self._balance()
         for part in self._parts:
-            self._running = part.runner
             part.runner.handle(s.Begin())
             if self._reason:
                 return
-        self._running = None
         units = [part.region.units for part in self._parts]
         self._ending.learn([part.region.progress() for part in self._parts])
         parcels = [parcel for part in self._parts for parcel in part.region.leave()]
@@ -230,7 +223,6 @@ class RegionRun:
     def _end(self, reason: str) -> None:
         self._reason = reason
         for part in self._parts:
-            self._running = part.runner
             part.region.end()
             part.runner.handle(s.End(reason))
 
@@ -245,9 +237,9 @@ class RegionRun:
             # No failure of code either: a service cannot run in this world.
             raise WorldStopped(str(error)) from None
         except Exception as error:
-            running = None if self._running is None else self._running.direct.running
-            # Without one it is the function that assigns regions.
-            member = "regions" if running is None else running.name
+            running = (part.region.services.running for part in self._parts)
+            # Without one it is the function that assigns regions, or an error of ours.
+            member = next(filter(None, running), "regions")
             failure = CodeFailure.of(error, member, self._frame)
             self._reason = failure.reason
             raise failure.stops(self._console) from error

@@ -98,6 +98,7 @@ class AttachedServices:
         self._drawn = {hello.member: frozenset(hello.draws) for hello in hellos}
         self._replies: dict[int, dict[str, tuple[AnyEvent, ...]]] = {}
         self._answered = -1
+        self._running: Member | None = None
         self._last = {shown.event_type: shown for shown in last}
         # Devices ignore a view with a lower number than the last one.
         numbers = [shown.sequence for shown in self._last.values()]
@@ -178,8 +179,20 @@ class AttachedServices:
         """Whether a member is a service in another region, so that here it only stands for it."""
         return member.name in self._names and not self.at_home
 
+    @property
+    def running(self) -> str:
+        """The name of the member whose code runs, or has failed; "" if none does."""
+        running = self.nearby.running or self._running
+        return "" if running is None else running.name
+
     def deliver(self, member: Member, message: m.ToMember | m.Readings) -> Iterable[Answer]:
         """Deliver a message to a member of this region; returns its answers."""
+        self._running = member
+        answers = [*self._deliver(member, message)]
+        self._running = None
+        return answers
+
+    def _deliver(self, member: Member, message: m.ToMember | m.Readings) -> Iterable[Answer]:
         if member.name in self.nearby.names:
             return self.nearby.deliver(member, message)
         if member.name not in self._names:
