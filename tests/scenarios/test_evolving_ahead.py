@@ -146,7 +146,7 @@ def test_an_order_makes_the_early_request_void():
     assert garden.asked.early == [1, 2]
     garden.run()
     assert garden.bus.digests == in_process(garden.world, orders={2: [order]}.items())
-    # Asked early in vain, then a further part; then an interval without early requests.
+    # Asked early without use, then a further part; then an interval without early requests.
     assert garden.asked.parts[2] == [0, 1]
     assert garden.asked.early[2] > 3
 
@@ -159,7 +159,7 @@ def test_an_order_that_concerns_no_agent_makes_it_void_too():
 
 
 def test_a_host_that_is_skipped_starts_over():
-    """It evolves the frame in which it is skipped, and the next one, in vain."""
+    """It evolves the frame in which it is skipped, and the next one, whose result is not used."""
     digests = []
     for at_once in (True, False):
         garden = Garden() if at_once else frames_at_their_own_times()
