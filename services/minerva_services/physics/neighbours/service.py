@@ -106,7 +106,6 @@ class Neighbours(Device, Generator, coupled=True):
 
     def joined(self, world: WorldInfo) -> None:
         self._type = event_type("neighbours", world, self._event)
-        self._wanted = frozenset(self._type.fields.names)
         self._compare(self._type)
 
     def show(self, view: View) -> None:
@@ -120,14 +119,15 @@ class Neighbours(Device, Generator, coupled=True):
         return self._ready if self._shown == tick.number - 1 else ()
 
     def _events(self, spots: Spots) -> tuple[AnyEvent, ...]:
+        wanted = frozenset(self._type.fields.names)
         if self._lattice is not None:
-            data = counts(spots, self._lattice, self._wanted, self._same)
+            data = counts(spots, self._lattice, wanted, self._same)
             return (self._made(spots, spots.ids, data),)
         pairs = near(spots.x, spots.y, self._radius, self._size)
         if self._summary:
-            data = summary(spots, pairs, self._wanted, self._apart)
+            data = summary(spots, pairs, wanted, self._apart)
             return (self._made(spots, spots.ids, data),)
-        to, data = individual(spots, pairs, self._wanted, self._nearest)
+        to, data = individual(spots, pairs, wanted, self._nearest)
         return (self._made(spots, spots.ids.take(to), data),) if len(to) else ()
 
     def _made(self, spots: Spots, receivers: Ids, data: Mapping[str, Any]) -> AnyEvent:
