@@ -43,9 +43,11 @@ def made_events(made: Any) -> Iterator[AnyEvent]:
     if isinstance(made, Event | Events):
         yield made
         return
-    if not isinstance(made, Iterable):
+    # A text and a mapping are iterable, but their letters and keys are not what was meant.
+    result: object = made
+    if isinstance(result, str | bytes | Mapping) or not isinstance(result, Iterable):
         raise TypeError(f"expected events, one event or None, not {_named(made)}")
-    for item in cast("Iterable[object]", made):
+    for item in cast("Iterable[object]", result):
         if item is not None:
             if not isinstance(item, Event | Events):
                 raise TypeError(f"expected events, not {_named(item)}")

@@ -196,6 +196,8 @@ MISTAKES = (
     Mistake("a generator yields a text", SHINE, "        yield 'eSun'  #!\n", _says("Sun.generate", "'eSun'"), at=False),
     Mistake("a generator yields a type", SHINE, "        yield eSun  #!\n", _says("Sun.generate", "eSun"), at=False),
     Mistake("a generator returns a number", SHINE, "        return 3  #!\n", _says("Sun.generate", "3"), at=False),
+    Mistake("a generator returns a text", SHINE, "        return 'eSun'  #!\n", _says("Sun.generate", "not 'eSun'"), at=False),
+    Mistake("a generator returns a mapping", SHINE, "        return {'eSun': 1}  #!\n", _says("Sun.generate", "not {'eSun': 1}"), at=False),
     Mistake("an event that is not declared", SHINE, "        yield eWind()  #!\n", _says("Sun", "eWind", "events"), at=False),
     Mistake("a datum is missing", SHINE, "        yield eSun()  #!\n", _says("eSun", "light")),
     Mistake("data in place", SHINE, "        yield eSun(1.0, 2.0)  #!\n", _says("eSun")),
