@@ -47,7 +47,9 @@ def halo_of(partition: Partition, service: Service | None) -> Halo | None:
     answers = isinstance(service, Generator) and service.lockstep and not service.ahead
     if not (isinstance(service, Device) and service.coupled and answers):
         return None
-    return None if service.topics or service.publishes else service.halo
+    # A device may have an attribute of its own with this name.
+    has_topics = service.topics or service.publishes
+    return service.halo if isinstance(service.halo, Halo) and not has_topics else None
 
 
 def halo_services(partition: Partition | None, services: Iterable[Service | None]) -> list[Device]:
