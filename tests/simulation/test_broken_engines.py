@@ -11,6 +11,7 @@ from minerva_bus.frame.pace import Pace
 from minerva_bus.launch.region_journal import FileJournal
 from minerva_bus.launch.region_member import RegionMember
 from minerva_bus.log.journal import Journal
+from minerva_bus.regions.dividing import Border
 from minerva_bus.regions.outbox import Outbox
 from minerva_bus.regions.region import Region
 from minerva_bus.regions.whole import WholeSource
@@ -131,18 +132,17 @@ def take_stale_reports(patch):
 
 def move_agents_twice(patch):
     """Keep agents that have moved to another region."""
-    whole = Region._leaving
+    whole = Border.leaving
 
-    def leaving(region):
-        units = whole(region)
-        region._remaining = None
-        return units
+    def leaving(border, units, partition):
+        left, _ = whole(border, units, partition)
+        return left, None
 
-    patch.setattr(Region, "_leaving", leaving)
+    patch.setattr(Border, "leaving", leaving)
 
 
 REGIONS = {
-    lose_parcels: 129,
+    lose_parcels: 0,
     send_nothing_again: 0,
     acknowledge_early: 4,
     obey_repeated_orders: 4,

@@ -165,8 +165,8 @@ def play_regions(history: RegionHistory, folder: Path) -> PlayedRegions:
     In histories with an odd seed, the coordinator keeps those of regions.
     """
     file = world_file(history.frames, history.rate, folder, {})
-    if history.seed % 2:
-        file = replace(file, bus=replace(file.bus, journal=str(folder)))
+    if history.seed % 2 == 0:
+        file = replace(file, bus=replace(file.bus, journal=""))
     processes = tuple(each for each in file.processes if each.name != ABSENT)
     partition = ByPosition(BORDERS[: history.count - 1], balance=history.seed % MOST_BALANCED)
     script, failure = RegionScript(history), ""
