@@ -1,6 +1,7 @@
 """The camera of a page, and the targets of clicks."""
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ pytest.importorskip("viser")
 from minerva_bus.semantics.bounds import Bounds
 from minerva_bus.semantics.picture import Discs, Texts
 from minerva_services.views.disc_table import disc_table
-from minerva_services.views.web.camera_control import FIELD, bounds_of, camera_pose
+from minerva_services.views.web.camera_control import FIELD, CameraControl, bounds_of, camera_pose
 from minerva_services.views.web.picking import Clicked, clicked
 
 sides = st.floats(0.01, 1e4)
@@ -41,6 +42,42 @@ def test_the_whole_world_is_in_sight_and_fills_the_page(left, bottom, width, dep
     assert np.abs(places).max() < 1.0
     if max(width, depth) > 1.0:
         assert np.abs(places).max() > 0.85
+
+
+class WindowCamera:
+    """The camera of a window whose shape changes while it is read."""
+
+    def __init__(self, *aspects):
+        self.aspects = list(aspects)
+        self.position, self.look_at = (0.0, 0.0, 9.0), (0.0, 0.0, 0.0)
+        self.update = None
+
+    @property
+    def aspect(self):
+        return self.aspects.pop(0) if len(self.aspects) > 1 else self.aspects[0]
+
+    def on_update(self, update):
+        self.update = update
+
+
+def test_a_camera_follows_a_window_that_changes_while_it_is_positioned():
+    camera, called = WindowCamera(2.0), {}
+    server = SimpleNamespace(
+        initial_camera=SimpleNamespace(),
+        get_clients=dict,
+        on_client_connect=lambda connect: called.update(connect=connect),
+        on_client_disconnect=lambda disconnect: called.update(disconnect=disconnect),
+    )
+    bounds = Bounds(0.0, 0.0, 8.0, 4.0)
+    CameraControl(server).fit(bounds, 1.0)
+    called["connect"](SimpleNamespace(client_id=1, camera=camera))
+    assert camera.position == camera_pose(bounds, 1.0, 2.0).position
+    # The window has become narrow, and is wide again as soon as its camera is positioned.
+    for _ in range(3):
+        camera.aspects = [0.5, 0.5, 2.0]
+        camera.update(camera)
+        camera.update(camera)
+        assert camera.position == camera_pose(bounds, 1.0, 2.0).position
 
 
 def test_bounds_are_around_all_that_is_shown():

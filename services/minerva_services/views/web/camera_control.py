@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import threading
 from dataclasses import dataclass
 from functools import reduce
 
@@ -69,10 +70,14 @@ _TOLERANCE = 1e-3
 
 
 class CameraControl:
-    """Positions the cameras of all browsers, and adapts to changed windows."""
+    """Positions the cameras of all browsers, and adapts to changed windows.
+
+    viser calls from several threads, while a camera follows its window in another one.
+    """
 
     def __init__(self, server: ViserServer) -> None:
         self._server = server
+        self._lock = threading.Lock()
         self._bounds: Bounds | None = None
         self._height = 0.0
         self._aspects: dict[int, float] = {}
@@ -83,25 +88,27 @@ class CameraControl:
 
     def fit(self, bounds: Bounds, height: float) -> None:
         """Show a box of a height on these bounds, in metres."""
-        self._bounds, self._height = bounds, height
-        seen = camera_pose(bounds, height, _DEFAULT_ASPECT)
-        self._begin(seen)
-        self._server.initial_camera.far = max(1000.0, 10.0 * seen.position[2])
-        for client in self._server.get_clients().values():
-            self._look(client.client_id, client.camera)
+        with self._lock:
+            self._bounds, self._height = bounds, height
+            seen = camera_pose(bounds, height, _DEFAULT_ASPECT)
+            self._begin(seen)
+            self._server.initial_camera.far = max(1000.0, 10.0 * seen.position[2])
+            for client in self._server.get_clients().values():
+                self._look(client.client_id, client.camera)
 
     def _on_connect(self, client: ClientHandle) -> None:
         number, camera = client.client_id, client.camera
-        self._places[number] = [camera.position]
-        self._look(number, camera)
+        with self._lock:
+            self._places[number] = [camera.position]
+            self._look(number, camera)
         camera.on_update(lambda moved: self._follow(number, moved))
 
     def _follow(self, number: int, camera: CameraHandle) -> None:
         """Reposition for a changed window shape, unless the user has moved the camera."""
-        if abs(camera.aspect - self._aspects.get(number, 0.0)) > _TOLERANCE and self._is_still(
-            number, camera
-        ):
-            self._look(number, camera)
+        with self._lock:
+            change = abs(camera.aspect - self._aspects.get(number, 0.0))
+            if change > _TOLERANCE and self._is_still(number, camera):
+                self._look(number, camera)
 
     def _is_still(self, number: int, camera: CameraHandle) -> bool:
         place = camera.position
@@ -112,8 +119,10 @@ class CameraControl:
     def _look(self, number: int, camera: CameraHandle) -> None:
         if self._bounds is None:
             return
-        seen = camera_pose(self._bounds, self._height, camera.aspect)
-        self._aspects[number] = camera.aspect
+        # Read once: the aspect for which the camera is positioned is the one to compare with.
+        aspect = camera.aspect
+        seen = camera_pose(self._bounds, self._height, aspect)
+        self._aspects[number] = aspect
         self._places.setdefault(number, []).append(np.array(seen.position))
         # A browser that is still opening may apply the initial camera after this position.
         self._begin(seen)
@@ -126,5 +135,6 @@ class CameraControl:
         self._server.initial_camera.look_at = seen.look_at
 
     def _on_disconnect(self, client: ClientHandle) -> None:
-        self._aspects.pop(client.client_id, None)
-        self._places.pop(client.client_id, None)
+        with self._lock:
+            self._aspects.pop(client.client_id, None)
+            self._places.pop(client.client_id, None)
