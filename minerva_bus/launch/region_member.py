@@ -73,19 +73,18 @@ class RegionMember(Member):
         self._parcels = ParcelSender(send)
         self._file = file
         self._members = members_of(file)
-        self._ahead = schedule_of(file).ahead
+        self._requests = RegionRequests(schedule_of(file).ahead)
         self._begin(self._region(file, number, file.partition))
         self._decoder = Decoder(file.world.vocabulary, file.access.limits)
         self._journal = journal
         self._log = log
         self._sender = PartSender()
         self._done: s.FrameDone | None = None
-        self._requests = RegionRequests(self._ahead)
         self._early: list[ParcelArrived] = []
         self._handlers[m.RegionRequest] = self._on_request
 
     def _region(self, file: WorldFile, number: int, partition: Partition) -> Region:
-        return Region(file.world, number, partition, self._members, ahead=self._ahead)
+        return Region(file.world, number, partition, self._members, ahead=self._requests.ahead)
 
     def _begin(self, region: Region) -> None:
         self.region = region
@@ -113,7 +112,7 @@ class RegionMember(Member):
             return
         joins, saved = self.world is None, welcome.saved or {}
         region, file = self.region, agreed(self._file, self.name, saved)
-        present = welcome.frame + 1 + self._ahead
+        present = welcome.frame + 1 + self._requests.ahead
         if not joins and (file is not self._file or present < region.frame):
             raise WorldRestarted(f"the world has restarted, at frame {welcome.frame}")
         if file is not self._file:
@@ -170,7 +169,7 @@ class RegionMember(Member):
         """Continue from the state that a former process of this region has saved."""
         number, partition = self.region.number, self.region.partition
         world, members = self._file.world, self._members
-        self._begin(checkpoint.region(world, number, partition, members, self._ahead))
+        self._begin(checkpoint.region(world, number, partition, members, self._requests.ahead))
         kept, arrived, reports, requests, sent_bytes = checkpoint.messages
         decoder = Decoder(self._file.world.vocabulary, ON_DISK)
         self._parcels.sent_bytes = sent_bytes
@@ -247,7 +246,7 @@ class RegionMember(Member):
         assert isinstance(request, m.RegionRequest)
         self._requests.note(request)
         # What the requests ahead of the last complete frame do not need any more, others may.
-        self._parcels.outbox.acknowledge(request.frame - 2 * self._ahead)
+        self._parcels.outbox.acknowledge(request.frame - 2 * self._requests.ahead)
 
     def _on_stop(self, stop: m.Stop) -> None:
         self.stopped = stop.reason or "the world has ended"

@@ -14,12 +14,13 @@ the frames that it may wait for."""
 class RegionRequests:
     """Frames that the coordinator has requested, and the reports that it may miss.
 
-    `last` is the number of the last requested frame. `reports` are those of the last frames, and
-    `lines` of the world's log wait for the next one.
+    `ahead` is the number of frames that the region may run ahead, and `last` the number of the last
+    requested frame. `reports` are those of the last frames, and `lines` of the world's log wait for
+    the next one.
     """
 
     def __init__(self, ahead: int) -> None:
-        self._ahead = ahead
+        self.ahead = ahead
         self.last = -1
         self.reports: dict[int, m.TickReply] = {}
         self.lines: list[str] = []
@@ -51,4 +52,4 @@ class RegionRequests:
     def keep(self, report: m.TickReply) -> None:
         """Keep the report of a frame, instead of an earlier one."""
         self.reports[report.frame] = report
-        self.reports.pop(report.frame - REPORTS_KEPT - self._ahead, None)
+        self.reports.pop(report.frame - REPORTS_KEPT - self.ahead, None)
