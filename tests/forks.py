@@ -54,6 +54,8 @@ class Forks:
     def pytest_runtestloop(self, session):
         if session.config.option.collectonly or session.testsfailed:
             return None  # The loop of pytest ends the session.
+        # A shell starts background jobs, such as those of .ci/run, with this signal ignored.
+        signal.signal(signal.SIGINT, signal.default_int_handler)
         self.files = [list(items) for _, items in groupby(session.items, lambda item: item.path)]
         session.config._tmp_path_factory.getbasetemp()  # The forks make theirs in it.
         queue, writer = os.pipe()
