@@ -42,6 +42,14 @@ class Frame:
     dt: float = 0.1
     seed: int = 0
 
+    def __eq__(self, other: object) -> bool:
+        # Views have the number as `frame`, so people write `tick.frame == 3`; it would never hold.
+        if isinstance(other, int):
+            raise MisuseError(f"a frame is not a number; write number == {other} without frame")
+        if not isinstance(other, Frame):
+            return NotImplemented
+        return (self.number, self.dt, self.seed) == (other.number, other.dt, other.seed)
+
 
 class FrameStreams:
     """All random streams of the agents with these ids in a frame."""

@@ -178,6 +178,7 @@ MISTAKES = (
     Mistake("returns itself twice", GROW, "        return self.string + self.string  #!\n", _says("#a", "Plant.grow"), at=False),
     Mistake("emits nothing", GROW, "        moment.emit(None)  #!\n", _says("Plant.grow", "emit")),
     Mistake("emits a type", GROW, "        moment.emit(eSun)  #!\n", _says("Plant.grow", "emit")),
+    Mistake("compares the frame with a number", GROW, "        self.height += moment.frame == 3  #!\n", _says("not a number", "write number == 3")),
     Mistake("misspelt datum of an event", GROW, "        self.height += sun.lihgt  #!\n", _says("lihgt", "light")),
     Mistake("child of unknown state", GROW, "        return self.string + self.child(heigth=1.0)  #!\n", _says("heigth", "height")),
     # --- θ ---
@@ -200,6 +201,7 @@ MISTAKES = (
     Mistake("a generator returns a mapping", SHINE, "        return {'eSun': 1}  #!\n", _says("Sun.generate", "not {'eSun': 1}"), at=False),
     Mistake("an event that is not declared", SHINE, "        yield eWind()  #!\n", _says("Sun", "eWind", "events"), at=False),
     Mistake("a datum is missing", SHINE, "        yield eSun()  #!\n", _says("eSun", "light")),
+    Mistake("the frame as a number", SHINE, "        if tick.frame == 3:  #!\n            yield eSun(light=1.0)\n", _says("Sun.generate", "write number == 3")),
     Mistake("data in place", SHINE, "        yield eSun(1.0, 2.0)  #!\n", _says("eSun")),
     Mistake("a generator saves what is no plain value", SHINE,
             SHINE + "\n    def save(self):\n        return {'at': self}\n", _says("Sun.save"), at=False),
