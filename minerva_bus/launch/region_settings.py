@@ -215,10 +215,12 @@ def _naming(world: World) -> Iterator[str]:
 
 def check_region_run(file: WorldFile, *, in_process: bool) -> None:
     """Raise WorldFileError if a run as regions cannot have its settings."""
-    unsupported: dict[str, bool] = {}
-    services = {each.name: each.participant().service for each in file.processes}
-    partition = file.partition
+    partition, unsupported = file.partition, dict[str, bool]()
     has_halos = isinstance(partition, ByPosition | ByTree) and partition.halo
+    # The constructor of a service may take time, or have effects, so only if it is needed.
+    if partition is None or not (has_halos or in_process):
+        return
+    services = {each.name: each.participant().service for each in file.processes}
     if has_halos and not halo_services(partition, services.values()):
         raise WorldFileError(
             f"{file.path}: [regions] halo = true, but no service in step looks around agents within"

@@ -19,4 +19,5 @@ class Busy(Generator):
         while time.process_time() < until:
             pass
         folder.mkdir(exist_ok=True)
-        (folder / str(os.getpid())).write_text(f"{began} {time.monotonic()}")
+        with (folder / str(os.getpid())).open("a") as file:
+            file.write(f"{began} {time.monotonic()}\n")

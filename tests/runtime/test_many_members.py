@@ -41,7 +41,9 @@ def crowd(folder, number, seconds=0.0, frames=1):
 
 def most_at_once(folder):
     """Maximum number of overlapping starts, except those over half of `SLOT_SECONDS`."""
-    spans = [tuple(map(float, path.read_text().split())) for path in folder.iterdir()]
+    texts = [path.read_text().splitlines() for path in folder.iterdir()]
+    assert {len(lines) for lines in texts} == {1}, "a process has constructed the service twice"
+    spans = [tuple(map(float, line.split())) for (line,) in texts]
     spans = [(begin, end) for begin, end in spans if end - begin < SLOT_SECONDS / 2]
     return max(sum(begin <= at < end for begin, end in spans) for at, _ in spans)
 
