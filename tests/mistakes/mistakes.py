@@ -209,7 +209,8 @@ MISTAKES = (
     Mistake("exception in a device", SHOW, "        self.last = shown.number  #!\n", _says("watch", "Watch.show", "number")),
     # --- constructors ---
     Mistake("exception in a thread", SHINE,
-            SHINE + "\n    def joined(self, world):\n        import threading\n        threading.Thread(target=lambda: 1 / 0).start()  #!\n",
+            SHINE + "\n    def joined(self, world):\n        import threading\n        thread = threading.Thread(target=lambda: 1 / 0)  #!\n"
+            "        thread.start()\n        thread.join()\n",  # since the fork does not wait for threads
             _says("thread", "has ended: ZeroDivisionError: division by zero"), goes_on=True),
     Mistake("exception in close", SHINE, SHINE + "\n    def close(self):\n        self.file.close()  #!\n", _says("Sun.close", "file", "5 frames"), goes_on=True),
 
