@@ -167,7 +167,7 @@ class NearbyServices:
 
     def _placed(self, name: str, event: AnyEvent) -> PlacedEvent:
         """An event, or a batch, for the agents that this region had; with their places."""
-        receivers = event.receivers if isinstance(event, Events) else Ids.of(event.receivers)
+        receivers = _receivers(event)
         if receivers is None or len(receivers) != len(event) or self._own is None:
             raise WorldStopped(
                 f"regions: halo = true: {name} has sent an {event.type} that is not for one agent,"
@@ -192,7 +192,7 @@ class NearbyServices:
             if not each.places:
                 continue
             event = each.event
-            receivers = event.receivers if isinstance(event, Events) else Ids.of(event.receivers)
+            receivers = _receivers(event)
             assert receivers is not None
             rows = moving.rows_of(receivers) if self._moving else np.full(len(receivers), -1)
             to = np.where(rows >= 0, targets[rows], self.number) if self._moving else rows
@@ -243,6 +243,10 @@ def _within(units: Units) -> _Own:
         ids += inside
         places += own if piece.ids is not None else [own[0]] * len(inside)
     return Ids.of(ids), places
+
+
+def _receivers(event: AnyEvent) -> Ids | None:
+    return event.receivers if isinstance(event, Events) else Ids.of(event.receivers)
 
 
 def _taken(event: AnyEvent, rows: NDArray[np.intp]) -> Sequence[AnyEvent]:
