@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from minerva_bus.frame.lag import Lag
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.regions.attached import is_attached
 from minerva_bus.regions.schedule import IN_STEP, Schedule
@@ -15,17 +16,22 @@ def schedule_of(file: WorldFile) -> Schedule:
     lag = file.world.lag
     if lag is None:
         return IN_STEP
-    return Schedule(lag.every, 0 if _in_step_by(file) else min(lag.frames, lag.every - 1))
+    return Schedule(lag.every, 0 if _in_step_by(file) else _most_ahead(lag))
 
 
 def notes_on(file: WorldFile) -> Sequence[str]:
     """What a person has to know of it before the run."""
-    if file.world.lag is None or file.world.lag.every == 1:
+    lag = file.world.lag
+    if lag is None or lag.every == 1:
         return []
-    reason, ahead = _in_step_by(file), schedule_of(file).ahead
+    reason = _in_step_by(file)
     if reason:
         return [f"regions wait for each other in each frame, because of {reason}"]
-    return [f"regions run up to {counted(ahead, 'frame')} ahead of each other"]
+    return [f"regions run up to {counted(_most_ahead(lag), 'frame')} ahead of each other"]
+
+
+def _most_ahead(lag: Lag) -> int:
+    return min(lag.frames, lag.every - 1)
 
 
 def _in_step_by(file: WorldFile) -> str:
