@@ -22,11 +22,11 @@ from minerva_bus.regions.replies import Answer, Replies, received
 from minerva_bus.regions.views import ViewAssembly, ViewPart
 from minerva_bus.world.services import Device, Generator, Service
 
-HOME: Final = 0
-"""The region of attached services, and of units without agents."""
-
 if TYPE_CHECKING:
     from minerva_bus.regions.parcel import Parcel
+
+HOME: Final = 0
+"""The region of attached services, and of units without agents."""
 
 
 def is_attached(service: Service | None) -> bool:
