@@ -201,7 +201,9 @@ class CollectionStep:
         self._leave_out_foreign(sources)
         if due:
             sources["~device"] = visual_events(algorithm, due)
-        events.people = events.people or self._standing_for_people(sources)
+        # Repeated frames have the people of the log: those who sent events may not be here.
+        if algorithm.norms and algorithm.in_flight.logged is None:
+            events.people = algorithm.members.standing_for_people(sources)
         allowed = self._permitted(sources)
         if allowed:
             early = algorithm.inbox.early.evolution
@@ -240,13 +242,6 @@ class CollectionStep:
                 member.dropped += dropped
 
     # --- norms on events ---
-
-    def _standing_for_people(self, sources: dict[str, Sequence[AnyEvent]]) -> tuple[str, ...]:
-        """The sources that represent people; only norms depend on them."""
-        if not self._algorithm.norms:
-            return ()
-        people = self._algorithm.members.standing_for_people()
-        return tuple(sorted(people.intersection(sources)))
 
     def _permitted(self, sources: dict[str, Sequence[AnyEvent]]) -> dict[str, Sequence[AnyEvent]]:
         """The events that norms permit, and the sanctions that follow from the last frame."""

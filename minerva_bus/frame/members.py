@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
+from minerva_bus.frame.inbox import AGENTS
 from minerva_bus.frame.member_states import MemberChange, MemberEntry, MemberState
 from minerva_bus.frame.messages import Hello
 
@@ -203,17 +204,20 @@ class Members:
         hellos = [(member, member.hello) for member in self.active()]
         return [(member, h) for member, h in hellos if h is not None and event_type in h.draws]
 
-    def standing_for_people(self) -> frozenset[str]:
-        """The generators whose events count as sent by people.
+    def standing_for_people(self, sources: Iterable[str]) -> tuple[str, ...]:
+        """The generators among the sources of events that represent people, sorted.
 
         Their hello declares it, as a keyboard's does, or they were attached to the running world.
+        They may have left since they sent the events.
         """
-        return frozenset(
-            # Only processes of the world file are trusted to be sensors or clocks.
-            m.name
-            for m in self.active()
-            if not self.named(m) or (m.hello is not None and m.hello.people)
-        )
+        return tuple(sorted(filter(self._stands_for_people, sources)))
+
+    def _stands_for_people(self, source: str) -> bool:
+        if source.startswith(("~", AGENTS)):
+            return False
+        # Only processes of the world file are trusted to be sensors or clocks.
+        hello = self._entries[source].hello if source in self._named else None
+        return source not in self._named or (hello is not None and hello.people)
 
     def makers(self, event_type: str) -> list[str]:
         """The generators, present or awaited, that make events of a type by themselves.

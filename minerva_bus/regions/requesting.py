@@ -84,8 +84,7 @@ class FrameRequests:
     @property
     def people(self) -> tuple[str, ...]:
         """The generators in this frame whose events count as sent by people."""
-        people = self._algorithm.members.standing_for_people()
-        return tuple(sorted(people.intersection(self.outside.current)))
+        return self._algorithm.members.standing_for_people(self.outside.current)
 
     @property
     def at_rest(self) -> bool:

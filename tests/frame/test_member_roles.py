@@ -42,7 +42,8 @@ def test_guests_that_a_resumed_world_awaits_are_missing():
 def test_guests_and_those_who_declare_it_stand_for_people():
     named = ["keyboard", "sensor", "away"]
     members = present(hello("keyboard", people=True), hello("sensor"), hello("pub"), expected=named)
-    assert members.standing_for_people() == {"keyboard", "pub"}
+    sources = ["sensor", "pub", "away", "keyboard", "left", "~order:anna", "#"]
+    assert members.standing_for_people(sources) == ("keyboard", "left", "pub")
 
 
 def test_makers_send_events_by_themselves_and_takers_at_request():

@@ -12,7 +12,7 @@ from minerva_bus import Generator
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.messages import Emitted
 from minerva_bus.frame.norms import PEOPLE
-from minerva_bus.frame.stimuli import Begin, FrameDone, Publish
+from minerva_bus.frame.stimuli import Abandoned, Begin, FrameDone, Publish
 from minerva_bus.grammar.batch import single
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.scene import Scene
@@ -315,8 +315,11 @@ class Keys(Generator, events=("eShout",), lockstep=False):
 HUSH = Norm("hush", (PEOPLE,), on=("eShout",), when="event.loud > 5")
 
 
-def ordered(members, orders, norms=(HUSH,), expected=None, emitted=()):
-    """The shouts of a world after orders of people, and the bus."""
+def ordered(members, orders, norms=(HUSH,), expected=None, emitted=(), end=None):
+    """The shouts of a world after orders of people, and the bus.
+
+    `end`: how the members that have emitted events leave before these count.
+    """
     members = {"steps": service("steps", Steps), "runners": host("runners", *KINDS), **members}
     bus = MemoryBus(street("APasser#p", norms, expected or members, frames=0), members)
     bus.start()
@@ -325,6 +328,9 @@ def ordered(members, orders, norms=(HUSH,), expected=None, emitted=()):
         bus.handle(event if isinstance(event, Publish) else Publish(event))
     for name, event in emitted:
         bus.handle(Emitted(name, (event,)))
+        if end is not None:
+            end(bus, name)
+            bus.settle()
     bus.run(2)
     return [
         str(e) for record in bus.records for e in single(record.events) if e.type == "eShout"
@@ -367,6 +373,23 @@ def test_a_norm_for_people_covers_keys_and_attached_members():
     assert ordered(guest, [], emitted=orders)[0] == ["eShout<loud=1>", "eShout<loud=9>"]
     attached = ordered(guest, [], emitted=orders, expected=("steps", "runners"))[0]
     assert attached == ["eShout<loud=1>"]
+
+
+@pytest.mark.parametrize("end", [MemoryBus.leave, MemoryBus.vanish])
+@pytest.mark.parametrize("expected", [None, ("steps", "runners")])
+def test_who_leaves_before_an_order_counts_is_still_a_person(end, expected):
+    def gone(bus, name):
+        end(bus, name)
+        if expected is None:  # Its process is not restarted either.
+            bus.settle()
+            bus.handle(Abandoned(name))
+
+    keys = {"keys": service("keys", Keys)}
+    loud = [("keys", eShout(9.0))]
+    shouts, bus = ordered(keys, [], emitted=loud, expected=expected, end=gone)
+    assert shouts == []
+    assert bus.algorithm.norms.broken == {"hush": 1}
+    assert bus.inputs[1].people == ("keys",)
 
 
 def test_a_successor_knows_what_people_may_not_send():
