@@ -23,7 +23,7 @@ from benchmarks.command import Option, Table, options
 from benchmarks.regions import world
 from minerva_bus.launch.compiling import compile_agents, no_progress
 from minerva_bus.launch.reading import read_world_file
-from minerva_bus.launch.region_layout import in_regions
+from minerva_bus.launch.regions.layout import in_regions
 from minerva_bus.settings.overrides import Overrides
 from minerva_bus.testing.simulation.cluster import Cluster
 

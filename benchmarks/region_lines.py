@@ -45,7 +45,7 @@ ROOT: Final = Path(__file__).resolve().parents[1]
 def run_member(milliseconds: float, words: Sequence[str]) -> None:
     """Run `minerva` with these words; a region announces a delayed endpoint as its own."""
     from minerva_bus.cli.main import main as minerva
-    from minerva_bus.launch import region_process
+    from minerva_bus.launch.regions import process as region_process
     from minerva_bus.runtime.region_links import RegionLinks
 
     class Delayed(RegionLinks):

@@ -20,8 +20,8 @@ from minerva_bus.launch.compiling import compile_agents, compile_classes, no_pro
 from minerva_bus.launch.installed import find_world
 from minerva_bus.launch.interrupts import end_signals
 from minerva_bus.launch.reading import read_world_file
-from minerva_bus.launch.region_layout import RegionSpec, region_elsewhere
-from minerva_bus.launch.region_process import RegionProcess
+from minerva_bus.launch.regions.layout import RegionSpec, region_elsewhere
+from minerva_bus.launch.regions.process import RegionProcess
 from minerva_bus.launch.specs import bind, described, find_agent, find_service, names_agents
 from minerva_bus.launch.typed import typed_options
 from minerva_bus.runtime.arrival import ARRIVAL

@@ -16,9 +16,9 @@ from minerva_bus.launch.installed import find_world
 from minerva_bus.launch.interrupts import end_signals
 from minerva_bus.launch.profiling import NOTHING, Profiling
 from minerva_bus.launch.reading import read_world_file
-from minerva_bus.launch.region_layout import in_regions
-from minerva_bus.launch.region_run import RegionRun
-from minerva_bus.launch.region_settings import check_region_run
+from minerva_bus.launch.regions.layout import in_regions
+from minerva_bus.launch.regions.run import RegionRun
+from minerva_bus.launch.regions.settings import check_region_run
 from minerva_bus.launch.summary import RunSummary
 from minerva_bus.launch.supervisor import Supervisor
 from minerva_bus.launch.worldfile import WorldFile

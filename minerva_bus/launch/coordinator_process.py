@@ -17,7 +17,7 @@ from minerva_bus.launch.exporting import exported
 from minerva_bus.launch.journaling import RunJournal, find_past, next_epoch
 from minerva_bus.launch.pipes import LineBuffer, ReportPipe
 from minerva_bus.launch.recording import RunRecord, recording
-from minerva_bus.launch.region_layout import source_of
+from minerva_bus.launch.regions.layout import source_of
 from minerva_bus.launch.sizes import check_sizes
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.log.journaled import resume_from

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from minerva_bus.launch.profiling import Profiling, profile_path, sampled
-from minerva_bus.launch.region_layout import RegionSpec
-from minerva_bus.launch.region_process import RegionProcess
+from minerva_bus.launch.regions.layout import RegionSpec
+from minerva_bus.launch.regions.process import RegionProcess
 from minerva_bus.launch.worldfile import Process
 from minerva_bus.runtime.arrival import STARTED_HERE
 from minerva_bus.runtime.member import MemberProcess

@@ -24,7 +24,7 @@ from minerva_bus.launch.process_log import ProcessLog
 from minerva_bus.launch.process_table import ProcessTable
 from minerva_bus.launch.profiling import NOTHING, Profiling
 from minerva_bus.launch.recording import check_record
-from minerva_bus.launch.region_layout import RegionSpec
+from minerva_bus.launch.regions.layout import RegionSpec
 from minerva_bus.launch.registry import WorldLock
 from minerva_bus.launch.stopped import STOPPED_SECONDS, StoppedChildren
 from minerva_bus.launch.succession import Succession

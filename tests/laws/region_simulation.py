@@ -10,7 +10,7 @@ from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.composition import Composition
 from minerva_bus.frame.description import World
 from minerva_bus.grammar.batch import single
-from minerva_bus.launch.region_checkpoint import RegionCheckpoint
+from minerva_bus.launch.regions.checkpoint import RegionCheckpoint
 from minerva_bus.regions.dividing import cut
 from minerva_bus.regions.merging import Merger, in_order, merged
 from minerva_bus.regions.messages import from_message, packed_pairs, sources_in, to_message

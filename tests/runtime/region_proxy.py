@@ -5,7 +5,7 @@ import threading
 
 SCRIPT = """
 from minerva_bus.cli.main import main
-from minerva_bus.launch import region_process
+from minerva_bus.launch.regions import process as region_process
 from minerva_bus.runtime.region_links import RegionLinks
 
 

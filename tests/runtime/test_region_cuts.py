@@ -12,11 +12,11 @@ from minerva_bus import EventType, Metres
 from minerva_bus.errors import WorldStopped
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.launch import region_journal
 from minerva_bus.launch.in_process import members_of
 from minerva_bus.launch.reading import read_world_file
-from minerva_bus.launch.region_layout import in_regions, region_elsewhere
-from minerva_bus.launch.region_settings import check_region_run
+from minerva_bus.launch.regions import journal as region_journal
+from minerva_bus.launch.regions.layout import in_regions, region_elsewhere
+from minerva_bus.launch.regions.settings import check_region_run
 from minerva_bus.launch.resuming import read_resumed
 from minerva_bus.regions.journal import CHECKPOINT, JOURNAL, entries
 from minerva_bus.regions.lag import RegionLag

@@ -28,7 +28,7 @@ from running import (
     write_world,
 )
 
-from minerva_bus.launch.region_journal import FileJournal
+from minerva_bus.launch.regions.journal import FileJournal
 from minerva_bus.log.comparison import compare
 from minerva_bus.log.reader import Record
 from minerva_bus.runtime.region_links import ParcelArrived

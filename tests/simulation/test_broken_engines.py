@@ -8,8 +8,8 @@ from minerva_bus.frame.collection import CollectionStep
 from minerva_bus.frame.evolution import EvolutionStep
 from minerva_bus.frame.generating import GeneratorSide
 from minerva_bus.frame.pace import Pace
-from minerva_bus.launch.region_journal import FileJournal
-from minerva_bus.launch.region_member import RegionMember
+from minerva_bus.launch.regions.journal import FileJournal
+from minerva_bus.launch.regions.member import RegionMember
 from minerva_bus.log.journal import Journal
 from minerva_bus.regions.dividing import Border
 from minerva_bus.regions.outbox import Outbox

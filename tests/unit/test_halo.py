@@ -13,7 +13,7 @@ from minerva_bus.grammar.symbols import Primitive, Transformation
 from minerva_bus.launch.in_process import members_of
 from minerva_bus.launch.installed import find_world
 from minerva_bus.launch.reading import read_world_text
-from minerva_bus.launch.region_settings import check_region_run, check_regions
+from minerva_bus.launch.regions.settings import check_region_run, check_regions
 from minerva_bus.regions.halo import HaloViews, figures_in
 from minerva_bus.regions.merging import Units
 from minerva_bus.regions.partition import ByPosition

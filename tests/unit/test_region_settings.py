@@ -16,9 +16,9 @@ from minerva_bus.launch.console import Console
 from minerva_bus.launch.in_process import InProcessRun
 from minerva_bus.launch.installed import find_world
 from minerva_bus.launch.reading import read_world_file, read_world_text
-from minerva_bus.launch.region_run import RegionRun
-from minerva_bus.launch.region_schedule import notes_on, schedule_of
-from minerva_bus.launch.region_settings import check_region_run, check_regions
+from minerva_bus.launch.regions.run import RegionRun
+from minerva_bus.launch.regions.schedule import notes_on, schedule_of
+from minerva_bus.launch.regions.settings import check_region_run, check_regions
 from minerva_bus.launch.worldfile import Process
 from minerva_bus.log.description import Description, decode_description, encode_description
 from minerva_bus.regions.partition import ById, ByPosition

@@ -17,8 +17,8 @@ from minerva_bus.frame.member import Outgoing
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.events import Event
 from minerva_bus.launch.journaling import journal_path
-from minerva_bus.launch.region_layout import RegionSpec, source_of
-from minerva_bus.launch.region_member import RegionMember
+from minerva_bus.launch.regions.layout import RegionSpec, source_of
+from minerva_bus.launch.regions.member import RegionMember
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.log.journal import Journal
 from minerva_bus.log.journaled import read_journal, resume_from

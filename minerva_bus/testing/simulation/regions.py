@@ -15,7 +15,7 @@ from typing import Final
 
 from minerva_bus.errors import MinervaError
 from minerva_bus.grammar.batch import single
-from minerva_bus.launch.region_layout import in_regions
+from minerva_bus.launch.regions.layout import in_regions
 from minerva_bus.regions.partition import ByPosition
 from minerva_bus.testing.simulation.cluster import Cluster, DoneFrame
 from minerva_bus.testing.simulation.history import Fault, History, Operation

@@ -8,7 +8,7 @@ from hashlib import blake2b
 from typing import Any, Final
 
 from minerva_bus.frame.member import Refusal
-from minerva_bus.launch.region_schedule import schedule_of
+from minerva_bus.launch.regions.schedule import schedule_of
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.log.journal import key_of
 from minerva_bus.regions.partition import ByFunction

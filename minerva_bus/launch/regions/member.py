@@ -22,12 +22,12 @@ from minerva_bus.frame.own_agents import OwnAgents
 from minerva_bus.launch.failures import own_members
 from minerva_bus.launch.free_running import close_services
 from minerva_bus.launch.in_process import members_of
-from minerva_bus.launch.region_checkpoint import RegionCheckpoint
-from minerva_bus.launch.region_journal import MAX_BYTES, RegionJournal
-from minerva_bus.launch.region_requests import RegionRequests
-from minerva_bus.launch.region_schedule import schedule_of
-from minerva_bus.launch.region_sending import ParcelSender
-from minerva_bus.launch.region_terms import agreed
+from minerva_bus.launch.regions.checkpoint import RegionCheckpoint
+from minerva_bus.launch.regions.journal import MAX_BYTES, RegionJournal
+from minerva_bus.launch.regions.requests import RegionRequests
+from minerva_bus.launch.regions.schedule import schedule_of
+from minerva_bus.launch.regions.sending import ParcelSender
+from minerva_bus.launch.regions.terms import agreed
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.log.entries import encode_inputs
 from minerva_bus.regions.generated import packed_answers, reported

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 
-from minerva_bus.launch.region_repeats import RegionRepeats
+from minerva_bus.launch.regions.repeats import RegionRepeats
 from minerva_bus.regions.attached import Replies
 from minerva_bus.regions.messages import AgainMessage, to_message
 from minerva_bus.regions.outbox import Outbox

@@ -9,8 +9,8 @@ from typing import Any, Final
 
 from minerva_bus.blame import report
 from minerva_bus.errors import BusError, MinervaError, UserCodeError, WorldStopped
-from minerva_bus.launch.region_layout import RegionSpec
-from minerva_bus.launch.region_member import RegionMember
+from minerva_bus.launch.regions.layout import RegionSpec
+from minerva_bus.launch.regions.member import RegionMember
 from minerva_bus.runtime.arrival import STARTED_HERE, Arrival
 from minerva_bus.runtime.endpoints import check_endpoint
 from minerva_bus.runtime.inbox import KeyedSample, keyed_sample

@@ -12,10 +12,10 @@ from typing import Final
 from minerva_bus.errors import BusError
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.live import FrameSource
-from minerva_bus.launch.region_checkpoint import RegionCheckpoint
-from minerva_bus.launch.region_journal import FileJournal, RegionJournal, ReportedJournal
-from minerva_bus.launch.region_schedule import notes_on, schedule_of
-from minerva_bus.launch.region_terms import TERMS, terms_of
+from minerva_bus.launch.regions.checkpoint import RegionCheckpoint
+from minerva_bus.launch.regions.journal import FileJournal, RegionJournal, ReportedJournal
+from minerva_bus.launch.regions.schedule import notes_on, schedule_of
+from minerva_bus.launch.regions.terms import TERMS, terms_of
 from minerva_bus.launch.temporary_folder import temporary_folder
 from minerva_bus.launch.worldfile import Process, WorldFile
 from minerva_bus.log.entries import part_codec
