@@ -16,6 +16,7 @@ from minerva_bus.launch.console import Console
 from minerva_bus.launch.in_process import InProcessRun
 from minerva_bus.launch.installed import find_world
 from minerva_bus.launch.reading import read_world_file, read_world_text
+from minerva_bus.launch.regions.layout import unused_processes
 from minerva_bus.launch.regions.run import RegionRun
 from minerva_bus.launch.regions.schedule import notes_on, schedule_of
 from minerva_bus.launch.regions.settings import check_region_run, check_regions
@@ -164,6 +165,13 @@ def test_what_needs_the_whole_world_keeps_regions_in_step():
     for each, reason in ((judged, "norms"), (shown, "views and sensor topics (eye)")):
         assert schedule_of(each) == Schedule(9, 0)
         assert notes_on(each) == [f"regions wait for each other in each frame, because of {reason}"]
+
+
+def test_processes_of_agents_that_regions_do_not_start_are_named():
+    assert unused_processes(read("count = 2", processes=1).processes) == []
+    names, effect = "foxes, ground, rabbits", "`processes` has no effect with regions"
+    (note,) = unused_processes(read("count = 2", processes=3).processes)
+    assert note.startswith(f"{names}: {effect}")
 
 
 def test_norms_on_events_with_a_lag_are_refused():

@@ -111,8 +111,16 @@ def in_regions(file: WorldFile) -> Generator[WorldFile]:
             )
             for number in numbers
         ]
-        notes = *file.notes, *notes_on(_with(file, inside))
+        notes = *file.notes, *notes_on(_with(file, inside)), *unused_processes(inside)
         yield replace(_with(file, (*regions, *outside)), notes=notes)
+
+
+def unused_processes(inside: Sequence[Process]) -> list[str]:
+    """What a person has to know of the processes that the world file gives agents, if several."""
+    tables = [process.table for process in inside if process.agents]
+    divided = sorted({table for table in tables if tables.count(table) > 1})
+    without_effect = "`processes` has no effect with regions, which evolve agents themselves"
+    return [f"{', '.join(divided)}: {without_effect}"] if divided else []
 
 
 def outside_of(processes: Iterable[Process]) -> frozenset[str]:
