@@ -161,7 +161,7 @@ class Live:
 
         Raises BusError if people may not send events of its type; see docs/worlds.md, `people`.
         """
-        (self._backend.operator.named(by) if by else self._backend.operator).order(event)
+        self._backend.operator.named(by).order(event)
 
     def view(self, event: Visual) -> Scene:
         """The view π of the string for a visual event.

@@ -63,8 +63,8 @@ class AskingOperator:
         self._by = by
 
     def named(self, by: str) -> AskingOperator:
-        """The same operator for another person."""
-        return AskingOperator(self._ask, by)
+        """The same operator for another person; an empty name leaves that of the process."""
+        return AskingOperator(self._ask, by or self._by)
 
     def status(self, since: int = 0) -> WorldStatus:
         """State of the world, with the log entries since a number."""

@@ -227,7 +227,7 @@ class Operator(Protocol):
     """
 
     def named(self, by: str) -> Operator:
-        """The same operator, whose orders have the name of a person."""
+        """The same operator, whose orders have the name of a person; "" leaves its own name."""
         ...
 
     def status(self, since: int = 0) -> WorldStatus:

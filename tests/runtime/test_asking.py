@@ -7,6 +7,8 @@ import signal
 import pytest
 from running import MEMBERS, Run, World, eventually, here, minerva, write_world
 
+from minerva_bus.runtime.asking import AskingOperator
+
 WISHES = '\n[process.wishes]\nservice = "yard:Wishes"\n'
 
 
@@ -27,6 +29,14 @@ def ask(world, *words, code=0):
 
 def lines(done):
     return [json.loads(line) for line in done.stdout.splitlines()]
+
+
+def test_a_window_without_a_person_gives_orders_in_the_name_of_its_process():
+    asked = []
+    window = AskingOperator(lambda question, **keys: asked.append(keys["by"]) or {}, "sprites")
+    for person in ("", "anna"):
+        window.named(person).resume()
+    assert asked == ["sprites", "anna"]
 
 
 def test_list(world):

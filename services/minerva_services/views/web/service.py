@@ -47,7 +47,7 @@ class Web(Device, draws=("ePicture",)):
         click: the event type sent by a click on a text; "": the first that users may send and
             whose only datum is a text.
         names: additional host names of the page, comma-separated: a proxy's, for example.
-        person: the name under which the page gives orders; "": none.
+        person: the name under which the page gives orders; "": that of its process.
         shadows: whether objects cast shadows; without a graphics card, they take most of the time.
 
     Raises MisuseError if viser is not installed and for invalid options.

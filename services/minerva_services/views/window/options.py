@@ -48,7 +48,7 @@ class WindowOptions:
         click: the event type sent by a click on a label, if the world accepts several.
         slide: the event type sent by the arrow keys, if the world accepts several.
         follow: an agent to keep in the middle.
-        person: the name under which the window gives orders; empty: none.
+        person: the name under which the window gives orders; empty: that of its process.
 
     """
 
