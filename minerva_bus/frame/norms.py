@@ -163,7 +163,7 @@ class Norms:
             return False
         state: dict[str, Any] = dict(self._state(event.sender)) if sender else {}
         state |= {EVENT + name: value for name, value in event.data.items()}
-        state |= {name: self._elsewhere(name) for name in _elsewhere(norm)}
+        state |= {name: self._elsewhere(name) for name in norm.named}
         return norm.holds(state)
 
     def _forbids_of_many(self, norm: Norm, events: Events, source: str) -> NDArray[np.bool_]:
@@ -198,7 +198,7 @@ class Norms:
 
     def _many(self, norm: Norm, events: Events) -> dict[str, Any]:
         state: dict[str, Any] = {EVENT + name: events.data(name) for name in events.names}
-        return state | {name: self._elsewhere(name) for name in _elsewhere(norm)}
+        return state | {name: self._elsewhere(name) for name in norm.named}
 
     # --- outcomes of agents ---
 
@@ -285,11 +285,6 @@ class Norms:
 
 _MAX_SHOWN = 200
 _FOLLOWS = {Then.REFUSE: "refused", Then.SANCTION: "sanctioned", Then.COUNT: "allowed"}
-
-
-def _elsewhere(norm: Norm) -> set[str]:
-    names = {name for condition in norm.conditions for name in condition.names}
-    return {name for name in names if name.startswith("#")}
 
 
 __all__ = ["PEOPLE", "SOURCE", "NormVerdict", "Norms"]

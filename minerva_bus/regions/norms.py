@@ -91,15 +91,7 @@ class RegionNorms(Norms):
         self.people = frozenset[str]()
         self._number = number
         self._judged_types = frozenset(name for norm in world.norms for name in norm.on)
-        self._named = sorted(
-            {
-                name
-                for norm in world.norms
-                for condition in norm.conditions
-                for name in condition.names
-                if name.startswith("#")
-            }
-        )
+        self._named = sorted({name for norm in world.norms for name in norm.named})
         string = world.scene if self._named else EMPTY
         first = {agent.id: agent.state for agent in agents(string)}
         self._states: Figures = _values(self._named, lambda name: first.get(name, {}))

@@ -74,7 +74,7 @@ class Region:
         self._source = self.algorithm.source
         self._source.places = own.places
         self._postponed = PostponedEvents(world, own.scene)
-        self.schedule = Schedule(1 if world.lag is None else world.lag.every, ahead)
+        self.schedule = Schedule.of(world.lag, ahead)
         self._inbox = ParcelInbox(number, world.past.frame, self.schedule)
         self._source.views = PartialViews(self.services.drawn)
         self._halo = self._source.halo = HaloViews(number, nearby.halos) if nearby.names else None
@@ -239,7 +239,7 @@ class Region:
         routing = Routing(self.number, self.partition, composition, moving)
         near, crossing = self._postponed.divided(self._source.permitted)
         late = routing.route(crossing, late=True)
-        routed = routing.route(near) if self.schedule.waits(self.frame) else routing.keep(near)
+        routed = self._routed(routing, near)
         self.services.nearby.moved(moving)
         views = {HOME: self._source.shown}
         shown = {} if self._halo is None else self._halo.by_region(self._cells)
@@ -261,13 +261,20 @@ class Region:
         ]
         return [parcel for parcel in parcels if parcel or parcel.target == self.number]
 
+    def _routed(
+        self, routing: Routing, near: Iterable[PlacedEvent]
+    ) -> Sequence[Sequence[PlacedEvent]]:
+        """The events for the next frame, by region; if it waits for no other one, all stay here."""
+        return routing.route(near) if self.schedule.waits(self.frame) else routing.keep(near)
+
     def _norm_parts(self, routing: Routing, moving: Mapping[str, int]) -> dict[int, NormPart]:
         if self._norms is None:
             return {}
         inbox, regions = self.algorithm.inbox, range(self.partition.count)
         states = self._norms.states()
-        sanctions = routing.route(PlacedEvent((), event) for event in inbox.sanctions)
-        later = routing.route(PlacedEvent((), event) for event in self._norms.take_later())
+        sanctions = self._routed(routing, [PlacedEvent((), event) for event in inbox.sanctions])
+        judged = [PlacedEvent((), event) for event in self._norms.take_later()]
+        later = self._routed(routing, judged)
         inbox.sanctions = []  # They may follow their agents to other regions.
         return {
             to: NormPart(

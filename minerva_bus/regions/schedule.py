@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
+
+from minerva_bus.frame.lag import Lag
 
 
 @dataclass(frozen=True, slots=True)
@@ -17,6 +18,11 @@ class Schedule:
 
     every: int = 1
     ahead: int = 0
+
+    @staticmethod
+    def of(lag: Lag | None, ahead: int) -> Schedule:
+        """The schedule of regions of a world with this lag, which run ahead by so many frames."""
+        return Schedule(1 if lag is None else lag.every, ahead)
 
     def moves(self, frame: int) -> bool:
         """Whether agents move to other regions before a frame."""
@@ -41,7 +47,3 @@ class Schedule:
         if not self.ahead:
             return frame
         return min(frame + self.ahead, frame - frame % self.every + self.every - 1)
-
-
-IN_STEP: Final = Schedule()
-"""No region is ahead: each frame needs what all others have sent after the one before."""

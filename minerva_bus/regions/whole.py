@@ -38,7 +38,7 @@ from minerva_bus.regions.norms import judged
 from minerva_bus.regions.part import PartCodec, PartMessage, PartReceiver
 from minerva_bus.regions.partition import Partition
 from minerva_bus.regions.requesting import PARCELS, FrameRequests
-from minerva_bus.regions.schedule import IN_STEP, Schedule
+from minerva_bus.regions.schedule import Schedule
 from minerva_bus.regions.whole_string import WholeString, saved_parts
 from minerva_bus.world.kinds import Kinds
 from minerva_bus.world.norms import SOURCE
@@ -63,8 +63,8 @@ class WholeSource(RecordedSource):
     """The frames of a world whose agents evolve in regions.
 
     `names` are the members that are the regions, by number; `kinds` make the views; regions that
-    join get the `terms` and their first `journals`, as saved data; they run ahead by the
-    `schedule`. A successor continues with the parts in its journal instead of a `partition`, and
+    join get the `terms` and their first `journals`, as saved data; they run `ahead` by so many
+    frames. A successor continues with the parts in its journal instead of a `partition`, and
     repeats the frames that regions may have begun.
     """
 
@@ -81,7 +81,7 @@ class WholeSource(RecordedSource):
         codec: PartCodec,
         terms: Mapping[str, Any] | None = None,
         journals: Mapping[str, bytes] | None = None,
-        schedule: Schedule = IN_STEP,
+        ahead: int = 0,
     ) -> None:
         """Raises ProtocolError if the parts in the journal are damaged."""
         self._names, self._codec = names, codec
@@ -95,7 +95,7 @@ class WholeSource(RecordedSource):
             parts = cut(algorithm.world.scene, partition, saved_strays(saved))
             self._whole = WholeString(map(PartReceiver, parts))
         super().__init__(algorithm, cursor=self._whole, kinds=kinds)
-        parcels = saved.pop(PARCELS, None)
+        parcels, schedule = saved.pop(PARCELS, None), Schedule.of(algorithm.world.lag, ahead)
         self._requests = FrameRequests(algorithm, schedule, partition, parcels)
         self._reports: dict[str, PartMessage] = {}
         self._replies: list[m.TickReply] = []

@@ -83,6 +83,12 @@ class Norm:
         )
 
     @property
+    def named(self) -> frozenset[str]:
+        """The attributes of certain agents on which it depends, as `#id.attribute`."""
+        names = [name for condition in self.conditions for name in condition.names]
+        return frozenset(name for name in names if name.startswith("#"))
+
+    @property
     def refuses(self) -> bool:
         """Whether violations are rejected."""
         return self.then is Then.REFUSE

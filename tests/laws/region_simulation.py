@@ -18,7 +18,7 @@ from minerva_bus.regions.outbox import Outbox
 from minerva_bus.regions.part import PartReceiver, PartSender
 from minerva_bus.regions.progress import RegionsGoal
 from minerva_bus.regions.region import Region
-from minerva_bus.regions.schedule import IN_STEP, Schedule
+from minerva_bus.regions.schedule import Schedule
 from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.wire.codec import Decoder, encode
 
@@ -148,7 +148,7 @@ class Regions:
     requests: dict = field(default_factory=dict)
     done: int = 0
     targets: dict = field(default_factory=lambda: defaultdict(dict))
-    schedule: Schedule = IN_STEP
+    schedule: Schedule = field(default_factory=Schedule)
     parcels: int = 0
     end: tuple = ()
 

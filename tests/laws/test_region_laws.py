@@ -24,7 +24,7 @@ from minerva_bus.regions.lag import RegionLag
 from minerva_bus.regions.merging import merged
 from minerva_bus.regions.partition import ByFunction, ById, ByPosition
 from minerva_bus.regions.region import Region
-from minerva_bus.regions.schedule import IN_STEP, Schedule
+from minerva_bus.regions.schedule import Schedule
 from minerva_bus.regions.tree import ByTree, Split
 from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.testing.family import (
@@ -260,21 +260,48 @@ def test_norms_reject_the_same_acts_in_regions(count, seed, checkpoints):
     strings = [digest for digest, _ in regions.digests()]
     assert strings == [digest for digest, _ in digests_of_one(world, FRAMES, nomad_hosts)]
     assert strings != [digest for digest, _ in nomads_of_one(seed)]
-    broken = Counter()
-    for process in regions.processes:
-        process.region.end()
-        norms = process.region.algorithm.norms
-        broken.update(norms.broken)
-    assert broken == broken_in_one(world)
+    broken = broken_in(regions)
+    assert broken == broken_in_one(world, FRAMES)
     assert set(broken) == {"far", "beside", "loud"}
 
 
-def broken_in_one(world):
+def broken_in(regions):
+    broken = Counter()
+    for process in regions.processes:
+        process.region.end()
+        broken.update(process.region.algorithm.norms.broken)
+    return broken
+
+
+def broken_in_one(world, frames):
     runner = InProcessRunner(FrameAlgorithm(world), nomad_hosts())
     runner.start()
-    for events in FRAMES:
+    for events in frames:
         begin(runner, events)
     return runner.algorithm.norms.broken
+
+
+OWN_NORMS = (
+    NORMS[0],
+    Norm("below", when="y < 0", then=Then.SANCTION, sanction=nomads.eCall(value=7)),
+)
+
+
+@pytest.mark.parametrize("checkpoints", [True, False])
+def test_regions_run_ahead_under_norms_on_what_agents_are(checkpoints):
+    partition = ByPosition((0.5,))
+    lag = RegionLag(2, partition, 3)
+    world = World("w", nomads.string(), nomads.VOCABULARY, seed=1, norms=OWN_NORMS, lag=lag)
+    kills = 0.0 if checkpoints else 0.01
+    regions = Regions(
+        world, LAG_FRAMES, [partition], Random(5), nomad_hosts, kills, checkpoints,
+        schedule=Schedule.of(lag, 2),
+    )  # fmt: skip
+    strings = [digest for digest, _ in regions.digests()]
+    assert strings == [digest for digest, _ in digests_of_one(world, LAG_FRAMES, nomad_hosts)]
+    assert regions.ahead > 1
+    assert broken_in(regions) == broken_in_one(world, LAG_FRAMES)
+    assert set(broken_in(regions)) == {"far", "below"}
 
 
 @pytest.mark.parametrize("count", [2, 16])
@@ -329,7 +356,7 @@ def test_regions_have_the_string_of_one_coordinator_in_every_frame(
     case, partitions, seed, lag, every
 ):
     w, frames = case
-    schedule = Schedule(every, min(lag, every - 1)) if lag else IN_STEP
+    schedule = Schedule(every, min(lag, every - 1)) if lag else Schedule()
     if lag:  # Borders stay where they are.
         partitions = partitions[:1]
     delay = RegionLag(lag, partitions[0], every) if lag else None

@@ -144,7 +144,8 @@ def test_services_that_no_frame_waits_for_and_commands_are_outside():
         Process("camera", Camera),
         Process("crier", command=("crier",)),
     ]
-    assert outside_of(processes) == {"bell", "camera", "crier"}
+    services = {each.name: each.participant().service for each in processes}
+    assert outside_of(processes, services) == {"bell", "camera", "crier"}
 
 
 def inbox(limit=100, **events):

@@ -16,14 +16,12 @@ from minerva_bus.launch.console import Console
 from minerva_bus.launch.in_process import InProcessRun
 from minerva_bus.launch.installed import find_world
 from minerva_bus.launch.reading import read_world_file, read_world_text
-from minerva_bus.launch.regions.layout import unused_processes
+from minerva_bus.launch.regions.layout import in_regions, unused_processes
 from minerva_bus.launch.regions.run import RegionRun
-from minerva_bus.launch.regions.schedule import notes_on, schedule_of
 from minerva_bus.launch.regions.settings import check_region_run, check_regions
 from minerva_bus.launch.worldfile import Process
 from minerva_bus.log.description import Description, decode_description, encode_description
 from minerva_bus.regions.partition import ById, ByPosition
-from minerva_bus.regions.schedule import Schedule
 from minerva_bus.regions.tree import ByTree, Split
 from minerva_bus.settings.overrides import Overrides
 from minerva_bus.world.norms import Norm
@@ -143,28 +141,39 @@ def test_one_region_has_no_lag():
     assert read("count = 3\nlag = 2", regions=1).world.lag is None
 
 
+def ahead(file):
+    with in_regions(file) as regions:
+        notes = [note for note in regions.notes if note.startswith("regions")]
+        return regions.processes[0].ahead, notes
+
+
 @pytest.mark.parametrize(
     ("lag", "every", "frames"), [(3, 50, 3), (3, 3, 2), (1, 2, 1), (3, 1, 0), (0, 1, 0)]
 )
 def test_regions_run_ahead_by_their_lag_until_agents_move(lag, every, frames):
     file = read(f"count = 2\nlag = {lag}" + f"\nmove_every = {every}" * (every > 1))
-    assert schedule_of(file).ahead == frames
     plural = "s" if frames > 1 else ""
     notes = [f"regions run up to {frames} frame{plural} ahead of each other"] if frames else []
-    assert notes_on(file) == notes
+    assert ahead(file) == (frames, notes)
 
 
 class Eye(Device, coupled=True):
-    pass
+    made = 0
+
+    def __init__(self):
+        Eye.made += 1
 
 
 def test_what_needs_the_whole_world_keeps_regions_in_step():
     file = read("count = 2\nlag = 3\nmove_every = 9")
-    judged = replace(file, world=replace(file.world, norms=(Norm("loud", when="x > 3"),)))
+    norms = Norm("far", when="x > 3"), Norm("near", when="x > 3", where="#rabbit0.x < x")
+    own, judged = (replace(file, world=replace(file.world, norms=norms[:n])) for n in (1, 2))
     shown = replace(file, processes=(*file.processes, Process("eye", Eye)))
-    for each, reason in ((judged, "norms"), (shown, "views and sensor topics (eye)")):
-        assert schedule_of(each) == Schedule(9, 0)
-        assert notes_on(each) == [f"regions wait for each other in each frame, because of {reason}"]
+    why = "regions wait for each other in each frame, because of "
+    assert ahead(own)[0] == 3
+    assert ahead(judged) == (0, [f"{why}norms that name other agents (near)"])
+    assert ahead(shown) == (0, [f"{why}views and sensor topics (eye)"])
+    assert Eye.made == 1
 
 
 def test_processes_of_agents_that_regions_do_not_start_are_named():

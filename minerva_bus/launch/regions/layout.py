@@ -12,9 +12,9 @@ from typing import Final
 from minerva_bus.errors import BusError
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.live import FrameSource
+from minerva_bus.launch.regions.ahead import frames_ahead
 from minerva_bus.launch.regions.checkpoint import RegionCheckpoint
 from minerva_bus.launch.regions.journal import FileJournal, RegionJournal, ReportedJournal
-from minerva_bus.launch.regions.schedule import notes_on, schedule_of
 from minerva_bus.launch.regions.terms import TERMS, terms_of
 from minerva_bus.launch.temporary_folder import temporary_folder
 from minerva_bus.launch.worldfile import Process, WorldFile
@@ -29,6 +29,7 @@ from minerva_bus.runtime.waiting import Patience
 from minerva_bus.wire.keys import name_of_region, number_of_region
 from minerva_bus.wire.limits import DEFAULT
 from minerva_bus.world.kinds import kinds_of
+from minerva_bus.world.services import Service
 
 MAX_RESTARTS: Final = 1000
 """Processes of a region that may be killed, without much work between, before the world stops."""
@@ -38,12 +39,13 @@ MAX_RESTARTS: Final = 1000
 class RegionSpec(Process):
     """A region as a process of its world: its number and files, and the endpoints of all regions.
 
-    `world_file` is that of the whole world. Without a file for its `journal`, the coordinator of
-    the world keeps it.
+    `world_file` is that of the whole world. Regions run `ahead` by so many frames. Without a file
+    for its `journal`, the coordinator of the world keeps it.
     """
 
     world_file: WorldFile
     number: int
+    ahead: int
     endpoints: Mapping[int, str] = field(default_factory=dict[int, str])
     journal: Path | None = None
 
@@ -85,10 +87,12 @@ def in_regions(file: WorldFile) -> Generator[WorldFile]:
     if file.partition is None:
         yield file
         return
-    names = outside_of(file.processes)
+    services = _services(file.processes)
+    names = outside_of(file.processes, services)
     outside = [each for each in file.processes if each.name in names]
     inside = tuple(each for each in file.processes if each.name not in names)
     classes = {agent: None for process in inside for agent in process.agents}
+    ahead, notes = frames_ahead(file.world, {each.name: services[each.name] for each in inside})
     # Processes elsewhere are those of regions elsewhere.
     away = all(each.elsewhere for each in inside)
     with temporary_folder("regions") as folder:
@@ -104,6 +108,7 @@ def in_regions(file: WorldFile) -> Generator[WorldFile]:
                 patience=Patience(then="wait"),
                 world_file=_with(file, inside),
                 number=number,
+                ahead=ahead,
                 endpoints=endpoints,
                 # A later run with the same journal has no temporary files, nor has another machine.
                 journal=None if file.bus.journal or away else folder / f"{number}.journal",
@@ -111,7 +116,7 @@ def in_regions(file: WorldFile) -> Generator[WorldFile]:
             )
             for number in numbers
         ]
-        notes = *file.notes, *notes_on(_with(file, inside)), *unused_processes(inside)
+        notes = *file.notes, *notes, *unused_processes(inside)
         yield replace(_with(file, (*regions, *outside)), notes=notes)
 
 
@@ -123,14 +128,20 @@ def unused_processes(inside: Sequence[Process]) -> list[str]:
     return [f"{', '.join(divided)}: {without_effect}"] if divided else []
 
 
-def outside_of(processes: Iterable[Process]) -> frozenset[str]:
+def _services(processes: Iterable[Process]) -> dict[str, Service | None]:
+    known = [each for each in processes if not each.command]
+    return {each.name: each.participant().service for each in known}
+
+
+def outside_of(
+    processes: Iterable[Process], services: Mapping[str, Service | None]
+) -> frozenset[str]:
     """The processes that are members of a world's coordinator, beside its regions.
 
-    What a command does is known only from its hello, which the coordinator may refuse.
+    `services` are those of the processes, by name. What a command does is known only from its
+    hello, which the coordinator may refuse.
     """
-    known = [each for each in processes if not each.command]
-    names = beside({each.name: each.participant().service for each in known})
-    return names.union(each.name for each in processes if each.command)
+    return beside(services).union(each.name for each in processes if each.command)
 
 
 def _with(file: WorldFile, processes: Sequence[Process]) -> WorldFile:
@@ -155,14 +166,17 @@ def region_elsewhere(file: WorldFile, name: str, listen: str) -> RegionSpec | No
     number = number_of_region(name)
     if file.partition is None or number is None or not number < file.partition.count:
         return None
-    names = outside_of(file.processes)
+    services = _services(file.processes)
+    names = outside_of(file.processes, services)
     inside = [replace(each, elsewhere=False) for each in file.processes if each.name not in names]
     agents = tuple(dict.fromkeys(agent for process in inside for agent in process.agents))
+    ahead, _ = frames_ahead(file.world, {each.name: services[each.name] for each in inside})
     return RegionSpec(
         name,
         agents=agents,
         world_file=_with(file, inside),
         number=number,
+        ahead=ahead,
         endpoints={number: listen},
     )
 
@@ -178,9 +192,9 @@ def source_of(file: WorldFile) -> Callable[[FrameAlgorithm], FrameSource] | None
         names=[region.name for region in regions],
         kinds=kinds_of(regions[0].agents),
         codec=part_codec(file.world.vocabulary, file.access.limits),
-        terms={TERMS: terms_of(regions[0].world_file)},
+        terms={TERMS: terms_of(regions[0].world_file, regions[0].ahead)},
         journals=_first_journals(file) if regions[0].elsewhere else {},
-        schedule=schedule_of(regions[0].world_file),
+        ahead=regions[0].ahead,
     )
 
 

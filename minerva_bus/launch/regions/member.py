@@ -23,9 +23,9 @@ from minerva_bus.launch.failures import own_members
 from minerva_bus.launch.free_running import close_services
 from minerva_bus.launch.in_process import members_of
 from minerva_bus.launch.regions.checkpoint import RegionCheckpoint
-from minerva_bus.launch.regions.journal import MAX_BYTES, RegionJournal
+from minerva_bus.launch.regions.journal import MAX_BYTES
+from minerva_bus.launch.regions.layout import RegionSpec
 from minerva_bus.launch.regions.requests import RegionRequests
-from minerva_bus.launch.regions.schedule import schedule_of
 from minerva_bus.launch.regions.sending import ParcelSender
 from minerva_bus.launch.regions.terms import agreed
 from minerva_bus.launch.worldfile import WorldFile
@@ -60,23 +60,18 @@ class RegionMember(Member):
     """
 
     def __init__(
-        self,
-        name: str,
-        file: WorldFile,
-        number: int,
-        journal: RegionJournal,
-        send: Callable[[int, bytes], None],
-        log: Callable[[str], None],
+        self, spec: RegionSpec, send: Callable[[int, bytes], None], log: Callable[[str], None]
     ) -> None:
-        super().__init__(name)
+        super().__init__(spec.name)
+        file = spec.world_file
         assert file.partition is not None
         self._parcels = ParcelSender(send)
         self._file = file
         self._members = members_of(file)
-        self._requests = RegionRequests(schedule_of(file).ahead)
-        self._begin(self._region(file, number, file.partition))
+        self._requests = RegionRequests(spec.ahead)
+        self._begin(self._region(file, spec.number, file.partition))
         self._decoder = Decoder(file.world.vocabulary, file.access.limits)
-        self._journal = journal
+        self._journal = spec.make_journal()
         self._log = log
         self._sender = PartSender()
         self._done: s.FrameDone | None = None
@@ -111,8 +106,8 @@ class RegionMember(Member):
         if self.stopped:  # It was on its way when the world ended.
             return
         joins, saved = self.world is None, welcome.saved or {}
-        region, file = self.region, agreed(self._file, self.name, saved)
-        present = welcome.frame + 1 + self._requests.ahead
+        region, ahead = self.region, self._requests.ahead
+        file, present = agreed(self._file, self.name, ahead, saved), welcome.frame + 1 + ahead
         if not joins and (file is not self._file or present < region.frame):
             raise WorldRestarted(f"the world has restarted, at frame {welcome.frame}")
         if file is not self._file:

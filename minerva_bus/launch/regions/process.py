@@ -54,13 +54,10 @@ class RegionProcess(MemberProcess):
         """The arguments are those of a member; `spec` describes the region."""
         self._spec = spec
         self._own = own
-        self._journal = spec.make_journal()
         self._links: RegionLinks | None = None
         self._timer: Timer | None = None
         self._unreachable: dict[int, str | None] = {}
-        self._region = RegionMember(
-            spec.name, spec.world_file, spec.number, self._journal, self._send, notify
-        )
+        self._region = RegionMember(spec, self._send, notify)
         super().__init__(
             self._region,
             spec.world_file.world.name,

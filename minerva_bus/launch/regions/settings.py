@@ -208,8 +208,7 @@ def _check_halos(file: WorldFile, services: Sequence[Device]) -> None:
 
 def _naming(world: World) -> Iterator[str]:
     for norm in world.norms:
-        names = [name for condition in norm.conditions for name in condition.names]
-        if norm.on and any(name.startswith("#") for name in names):
+        if norm.on and norm.named:
             yield norm.name
 
 

@@ -8,7 +8,6 @@ from hashlib import blake2b
 from typing import Any, Final
 
 from minerva_bus.frame.member import Refusal
-from minerva_bus.launch.regions.schedule import schedule_of
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.log.journal import key_of
 from minerva_bus.regions.partition import ByFunction
@@ -23,8 +22,11 @@ ADOPTED: Final = ("seed", "frames", "until")
 """Terms that a region adopts from the coordinator, which may have them from its command line."""
 
 
-def terms_of(file: WorldFile) -> dict[str, Any]:
-    """The properties of a world file and its settings on which the frames of regions depend."""
+def terms_of(file: WorldFile, ahead: int) -> dict[str, Any]:
+    """The properties of a world file and its settings on which the frames of regions depend.
+
+    Regions run `ahead` by so many frames.
+    """
     world, partition = file.world, file.partition
     by = partition.function if isinstance(partition, ByFunction) else None
     count = 0 if partition is None else partition.count
@@ -36,7 +38,7 @@ def terms_of(file: WorldFile) -> dict[str, Any]:
         "until": world.until,
         "regions": regions,
         "lag": repr(world.lag),
-        "frames ahead": schedule_of(file).ahead,
+        "frames ahead": ahead,
         "options": options,
         # Regions of a run that continues get their strings from the coordinator.
         CONTINUES: "" if world.past.frame else world.scene.digest.hex(),
@@ -45,7 +47,7 @@ def terms_of(file: WorldFile) -> dict[str, Any]:
     }
 
 
-def agreed(file: WorldFile, region: str, saved: Mapping[str, Any]) -> WorldFile:
+def agreed(file: WorldFile, region: str, ahead: int, saved: Mapping[str, Any]) -> WorldFile:
     """The world file of a region with the settings in the data of its `welcome`.
 
     Raises Refusal if its terms differ from those of the world otherwise.
@@ -54,7 +56,7 @@ def agreed(file: WorldFile, region: str, saved: Mapping[str, Any]) -> WorldFile:
     settings = {name: of_world.get(name, getattr(file.world, name)) for name in ADOPTED}
     if any(getattr(file.world, name) != value for name, value in settings.items()):
         file = replace(file, world=replace(file.world, **settings))
-    for name, own in terms_of(file).items():
+    for name, own in terms_of(file, ahead).items():
         continues = name == CONTINUES and of_world.get(name) == ""
         if of_world.get(name) != own and not continues:
             raise Refusal(

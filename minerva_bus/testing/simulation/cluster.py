@@ -126,10 +126,8 @@ class Cluster(Sink):
         self.links.down[name].clear()
         self.links.up[name].clear()
         self.links.parcels = [parcel for parcel in self.links.parcels if parcel[1] != spec.number]
-        send, journal = partial(self._send_parcel, spec.number), spec.make_journal()
-        self._members[name] = RegionMember(
-            name, spec.world_file, spec.number, journal, send, lambda line: None
-        )
+        send = partial(self._send_parcel, spec.number)
+        self._members[name] = RegionMember(spec, send, lambda line: None)
         self.runner.handle(s.Appeared(name))
         for other in self._members.values():
             other.send_again([spec.number])
