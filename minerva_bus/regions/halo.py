@@ -148,10 +148,10 @@ def _values(piece: Piece) -> Iterator[tuple[str, Any]]:
 
 def _filled(views: RegionViews, event_type: str) -> Units:
     """What the agents of a region show, with a place for each outermost node."""
-    units, shown = placed_views(views, event_type), views.views.get(event_type, {})
+    placed, shown = placed_views(views, event_type), views.views.get(event_type, {})
     places: list[Place] = []
     pieces: list[Piece] = []
-    for own, piece in units.each():
+    for own, piece in placed.units.each():
         if piece.still:
             made: Iterable[Piece] = (piece,)
             places += own

@@ -84,19 +84,25 @@ class Merger:
     def __init__(self) -> None:
         self._places: list[Sequence[Place]] = []
         self._forms: list[_Form] = []
+        self._kinds: list[str] = []
         self._order: list[Place] = []
         self._runs: list[tuple[_Shape | None, NDArray[np.intp]]] = []
 
-    def merge(self, parts: Iterable[Units]) -> Units:
-        """The units in the order of one string; neighbours of one shape in columns stay so."""
+    def merge(self, parts: Iterable[Units], kinds: Iterable[str] = ()) -> Units:
+        """The units in the order of one string; neighbours of one shape in columns stay so.
+
+        `kinds` are those of the agents that show the pieces of all parts, if columns of different
+        kinds must stay apart.
+        """
         parts = [*parts]
         pieces = [piece for part in parts for piece in part.pieces]
-        places, forms = [part.places for part in parts], [_form(piece) for piece in pieces]
+        self._kinds = [*kinds] or [""] * len(pieces)
+        places, forms = [part.places for part in parts], [*map(_form, pieces, self._kinds)]
         same = len(places) == len(self._places) and all(map(is_, places, self._places))
         if not same or forms != self._forms:
             self._places, self._forms = places, forms
             self._sort(parts)
-        groups = _columns_by_shape(pieces)
+        groups = _columns_by_shape(zip(pieces, self._forms, strict=True))
         made: list[Piece] = []
         for shape, numbers in self._runs:
             if shape is None:
@@ -104,6 +110,17 @@ class Merger:
             else:
                 made.append(groups[shape].take(numbers))
         return Units(self._order, tuple(made))
+
+    @property
+    def kinds(self) -> list[str]:
+        """The kind of each piece of the last result."""
+        kinds: list[str] = []
+        for shape, numbers in self._runs:
+            if shape is None:
+                kinds += [self._kinds[number] for number in numbers.tolist()]
+            else:
+                kinds.append(shape[0])
+        return kinds
 
     def _sort(self, parts: Iterable[Units]) -> None:
         """Note the order of all nodes: runs of numbers of pieces, or of rows of one shape."""
@@ -131,26 +148,27 @@ def merged(parts: Iterable[Units]) -> Units:
     return Merger().merge(parts)
 
 
-_Shape: TypeAlias = tuple[object, ...]
+_Shape: TypeAlias = tuple[str, tuple[object, ...]]
+"""A kind, and what columns must have in common to be joined."""
 
 _Form: TypeAlias = tuple[_Shape | None, int]
 """The shape of a piece in columns, or None, and the number of its nodes."""
 
 
-def _form(piece: Piece) -> _Form:
-    return (_shape(piece) if isinstance(piece, Columns) else None), piece.count
+def _form(piece: Piece, kind: str) -> _Form:
+    return ((kind, _shape(piece)) if isinstance(piece, Columns) else None), piece.count
 
 
-def _shape(piece: Columns) -> _Shape:
+def _shape(piece: Columns) -> tuple[object, ...]:
     # Columns of one shape may differ in the types of their values, such as 1 and 1.0.
     return (piece.shape, piece.ids is None, *(column.dtype for column in piece.all_columns()))
 
 
-def _columns_by_shape(pieces: Iterable[Piece]) -> dict[_Shape, Columns]:
+def _columns_by_shape(pieces: Iterable[tuple[Piece, _Form]]) -> dict[_Shape, Columns]:
     groups: dict[_Shape, list[Columns]] = {}
-    for piece in pieces:
-        if isinstance(piece, Columns):
-            groups.setdefault(_shape(piece), []).append(piece)
+    for piece, (shape, _) in pieces:
+        if shape is not None and isinstance(piece, Columns):
+            groups.setdefault(shape, []).append(piece)
     return {shape: Columns.concatenated(group) for shape, group in groups.items()}
 
 

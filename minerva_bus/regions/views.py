@@ -13,7 +13,7 @@ from minerva_bus.frame.messages import Parts, Patches, ViewShown
 from minerva_bus.frame.views import patch_all
 from minerva_bus.grammar.packing import size
 from minerva_bus.grammar.scene import EMPTY, AgentNode, Piece, Scene, agents
-from minerva_bus.regions.merging import Units, merged
+from minerva_bus.regions.merging import Merger, Units
 from minerva_bus.regions.places import Place, spans
 
 
@@ -128,7 +128,7 @@ class ViewAssembly:
 
     def __init__(self, sequence: int = 0) -> None:
         self._regions: dict[int, RegionViews] = {}
-        self._skeletons: dict[str, Scene] = {}
+        self._skeletons: dict[str, tuple[Scene, dict[str, Scene]]] = {}
         self._frames: dict[str, int] = {}
         self._sequence = sequence
 
@@ -160,7 +160,7 @@ class ViewAssembly:
     def _forget_skeletons(self, part: ViewPart) -> None:
         if part.layout is not None:
             self._skeletons.clear()
-        # Agents in columns stand in the skeleton, because the rows of regions alternate there.
+        # The rows of agents in columns of different regions alternate.
         for event_type, views in part.views.items():
             if part.patches.get(event_type) or any(name.startswith(PART) for name in views):
                 self._skeletons.pop(event_type, None)
@@ -170,20 +170,49 @@ class ViewAssembly:
         for region in self._regions.values():
             views = region.views.get(event_type, {}).items()
             parts |= {name: view for name, view in views if not name.startswith(PART)}
-        skeleton = self._skeletons.get(event_type)
-        if skeleton is None:
-            units = merged(placed_views(region, event_type) for region in self._regions.values())
-            skeleton = self._skeletons[event_type] = units.scene
+        known = self._skeletons.get(event_type)
+        if known is None:
+            known = self._skeletons[event_type] = self._skeleton(event_type)
+        skeleton, columns = known
+        parts |= columns
         return ViewShown(event_type, frame, self._sequence, parts, skeleton, halted=halted)
 
+    def _skeleton(self, event_type: str) -> tuple[Scene, dict[str, Scene]]:
+        """Static parts and slots, and what the agents in columns show, by slot."""
+        placed = [placed_views(region, event_type) for region in self._regions.values()]
+        kinds, merger = [kind for each in placed for kind in each.kinds], Merger()
+        units = merger.merge([each.units for each in placed], kinds)
+        pieces, parts = list[Piece](), dict[str, Scene]()
+        for piece, kind in zip(units.pieces, merger.kinds, strict=True):
+            if not kind:
+                pieces.append(piece)
+                continue
+            name = f"{PART}{kind}.{len(parts)}"
+            parts[name] = Scene((piece,))
+            pieces.append(AgentNode(kind, name))
+        return Scene(tuple(pieces)) if pieces else EMPTY, parts
 
-def placed_views(region: RegionViews, event_type: str) -> Units:
-    """The slots of a region, and what its agents in columns show, by place."""
+
+@dataclass(frozen=True, slots=True)
+class PlacedViews:
+    """The slots of a region, and what its agents in columns show.
+
+    `kinds` has the kind of the agents in columns for each piece of `units`, "" for the others.
+    """
+
+    units: Units
+    kinds: Sequence[str]
+
+
+def placed_views(region: RegionViews, event_type: str) -> PlacedViews:
+    """What a region shows for an event type, by place."""
     views, places, pieces = region.views.get(event_type, {}), list[Place](), list[Piece]()
+    kinds: list[str] = []
     for piece, own in region.layout.each():
         if not (isinstance(piece, AgentNode) and piece.id.startswith(PART)):
             places += own
             pieces.append(piece)
+            kinds.append("")
             continue
         shown = views.get(piece.id, EMPTY).pieces
         if shown and size(shown) != len(own):
@@ -194,4 +223,5 @@ def placed_views(region: RegionViews, event_type: str) -> Units:
             )
         places += own if shown else ()
         pieces += shown
-    return Units(places, tuple(pieces))
+        kinds += [piece.symbol] * len(shown)
+    return PlacedViews(Units(places, tuple(pieces)), kinds)

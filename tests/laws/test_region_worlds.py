@@ -8,7 +8,7 @@ from region_simulation import Regions, digests_of_one
 
 from minerva_bus.launch.in_process import members_of
 from minerva_bus.launch.installed import find_world
-from minerva_bus.launch.reading import read_world_file
+from minerva_bus.launch.reading import read_world_file, read_world_text
 from minerva_bus.regions.partition import ById, ByPosition
 from minerva_bus.regions.tree import ByTree, Split
 from minerva_bus.settings.overrides import Overrides
@@ -51,6 +51,16 @@ def test_regions_have_the_digests_of_one_coordinator(name, count, checkpoints):
     grid, chance = GRIDS[count], Random(count)
     regions = Regions(of.file.world, FRAMES, grid, chance, of.members, kills, checkpoints)
     assert regions.digests() == of.single
+
+
+def test_services_know_the_kinds_of_agents_in_columns_of_other_regions():
+    path = find_world("crowd")
+    text = path.read_text(encoding="utf-8").replace("persist = true", 'ignore = [["APerson", "*"]]')
+    file = read_world_text(text, path, Overrides(options={"people": "300"}))
+    regions = Regions(file.world, FRAMES, GRIDS[2], Random(0), lambda: members_of(file))
+    regions.digests()
+    collisions = regions.processes[0].runner.direct.members["collisions"].service
+    assert collisions.report() == {"collisions": 0}
 
 
 HALOS = [
