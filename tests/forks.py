@@ -1,30 +1,26 @@
 """`--forks N`: collect the tests once, then run their files in N forks of this process.
 
 Each worker of pytest-xdist imports and collects all tests by itself, which takes six workers longer
-than a minute of CPU time. The forks take one file after the other, in order. When a fork ends early,
-or runs a test for twice its limit, that test fails and another fork runs the following ones.
+than a minute of CPU time. The forks take one file after the other. Files with tests of a higher limit
+come first, because one of them would still run when the other forks have nothing left to do. When a
+fork ends early, or runs a test for twice its limit, that test fails and another fork runs the
+following ones.
 """
 
 import json
 import os
-import random
 import selectors
 import signal
 import sys
 import time
-import traceback
 import warnings
 from collections import deque
-from itertools import chain, groupby, pairwise
-from tempfile import TemporaryFile
-from types import SimpleNamespace
+from itertools import groupby
 
 import pytest
-from _pytest.capture import FDCapture
-from _pytest.config import create_terminal_writer
 
-WIDTH = 4
-"""Bytes of the number of a file in the queue."""
+from tests.fork_work import WIDTH, Work
+
 LONGEST = 2.0
 """A fork is killed after this multiple of a test's limit, which did not interrupt the test."""
 GOODBYE = 10.0
@@ -40,6 +36,8 @@ def pytest_addoption(parser):
 
 def pytest_configure(config):
     if config.option.forks:
+        if not hasattr(os, "pidfd_open"):
+            raise pytest.UsageError("--forks needs Linux 5.3: use -n 6 --dist loadfile instead")
         config.pluginmanager.register(Forks(), "forks")
 
 
@@ -57,6 +55,7 @@ class Forks:
         # A shell starts background jobs, such as those of .ci/run, with this signal ignored.
         signal.signal(signal.SIGINT, signal.default_int_handler)
         self.files = [list(items) for _, items in groupby(session.items, lambda item: item.path)]
+        self.files.sort(key=lambda items: -max(map(limit, items)))
         session.config._tmp_path_factory.getbasetemp()  # The forks make theirs in it.
         queue, writer = os.pipe()
         os.set_blocking(writer, False)  # It holds 16,000 numbers; tests of other files are missed.
@@ -67,13 +66,16 @@ class Forks:
                 self.add(session, queue)
             while self.selector.get_map():
                 self.turn(session, queue)
+            missed = len(session.items) - sum(fork.done for fork in self.forks)
+            if missed:
+                raise session.Failed(f"{missed} of {len(session.items)} tests did not run")
+        except session.Failed as error:
+            session.shouldfail = str(error)  # The summary shows it, and nothing is run again.
+            raise
         finally:
             os.close(queue)
             for fork in self.forks:
                 fork.stop()
-        missed = len(session.items) - sum(fork.done for fork in self.forks)
-        if missed:
-            raise session.Failed(f"{missed} of {len(session.items)} tests did not run")
         return True
 
     def add(self, session, queue, first=()):
@@ -171,9 +173,8 @@ class Fork:
         """Kill the fork if it runs one test much longer than pytest-timeout allows."""
         if self.since is None or self.ended:
             return
-        marker = self.item.get_closest_marker("timeout")
-        limit = marker.args[0] if marker else getattr(self.config, "_env_timeout", None)
-        if limit and time.monotonic() > self.since + LONGEST * limit:
+        longest = LONGEST * limit(self.item)
+        if longest and time.monotonic() > self.since + longest:
             os.kill(self.pid, signal.SIGKILL)
 
     def bury(self):
@@ -215,85 +216,13 @@ class Fork:
         return code
 
 
+def limit(item):
+    """The limit of a test that pytest-timeout applies, seconds; 0: none, or the test is skipped."""
+    marker = item.get_closest_marker("timeout")
+    if item.get_closest_marker("skip"):
+        return 0
+    return (marker.args[0] if marker else getattr(item.config, "_env_timeout", None)) or 0
+
+
 def place(item):
     return {"nodeid": item.nodeid, "location": item.location}
-
-
-class Work:
-    """What a fork does: it runs tests and reports them through a pipe."""
-
-    def __init__(self, session, files, queue, writer):
-        self.session, self.config = session, session.config
-        self.files, self.queue, self.writer = files, queue, writer
-        self.begun = False
-
-    def run(self, first):
-        """Run these tests and those of the queue; returns the exit code."""
-        try:
-            self.separate()
-            for items in chain([[*first]], self.queued()):
-                # After the last test of a file, only what belongs to the session stays.
-                for item, following in pairwise([*items, self.session]):
-                    self.config.hook.pytest_runtest_protocol(item=item, nextitem=following)
-            self.end()
-            self.tell("finished")
-        except KeyboardInterrupt:
-            self.end()
-        except BaseException:
-            traceback.print_exc(file=sys.__stderr__)
-            raise
-        return 0
-
-    def end(self):
-        self.session._setupstate.teardown_exact(None)
-        self.config._ensure_unconfigure()
-
-    def separate(self):
-        """Renew what two processes cannot share: output, folders and random numbers."""
-        plugins = self.config.pluginmanager
-        plugins.unregister(name="forks")
-        plugins.unregister(name="terminalreporter")
-        # pytest-timeout prints the stacks of threads.
-        terminal = create_terminal_writer(self.config, sys.__stderr__)
-        plugins.register(SimpleNamespace(_tw=terminal), "terminalreporter")
-        plugins.register(self, "fork")
-        capturing = plugins.getplugin("capturemanager")._global_capturing
-        for capture in (capturing.out, capturing.err):
-            # Imported modules keep `sys.stderr`, so it stays open: its file becomes another.
-            if isinstance(capture, FDCapture):
-                with TemporaryFile() as file:
-                    os.dup2(file.fileno(), capture.tmpfile.fileno(), inheritable=False)
-        folders = self.config._tmp_path_factory
-        folders._basetemp = folders.getbasetemp() / str(os.getpid())
-        folders._basetemp.mkdir(0o700)
-        random.seed()
-
-    def queued(self):
-        """The tests of the files that this fork takes from the queue."""
-        while number := os.read(self.queue, WIDTH):
-            file = int.from_bytes(number, "big")
-            self.tell("file", file)
-            yield self.files[file]
-
-    def tell(self, kind, *values):
-        text = json.dumps([kind, *values], default=str).encode() + b"\n"
-        while text:
-            text = text[os.write(self.writer, text) :]
-
-    def pytest_runtest_logstart(self):
-        self.begun = True
-        self.tell("begin")
-
-    def pytest_runtest_logreport(self, report):
-        data = self.config.hook.pytest_report_to_serializable(config=self.config, report=report)
-        self.tell("report", data)
-
-    def pytest_runtest_logfinish(self):
-        self.tell("end")
-
-    def pytest_warning_recorded(self, warning_message, when, nodeid):
-        # A new plugin gets all earlier warnings, too.
-        if self.begun and when == "runtest":
-            text, category = str(warning_message.message), warning_message.category.__name__
-            place = warning_message.filename, warning_message.lineno
-            self.tell("warning", text, category, *place, nodeid)

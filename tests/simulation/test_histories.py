@@ -18,6 +18,8 @@ SHARE = 25
 FAILED = Path(__file__).with_name("failed.jsonl")
 """Histories that failed once, each with its error."""
 
+pytestmark = pytest.mark.timeout(300)
+
 
 @pytest.mark.parametrize("first", range(0, HISTORIES, SHARE))
 def test_histories_go_well(first):

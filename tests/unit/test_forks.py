@@ -80,6 +80,26 @@ def test_fails():
         time.sleep(0.01)
     assert 0
 """
+FINE = "def test_fine():\n    pass\n"
+THIEF = """
+import os
+from pathlib import Path
+
+def test_passes_if_run_again():
+    again = Path("again").exists()
+    Path("again").touch()
+    assert again
+
+def test_takes_a_file_from_the_queue(request):
+    assert os.read(request.config.pluginmanager.get_plugin("fork").queue, 4)
+"""
+LIMITED = """
+import pytest
+
+{}
+def test_is_noted():
+    open("order", "a").write("{} ")
+"""
 
 
 @pytest.fixture
@@ -90,7 +110,9 @@ def suite(pytester, monkeypatch):
     monkeypatch.delenv("PYTEST_ADDOPTS", raising=False)
     pytester.makeconftest('pytest_plugins = ["tests.forks"]')
 
-    def run(*options, **files):
+    def run(*options, before="", **files):
+        if before:
+            pytester.makeconftest(f'{before}\npytest_plugins = ["tests.forks"]')
         pytester.makepyfile(**{f"test_{name}": text for name, text in files.items()})
         return pytester.runpytest_subprocess("-p", "pytest_timeout", "--forks", "2", *options)
 
@@ -98,7 +120,7 @@ def suite(pytester, monkeypatch):
 
 
 def test_each_outcome_is_reported_as_without_forks(suite):
-    more = {f"good_{n}": "def test_good():\n    pass\n" for n in range(4)}
+    more = {f"good_{n}": FINE for n in range(4)}
     result = suite("-q", "-rs", outcomes=OUTCOMES, **more)
     result.assert_outcomes(passed=7, failed=1, skipped=1, errors=1, warnings=1)
     assert Path("imported").read_text() == "once "
@@ -126,3 +148,28 @@ def test_a_run_that_stops_finishes_the_fixtures_of_other_forks(suite):
     result = suite("-x", stopped=STOPPED, stopping=STOPPING)
     result.assert_outcomes(failed=1)
     assert Path("closed").exists()
+
+
+def test_files_with_higher_limits_come_first(suite):
+    marks = {
+        "a": "", "b": "@pytest.mark.timeout(300)",
+        "c": "@pytest.mark.timeout(900)\n@pytest.mark.skip", "d": "@pytest.mark.timeout(600)",
+    }  # fmt: skip
+    files = {name: LIMITED.format(mark, name) for name, mark in marks.items()}
+    suite("--forks", "1", "-o", "timeout=120", **files).assert_outcomes(passed=3, skipped=1)
+    assert Path("order").read_text() == "d b a "
+
+
+def test_a_test_that_did_not_run_is_an_error(suite):
+    more = ("-p", "tests.flaky", "--retry")
+    result = suite("--forks", "1", *more, a_thief=THIEF, lost=FINE, other=FINE)
+    result.stdout.fnmatch_lines("*! 1 of 4 tests did not run !*")
+    result.assert_outcomes(passed=2, failed=1)
+    assert result.ret == pytest.ExitCode.TESTS_FAILED
+
+
+def test_a_system_without_process_descriptors_is_refused_in_a_line(suite):
+    result = suite(before="import os\ndel os.pidfd_open", fine=FINE)
+    result.stderr.fnmatch_lines("ERROR: --forks needs Linux 5.3: use -n 6 --dist loadfile instead")
+    assert result.ret == pytest.ExitCode.USAGE_ERROR
+    assert len(result.errlines) <= 2
