@@ -13,11 +13,12 @@ from minerva_bus.errors import VocabularyError
 from minerva_bus.frame.fragments import PART, Fragment, Layout, fragment_in, ids_of
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.fitting import Unfit
+from minerva_bus.grammar.id_changes import row_delta_of_ids
 from minerva_bus.grammar.ids import LONGEST, Ids
 from minerva_bus.grammar.packing import one_by_one, packed
 from minerva_bus.grammar.scene import EMPTY, AgentNode, Piece, Scene, agents
 from minerva_bus.grammar.slots import fill, fill_slots
-from minerva_bus.grammar.unique_ids import same_id
+from minerva_bus.grammar.unique_ids import repeated_id, same_id
 
 FIRST: Final = 64
 
@@ -92,15 +93,9 @@ class Composition:
 
     def _check_apart(self) -> None:
         """Raise VocabularyError if an id occurs in two columns, or in columns and elsewhere."""
-        known = [ids_of(part) for part in self.parts.values()]
-        if not known:
-            return
-        # Single agents have no columns to compare with, so their ids are collected here.
-        if self._home:
-            known.append(Ids.of(list(self._home)))
-        twice = Ids.in_common(known)
-        if twice is not None:
-            raise VocabularyError(same_id(twice))
+        repeated = repeated_id([ids_of(part) for part in self.parts.values()], self._home.keys())
+        if repeated is not None:
+            raise VocabularyError(same_id(repeated))
 
     @property
     def scene(self) -> Scene:
@@ -279,7 +274,7 @@ class Composition:
         """Whether comparing newborns alone shows that all ids are distinct, as they were before."""
         for name, old in before.items():
             now = ids_of(self.parts[name])
-            row_delta = now.since(old) if now.distinct else None
+            row_delta = row_delta_of_ids(old, now) if now.distinct else None
             if row_delta is None:
                 return False
             newborn = now.take(row_delta.born)

@@ -10,6 +10,7 @@ from minerva_bus.frame.fragments import Fragment, fragment_in
 from minerva_bus.frame.messages import EvolveReply, EvolveRequest, Fragments
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.delta import Delta, difference
+from minerva_bus.grammar.id_changes import row_delta_of_ids
 from minerva_bus.grammar.packing import has_columns, size
 from minerva_bus.grammar.row_delta import RowDelta
 from minerva_bus.grammar.scene import Scene
@@ -172,7 +173,7 @@ def _view_patch(shown: _Shown, piece: Fragment, view: Scene) -> Delta | None:
         # Only if each agent has exactly one piece of view do the rows of both correspond.
         whole = size(shown.view.pieces) == old.count and size(view.pieces) == new.count
         if old.ids is not new.ids and whole:
-            row_delta = new.ids.since(old.ids)
+            row_delta = row_delta_of_ids(old.ids, new.ids)
     return _patch(shown.view, view, row_delta)
 
 

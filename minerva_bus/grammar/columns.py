@@ -14,6 +14,7 @@ from typing import Any, TypeAlias, cast
 from numpy.typing import NDArray
 
 from minerva_bus.grammar.column import Column, Rows
+from minerva_bus.grammar.id_changes import updated_ids
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.row_delta import RowDelta
 from minerva_bus.grammar.scene import (
@@ -137,7 +138,7 @@ class Columns(Digested):
         rows = row_delta.source, row_delta.born
         columns = tuple([column.moved(*rows, added) for column, added in pairs])
         newborn_ids = None if newborn is None else newborn.ids
-        ids = None if self.ids is None else self.ids.updated(row_delta, newborn_ids)
+        ids = None if self.ids is None else updated_ids(self.ids, row_delta, newborn_ids)
         return Columns(self.symbol, self.names, columns, row_delta.after, ids)
 
     @staticmethod

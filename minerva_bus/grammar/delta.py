@@ -11,6 +11,7 @@ import numpy as np
 from minerva_bus.grammar.column import Column, Rows
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.fitting import Unfit
+from minerva_bus.grammar.id_changes import row_delta_of_ids, updated_ids
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.row_delta import RowDelta
 from minerva_bus.grammar.scene import Piece
@@ -96,7 +97,7 @@ def difference(old: Piece, new: Piece, row_delta: RowDelta | None = None) -> Del
         return None
     # The same object has no row delta; others are compared.
     if old.ids is not None and new.ids is not None and old.ids is not new.ids:
-        row_delta = new.ids.since(old.ids)
+        row_delta = row_delta_of_ids(old.ids, new.ids)
         if row_delta is None:
             return None
     if new.count != (old.count if row_delta is None else row_delta.after):
@@ -127,7 +128,8 @@ def _changed_rows(old: Column, new: Column) -> Rows | None:
 def _rows_after(row_delta: RowDelta, old: Column, new: Column) -> Rows | None:
     """The rows after a row delta that have new values, including all added rows."""
     # Ids differ by the row delta only, so they need no comparison.
-    if old.ids is not None and new.ids is not None and new.ids.since(old.ids) is row_delta:
+    old_ids, new_ids = old.ids, new.ids
+    if old_ids and new_ids and row_delta_of_ids(old_ids, new_ids) is row_delta:
         return row_delta.born
     rows = old.take(row_delta.source).differs(new)
     if rows is None or not len(row_delta.born):
@@ -201,7 +203,7 @@ def _updated(old: Columns, row_delta: RowDelta, born: Ids | None) -> Columns:
     updated = old.changed(lambda column: column, row_delta.after)
     if old.ids is None:
         return updated
-    ids = old.ids.updated(row_delta, born)
+    ids = updated_ids(old.ids, row_delta, born)
     # A newborn must not have the id of another agent.
     if ids.duplicate is not None:
         raise Unfit(f"a patch after which {same_id(ids.duplicate)}")

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Sequence
+
 from minerva_bus.grammar.fitting import Unfit
+from minerva_bus.grammar.id_search import apart
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.scene import AGENT_ID
 
@@ -15,6 +18,18 @@ def same_id(agent_id: str) -> str:
 def no_id(text: str) -> str:
     """The message for a text that is not a valid id."""
     return f"{text!r} is not a valid agent id; expected letters, digits, _, : and -"
+
+
+def repeated_id(columns: Sequence[Ids], single: Collection[str] = ()) -> str | None:
+    """An id that occurs twice in columns, or in columns and among single ids; otherwise None."""
+    # Single agents have no columns to compare with, so their ids are collected here.
+    every = [*columns, *([Ids.of(sorted(single))] if columns and single else [])]
+    repeated = next((ids.duplicate for ids in every if ids.duplicate is not None), None)
+    if repeated is not None or len(every) < 2:
+        return repeated
+    if all(apart(ids, other) for n, ids in enumerate(every) for other in every[:n]):
+        return None
+    return Ids.concatenated(every).duplicate
 
 
 class UniqueIds:
@@ -37,7 +52,6 @@ class UniqueIds:
         """Add the ids of agents in columns. Raises Unfit."""
         if (strange := ids.strange) is not None:
             raise Unfit(no_id(strange))
-        known = [*self._columns, *([Ids.of(sorted(self._single))] if self._single else [])]
-        if (duplicate := Ids.in_common([ids, *known])) is not None:
-            raise Unfit(same_id(duplicate))
+        if (repeated := repeated_id([ids, *self._columns], self._single)) is not None:
+            raise Unfit(same_id(repeated))
         self._columns.append(ids)

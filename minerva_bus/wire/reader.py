@@ -25,7 +25,7 @@ from minerva_bus.grammar.scene import (
     agents,
 )
 from minerva_bus.grammar.types import Unfit
-from minerva_bus.grammar.unique_ids import same_id
+from minerva_bus.grammar.unique_ids import repeated_id, same_id
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.wire.columns import ColumnsReader
 from minerva_bus.wire.limits import DEFAULT, Limits
@@ -133,13 +133,9 @@ class Reader:
 
     def _check_ids(self) -> None:
         """Raise ProtocolError for an id that is in several columns, or in columns and a node."""
-        if not self._columns_ids or (len(self._columns_ids) == 1 and not self._ids):
-            return
-        twice = Ids.in_common(
-            [*self._columns_ids, *([Ids.of(sorted(self._ids))] if self._ids else [])]
-        )
-        if twice is not None:
-            raise ProtocolError(same_id(twice)[:_MAX_ERROR_CHARS])
+        repeated = repeated_id(self._columns_ids, self._ids)
+        if repeated is not None:
+            raise ProtocolError(same_id(repeated)[:_MAX_ERROR_CHARS])
 
     def _scene(self, flat: list[Any]) -> Scene:
         if not flat:

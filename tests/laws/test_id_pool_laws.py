@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from minerva_bus import Ids
 from minerva_bus.grammar import ids as module
+from minerva_bus.grammar.id_changes import row_delta_of_ids, updated_ids
 from minerva_bus.grammar.id_pool import SPARE, IdPool
 from minerva_bus.grammar.places import Places, hashes_of
 from minerva_bus.grammar.row_delta import RowDelta
@@ -82,10 +83,14 @@ def test_ids_in_a_pool_are_those_of_a_list(data, texts, bits):
         for number in range(5):
             row_delta, born = data.draw(frames())(texts)
             newborn = Ids.of(born) if born else None
-            old, ids, texts = ids, ids.updated(row_delta, newborn), after(texts, row_delta, born)
+            old, ids, texts = (
+                ids,
+                updated_ids(ids, row_delta, newborn),
+                after(texts, row_delta, born),
+            )
             check(ids, texts, data.draw(st.lists(TEXTS, max_size=5)))
             if not ids.duplicate and not old.duplicate:
-                since = Ids.of(ids.texts()).since(old)
+                since = row_delta_of_ids(old, Ids.of(ids.texts()))
                 assert (
                     since is None
                     or after(old.texts(), since, ids.take(since.born).texts()) == texts
@@ -95,14 +100,16 @@ def test_ids_in_a_pool_are_those_of_a_list(data, texts, bits):
         # Another frame from an earlier state shares the pool with those that followed it.
         ids, texts = kept
         row_delta, born = data.draw(frames())(texts)
-        changed = ids.updated(row_delta, Ids.of(born) if born else None)
+        changed = updated_ids(ids, row_delta, Ids.of(born) if born else None)
         check(changed, after(texts, row_delta, born), [])
         check(ids, texts, [])
 
 
 @given(st.data(), st.lists(TEXTS, min_size=3, max_size=8, unique=True))
 def test_rows_of_a_pool_can_be_replaced_and_joined(data, texts):
-    ids = Ids.of(texts).updated(RowDelta(len(texts), np.array([0]), np.array([1])), Ids.of(["a:1"]))
+    ids = updated_ids(
+        Ids.of(texts), RowDelta(len(texts), np.array([0]), np.array([1])), Ids.of(["a:1"])
+    )
     texts = [texts[1], "a:1", *texts[2:]]
     others = data.draw(st.lists(TEXTS, min_size=2, max_size=2))
     replaced = ids.put(np.array([0, 2]), Ids.of(others))
@@ -117,10 +124,10 @@ def test_rows_of_a_pool_can_be_replaced_and_joined(data, texts):
 def test_the_dead_leave_a_pool_that_has_many_of_them():
     ids = Ids.of([f"f{n}" for n in range(10)])
     for frame in range(3 * SPARE):
-        ids = ids.updated(RowDelta(10, np.array([0]), np.array([9])), Ids.of([f"f:{frame}-1"]))
+        ids = updated_ids(ids, RowDelta(10, np.array([0]), np.array([9])), Ids.of([f"f:{frame}-1"]))
     assert ids.texts() == [f"f:{frame}-1" for frame in range(3 * SPARE - 10, 3 * SPARE)]
-    assert ids._pool is not None
-    assert ids._pool.count <= 21 + SPARE
+    assert ids.pool is not None
+    assert ids.pool.count <= 21 + SPARE
 
 
 @given(st.lists(st.integers(0, 40), min_size=1, max_size=60), st.integers(1, 60))
@@ -135,7 +142,9 @@ def test_hashes_are_found_however_they_were_added(hashes, size):
 
 
 def test_hashes_of_a_pool_are_those_of_the_texts():
-    ids = Ids.of(["a", "b"]).updated(RowDelta(2, np.array([0]), np.array([0])), Ids.of(["b:1"]))
+    ids = updated_ids(
+        Ids.of(["a", "b"]), RowDelta(2, np.array([0]), np.array([0])), Ids.of(["b:1"])
+    )
     assert ids.hashes.tolist() == [hash_of("b:1"), hash_of("b")]
 
 

@@ -30,6 +30,7 @@ from minerva_bus.frame.views import patch_all
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.delta import Delta, difference, patched
 from minerva_bus.grammar.fitting import Unfit
+from minerva_bus.grammar.id_changes import row_delta_of_ids
 from minerva_bus.grammar.row_delta import RowDelta
 from minerva_bus.log.deltas import apply_delta, delta_between
 from minerva_bus.wire.columns import plain_columns, plain_patch
@@ -143,7 +144,7 @@ def test_a_patch_with_births_and_deaths_makes_the_new_of_the_old(generation, kno
 @given(generations(), st.booleans())
 def test_a_view_is_patched_as_what_it_is_of(generation, travelled):
     old, _, now = generation
-    patch = difference(shown(old), shown(now), now.ids.since(old.ids))
+    patch = difference(shown(old), shown(now), row_delta_of_ids(old.ids, now.ids))
     was = shown(old)
     if travelled:
         was = READER.view(through([1, plain_columns(was)])).pieces[0]
