@@ -3,13 +3,13 @@
     python -m tools.mutation minerva_bus/world/order.py ... [--minutes 10] [--sample 1]
     python -m tools.mutation            # every module of tools/mutation.toml
 
-mutmut creates the mutants and runs the tests that tools/mutation.toml names for a module, if
-they reach the mutated function. Verdicts are stored in build/mutation: an interrupted run continues
-where it stopped, and only changed functions and survivors run again after a change. A mutant that
-no test kills must be in tools/survivors.toml with the reason for accepting it; otherwise the
-command exits with 1, and with 2 if the run is incomplete. `--record` writes the run's counts there,
-and each new survivor with an empty reason, to be filled in. `--sample 1` runs only the mutants with
-the numbers 1, 11, 21 ... of each function, where all would take too long.
+mutmut creates the mutants and runs the tests that tools/mutation.toml names for a module, without
+those to `deselect`, if they reach the mutated function. Verdicts are stored in build/mutation: an
+interrupted run continues where it stopped, and only changed functions and survivors run again after
+a change. A mutant that no test kills must be in tools/survivors.toml with the reason for accepting
+it; otherwise the command exits with 1, and with 2 if the run is incomplete. `--record` writes the
+run's counts there, and each new survivor with an empty reason, to be filled in. `--sample 1` runs
+only the mutants with the numbers 1, 11, 21 ... of each function, where all would take too long.
 
 mutmut changes functions and plain, static and class methods; it skips properties and other
 decorated functions. A mutant that only changes the type argument of `cast` is not counted.
@@ -27,7 +27,7 @@ import subprocess
 import sys
 import time
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from tools.survivors import (
@@ -62,13 +62,19 @@ INCOMPLETE = 2
 
 
 def run_module(
-    module: str, tests: list[str], processes: int, until: float, digits: str = ""
+    module: str,
+    tests: list[str],
+    processes: int,
+    until: float,
+    digits: str = "",
+    deselect: Sequence[str] = (),
 ) -> Result:
     """Run a module's mutants until a monotonic time, and read the verdicts.
 
-    With `digits`, only the mutants whose number in their function ends with one of them.
+    With `digits`, only the mutants whose number in their function ends with one of them. The tests
+    to `deselect` are left out, for example because they take long and others detect the same.
     """
-    workspace = _workspace(module, tests)
+    workspace = _workspace(module, tests, deselect)
     _notice_changed_tests(workspace, tests)
     words = [_mutmut(), "run", "--max-children", str(processes), *_sample(workspace, digits)]
     code = _run(words, workspace, until)
@@ -113,11 +119,12 @@ def _is_in_sample(name: str, digits: str) -> bool:
     return not digits or name[-1] in digits
 
 
-def _workspace(module: str, tests: list[str]) -> Path:
+def _workspace(module: str, tests: list[str], deselect: Sequence[str]) -> Path:
     """Create a folder with the project and a configuration of mutmut for one module."""
     folder = WORKSPACES / module.removesuffix(".py").replace("/", ".")
     folder.mkdir(parents=True, exist_ok=True)
     pages = [path.name for path in ROOT.glob("*.md")]
+    left_out = [word for test in deselect for word in ("--deselect", test)]
     for name in (*LINKED, *pages):
         if not (folder / name).exists():
             (folder / name).symlink_to(ROOT / name)
@@ -126,7 +133,10 @@ def _workspace(module: str, tests: list[str]) -> Path:
         "only_mutate": [module],
         "also_copy": [name for name in (*LINKED, *pages) if name != "minerva_bus"],
         "pytest_add_cli_args_test_selection": tests,
-        "pytest_add_cli_args": ["-p", "no:cacheprovider", "--hypothesis-profile=mutation"],
+        "pytest_add_cli_args": [
+            *("-p", "no:cacheprovider", "--hypothesis-profile=mutation"),
+            *left_out,
+        ],
         "use_git_change_detection": False,
         "on_dependency_change": "ignore",
     }
@@ -240,8 +250,14 @@ def main() -> None:
     until = time.monotonic() + 60 * options.minutes
     codes: set[int] = set()
     for module in options.modules or known:
+        entry = known[module]
         result = run_module(
-            module, known[module]["tests"], options.processes, until, options.sample
+            module,
+            entry["tests"],
+            options.processes,
+            until,
+            options.sample,
+            entry.get("deselect", ()),
         )
         if options.record and not result.waiting:
             recorded(result)
