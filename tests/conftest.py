@@ -7,22 +7,23 @@ import sys
 import tempfile
 
 import pytest
-from hypothesis import Phase, settings
+from hypothesis import HealthCheck, Phase, settings
 
-# The duration of an example depends on the machine more than on the code. Each run draws other
-# examples, so a third of the usual number finds as much in three runs.
-settings.register_profile("minerva", deadline=None, max_examples=30)
+# The duration of an example, and of drawing it, depends on the machine more than on the code. Each
+# run draws other examples, so a third of the usual number finds as much in three runs.
+ANY_DURATION = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow]}
+settings.register_profile("minerva", max_examples=30, **ANY_DURATION)
 # pytest --hypothesis-profile thorough
-settings.register_profile("thorough", deadline=None, max_examples=1000)
+settings.register_profile("thorough", max_examples=1000, **ANY_DURATION)
 # For mutation testing (tools/mutation.py): the first failure decides; shrinking is unnecessary. As
 # many examples as in the usual run, whose tests are judged.
 settings.register_profile(
     "mutation",
-    deadline=None,
     max_examples=30,
     derandomize=True,
     database=None,
     phases=(Phase.explicit, Phase.generate),
+    **ANY_DURATION,
 )
 settings.load_profile("minerva")
 
