@@ -22,7 +22,10 @@ POLL_SECONDS: Final = 0.02
 
 def serve_stdio(world: WorldServer) -> None:
     """Serve one client at standard input and output, until it closes them or a signal arrives."""
-    anyio.run(_stdio, world)
+    try:
+        anyio.run(_stdio, world)
+    except* BrokenPipeError:  # A client that has died reads no more, which is not an error here.
+        world.stop()
 
 
 async def _stdio(world: WorldServer) -> None:

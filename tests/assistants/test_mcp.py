@@ -1,6 +1,7 @@
 """The MCP server of a world on a real bus: tools, resources, permissions and hostile calls."""
 
 import asyncio
+import io
 import json
 import os
 import sys
@@ -17,6 +18,7 @@ from minerva_bus.mcp.connection import WorldConnection
 from minerva_bus.mcp.permissions import PERMISSIONS
 from minerva_bus.mcp.resources import Resource
 from minerva_bus.mcp.server import MAX_CALLS, WorldServer
+from minerva_bus.mcp.serving import serve_stdio
 from tests.runtime.running import Run, World, environment, eventually, here, write_world
 
 MEMBERS = """
@@ -459,6 +461,23 @@ def test_a_client_at_standard_input_and_output(world):
         env={**environment(world.folder), "PATH": os.environ["PATH"]},
     )
     assert answer(parameters, "status")["world"] == world.name
+
+
+def test_a_client_that_has_died_is_no_error(link, tmp_path, monkeypatch):
+    call = {"jsonrpc": "2.0", "id": 1, "method": "ping"}
+    given, calls = os.pipe()
+    gone, answers = os.pipe()
+    os.close(gone)
+    os.write(calls, json.dumps(call).encode() + b"\n")
+    os.close(calls)
+    monkeypatch.setattr(sys, "stdin", open(given))
+    unread = io.TextIOWrapper(open(answers, "wb", buffering=0), write_through=True)
+    monkeypatch.setattr(sys, "stdout", unread)
+    server = WorldServer(link, EVERYTHING, tmp_path, lambda line: None)
+    ended = []
+    monkeypatch.setattr(server, "stop", lambda: ended.append(True))
+    serve_stdio(server)
+    assert ended
 
 
 def test_a_client_over_http(world):
