@@ -470,8 +470,8 @@ def test_a_client_that_has_died_is_no_error(link, tmp_path, monkeypatch):
     os.close(gone)
     os.write(calls, json.dumps(call).encode() + b"\n")
     os.close(calls)
-    monkeypatch.setattr(sys, "stdin", open(given))
-    unread = io.TextIOWrapper(open(answers, "wb", buffering=0), write_through=True)
+    monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.FileIO(given)))
+    unread = io.TextIOWrapper(io.FileIO(answers, "wb"), write_through=True)
     monkeypatch.setattr(sys, "stdout", unread)
     server = WorldServer(link, EVERYTHING, tmp_path, lambda line: None)
     ended = []

@@ -4,7 +4,7 @@ from street import FINE, eFine
 from test_norms import happened, live, states
 
 from minerva_bus.grammar.batch import single
-from minerva_bus.world.norms import Norm, Then
+from minerva_bus.world.norms import Norm, Then, ViolationCounts
 
 FAST = Norm("fast", when="speed > 20", then=Then.SANCTION, sanction=eFine(2, "fast"))
 
@@ -62,3 +62,20 @@ def test_the_status_has_the_last_violation_of_each_broken_norm():
     assert (moves.name, moves.then, moves.frame, moves.by) == ("moves", "count", 2, "#b")
     assert (fast.name, fast.then, fast.frame, fast.by) == ("fast", "sanction", 2, "#a")
     assert algorithm.norms.broken == {"moves": moves.broken, "fast": fast.broken}
+
+
+def test_counts_are_saved_as_long_as_they_matter_and_move_with_agents():
+    quiet = Norm("quiet", most=2, per=5)
+    counts = ViolationCounts({})
+    assert not any(counts.breaks(quiet, who, frame) for who, frame in [("a", 0), ("a", 2)])
+    resumed = ViolationCounts(counts.saved((quiet,), 3))
+    assert resumed.breaks(quiet, "a", 4)
+    assert resumed.saved((quiet,), 6)["lately"] == {"quiet": {"a": [0, 2]}}
+    assert counts.saved((quiet,), 7) == {"broken": {}, "lately": {}}
+    moved = resumed.remove(["a", "b"])
+    assert moved == {"quiet": {"a": [0, 2]}}
+    assert not resumed.exceeds(quiet, "a", 4)
+    other = ViolationCounts({})
+    assert not other.breaks(quiet, "b", 3)
+    other.add(moved)
+    assert [other.exceeds(quiet, who, 4) for who in "ab"] == [True, False]
