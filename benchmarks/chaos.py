@@ -1,6 +1,7 @@
 """A world under random faults for some minutes gives the same string as without faults.
 
-    python -m benchmarks.chaos [--minutes 10] [--seed 1] [--rate 20] [--regions 0] [--folder FOLDER]
+    python -m benchmarks.chaos [--minutes 10] [--seed 1] [--rate 20] [--regions 0] [--lag 0]
+                               [--move-every 50] [--folder FOLDER]
 
 Eight processes run 200 ants (benchmarks/models/colony.py), which are born and die. At random times,
 members and the coordinator are killed (SIGKILL) or frozen for a while (SIGSTOP, SIGCONT); external
@@ -10,7 +11,8 @@ delay. At the end the string must have the digest of an undisturbed run, and the
 have the same events in every frame. The exit code is 0 if so, otherwise 1.
 
 With --regions, the world runs as so many regions by position. They are killed and frozen like
-members; no hosts join, because agents evolve in regions.
+members; no hosts join, because agents evolve in regions. With --lag, they run ahead of each other
+between two moves of agents, so a generator without views takes the place of device and observer.
 
 The seed determines the faults and their order; their exact times depend on the machine.
 """
@@ -58,6 +60,7 @@ PROCESSES = {
     "weather": 'service = "benchmarks.models.colony:Weather"',
     "ground": 'service = "benchmarks.models.colony:Ground"',
     "screen": 'service = "benchmarks.models.colony:Screen"',
+    "seasons": 'service = "benchmarks.models.colony:Seasons"',
     "ants": 'agents = "benchmarks.models.colony:Ant"\nprocesses = 4',
 }
 WIDTH = 50.0
@@ -102,13 +105,15 @@ class Repeater:
 class Chaos:
     """A running world, and the faults that are injected into it."""
 
-    def __init__(self, folder: Path, seed: int, rate: float, regions: int = 0) -> None:
+    def __init__(
+        self, folder: Path, seed: int, rate: float, regions: int = 0, lag: int = 0, every: int = 1
+    ) -> None:
         self.folder = folder
         self.random = Random(seed)
         self.faults = FAULTS if regions else FAULTS | FAULTS_OF_GUESTS
         self.done: Counter[str] = Counter()
         self.world = folder / f"{NAME}.toml"
-        self.world.write_text(_world(seed, regions))
+        self.world.write_text(_world(seed, regions, lag, every))
         self.guests: dict[str, subprocess.Popen[bytes]] = {}
         self._joined = 0
         self._log = (folder / "chaos.log").open("w")
@@ -282,12 +287,20 @@ class Chaos:
         self.proxy.close()
 
 
-def _world(seed: int, regions: int) -> str:
+def _world(seed: int, regions: int, lag: int, every: int) -> str:
     ants = " · ".join(f"AAnt#a{n}<x={n % 50}, y={n // 5}>" for n in range(ANTS))
-    parts = [f"[process.{name}]\n{text}\nrestarts = 1000000\n" for name, text in PROCESSES.items()]
+    # A view that only an observer wants is not an event of frames without it.
+    absent = ("ground", "screen") if lag else ("seasons",)
+    parts = [
+        f"[process.{name}]\n{text}\nrestarts = 1000000\n"
+        for name, text in PROCESSES.items()
+        if name not in absent
+    ]
     if regions:
         borders = [WIDTH * number / regions for number in range(1, regions)]
         parts.append(f"[regions]\ngrid = {{ x = {borders} }}\n")
+    if lag:
+        parts.append(f"lag = {lag}\nmove_every = {every}\n")
     return WORLD.format(name=NAME, string=ants, seed=seed) + "\n" + "\n".join(parts)
 
 
@@ -332,8 +345,9 @@ def same_events(chaos: Chaos) -> str:
     return done.stdout + done.stderr or f"minerva diff ended with exit code {done.returncode}"
 
 
-def run(folder: Path, minutes: float, seed: int, rate: float, regions: int = 0) -> bool:
-    chaos = Chaos(folder, seed, rate, regions)
+def run(folder: Path, given: argparse.Namespace) -> bool:
+    minutes, seed = given.minutes, given.seed
+    chaos = Chaos(folder, seed, given.rate, given.regions, given.lag, given.move_every)
     try:
         chaos.start()
         end = time.monotonic() + 60.0 * minutes
@@ -366,12 +380,16 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--rate", type=float, default=20.0)
     parser.add_argument("--regions", type=int, default=0, help="0: one coordinator")
+    parser.add_argument("--lag", type=int, default=0, help="frames that regions run ahead")
+    parser.add_argument("--move-every", type=int, default=50, help="frames between moves of agents")
     parser.add_argument("--folder", type=Path, help="where logs and records stay")
     given = parser.parse_args()
+    if given.lag and not given.regions:
+        parser.error("--lag is between regions: add --regions")
     with tempfile.TemporaryDirectory() as temporary:
         folder = given.folder or Path(temporary)
         folder.mkdir(parents=True, exist_ok=True)
-        raise SystemExit(not run(folder, given.minutes, given.seed, given.rate, given.regions))
+        raise SystemExit(not run(folder, given))
 
 
 if __name__ == "__main__":

@@ -14,6 +14,7 @@ from minerva_bus.log.journal import Journal
 from minerva_bus.regions.dividing import Border
 from minerva_bus.regions.outbox import Outbox
 from minerva_bus.regions.region import Region
+from minerva_bus.regions.schedule import Schedule
 from minerva_bus.regions.whole import WholeSource
 from minerva_bus.testing.simulation.history import drawn
 from minerva_bus.testing.simulation.trying import LINES, report, shortest, tried, tried_seed
@@ -141,6 +142,21 @@ def move_agents_twice(patch):
     patch.setattr(Border, "leaving", leaving)
 
 
+def begin_too_early(patch):
+    """Run one frame farther ahead than the lag allows."""
+    whole = Schedule.needs
+
+    def needs(schedule, frame):
+        first = frame - frame % schedule.every
+        return (
+            whole(schedule, frame)
+            if schedule.waits(frame)
+            else max(first, frame - schedule.ahead - 1)
+        )
+
+    patch.setattr(Schedule, "needs", needs)
+
+
 REGIONS = {
     lose_parcels: 0,
     send_nothing_again: 0,
@@ -148,6 +164,7 @@ REGIONS = {
     obey_repeated_orders: 4,
     take_stale_reports: 7,
     move_agents_twice: 0,
+    begin_too_early: 38,
 }
 """Broken engines of regions, as in `ENGINES`."""
 

@@ -12,8 +12,9 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.member import Member
 from minerva_bus.grammar.events import Event
+from minerva_bus.regions.lag import RegionLag
 from minerva_bus.runtime.direct import InProcessRunner
-from minerva_bus.testing.simulation.worlds import ORDERS, eCry, processes, world
+from minerva_bus.testing.simulation.worlds import ORDERS, eCry, processes, running_ahead, world
 
 Orders = tuple[tuple[int, tuple[tuple[str, int], ...]], ...]
 """Orders of people and cries of gulls by frame: event types with their numbers."""
@@ -30,8 +31,8 @@ class Undisturbed:
 
 # Many histories have the same length and no orders.
 @lru_cache(512)
-def undisturbed(frames: int, orders: Orders) -> Undisturbed:
-    """Run the world for some frames with these orders."""
+def undisturbed(frames: int, orders: Orders, lag: RegionLag | None = None) -> Undisturbed:
+    """Run the world for some frames with these orders, and perhaps as regions run ahead in it."""
     digests: list[str] = []
     events: list[tuple[str, ...]] = []
     shown: dict[int, str] = {}
@@ -42,8 +43,9 @@ def undisturbed(frames: int, orders: Orders) -> Undisturbed:
             events.append(tuple(map(str, instruction.events)))
 
     due = dict(orders)
-    members = _members(shown)
-    runner = InProcessRunner(FrameAlgorithm(world(frames)), members, watch)
+    present = world(frames) if lag is None else running_ahead(world(frames), lag)
+    members = [each for each in _members(shown) if each.name in present.expected]
+    runner = InProcessRunner(FrameAlgorithm(present), members, watch)
     runner.start()
     while runner.ended is None:
         # The number of finished frames is the number of the next one.

@@ -16,11 +16,12 @@ from typing import Final
 from minerva_bus.errors import MinervaError
 from minerva_bus.grammar.batch import single
 from minerva_bus.launch.regions.layout import in_regions
+from minerva_bus.regions.lag import RegionLag
 from minerva_bus.regions.partition import ByPosition
 from minerva_bus.testing.simulation.cluster import Cluster, DoneFrame
 from minerva_bus.testing.simulation.history import Fault, History, Operation
 from minerva_bus.testing.simulation.reference import cries_in, orders_in, undisturbed
-from minerva_bus.testing.simulation.worlds import ORDERS, eCry, world_file
+from minerva_bus.testing.simulation.worlds import ORDERS, eCry, running_ahead, world_file
 from minerva_bus.wire.keys import COORDINATOR, name_of_region
 
 COUNTS: Final = 2, 4
@@ -30,7 +31,11 @@ SPAN: Final = 60
 """Deliveries after the begin of a frame within which its faults occur."""
 
 MOST_BALANCED: Final = 4
-"""A history moves the borders after fewer frames than this, or never."""
+"""A history without a lag moves the borders after fewer frames than this, or never."""
+
+LAGS: Final = 1, 3
+MOVES: Final = 1, 2, 5
+"""Every third history has a lag; agents move before the frames that are multiples of a number."""
 
 BORDERS: Final = 0.0, 1.0, 2.0
 """Borders between regions along x; herons stride across them."""
@@ -46,13 +51,16 @@ CRY: Final = "cry"
 class RegionHistory(History):
     """A history of `count` regions; `count` of a fault is the number of deliveries before it.
 
-    `seconds` of a cut are deliveries, too.
+    `seconds` of a cut are deliveries, too. With a `lag`, agents move before each `every`-th frame.
     """
 
     count: int = 2
+    lag: int = 0
+    every: int = 1
 
     def __str__(self) -> str:
         head = f"seed {self.seed}: {self.frames} frames, {self.count} regions"
+        head += f", lag {self.lag}, agents move every {self.every} frames" if self.lag else ""
         lines = [
             f"  {fault.count} deliveries after frame {fault.frame} begins: {fault.kind}"
             f" {fault.target}" + (f" for {fault.seconds:.0f} deliveries" if fault.seconds else "")
@@ -72,7 +80,14 @@ def drawn_regions(seed: int) -> RegionHistory:
         Operation(chance.randint(0, SPAN), chance.choice(asks), number)
         for number in range(1, chance.randint(0, 5) + 1)
     ]
-    return RegionHistory(seed, frames, 0.0, 0.0, faults, tuple(acts), 0, count)
+    lags = chance.choice(LAGS), chance.choice(MOVES)
+    lag, every = lags if seed % 3 == 2 else (0, 1)
+    return RegionHistory(seed, frames, 0.0, 0.0, faults, tuple(acts), 0, count, lag, every)
+
+
+def _lag(history: RegionHistory) -> RegionLag | None:
+    partition = ByPosition(BORDERS[: history.count - 1])
+    return RegionLag(history.lag, partition, history.every) if history.lag else None
 
 
 def _fault(chance: Random, frames: int, count: int) -> Fault:
@@ -167,8 +182,11 @@ def play_regions(history: RegionHistory, folder: Path) -> PlayedRegions:
     file = world_file(history.frames, history.rate, folder, {})
     if history.seed % 2 == 0:
         file = replace(file, bus=replace(file.bus, journal=""))
-    processes = tuple(each for each in file.processes if each.name != ABSENT)
     partition = ByPosition(BORDERS[: history.count - 1], balance=history.seed % MOST_BALANCED)
+    if lag := _lag(history):  # Then borders do not move.
+        partition, file = lag.partition, replace(file, world=running_ahead(file.world, lag))
+    names = file.world.expected - {ABSENT}
+    processes = tuple(each for each in file.processes if each.name in names)
     script, failure = RegionScript(history), ""
     with in_regions(replace(file, processes=processes, partition=partition)) as regions:
         cluster = Cluster(regions, Random(f"deliveries {history.seed}"))  # noqa: S311
@@ -190,7 +208,7 @@ def wrong_regions(played: PlayedRegions) -> Iterator[str]:
     cries = [tuple((eCry.name, n) for n in cries_in(iter(sent))) for sent in events]
     outside = [(*a, *b) for a, b in zip(orders, cries, strict=True)]
     due = tuple((number, sent) for number, sent in enumerate(outside) if sent)
-    same = undisturbed(history.frames, due)
+    same = undisturbed(history.frames, due, _lag(history))
     if not played.failure and len(played.done) != len(same.digests):
         yield f"it ended after {len(played.done)} frames, not {len(same.digests)}"
     for number, frame in enumerate(played.done):

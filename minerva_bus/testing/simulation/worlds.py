@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
 from functools import cache, partial
 from itertools import count
 from pathlib import Path
@@ -36,7 +37,9 @@ from minerva_bus.frame.description import World
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.traversal import walk
 from minerva_bus.launch.worldfile import Process, WorldFile
+from minerva_bus.regions.lag import RegionLag
 from minerva_bus.settings.tables import BusSettings
+from minerva_bus.world.norms import Norm, Then
 from minerva_bus.world.order import Order
 from minerva_bus.world.readings import Sighting, Sightings
 from minerva_bus.world.service_inputs import Emit
@@ -223,6 +226,14 @@ VOCABULARY: Final = Vocabulary.of(
 ORDERS: Final = {event_type.name: event_type for event_type in (eMark, eNote)}
 """The event types that people send: one through the clerk, one directly."""
 
+IN_STEP: Final = frozenset({"lookout", "water"})
+"""Members that have to know all regions in each frame."""
+
+NORMS: Final = (
+    Norm("far", ("AHeron",), when="x > 2", most=1, per=4, sanction=eSeen(40)),
+    Norm("back", ("AHeron",), when="x < was.x and x < 1", then=Then.SANCTION, sanction=eSeen(-30)),
+)
+
 GUESTS: Final[Mapping[str, tuple[type[Agent], ...]]] = {
     "egret": (Heron, Eel),
     "stork": (Heron, Eel, Reeds),
@@ -255,6 +266,11 @@ def world(frames: int) -> World:
         seed=5,
         expected=frozenset(process.name for process in processes({}, count())),
     )
+
+
+def running_ahead(world: World, lag: RegionLag) -> World:
+    """The world with a lag and norms, without what would keep its regions in step."""
+    return replace(world, lag=lag, norms=NORMS, expected=world.expected - IN_STEP)
 
 
 @cache
