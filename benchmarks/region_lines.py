@@ -1,70 +1,88 @@
 """Frames per second of a world over slow lines, with one coordinator and as regions elsewhere.
 
-    python -m benchmarks.region_lines [--delay 1 5 50] [--regions 0 2 4] [--lag 0 1 3] [--json]
+    python -m benchmarks.region_lines [--delay 0 1 5 50] [--lost 0 1] [--regions 0 2 4 8]
+                                      [--lag 0 1 3] [--turns 3] [--json]
 
-A proxy delays both directions of each line by `delay` ms: between the coordinator and each process,
-and between each two regions. Regions 0 is one coordinator with the generator and one host on other
-machines. The world is that of benchmarks.regions, whose agents move to other regions before every
-`every`-th frame if there is a lag. `predicted` is 1 / max(w, (w + 2 delay) / (lag + 1)), with the
-time w of a frame without a delay, measured in the same turns: a frame lasts a round trip between
-the coordinator and the regions, which a lag of n divides by n + 1.
+The coordinator and each process are hosts of their own: network namespaces, whose lines delay each
+packet by `delay` ms in each direction and lose `lost` percent of all (benchmarks/ip_lines.py, which
+needs root). Regions 0 is one coordinator with the generator and one host on other machines. The
+world is that of benchmarks.regions, whose agents move to other regions before every `every`-th
+frame if there is a lag. It runs once, while the lines change in `turns`, for `frames` frames each.
+
+`frames/s` is the best of the turns, since other processes only make it slower, and `median` their
+median. `expected` is 1 / max(w, (w + 2 delay) / (lag + 1)), with the time w of a frame of the same
+regions without a delay: a frame lasts a round trip between the coordinator and the regions, of
+which lag + 1 are under way at the same time. With one coordinator it has two round trips: to the
+generator, and to the host. Lost packets are not expected.
 """
 
 from __future__ import annotations
 
-import json
 import os
 import statistics
 import subprocess
 import sys
 import tempfile
 import time
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
-from random import Random
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 from benchmarks.command import Option, Table, options
-from benchmarks.regions import world
-from minerva_bus.errors import BusError
-from minerva_bus.launch.registry import find
-from minerva_bus.runtime.endpoints import check_endpoint
-from minerva_bus.testing.proxy import Proxy, slow_line
+from benchmarks.ip_lines import Lines, run
+from benchmarks.regions import eStep, world
+from minerva_bus import Event, Generator, Tick
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
-COLUMNS: Final = {"delay ms": ">9", "regions": ">8", "lag": ">4", "frames/s": ">9.1f",
-                  "predicted": ">10.1f"}  # fmt: skip
-MEMBER: Final = "member"
-"""First word of the command line of a process whose links from other regions are delayed."""
-
+COLUMNS: Final = {"delay ms": ">9", "lost %": ">7", "regions": ">8", "lag": ">4",
+                  "frames/s": ">9.1f", "median": ">7.1f", "expected": ">9.1f"}  # fmt: skip
+MINERVA: Final = (sys.executable, "-m", "minerva_bus")
 ROOT: Final = Path(__file__).resolve().parents[1]
+TIMES: Final = "MINERVA_BENCHMARK_TIMES"
+"""Variable with the file for the times of frames, in one process of the world."""
+
+CLOCK: Final = 'service = "benchmarks.region_lines:Steps"\n'
+PATIENCE: Final = 120.0
+SETTLED: Final = 12
+"""Frames before those that are measured, after the lines have changed."""
 
 
-def run_member(milliseconds: float, words: Sequence[str]) -> None:
-    """Run `minerva` with these words; a region announces a delayed endpoint as its own."""
-    from minerva_bus.cli.main import main as minerva
-    from minerva_bus.launch.regions import process as region_process
-    from minerva_bus.runtime.region_links import RegionLinks
+class Steps(Generator, events=("eStep",)):
+    """Lets agents step, and notes the time of each frame."""
 
-    class Delayed(RegionLinks):
-        def __init__(self, *args: Any, **more: Any) -> None:
-            super().__init__(*args, **more)
-            port = check_endpoint(self.endpoint).port
-            self._proxy = Proxy(port, slow_line(Random(1), milliseconds / 1e3))
-            self.endpoint = f"tcp/127.0.0.1:{self._proxy.port}"
+    def __init__(self) -> None:
+        path = os.environ.get(TIMES)
+        self._path = None if path is None else Path(path)
 
-    region_process.RegionLinks = Delayed
-    sys.argv = ["minerva", *words]
-    minerva()
+    def generate(self, tick: Tick) -> tuple[Event, ...]:
+        """One step."""
+        if self._path is not None:
+            with self._path.open("a") as times:
+                times.write(f"{time.monotonic()}\n")
+        return (eStep(),)
+
+
+@dataclass(frozen=True, slots=True)
+class Setting:
+    """Lines with a delay in milliseconds, which lose some percent."""
+
+    delay: float
+    lost: float
+
+
+NO_DELAY: Final = Setting(0.0, 0.0)
 
 
 @contextmanager
-def process(*words: str, **streams: Any) -> Iterator[subprocess.Popen[str]]:
-    """A process of Python that is terminated at the end."""
-    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    running = subprocess.Popen([sys.executable, *words], text=True, env=environment, **streams)
+def process(*words: str, **more: str) -> Iterator[subprocess.Popen[bytes]]:
+    """A process without output that is terminated at the end; `more` are variables."""
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), **more}
+    silent = subprocess.DEVNULL
+    running = subprocess.Popen(words, env=environment, stdout=silent, stderr=silent)
     try:
         yield running
     finally:
@@ -72,71 +90,90 @@ def process(*words: str, **streams: Any) -> Iterator[subprocess.Popen[str]]:
         running.wait()
 
 
-def port_of(name: str, coordinator: subprocess.Popen[str]) -> int:
-    """The port of a world that has just been started."""
-    while coordinator.poll() is None:
-        with suppress(BusError):
-            return check_endpoint(find(name).endpoint).port
-        time.sleep(0.1)
-    raise SystemExit(f"{name} has ended before it began")
+class RunningWorld:
+    """A world whose coordinator is host 0, and each process another one."""
+
+    def __init__(self, folder: Path, path: Path, regions: int, opened: ExitStack) -> None:
+        self._times = folder / f"{path.stem}.times"
+        roles = {f"region-{n}": "region" for n in range(regions)}
+        roles = roles or {"steps": "generator", "walkers": "agent"}
+        self.lines = opened.enter_context(Lines(1 + len(roles)))
+        keys, at = folder / f"{path.stem}.keys", f"tls/{self.lines.address(0)}:7447"
+        run(*MINERVA, "keys", "init", "--dir", str(keys), "--host", self.lines.address(0))
+        alone = "run", str(path), "--coordinator-only", "--rate", "0", "--listen", at
+        alone = *alone, "--regions", str(regions), "--keys", str(keys)
+        there = {"MINERVA_RUNTIME_DIR": str(folder / "runtime")}
+        self._processes = [
+            opened.enter_context(process(*self.lines.inside(0), *MINERVA, *alone, **there))
+        ]
+        for host, (name, role) in enumerate(roles.items(), 1):
+            own = self.lines.address(host)
+            issue = "keys", "issue", name, "--role", role, "--dir", str(keys), "--host", own
+            run(*MINERVA, *issue)
+            words = "attach", str(path), "--process", name, "--connect", at
+            words = *words, "--keys", f"{keys}/{name}.pem"
+            if regions:
+                words = *words, "--regions", str(regions), "--link", f"tls/{own}:7450"
+            first = {TIMES: str(self._times)} if host == 1 else {}
+            words = *self.lines.inside(host), *MINERVA, *words
+            self._processes.append(opened.enter_context(process(*words, **there, **first)))
+
+    def frames_per_second(self, setting: Setting, frames: int) -> float:
+        """The mean over some frames, after the lines have this setting."""
+        self.lines.delay, self.lines.lost = setting.delay / 1e3, setting.lost / 100
+        first = len(self._noted()) + SETTLED
+        times = self._after(first + frames)
+        return frames / (times[first + frames] - times[first])
+
+    def _noted(self) -> list[float]:
+        text = self._times.read_text() if self._times.exists() else ""
+        return [float(line) for line in text.split("\n")[:-1]]
+
+    def _after(self, frame: int) -> list[float]:
+        """The times of frames up to this one; waits until it has begun."""
+        seen, end = -1, time.monotonic() + PATIENCE
+        while len(times := self._noted()) <= frame:
+            if len(times) > seen:
+                seen, end = len(times), time.monotonic() + PATIENCE
+            ended = [each.args for each in self._processes if each.poll() is not None]
+            if ended or time.monotonic() > end:
+                raise SystemExit(f"{self._times.stem} stands still at frame {seen}: {ended}")
+            time.sleep(0.05)
+        return times
 
 
-def frames_per_second(path: Path, regions: int, milliseconds: float, frames: int) -> float:
-    """Frames per second of one run, without its start."""
-    name = f"{path.stem}-{os.getpid()}"
-    alone = "-m", "minerva_bus", "run", str(path), "--coordinator-only", "--json", "--rate", "0"
-    counted = "--frames", str(frames), "--name", name
-    names = [f"region-{n}" for n in range(regions)] or ["walkers", "steps"]
-    shared = ("--regions", str(regions)) if regions else ()
-    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL}
-    with ExitStack() as opened:
-        coordinator = opened.enter_context(process(*alone, *counted, *shared, **pipes))
-        assert coordinator.stdout is not None
-        port = port_of(name, coordinator)
-        line = opened.enter_context(Proxy(port, slow_line(Random(1), milliseconds / 1e3)))
-        there = "--connect", f"tcp/127.0.0.1:{line.port}", "--world", name
-        member = "-m", "benchmarks.region_lines", MEMBER, str(milliseconds), "attach", str(path)
-        for each in names:
-            words = *member, "--process", each, *shared, *there
-            opened.enter_context(process(*words, stderr=subprocess.DEVNULL))
-        summary = json.loads(coordinator.stdout.read())
-        if summary["frames"] < frames:
-            raise SystemExit(f"{name} has ended early: {summary['ended']}")
-        return summary["frames_per_second"]
+def print_rows(
+    table: Table, regions: int, lag: int, rates: Mapping[Setting, Sequence[float]]
+) -> None:
+    """Print a row for each setting of the lines, and what is expected."""
+    work, trips = 1 / max(rates[NO_DELAY]), 1 if regions else 2
+    for setting, measured in rates.items():
+        longest = max(work, (work + 2e-3 * trips * setting.delay) / (lag + 1))
+        row = {"delay ms": setting.delay, "lost %": setting.lost, "regions": regions, "lag": lag}
+        row |= {"frames/s": max(measured), "median": statistics.median(measured)}
+        table.row({**row, "expected": 1 / longest})
 
 
 def main() -> None:
-    """Print a row for each delay and number of regions."""
+    """Print the rows of each world, with one coordinator or so many regions."""
     given = options(
-        __doc__, delay=[1, 5, 50], regions=[0, 2, 4], lag=[0, 1, 3], every=50, agents=100,
-        frames=Option(100, "of each turn"), turns=3,
+        __doc__, delay=[0.0, 1.0, 5.0, 50.0], lost=[0.0, 1.0], regions=[0, 2, 4, 8], lag=[0, 1, 3],
+        every=50, agents=100, frames=Option(50, "of each turn"), turns=3,
     )  # fmt: skip
     table = Table(COLUMNS, as_json=given.json)
-    with tempfile.TemporaryDirectory() as folder:
-        paths = {
-            (n, lag): world(Path(folder), given.agents, 0, n, lag, given.every)
-            for n in given.regions
-            for lag in (given.lag if n > 1 else [0])
-        }
-        alone: dict[tuple[int, int], float] = {}
-        for delay in [0, *given.delay]:
-            turns = [
-                {
-                    of: frames_per_second(path, of[0], delay, given.frames)
-                    for of, path in paths.items()
-                }
-                for _ in range(given.turns)
-            ]
-            for n, lag in paths:
-                rate = statistics.median(turn[n, lag] for turn in turns)
-                work = 1 / alone.setdefault((n, lag), rate)
-                longest = max(work, (work + 2e-3 * delay) / (lag + 1))
-                row = {"delay ms": delay, "regions": n, "lag": lag, "frames/s": rate}
-                table.row({**row, "predicted": 1 / longest})
+    settings = [NO_DELAY, *(Setting(*each) for each in product(given.delay, given.lost))]
+    for regions in given.regions:
+        for lag in given.lag if regions > 1 else [0]:
+            with tempfile.TemporaryDirectory() as name, ExitStack() as opened:
+                folder = Path(name)
+                path = world(folder, given.agents, 0, regions, lag, given.every, clock=CLOCK)
+                running = RunningWorld(folder, path, regions, opened)
+                rates: dict[Setting, list[float]] = {each: [] for each in settings}
+                for _ in range(given.turns):
+                    for setting, of in rates.items():
+                        of.append(running.frames_per_second(setting, given.frames))
+            print_rows(table, regions, lag, rates)
 
 
 if __name__ == "__main__":
-    if sys.argv[1:2] == [MEMBER]:
-        run_member(float(sys.argv[2]), sys.argv[3:])
-    else:
-        main()
+    main()

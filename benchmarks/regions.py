@@ -59,9 +59,18 @@ vocabulary = Vocabulary.of(eStep, eCall, Walker)
 
 
 def world(
-    folder: Path, agents: int, work: int, regions: int, lag: int = 0, move_every: int = 1
+    folder: Path,
+    agents: int,
+    work: int,
+    regions: int,
+    lag: int = 0,
+    move_every: int = 1,
+    clock: str = 'service = "each"\nevent = "eStep"\n',
 ) -> Path:
-    """A world file with agents on a line, and borders between regions of equal width."""
+    """A world file with agents on a line, and borders between regions of equal width.
+
+    `clock` is the table of the generator that lets them step.
+    """
     string = " · ".join(f"AWalker#w{n}<x={n}, work={work}>" for n in range(agents))
     borders = [round(agents * n / regions, 3) for n in range(1, regions)] if regions > 1 else []
     table = f"[regions]\ngrid = {{ x = {borders} }}\n" if regions else ""
@@ -70,7 +79,7 @@ def world(
     path.write_text(
         f'[world]\nvocabulary = "benchmarks.regions:vocabulary"\nseed = 7\nstring = "{string}"\n'
         '[process.walkers]\nagents = "benchmarks.regions:Walker"\n'
-        f'[process.steps]\nservice = "each"\nevent = "eStep"\n{table}'
+        f"[process.steps]\n{clock}{table}"
     )
     return path
 
