@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Final
 
 from minerva_bus.testing.simulation.checks import wrong
+from minerva_bus.testing.simulation.decoding import decoding_once
 from minerva_bus.testing.simulation.history import History, drawn
 from minerva_bus.testing.simulation.playing import Played, play
 from minerva_bus.testing.simulation.regions import (
@@ -48,7 +49,8 @@ class Tried:
 def tried(history: History) -> Tried:
     """Play a history and check it. An exception in the launcher is a failure, too."""
     folder = MEMORY if MEMORY.is_dir() else None
-    with tempfile.TemporaryDirectory(prefix="minerva-simulation-", dir=folder) as name:
+    temporary = tempfile.TemporaryDirectory(prefix="minerva-simulation-", dir=folder)
+    with temporary as name, decoding_once():
         try:
             if isinstance(history, RegionHistory):
                 regions = play_regions(history, Path(name))
