@@ -15,6 +15,7 @@ from minerva_bus.errors import ProtocolError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame.inputs import FrameInputs
 from minerva_bus.grammar.batch import Events
+from minerva_bus.regions.kept import joined_parts, texts_of
 from minerva_bus.regions.merging import PlacedEvent, in_order
 from minerva_bus.regions.messages import packed_places, unpacked_places
 
@@ -28,10 +29,10 @@ def reported(
     """
     if inputs is None:
         return None
-    own = {
-        name: m.TickReply(name, inputs.frame, tuple([each.event for each in events]))
-        for name, events in answered.items()
-    }
+    own: dict[str, m.TickReply] = {}
+    for name, events in answered.items():
+        saved = inputs.ticked[name].saved if name in inputs.ticked else None
+        own[name] = m.TickReply(name, inputs.frame, tuple([each.event for each in events]), saved)
     if first:
         return replace(inputs, ticked={**inputs.ticked, **own}).without_replies
     return FrameInputs(inputs.frame, (), own, {}, (), (), {}) if own else None
@@ -51,6 +52,7 @@ class GeneratedEvents:
     def __init__(self) -> None:
         self._inputs: FrameInputs | None = None
         self._answers: dict[str, dict[str, list[PlacedEvent]]] = {}
+        self._saved: dict[str, dict[str, m.Saved]] = {}
 
     def add(self, region: str, inputs: FrameInputs, answers: m.Saved, *, first: bool) -> None:
         """Note what a region has reported. Raises ProtocolError if its parts contradict."""
@@ -58,6 +60,10 @@ class GeneratedEvents:
         self._answers[region] = {
             name: list(_placed(name, inputs, data)) for name, data in given.items()
         }
+        for name in given:
+            saved = inputs.ticked[name].saved if name in inputs.ticked else None
+            texts_of(saved)
+            self._saved.setdefault(name, {})[region] = saved
         if first:
             self._inputs = inputs
 
@@ -71,8 +77,10 @@ class GeneratedEvents:
         before, ticked = self._inputs.ticked, dict(self._inputs.ticked)
         for name, events in placed.items():
             reply = before.get(name, m.TickReply(name, self._inputs.frame, ()))
-            ticked[name] = m.TickReply(name, reply.frame, tuple(in_order(events)), reply.saved)
-        inputs, self._inputs, self._answers = replace(self._inputs, ticked=ticked), None, {}
+            saved = joined_parts([part for _, part in sorted(self._saved[name].items())])
+            ticked[name] = m.TickReply(name, reply.frame, tuple(in_order(events)), saved)
+        inputs, self._inputs = replace(self._inputs, ticked=ticked), None
+        self._answers, self._saved = {}, {}
         return inputs
 
 

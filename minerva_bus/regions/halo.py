@@ -2,7 +2,8 @@
 
 A service with a halo runs in each region. It sees the figures of the region's agents, and those of
 other regions within its radius of the region's cell. A figure has to be within the cell of its
-agent: then all figures near an agent of a region are near the cell, too.
+agent: then all figures near an agent of a region are near the cell, too. Figures outside of agents
+are shown to all regions, if the service needs them and whenever they change.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ from minerva_bus.world.halo import Halo
 from minerva_bus.world.services import Device, Generator, Service
 
 Figures: TypeAlias = Mapping[str, Units]
-"""Figures with their places, by visual event type."""
+"""Figures with their places, by visual event type; those outside of agents by `scenery_of` it."""
 
 _MARGIN: Final = 1.0 + 1e-9
 _ROUNDING: Final = 1e-12
@@ -52,6 +53,11 @@ def halo_of(partition: Partition, service: Service | None) -> Halo | None:
     return service.halo if isinstance(service.halo, Halo) and not has_topics else None
 
 
+def scenery_of(event_type: str) -> str:
+    """The name of the figures outside of agents in the view for an event type."""
+    return f"~{event_type}"
+
+
 def halo_services(partition: Partition | None, services: Iterable[Service | None]) -> list[Device]:
     """The services that run in each region with a halo."""
     near = [each for each in services if isinstance(each, Device)]
@@ -68,16 +74,20 @@ class HaloViews:
         self._partial = PartialViews(frozenset(halos))
         self._views = RegionViews()
         self._shown: dict[str, Units] = {}
+        self._scenery: dict[str, Units] = {}
+        self._sent: dict[str, Units] = {}
 
     def note(
         self, in_flight: FrameInFlight, composition: Composition, places: Sequence[Place]
     ) -> None:
         """Note the views of a frame whose results are final, before they replace the string."""
         part = self._partial.part(in_flight, composition, places)
-        self._shown = {}
+        self._shown, self._scenery = {}, {}
         if part:
             self._views.take(part)
-            self._shown = {name: _filled(self._views, name) for name in part.views}
+        for name in part.views:
+            shown = _filled(self._views, name, self._halos[name])
+            self._shown[name], self._scenery[scenery_of(name)] = shown
 
     def by_region(self, partition: Partition) -> dict[int, dict[str, Units]]:
         """The figures for each region, all for this one; agents are in the cells of `partition`.
@@ -96,7 +106,15 @@ class HaloViews:
                 near = None if region == self._number else _near(units, figures, cell, halo)
                 if near is not None:
                     shown.setdefault(region, {})[event_type] = near
+        for name, units in self._scenery.items():
+            if units != self._sent.get(name, _NOTHING):
+                self._sent[name] = units
+                for region in range(len(cells)):
+                    shown.setdefault(region, {})[name] = units
         return shown
+
+
+_NOTHING: Final = Units((), ())
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,20 +164,63 @@ def _values(piece: Piece) -> Iterator[tuple[str, Any]]:
             yield from zip(node.names, node.values, strict=True)
 
 
-def _filled(views: RegionViews, event_type: str) -> Units:
-    """What the agents of a region show, with a place for each outermost node."""
+def _filled(views: RegionViews, event_type: str, halo: Halo) -> tuple[Units, Units]:
+    """What the agents of a region show, and the scenery, with a place for each outermost node.
+
+    Without scenery in the halo, all figures are those of agents. Raises WorldStopped for an agent's
+    figure that could be taken for scenery.
+    """
     placed, shown = placed_views(views, event_type), views.views.get(event_type, {})
-    places: list[Place] = []
-    pieces: list[Piece] = []
-    for own, piece in placed.units.each():
-        if piece.still:
-            made: Iterable[Piece] = (piece,)
-            places += own
-        else:  # A slot, or a transformation around some, which is a single node.
-            made = fill(Scene((piece,)), shown).pieces
-            places += [own[0]] * sum(each.count for each in made)
-        pieces += made
-    return Units(places, tuple(pieces))
+    of_agents, scenery = _Placed(), _Placed()
+    for (own, piece), kind in zip(placed.units.each(), placed.kinds, strict=True):
+        if piece.still and not kind:
+            is_scenery = halo.scenery and not _is_figure(piece, halo)
+            (scenery if is_scenery else of_agents).add(own, piece)
+            continue
+        made = (piece,) if piece.still else fill(Scene((piece,)), shown).pieces
+        for each in made:
+            if halo.scenery and not _is_figure(each, halo):
+                raise WorldStopped(
+                    f"regions: halo = true: {kind or 'an agent'} shows"
+                    f" {next(walk(Scene((each,))))[1].symbol} for {event_type} without"
+                    f" {halo.x}, {halo.y} and its id as {halo.who}; show these, or use halo = false"
+                )
+            # A slot, or a transformation around some, is a single node.
+            of_agents.add(own if piece.still else [own[0]] * each.count, each)
+    return of_agents.units, scenery.units
+
+
+class _Placed:
+    """Pieces that are added one after another."""
+
+    def __init__(self) -> None:
+        self._places: list[Place] = []
+        self._pieces: list[Piece] = []
+
+    def add(self, places: Sequence[Place], piece: Piece) -> None:
+        self._places += places
+        self._pieces.append(piece)
+
+    @property
+    def units(self) -> Units:
+        return Units(self._places, tuple(self._pieces))
+
+
+def _is_figure(piece: Piece, halo: Halo) -> bool:
+    """Whether all nodes of a piece have coordinates and an id."""
+    needed = halo.x, halo.y, halo.who
+    if not isinstance(piece, Columns):
+        values = dict(_values(piece))
+        return values.keys() >= {*needed} and bool(values[halo.who])
+    columns = {
+        name: column
+        for level in piece.levels()
+        for name, column in zip(level.names, level.columns, strict=True)
+    }
+    if not columns.keys() >= {*needed}:
+        return False
+    who = columns[halo.who]
+    return who.ids is not None or all(who.list())
 
 
 def _bounds(cell: Cell, halo: Halo) -> Iterator[tuple[str, float, float, float]]:

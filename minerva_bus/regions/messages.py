@@ -16,6 +16,7 @@ from minerva_bus.grammar.batch import AnyEvent, Events
 from minerva_bus.grammar.delta import Delta
 from minerva_bus.grammar.scene import AgentNode, Scene
 from minerva_bus.regions.attached import Replies
+from minerva_bus.regions.kept import checked_texts
 from minerva_bus.regions.merging import PlacedEvent, Units
 from minerva_bus.regions.norms import NormPart
 from minerva_bus.regions.parcel import Parcel
@@ -75,7 +76,12 @@ class ParcelMessage:
     postponed: Annotated[tuple[AnyEvent, ...], Note("that count `lag` frames after `events`")] = ()
     postponed_senders: Annotated[bytes, Note("the places of the senders of `postponed`")] = b""
     halo: Annotated[
-        m.Parts, Mark.VIEW, Note("by visual event type, figures of agents near the receiver's cell")
+        m.Parts,
+        Mark.VIEW,
+        Note(
+            "by visual event type, figures of agents near the receiver's cell; by ~type, if they"
+            " have changed, the figures outside of agents"
+        ),
     ] = field(default_factory=dict[str, Scene])
     halo_places: Annotated[bytes, Note("of the outermost nodes of `halo`, of all types")] = b""
 
@@ -96,6 +102,10 @@ class RepliesMessage:
 
     frame: int
     events: Annotated[m.SentBy, Note("by the name of the service; also of those without events")]
+    kept: Annotated[
+        m.Figures,
+        Note("by service with a halo, as text, what it has saved of agents that have moved"),
+    ] = field(default_factory=dict[str, bool | int | float | str])
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,7 +123,7 @@ RegionMessage: TypeAlias = ParcelMessage | RepliesMessage | AgainMessage
 def to_message(parcel: Parcel | Replies) -> ParcelMessage | RepliesMessage:
     """The message of a parcel, or of replies."""
     if isinstance(parcel, Replies):
-        return RepliesMessage(parcel.frame, parcel.events)
+        return RepliesMessage(parcel.frame, parcel.events, dict(parcel.kept))
     units, views = parcel.units, parcel.views
     layout = views.layout
     return ParcelMessage(
@@ -147,7 +157,8 @@ def from_message(message: RegionMessage, source: int, target: int) -> Parcel | R
     """The parcel or the replies of a message. Raises ProtocolError if its parts contradict."""
     assert not isinstance(message, AgainMessage)  # It has neither.
     if isinstance(message, RepliesMessage):
-        return Replies(message.frame, source, target, message.events)
+        kept = {name: checked_texts(texts) for name, texts in message.kept.items()}
+        return Replies(message.frame, source, target, message.events, kept)
     return parcel_of(message, source, target)
 
 

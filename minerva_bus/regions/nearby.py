@@ -4,29 +4,38 @@ A region answers for the agents that it had when the frame of the view began. If
 moved since, it sends the events to the agent's new region, which waits for them:
 
     frame t      each region sends figures near the cells of others to them, in its parcels
-    frame t + 1  its services see these and its own, and their events go to where the agents are
+    frame t + 1  its services see these and its own, and their events go to where the agents are,
+                 with what the services have saved of agents that have moved
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from minerva_bus.errors import ProtocolError, WorldStopped
 from minerva_bus.frame import messages as m
+from minerva_bus.frame.calling import restore
 from minerva_bus.frame.member import Member
 from minerva_bus.grammar.batch import AnyEvent, Events
 from minerva_bus.grammar.ids import Ids
-from minerva_bus.grammar.scene import Scene, agents
-from minerva_bus.regions.halo import Figures, figures_in, halo_of
+from minerva_bus.grammar.scene import EMPTY
+from minerva_bus.grammar.slots import fill
+from minerva_bus.regions.halo import Figures, halo_of, scenery_of
+from minerva_bus.regions.kept import AGENTS, check_saved, parted, texts_of, with_texts
 from minerva_bus.regions.merging import PlacedEvent, Units, merged
 from minerva_bus.regions.partition import Partition
-from minerva_bus.regions.places import Place
 from minerva_bus.regions.replies import Answer, Replies, received
-from minerva_bus.world.halo import Halo
+from minerva_bus.regions.showing import NOBODY, figures_of, showing, within
+from minerva_bus.world.halo import Halo, OwnFigures, agent_lines
+from minerva_bus.world.services import Device
+
+LEFT: Final = "~left"
+"""The name in the saved data of a region's checkpoint of agents that have left after a frame."""
 
 
 class NearbyServices:
@@ -44,8 +53,12 @@ class NearbyServices:
         members: Iterable[Member],
         last: Sequence[m.ViewShown] = (),
         own: Units | None = None,
+        left: Iterable[str] = (),
     ) -> None:
-        """`last` are the last views of a run that continues, with the region's `own` part."""
+        """`last` are the last views of a run that continues, with the region's `own` part.
+
+        `left` are the agents that have left it after the frame before, if a region continues.
+        """
         self.send: Callable[[Sequence[Replies]], None] = lambda replies: None
         self.halos: dict[str, Halo] = {}
         self.answered: Mapping[str, Sequence[PlacedEvent]] = {}
@@ -56,11 +69,14 @@ class NearbyServices:
             halo = halo_of(partition, member.service)
             if halo is not None:
                 self._members[member.name] = member
-                self.halos |= dict.fromkeys(member.hello().draws, halo)
+                for drawn in member.hello().draws:
+                    self.halos[drawn] = self.halos.get(drawn, halo).joined(halo) or halo
         self._unshown = [view for view in last if view.event_type in self.halos]
         self._sequence = max([view.sequence for view in self._unshown], default=0)
         # Views that no region has divided show all agents; those of this region are its own.
-        self._own = _within(own) if own is not None and self._unshown else None
+        self._own = within(own) if own is not None and self._unshown else None
+        self._scenery: dict[int, dict[str, Units]] = {}
+        self._left = frozenset(left)
         self._shown: tuple[int, Mapping[int, Figures]] = -1, {}
         self._movers: frozenset[int] | None = None
         self._moving: Mapping[str, int] = {}
@@ -72,11 +88,10 @@ class NearbyServices:
         """The names of the services."""
         return frozenset(self._members)
 
-    # --- between frames ---
-
     def moved(self, moving: Mapping[str, int]) -> None:
         """Note the regions of agents that leave this one after a frame."""
         self._moving = moving if self._members else {}
+        self._left = frozenset(self._moving)
 
     def take(self, frame: int, shown: Mapping[int, Figures], movers: Iterable[int] | None) -> None:
         """Assemble the views of a frame from the figures of each region.
@@ -95,10 +110,16 @@ class NearbyServices:
         if own is None:
             self._own = self._own if self._unshown else None
             return
-        self._own = _showing(own, self.halos)
+        for source, figures in shown.items():
+            changed = {name: of for name, of in figures.items() if name not in self.halos}
+            self._scenery.setdefault(source, {}).update(changed)
+        self._own = showing(own, self.halos)
         self._unshown.clear()
-        for event_type in sorted(own):
+        scenery = [of for _, of in sorted(self._scenery.items())]
+        for event_type in sorted(own.keys() & self.halos.keys()):
             parts = [of[event_type] for _, of in sorted(shown.items()) if event_type in of]
+            name = scenery_of(event_type)
+            parts += [of[name] for of in scenery if name in of]
             self._sequence += 1
             scene = merged(parts).scene
             self._unshown.append(m.ViewShown(event_type, frame, self._sequence, {}, scene))
@@ -107,7 +128,9 @@ class NearbyServices:
     def shown(self) -> Mapping[int, Mapping[int, Figures]]:
         """The latest figures by frame and region: `take` continues with them elsewhere."""
         frame, shown = self._shown
-        return {frame: shown} if shown else {}
+        sources = shown.keys() | self._scenery.keys() if shown else set[int]()
+        whole = {n: {**self._scenery.get(n, {}), **shown.get(n, {})} for n in sorted(sources)}
+        return {frame: whole} if whole else {}
 
     def receive(self, replies: Replies) -> bool:
         """Accept replies of another region; returns False if they have arrived before."""
@@ -141,29 +164,56 @@ class NearbyServices:
         if all(name in self._ready and self._ready[name].frame == frame for name in self._members):
             return
         answered: dict[str, list[PlacedEvent]] = {}
-        elsewhere = {to: dict[str, tuple[AnyEvent, ...]]() for to in {*self._moving.values()}}
+        targets = sorted({*self._moving.values()})
+        events, kept = ({to: dict[str, Any]() for to in targets} for _ in range(2))
         for name, member in sorted(self._members.items()):
             self.running = member
             reply = self._reply(member, frame)
+            check_saved(name, reply.saved)
             answered[name] = [self._placed(name, event) for event in reply.events]
             here, away = self._divided(answered[name])
-            self._ready[name] = replace(reply, events=here)
-            for to, events in elsewhere.items():
-                events[name] = tuple(away.get(to, ()))
+            saved, texts = parted(reply.saved, self._left, self._moving)
+            self._ready[name] = replace(reply, events=here, saved=saved)
+            for to in targets:
+                events[to][name] = tuple(away.get(to, ()))
+                if to in texts:
+                    kept[to][name] = agent_lines(texts[to])
         self.running = None
         self._unshown.clear()
         self._moving, self.answered = {}, answered
-        if elsewhere:
-            self.send([Replies(frame, self.number, to, of) for to, of in sorted(elsewhere.items())])
+        if targets:
+            self.send([Replies(frame, self.number, to, events[to], kept[to]) for to in targets])
 
     def _reply(self, member: Member, frame: int) -> m.TickReply:
         drawn = member.hello().draws
         for view in self._unshown:
             if view.event_type in drawn:
+                assert isinstance(member.service, Device)
+                member.service.own = self._own_figures(view)
                 received(member, view)
         answers = received(member, m.TickRequest(frame))
         (reply,) = [each for each in answers if isinstance(each, m.TickReply)]
         return reply
+
+    def _own_figures(self, view: m.ViewShown) -> OwnFigures:
+        own = self._own or NOBODY
+        if view.event_type in own.figures:
+            return own.figures[view.event_type]
+        # A view of all agents, by which a run continues.
+        scene = fill(view.skeleton or EMPTY, view.parts)
+        every = figures_of(scene.pieces, self.halos[view.event_type])
+        rows = np.flatnonzero(own.ids.rows_of(every.ids) >= 0)
+        return OwnFigures(every.ids.take(rows), every.x[rows], every.y[rows])
+
+    @property
+    def left(self) -> dict[str, dict[str, int]]:
+        """The agents that have left, as saved data of a checkpoint."""
+        return {LEFT: dict.fromkeys(self._left, 0)} if self._members else {}
+
+    def figures(self) -> dict[str, int | float]:
+        """The numbers that the services report, which are added up over all regions."""
+        every = [item for each in self._members.values() for item in each.figures().items()]
+        return {name: value for name, value in every if type(value) in (int, float)}  # pyright: ignore
 
     def _placed(self, name: str, event: AnyEvent) -> PlacedEvent:
         """An event, or a batch, for the agents that this region had; with their places."""
@@ -174,8 +224,8 @@ class NearbyServices:
                 " or not in the frame after a view; expected events for single agents about the"
                 " view of the last frame, or halo = false"
             )
-        ids, places = self._own
-        rows: NDArray[np.intp] = ids.rows_of(receivers)
+        places = self._own.places
+        rows: NDArray[np.intp] = self._own.ids.rows_of(receivers)
         own = np.flatnonzero(rows >= 0)
         event = event.take(own) if isinstance(event, Events) and len(own) < len(rows) else event
         numbers: list[int] = rows[own].tolist()
@@ -211,38 +261,24 @@ class NearbyServices:
                 return ()
             case m.TickRequest(frame):
                 self.answer(frame)
-                ready = self._ready[member.name]
-                others = [each.events[member.name] for each in self.arrived if each.frame == frame]
-                return (replace(ready, events=_joined(ready.events, *others)),)
+                others = [each for each in self.arrived if each.frame == frame]
+                ready = self._ready[member.name] = self._with_arriving(member, others)
+                events = [each.events[member.name] for each in others]
+                return (replace(ready, events=_joined(ready.events, *events)),)
             case _:
                 return received(member, message)
 
-
-_Own = tuple[Ids, Sequence[Place]]
-_NOBODY: _Own = Ids.of([]), ()
-
-
-def _showing(shown: Figures, halos: Mapping[str, Halo]) -> _Own:
-    """The agents with a figure, and their places."""
-    ids: list[Ids] = []
-    places: list[Place] = []
-    for event_type, units in shown.items():
-        for own, piece in units.each():
-            who = figures_in(piece, halos[event_type]).who
-            ids.append(who)
-            places += own[: len(who)]
-    return (Ids.concatenated(ids), places) if ids else _NOBODY
-
-
-def _within(units: Units) -> _Own:
-    """The agents of a string, and the places of the nodes around them."""
-    ids: list[str] = []
-    places: list[Place] = []
-    for own, piece in units.each():
-        inside = [agent.id for agent in agents(Scene((piece,)))]
-        ids += inside
-        places += own if piece.ids is not None else [own[0]] * len(inside)
-    return Ids.of(ids), places
+    def _with_arriving(self, member: Member, others: Iterable[Replies]) -> m.TickReply:
+        """The reply of a service that knows what others have saved of agents that arrive."""
+        ready, texts = self._ready[member.name], dict[str, str]()
+        for each in others:
+            texts |= texts_of({AGENTS: each.kept.get(member.name, "")})
+        saved = ready.saved
+        if texts:
+            saved = with_texts(saved, texts_of(saved) | texts)
+        if saved is not None and member.service is not None and (texts or self._left):
+            restore(member.service, saved)
+        return replace(ready, saved=saved)
 
 
 def _receivers(event: AnyEvent) -> Ids | None:

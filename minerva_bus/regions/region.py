@@ -25,8 +25,9 @@ from minerva_bus.regions.balancing import moved
 from minerva_bus.regions.dividing import NOTHING, Border, cut
 from minerva_bus.regions.halo import HaloViews
 from minerva_bus.regions.inbox import ParcelInbox
+from minerva_bus.regions.kept import own_parts
 from minerva_bus.regions.merging import PlacedEvent, Units, in_order, merged
-from minerva_bus.regions.nearby import NearbyServices
+from minerva_bus.regions.nearby import LEFT, NearbyServices
 from minerva_bus.regions.norms import NO_NORMS, NO_REPORT, NormPart, NormReport, RegionNorms
 from minerva_bus.regions.parcel import Parcel
 from minerva_bus.regions.partition import Partition
@@ -65,10 +66,13 @@ class Region:
         self.number = number
         self.partition = partition
         members = [*members]
-        nearby = NearbyServices(number, partition, members, world.shown, own)
+        saved = world.past.saved
+        nearby = NearbyServices(number, partition, members, world.shown, own, saved.get(LEFT, ()))
         self.services = AttachedServices(partition.count, nearby, members, world.shown)
         # The region itself delays events, as it alone knows which of them come from others.
-        part = replace(world, scene=own.scene, shown=(), lag=None)
+        saved = saved if LEFT in saved else own_parts(saved, nearby.names, own, number)
+        past = replace(world.past, saved=saved)
+        part = replace(world, scene=own.scene, shown=(), lag=None, past=past)
         self.algorithm = FrameAlgorithm(part, RegionSource)
         assert isinstance(self.algorithm.source, RegionSource)
         self._source = self.algorithm.source
@@ -197,8 +201,7 @@ class Region:
     def norms(self) -> Parcel:
         """What norms have received for the frame that begins, in a parcel to this region."""
         received = NO_NORMS if self._norms is None else self._norms.received()
-        own = self.number
-        return Parcel(self.frame, own, own, NOTHING, (), norms=received)
+        return Parcel(self.frame, self.number, self.number, NOTHING, (), norms=received)
 
     @property
     def homes(self) -> dict[str, dict[str, int]]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TypeAlias
 
 from minerva_bus.frame import messages as m
@@ -17,13 +17,15 @@ Answer: TypeAlias = m.FromMember | m.Readings
 class Replies:
     """Events of services in a frame, by their names, for one region.
 
-    They are of all attached services, or of all services with a halo.
+    They are of all attached services, or of all services with a halo. `kept` is what the latter
+    have saved of the agents that have moved.
     """
 
     frame: int
     source: int
     target: int
     events: Mapping[str, tuple[AnyEvent, ...]]
+    kept: Mapping[str, str] = field(default_factory=dict[str, str])
 
     @property
     def needed_in(self) -> int:

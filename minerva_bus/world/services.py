@@ -21,7 +21,7 @@ from typing import Any, ClassVar, Final
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.batch import AnyEvent
-from minerva_bus.world.halo import Halo
+from minerva_bus.world.halo import Halo, OwnFigures
 from minerva_bus.world.readings import Reading
 from minerva_bus.world.service_inputs import Emit, Tick, View, WorldInfo
 from minerva_bus.world.signatures import check_overridden
@@ -186,6 +186,8 @@ class Device(Service):
     draws: tuple[str, ...] = ()
     coupled: bool = False
     halo: Halo | None = None
+    own: OwnFigures | None = None
+    """In a region, the agents of the view to show for which it answers; others are near them."""
     every: int = 0
     rate: float = 0.0
 

@@ -7,18 +7,20 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from minerva_bus.errors import WorldFileError, WorldStopped
-from minerva_bus.grammar.scene import Scene
+from minerva_bus.errors import ProtocolError, WorldFileError, WorldStopped
+from minerva_bus.grammar.scene import AgentNode, Scene
 from minerva_bus.grammar.symbols import Primitive, Transformation
 from minerva_bus.launch.in_process import members_of
 from minerva_bus.launch.installed import find_world
 from minerva_bus.launch.reading import read_world_text
 from minerva_bus.launch.regions.settings import check_region_run, check_regions
 from minerva_bus.regions.halo import HaloViews, figures_in
+from minerva_bus.regions.kept import check_saved, joined_parts, own_parts
 from minerva_bus.regions.merging import Units
+from minerva_bus.regions.messages import RepliesMessage, from_message
 from minerva_bus.regions.partition import ByPosition
 from minerva_bus.settings.overrides import Overrides
-from minerva_bus.world.halo import Halo
+from minerva_bus.world.halo import Halo, agent_lines
 
 PSpot = Primitive("PSpot", who=str)
 PTree = Primitive("PTree", age=float)
@@ -96,12 +98,22 @@ when = "event.number > 3"
 """
 
 
+ON_A_PLANE = """
+[process.more]
+service = "neighbours"
+"""
+
+
 @pytest.mark.parametrize(
     ("text", "problem"),
     [
         ("[regions]\ncount = 2\nhalo = true", "add grid or tree"),
         ("[regions]\ngrid = { vx = [0] }\nhalo = true", "divided by vx, .* looks .* at x and y"),
         (f"[regions]\ngrid = {{ x = [30] }}\nhalo = true\n{NORM}", "norms on events of services"),
+        (
+            f"[regions]\ngrid = {{ x = [30] }}\nhalo = true\n{ON_A_PLANE}",
+            "view, eWhere, .*other planes",
+        ),
     ],
 )
 def test_what_halos_cannot_do_is_refused(text, problem):
@@ -119,3 +131,31 @@ def test_a_world_without_such_services_is_refused():
     file = read_world_text(text, meadow, Overrides())
     with pytest.raises(WorldFileError, match="no service in step looks around agents"):
         check_region_run(file, in_process=True)
+
+
+@pytest.mark.parametrize("saved", [{"value": 1, "agents": 3}, {"seen": ["a"]}, {"on": True}])
+def test_a_service_with_a_halo_saves_lines_of_agents_and_numbers(saved):
+    with pytest.raises(
+        WorldStopped, match=r'mine saves .* expected the texts of agents as "agents"'
+    ):
+        check_saved("mine", saved)
+
+
+@pytest.mark.parametrize("kept", [3, "no tab", "a\tb\n"])
+def test_invalid_texts_of_agents_are_refused(kept):
+    with pytest.raises(ProtocolError, match="saved no lines of agents"):
+        from_message(RepliesMessage(1, {}, {"collisions": kept}), 0, 1)
+
+
+def test_what_regions_have_saved_is_that_of_one_coordinator():
+    whole = {"agents": agent_lines({"a": "1", "b": "", "c": "x\ty"}), "count": 5}
+    parts = [
+        own_parts({"s": whole}, ["s"], Units([(n,) for n in range(2)], pieces), number)["s"]
+        for number, pieces in enumerate([nodes("c", "d"), nodes("a", "b")])
+    ]
+    assert [each["count"] for each in parts] == [5, 0]
+    assert joined_parts(parts) == whole
+
+
+def nodes(*names):
+    return tuple(AgentNode("AWalker", name) for name in names)

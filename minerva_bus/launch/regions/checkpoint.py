@@ -52,7 +52,8 @@ class RegionCheckpoint:
         """The state of a region. Raises TypeError if a generator saves data that are not plain."""
         units, checkpoint = region.units, region.algorithm.checkpoint
         last = region.services.last
-        kept = Kept.of(replace(checkpoint, saved={**checkpoint.saved, **region.homes}))
+        saved = {**checkpoint.saved, **region.homes, **region.services.nearby.left}
+        kept = Kept.of(replace(checkpoint, saved=saved))
         keyframe = encode_keyframe(region.frame, units.scene, kept, last)
         norms, number = region.norms, region.number
         views = [

@@ -263,7 +263,9 @@ class RegionMember(Member):
             figures["parcel_bytes"] = round(self._parcels.sent_bytes / sent)
         # The members of one region report the figures of all, because generators are equal, and
         # the coordinator those of norms.
-        if ended is None or self.region.number != FIRST:
+        if self.region.number != FIRST:
+            return {**figures, **self.region.services.nearby.figures()}
+        if ended is None:
             return figures
         broken = violations(ended.figures)
         members = {name: value for name, value in ended.figures.items() if name not in broken}

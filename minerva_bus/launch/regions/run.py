@@ -111,6 +111,9 @@ class RegionRun:
         first, file = self._first_at, self._file
         ends = [part.runner.ended for part in self._parts]
         figures = total_figures([ended.figures for ended in ends if ended is not None])
+        for part in self._parts[1:] if figures else ():
+            for name, value in part.region.services.nearby.figures().items():
+                figures[name] = figures.get(name, 0) + value
         scene = merged(self._units).scene if self._units else file.world.scene
         return RunSummary(
             world=file.world.name,

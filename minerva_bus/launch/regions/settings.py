@@ -22,6 +22,7 @@ from minerva_bus.regions.partition import ByFunction, ById, ByPosition, Partitio
 from minerva_bus.regions.tree import ByTree, Split
 from minerva_bus.settings.declaring import settings_of
 from minerva_bus.settings.tables import MAX_REGIONS, RegionSettings
+from minerva_bus.world.halo import Halo
 from minerva_bus.world.policy import Policy
 from minerva_bus.world.services import Device, Generator, Service
 
@@ -160,9 +161,6 @@ def check_regions(file: WorldFile, members: Sequence[Member]) -> None:
         "norms on events of services with halo = true": any(
             generated.intersection(norm.on) for norm in world.norms
         ),
-        "services with halo = true that save data": any(
-            type(service).save is not Service.save for service in halos
-        ),
     }
     outside = beside({each.name: each.service for each in members})
     apart = outside.union(each.name for each in file.processes if each.command)
@@ -195,6 +193,15 @@ def _check_attributes(file: WorldFile) -> None:
 def _check_halos(file: WorldFile, services: Sequence[Device]) -> None:
     """Raise WorldFileError if services with a halo need other coordinates than regions have."""
     partition = file.partition
+    by_view: dict[str, Halo] = {}
+    for drawn, halo in [(n, each.halo) for each in services if each.halo for n in each.draws]:
+        joined = by_view.setdefault(drawn, halo).joined(halo)
+        if joined is None:
+            raise WorldFileError(
+                f"{file.path}: [regions] halo = true, but services look around agents in the same"
+                f" view, {drawn}, by other coordinates or on other planes; give them views of their"
+                " own, or remove halo"
+            )
     for halo in [service.halo for service in services if service.halo is not None]:
         assert isinstance(partition, ByPosition | ByTree)
         other = sorted({*partition.attributes} - {halo.x, halo.y})

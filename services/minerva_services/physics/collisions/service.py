@@ -7,6 +7,7 @@ scene geometry ... Then, it would generate the events needed to react to such co
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
@@ -17,17 +18,15 @@ from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.semantics.volumes import Bodies, Texts, Volumes
+from minerva_bus.world.halo import AGENTS, Halo, OwnFigures, agent_lines, by_agent
 from minerva_bus.world.service_inputs import Tick, View, WorldInfo
 from minerva_bus.world.services import Device, Generator
 from minerva_services.physics.collision_events import CollisionEvents
 from minerva_services.physics.collisions.contacts import ANYTHING, Owners, Pair, contacts
-from minerva_services.physics.collisions.touching import Touches
+from minerva_services.physics.collisions.touching import TOLERANCE, Touches
 
 _SAME_COSINE: Final = 0.7
 """Cosine of the angle (about 45 degrees) within which two touches of scenery count as the same."""
-
-LISTED: Final = 5000
-"""Contacts that are saved as lists, which people can read in a record."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,26 +56,24 @@ class ContactMemory:
             return bool(known)
         return any(contact.nx * other.nx + contact.ny * other.ny >= _SAME_COSINE for other in known)
 
-    def save(self) -> list[list[Any]] | dict[str, Any]:
-        """All contacts as plain values; many of them as few values, which have a limit."""
-        contacts = [contact for known in self._known.values() for contact in known]
-        if len(contacts) <= LISTED:
-            return [[item.agent, item.other, item.nx, item.ny] for item in contacts]
-        normals = np.array([(item.nx, item.ny) for item in contacts], "<f8")
-        names = "\n".join([f"{item.agent}\n{item.other}" for item in contacts])
-        return {"names": names, "normals": normals.tobytes()}
+    def save(self) -> str:
+        """All contacts by agent, in a text: so many plain values would be too many."""
+        texts: dict[str, list[str]] = {}
+        for contact in (contact for known in self._known.values() for contact in known):
+            texts.setdefault(contact.agent, []).extend(
+                [contact.other, repr(contact.nx), repr(contact.ny)]
+            )
+        return agent_lines({agent: "\t".join(values) for agent, values in texts.items()})
 
     @staticmethod
-    def restored(saved: list[list[Any]] | dict[str, Any]) -> ContactMemory:
-        """Inverse of `save`. Raises KeyError, TypeError and ValueError for other values."""
-        if isinstance(saved, dict):
-            names = str(saved["names"]).split("\n")
-            normals = np.frombuffer(saved["normals"], "<f8").reshape(-1, 2).tolist()
-            pairs = zip(names[::2], names[1::2], normals, strict=True)
-            return ContactMemory([ContactPair(a, b, nx, ny) for a, b, (nx, ny) in pairs])
-        return ContactMemory(
-            [ContactPair(str(a), str(b), float(nx), float(ny)) for a, b, nx, ny in saved]
-        )
+    def restored(saved: str) -> ContactMemory:
+        """Inverse of `save`. Raises TypeError and ValueError for other values."""
+        made: list[ContactPair] = []
+        for agent, text in by_agent(saved).items():
+            values = text.split("\t")
+            others = zip(values[::3], values[1::3], values[2::3], strict=True)
+            made += [ContactPair(agent, other, float(nx), float(ny)) for other, nx, ny in others]
+        return ContactMemory(made)
 
 
 class Collisions(Device, Generator, coupled=True):
@@ -99,6 +96,11 @@ class Collisions(Device, Generator, coupled=True):
         persist: notify in each view while a contact lasts, not only when it begins.
         ignore: pairs to skip, each a list of two agent kinds or primitives; `*` matches anything.
         who: the name of the agent's id in the view.
+        x: the name of the x coordinate in the view, for `reach`.
+        y: the name of the y coordinate in the view, for `reach`.
+        reach: how far any agent's figure extends from its coordinates, in metres. With it, the
+            service runs in each region of a world with `halo = true`, unless `ignore` names kinds
+            of agents; figures then need `who`. 0: it runs in one region for all.
 
     """
 
@@ -110,7 +112,12 @@ class Collisions(Device, Generator, coupled=True):
         persist: bool = False,
         ignore: tuple[Any, ...] = (),
         who: str = "who",
+        x: str = "x",
+        y: str = "y",
+        reach: float = 0.0,
     ) -> None:
+        if not 0 <= reach < math.inf:
+            raise MisuseError(f"collisions: reach is {reach}; expected a number of metres from 0")
         if every < 1:
             raise MisuseError(f"collisions: every is {every}; expected a number of frames from 1")
         self.every = every
@@ -119,6 +126,10 @@ class Collisions(Device, Generator, coupled=True):
         self._persist = persist
         self._ignored = _pairs(ignore)
         self._who = who
+        self._reach = reach
+        names_kinds = any(name.startswith("A") for pair in self._ignored for name in pair)
+        if reach and not names_kinds:
+            self.halo = Halo(2 * reach + TOLERANCE, x, y, who, scenery=True)
         self._memory = ContactMemory()
         self._count = 0
         self._shown: int | None = None
@@ -138,7 +149,12 @@ class Collisions(Device, Generator, coupled=True):
         except MisuseError as error:
             raise MisuseError(f"collisions: {error}") from None
         self._owners = Owners.among(self._volumes)
-        self._touches = contacts(self._volumes, self._owners, self._ignored)
+        touches = contacts(self._volumes, self._owners, self._ignored)
+        if self.own is not None:
+            _check_reach(self._volumes, self.own, self._reach)
+            own = self.own.ids.rows_of(Ids.of(list(self._owners.names))) >= 0
+            touches = touches.take(np.flatnonzero(own[self._owners.of[touches.first]]))
+        self._touches = touches
         self._shown = view.frame
 
     def generate(self, tick: Tick) -> Iterable[AnyEvent]:
@@ -154,14 +170,14 @@ class Collisions(Device, Generator, coupled=True):
 
     def save(self) -> Mapping[str, Any]:
         """The current contacts, which the next view does not contain."""
-        return {"touching": self._memory.save(), "count": self._count}
+        return {AGENTS: self._memory.save(), "count": self._count}
 
     def restore(self, saved: Mapping[str, Any]) -> None:
         """Continue from a saved state. Raises MisuseError for other values."""
         try:
-            self._memory = ContactMemory.restored(saved["touching"])
+            self._memory = ContactMemory.restored(saved[AGENTS])
             self._count = int(saved["count"])
-        except (KeyError, TypeError, ValueError) as error:
+        except (AttributeError, KeyError, TypeError, ValueError) as error:
             raise MisuseError(f"collisions: not a saved state: {error!r}") from error
 
     def report(self) -> Mapping[str, bool | int | float | str]:
@@ -192,6 +208,23 @@ class Collisions(Device, Generator, coupled=True):
             return touches, begins
         new_rows = np.flatnonzero(begins)
         return touches.take(new_rows), begins[new_rows]
+
+
+def _check_reach(volumes: Volumes, own: OwnFigures, reach: float) -> None:
+    """Check that no figure of an agent extends too far. Raises MisuseError."""
+    if not len(own.ids):
+        return
+    rows = own.ids.rows_of(Ids.of(volumes.owners.tolist()))
+    points = np.repeat(rows, volumes.sizes)
+    ends = np.repeat(volumes.radius, volumes.sizes)
+    dx, dy = volumes.points[:, 0] - own.x[points], volumes.points[:, 1] - own.y[points]
+    far = np.where(points >= 0, np.sqrt(dx * dx + dy * dy) + ends, 0.0)
+    if len(far) and far.max() > reach + TOLERANCE:
+        row = int(far.argmax())
+        raise MisuseError(
+            f"collisions: the figure of #{own.ids[int(points[row])]} extends {far[row]:.6g} m from"
+            f" its coordinates, but reach is {reach:g}; set reach to the greatest such distance"
+        )
 
 
 def _check_known(ignored: Iterable[Pair], world: WorldInfo) -> None:
