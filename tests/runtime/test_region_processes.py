@@ -28,6 +28,7 @@ from running import (
     write_world,
 )
 
+from minerva_bus.launch.installed import find_world
 from minerva_bus.launch.regions.journal import FileJournal
 from minerva_bus.log.comparison import compare
 from minerva_bus.log.reader import Record
@@ -253,6 +254,29 @@ def test_links_that_are_cut_delay_a_world_and_nothing_else(path, monkeypatch):
                 for proxy in proxies:
                     proxy.restore()
             assert world.summary()["digest"] == alone(path, 100)["digest"]
+
+
+def test_a_region_with_halos_that_is_killed_is_followed(tmp_path):
+    """People near the border are shown to both regions, and contacts move along with them."""
+    source = find_world("crowd")
+    for file in source.parent.iterdir():
+        if file.is_file():
+            (tmp_path / file.name).write_bytes(file.read_bytes())
+    path = tmp_path / source.name
+    text = path.read_text(encoding="utf-8")
+    path.write_text(f"{text}\n[regions]\ngrid = {{ x = [12] }}\nhalo = true\n", encoding="utf-8")
+    words = "--rate", 50, "--frames", 30, "--people", 60, "--record", "run.mcap", "--json"
+    with World(path, *words) as world:
+        pids = world.runs("region-0", "region-1")
+        eventually(lambda: world.members() and world.frame > 5, "frames")
+        os.kill(pids["region-1"], signal.SIGKILL)
+        world.says("region-1", "was killed by SIGKILL")
+        ended = world.summary()
+    single = alone(path, 30, "--people", 60, "--regions", 0, "--record", "one.mcap")
+    same = "digest", "collisions", "inside"
+    assert {name: ended[name] for name in same} == {name: single[name] for name in same}
+    with Record(tmp_path / "run.mcap") as a, Record(tmp_path / "one.mcap") as b:
+        assert compare(a, b).frame is None
 
 
 def test_generators_that_run_freely_are_beside_the_regions(path):
