@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict, deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from random import Random
@@ -109,6 +109,11 @@ class Cluster(Sink):
                 self._pass_on(self.chance.choice(busy))
             elif not self._is_ready:
                 self._wait()
+
+    @property
+    def members(self) -> Mapping[str, RegionMember]:
+        """The processes of the regions, by name."""
+        return self._members
 
     @property
     def frames(self) -> list[int]:
