@@ -86,6 +86,8 @@ class Reader:
 
     def has_drawn(self, line):
         """Check the pictures that the page shows of a command; copy them if they are to be drawn."""
+        if self.skips(line):
+            return
         for words in (self.says("pictures", line) or "").split(", "):
             if words:
                 file, picture = words.split(" ")
@@ -94,9 +96,14 @@ class Reader:
                 if self.pictures:
                     shutil.copy(path, self.pictures / picture)
 
+    def skips(self, line):
+        """Whether a command is not typed; one whose pictures are to be drawn is typed."""
+        drawn = self.pictures and self.says("pictures", line)
+        return self.says("skip", line) and not drawn
+
     def types(self, line, output=None):
         """Run one command as the page's table specifies."""
-        if self.says("skip", line):
+        if self.skips(line):
             return
         if self.page.startswith(GUIDES) and re.match(r"(\S+/)?pip install ", line):
             return  # Everything is installed, and the index of packages is not reachable.
