@@ -68,8 +68,8 @@ def test_these_lines_are_json_if_others_are(path):
 
 
 def test_lines_arrive_complete_and_the_last_one_needs_no_end():
-    told = []
-    with printed(told.append):
+    printed_lines = []
+    with printed(printed_lines.append):
         print("one")
         print("two", "three", end="")
         print(" four\nfive\n\nsix", end="")
@@ -82,10 +82,10 @@ def test_lines_arrive_complete_and_the_last_one_needs_no_end():
         for writer in writers:
             writer.join()
         print("seven", end="", flush=True)
-    assert [line for line in told if "x" not in line or "six" in line] == [
+    assert [line for line in printed_lines if "x" not in line or "six" in line] == [
         "one", "two three four", "five", "", "six", "seven",
     ]  # fmt: skip
-    assert "".join(told).count("x" * 50) == 8
+    assert "".join(printed_lines).count("x" * 50) == 8
 
 
 def test_standard_files_that_are_closed_are_opened():

@@ -21,9 +21,8 @@ def pasture(tmp_path):
     """A function that writes the document's world with one of the two forms of sheep."""
 
     def write(form):
-        one, many = block("python one"), block("python many")
-        sheep = many if form == "many" else one[one.index("class Sheep") :]
-        head = one[: one.index("class Sheep")]
+        head, single = block("python one").split("class Sheep")
+        sheep = block("python many") if form == "many" else f"class Sheep{single}"
         (tmp_path / "pasture.py").write_text(
             f"import numpy as np\n{head}{sheep}{block('python world')}"
         )

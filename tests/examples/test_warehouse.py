@@ -151,9 +151,9 @@ def test_a_carrier_serves_one_manager():
 
 
 def test_one_process_and_three_make_the_same_world():
-    one, three = (Run(150, f"carriers.processes={n}").algorithm.scene.digest for n in (1, 3))
-    assert one == three
-    assert Run(150, seed=9).algorithm.scene.digest != one
+    single, three = (Run(150, f"carriers.processes={n}").algorithm.scene.digest for n in (1, 3))
+    assert single == three
+    assert Run(150, seed=9).algorithm.scene.digest != single
 
 
 # --- the README -----------------------------------------------------------------------------------

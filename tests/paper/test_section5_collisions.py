@@ -128,12 +128,12 @@ class Robot(Agent, symbol="ARobot"):
     """Drives straight on, in a physics world and in a world with collision detection only."""
 
     x: Metres = 1.5
-    told: tuple[str, ...] = ()
+    collisions: tuple[str, ...] = ()
 
     @on("eCollision")
     def hear(self, hit: Event, moment: Context) -> None:
         place = f"{hit.what} {hit.x:.3f} {hit.y:.3f} {hit.nx:g} {hit.ny:g} {hit.begins}"
-        self.told = (*self.told, place)
+        self.collisions = (*self.collisions, place)
 
     @on("eStep")
     def drive(self, step: Event, moment: Context) -> None:
@@ -273,7 +273,7 @@ def test_physics_and_scene_geometry_report_the_same_collisions() -> None:
             members.append(Member("shows", Each("eRepresent")))
         story = Story(scene, members, 8)
         (robot,) = agents(story.scenes[-1])
-        stories.append(robot.state["told"])
+        stories.append(robot.state["collisions"])
         names = {event.names for frame in story.collisions for event in frame}
         assert names == {eCollision.fields.names}
     assert stories[0][0] == stories[1][0] == "PMap 3.000 2.000 -1 0 True"

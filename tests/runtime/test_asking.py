@@ -231,8 +231,8 @@ def test_without_a_world_list_is_empty(tmp_path):
 
 
 def test_two_worlds_are_listed_and_distinguished(tmp_path):
-    one, two = (write_world(tmp_path, frames=0, rate=50) for _ in range(2))
-    with World(one) as first, World(two) as second:
+    file, other = (write_world(tmp_path, frames=0, rate=50) for _ in range(2))
+    with World(file) as first, World(other) as second:
         first.runs("steps", "walkers")
         second.runs("steps", "walkers")
         (worlds,) = lines(here(tmp_path, "list", "--json"))

@@ -177,13 +177,13 @@ def test_large_messages_are_opened_one_at_a_time_and_members_take_turns():
     large = letters(system, opened.append)
     for member, number in (("a", 1), ("a", 2), ("b", 3)):
         large.add(LargeMessage(member, 1, encode(m.Emitted(member, (eDrop(number),)))))
-    found = []
+    order = []
     while system.calls:
         assert len(system.calls) == 1
         system.calls.pop()()
         large.taken(opened[-1])
-        found.append((opened[-1].large.member, opened[-1].message.events[0].number))
-    assert found == [("a", 1), ("b", 3), ("a", 2)]
+        order.append((opened[-1].large.member, opened[-1].message.events[0].number))
+    assert order == [("a", 1), ("b", 3), ("a", 2)]
     assert [large.behind(member) for member in "ab"] == [0, 0]
 
 

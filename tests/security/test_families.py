@@ -252,8 +252,8 @@ def test_a_name_outside_a_family_does_not_match(world, door, keys):
         tokens = [session.liveliness().declare_token(f"{alive}/{name}")
                   for name in ("hosts-q", "hostsx")]  # fmt: skip
         there = eventually(
-            lambda: [found for reply in inside.liveliness().get(f"{alive}/hosts*".replace("*", "$*"))
-                     if reply.ok and "hostsx" in (found := str(reply.ok.key_expr))], "its own token"
+            lambda: [key for reply in inside.liveliness().get(f"{alive}/hosts*".replace("*", "$*"))
+                     if reply.ok and "hostsx" in (key := str(reply.ok.key_expr))], "its own token"
         )  # fmt: skip
         assert there == [f"{alive}/hostsx"]
         assert "hosts-q" not in world.members()
@@ -321,10 +321,10 @@ def test_a_family_s_names_are_names(world, door, keys, name):
 
 
 def test_revoking_a_family_revokes_all_its_members(world, door, keys):
-    one, two = (keys.credentials(name) for name in ("hosts-g", "hosts-h"))
+    own, other = (keys.credentials(name) for name in ("hosts-g", "hosts-h"))
     with (
-        Joined(world, door, one, agents=(yard.Walker,)) as first,
-        Joined(world, door, two, agents=(yard.Walker,)) as second,
+        Joined(world, door, own, agents=(yard.Walker,)) as first,
+        Joined(world, door, other, agents=(yard.Walker,)) as second,
     ):
         present(world, "hosts-g")
         present(world, "hosts-h")

@@ -189,13 +189,13 @@ def test_one_draws_what_many_draw(words):
 
 
 def test_normal_numbers_of_a_generator_are_those_of_its_uniform_ones():
-    one, many, uniform = (stream(1, "a", 2) for _ in range(3))
+    single, batch, uniform = (stream(1, "a", 2) for _ in range(3))
     first, second = uniform.random(2).tolist()
     radius = math.sqrt(-2 * math.log(1 - first))
     expected = radius * math.cos(math.tau * second)
-    assert portable.normal(one) == portable.normals(many, 1).item()
+    assert portable.normal(single) == portable.normals(batch, 1).item()
     assert math.isclose(portable.normal(stream(1, "a", 2), 3.0), 3 * expected)
-    assert one.random() == many.random() == uniform.random()
+    assert single.random() == batch.random() == uniform.random()
 
 
 def test_draws_are_distributed_as_they_should_be():

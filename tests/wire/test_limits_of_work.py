@@ -42,13 +42,13 @@ SMALL = Limits(
 
 
 def hello(**keys):
-    told = msgpack.unpackb(encode(m.Hello("x", 6)))[1] | keys
-    return pack(["hello", told])
+    fields = msgpack.unpackb(encode(m.Hello("x", 6)))[1] | keys
+    return pack(["hello", fields])
 
 
 def events(name, count, *rest):
-    told = [["eNear", [1.0 * n], *rest] for n in range(count)]
-    return pack([name, told] if name == "emitted" else [name, 7, told, None])
+    sent = [["eNear", [1.0 * n], *rest] for n in range(count)]
+    return pack([name, sent] if name == "emitted" else [name, 7, sent, None])
 
 
 def kind(name, fields=0):
@@ -245,19 +245,19 @@ def test_the_name_of_a_message_is_found(name, items):
 @given(st.lists(st.sampled_from([eNear(1.0), eNear(2.0, receivers=["b"]), eBare(), eText("ä"),
                                  Events.repeated(eNear(3.0), 2)]), max_size=30))  # fmt: skip
 def test_very_many_events_are_sent_in_columns(events):
-    told = tuple(events) * 60
-    packed = in_columns(told)
+    sent = tuple(events) * 60
+    packed = in_columns(sent)
     for event_type in ("eNear", "eBare", "eText"):
         assert [event for event in single(packed) if event.type == event_type] == [
-            event for event in single(told) if event.type == event_type
+            event for event in single(sent) if event.type == event_type
         ]
-    assert in_columns(told[:1000]) == told[:1000]
+    assert in_columns(sent[:1000]) == sent[:1000]
 
 
 def test_a_generator_of_the_library_stays_within_the_limit():
-    told = in_columns(tuple(eNear(1.0 * n) for n in range(20_000)))
-    assert Decoder(VOCABULARY).from_member("x", encode(m.TickReply("x", 0, told)))
-    assert len(told) == 1
+    sent = in_columns(tuple(eNear(1.0 * n) for n in range(20_000)))
+    assert Decoder(VOCABULARY).from_member("x", encode(m.TickReply("x", 0, sent)))
+    assert len(sent) == 1
 
 
 @given(st.lists(PLAIN, max_size=5), st.integers(0, 2000), st.binary(max_size=3))
