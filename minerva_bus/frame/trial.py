@@ -13,7 +13,8 @@ from dataclasses import dataclass
 
 from minerva_bus.frame.composition import Composition
 from minerva_bus.frame.fragments import Fragment
-from minerva_bus.frame.outcomes import Elsewhere, FragmentOutcome, Sent, outcome_of, state_of
+from minerva_bus.frame.outcomes import Elsewhere, FragmentOutcome, Sent, state_of
+from minerva_bus.frame.population_outcomes import outcome_of
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.rest import rested
 from minerva_bus.grammar.scene import Scene

@@ -14,9 +14,8 @@ one with `step`. A member whose code raises ends, as its process would.
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any, Final, TypeAlias
+from collections.abc import Callable, Iterable, Mapping
+from typing import Final, TypeAlias
 
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
@@ -24,87 +23,16 @@ from minerva_bus.frame.algorithm import FrameAlgorithm, Phase
 from minerva_bus.frame.description import World
 from minerva_bus.frame.inputs import FrameInputs
 from minerva_bus.frame.member import Member, Outgoing, Refusal
-from minerva_bus.runtime.direct import observers, receivers
 from minerva_bus.runtime.runner import Notice, Runner, Sink
-from minerva_bus.testing.trace_lines import trace_line
+from minerva_bus.testing.queue_transport import Link, QueueTransport
+from minerva_bus.testing.run_log import RunLog
 
 MemberFactory: TypeAlias = Callable[[], Member]
-Link: TypeAlias = tuple[str, str]
 
 BEGIN: Final[Link] = ("begin", "")
 CLOCK: Final[Link] = ("clock", "")
 TWICE: Final = (m.TickRequest, m.EvolveRequest, m.TickReply, m.EvolveReply, m.Readings)
 _KINDS: Final = ("down", "up", "there")
-
-
-class QueueTransport:
-    """Queues every message until the schedule delivers it. `alive` are the running members."""
-
-    def __init__(self) -> None:
-        self.alive: dict[str, Member] = {}
-        self.queues: dict[Link, deque[Any]] = {}
-
-    def queue(self, kind: str, name: str) -> deque[Any]:
-        """The queue of one link: "down", "up" or "there" (liveliness) of a member."""
-        return self.queues.setdefault((kind, name), deque())
-
-    def send(self, to: str, message: m.ToMember) -> tuple[()]:
-        """Queue a message for the members that subscribe to it, whether or not they have joined."""
-        for member in receivers(to, self.alive.values()):
-            self.queue("down", member.name).append(message)
-        return ()
-
-    def show(self, event_type: str, message: m.ToMember, to: str) -> tuple[()]:
-        """Queue a view for its observers."""
-        for member in observers(event_type, self.alive.values()):
-            self.queue("down", member.name).append(message)
-        return ()
-
-    def publish(self, readings: m.Readings) -> None:
-        """Queue readings for the members that subscribe to their topic."""
-        # Sorted, so that equal schedules give equal traces.
-        for name, member in sorted(self.alive.items()):
-            if readings.topic in member.topics:
-                self.queue("down", name).append(readings)
-
-
-class _Log(Sink):
-    """Keeps the stimuli, instructions, frames and messages of a run."""
-
-    def __init__(self) -> None:
-        self._lines: list[str] = []
-        self._unwritten: list[tuple[s.Stimulus, Sequence[s.Instruction]]] = []
-        self.records: list[m.FrameRecord] = []
-        self.inputs: list[FrameInputs] = []
-        self.said: list[str] = []
-        self.is_ready = False
-
-    def decided(self, stimulus: s.Stimulus, instructions: Sequence[s.Instruction]) -> None:
-        """Keep a stimulus and its instructions for the trace."""
-        self._unwritten.append((stimulus, instructions))
-
-    @property
-    def trace(self) -> list[str]:
-        """Stimuli and instructions as lines, written on demand: few runs need their trace."""
-        for stimulus, instructions in self._unwritten:
-            self._lines.append(f"> {trace_line(stimulus)}")
-            self._lines += [f"    {line}" for line in map(trace_line, instructions) if line]
-        self._unwritten.clear()
-        return self._lines
-
-    def frame_done(self, notice: s.FrameDone) -> None:
-        """Keep the record and the inputs of a frame."""
-        self.records.append(notice.record)
-        if notice.inputs is not None:
-            self.inputs.append(notice.inputs)
-
-    def ready(self, notice: s.Ready) -> None:
-        """Note that the next frame may begin."""
-        self.is_ready = True
-
-    def notify(self, notice: s.Notify) -> None:
-        """Keep a warning."""
-        self.said.append(f"{notice.member}: {notice.text}")
 
 
 class MemoryBus:
@@ -122,7 +50,7 @@ class MemoryBus:
         self.makers = dict(makers)
         self._sinks = tuple(sinks)
         self._transport = QueueTransport()
-        self._log = _Log()
+        self._log = RunLog()
         self._held: set[Link] = set()
         self._run(FrameAlgorithm(world))
 

@@ -104,7 +104,7 @@ def _keep_rows(state: PopulationState, staying: Mapping[int, AgentNode]) -> None
 def _changed(state: PopulationState) -> Columns:
     part = state.part
     columns = [
-        _column(part, state, name, old) for name, old in zip(part.names, part.columns, strict=True)
+        _column(state, name, old) for name, old in zip(part.names, part.columns, strict=True)
     ]
     # The same object again: whatever compares by identity finds that nothing has changed.
     if all(new is old for new, old in zip(columns, part.columns, strict=True)):
@@ -112,7 +112,7 @@ def _changed(state: PopulationState) -> Columns:
     return part.with_columns(columns)
 
 
-def _column(part: Columns, state: PopulationState, name: str, old: Column) -> Column:
+def _column(state: PopulationState, name: str, old: Column) -> Column:
     array = state.arrays.get(name)
     if array is None:
         return old

@@ -17,7 +17,7 @@ from street import Light, Steps, eBoo, eFine, eShout, eStep
 from minerva_bus import Agent, Vocabulary, on
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.description import World
-from minerva_bus.frame.outcomes import outcome_of
+from minerva_bus.frame.population_outcomes import outcome_of
 from minerva_bus.frame.stimuli import Begin, FrameDone
 from minerva_bus.grammar.batch import Events, single
 from minerva_bus.grammar.columns import Columns

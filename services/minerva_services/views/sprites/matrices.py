@@ -66,7 +66,7 @@ class MatrixLayer:
         if wanted is None:
             return
         cached = self._colored(tiles, camera)
-        offset = _offset(cached, tiles, camera, wanted)
+        offset = _offset(cached, camera, wanted)
         if offset is None:
             place = _seen(tiles, camera, _MARGIN)
             assert place is not None
@@ -134,9 +134,7 @@ def _seen(tiles: Tiles, camera: MapCamera, margin: float) -> _Place | None:
     return _Place(camera, (pose.x, pose.y, pose.angle, tiles.cell), *box)
 
 
-def _offset(
-    cached: _CachedMatrix, tiles: Tiles, camera: MapCamera, wanted: _Place
-) -> tuple[int, int] | None:
+def _offset(cached: _CachedMatrix, camera: MapCamera, wanted: _Place) -> tuple[int, int] | None:
     """Where to place the cached part; None if it must be redrawn."""
     place = cached.place
     if place is None or place.tiles != wanted.tiles:
