@@ -75,7 +75,7 @@ class _Alias:
         module.__spec__ = self._spec  # The import system has set the former name.
 
 
-class _Finder:
+class _MovedFinder:
     """Finds modules by their former names."""
 
     def find_spec(
@@ -96,5 +96,5 @@ def install() -> None:
     The finder comes first: by the path of a package at its former name, the usual finder would
     load the modules inside a second time.
     """
-    if not any(isinstance(finder, _Finder) for finder in sys.meta_path):
-        sys.meta_path.insert(0, _Finder())
+    if not any(isinstance(finder, _MovedFinder) for finder in sys.meta_path):
+        sys.meta_path.insert(0, _MovedFinder())

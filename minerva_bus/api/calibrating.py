@@ -118,7 +118,7 @@ def calibrate(
     sent = executor is not None
     runs = _runs(world, frames, sent) if frame is None else _branches(world, frame, frames, sent)
     space = distributions(ranges, runs.scene, runs.world.vocabulary)
-    search = _Search(_study(minimise, sampler, seed), space, runs.seeds(seeds))
+    search = _TrialSearch(_study(minimise, sampler, seed), space, runs.seeds(seeds))
     entries, plans = collected_of(runs.world, collect)
     for begin in range(0, trials, BATCH):
         grid = search.ask(min(BATCH, trials - begin))
@@ -173,7 +173,7 @@ def _branches(record: World | str | Path, frame: int, frames: int | None, sent: 
     return _Runs(branches.world, branches.point.scene, branches.seeds(1)[0], make)
 
 
-class _Search:
+class _TrialSearch:
     """Trials of a study of Optuna, in batches."""
 
     def __init__(

@@ -23,14 +23,14 @@ def emitted_by(cls: type[Agent]) -> set[str]:
     The search follows functions, classes and tables of them in the agent's own package and in files
     that are not installed. The code of other agents, such as children, does not count.
     """
-    search = _Search(cls.__module__.partition(".")[0])
+    search = _EventTypeSearch(cls.__module__.partition(".")[0])
     for base in cls.__mro__:
         if base is not Agent and search.follows(base.__module__):
             search.enter(vars(base).values())
     return search.events
 
 
-class _Search:
+class _EventTypeSearch:
     def __init__(self, package: str) -> None:
         self.events: set[str] = set()
         self._package = package

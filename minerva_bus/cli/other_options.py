@@ -36,7 +36,7 @@ _DESCRIBED: Final[dict[str, Callable[[str], list[tuple[str, str]]]]] = {
 }
 
 
-class _Choice(NamedTuple):
+class _Completion(NamedTuple):
     """A completion, as shells print it."""
 
     value: str
@@ -86,7 +86,7 @@ class OtherOptionsCommand(Command):
                 completing_worlds.world_values if is_world else completing_worlds.service_values
             )
         others = complete(ctx, incomplete)
-        return choices + [_Choice(name, text) for name, text in others if name not in own]
+        return choices + [_Completion(name, text) for name, text in others if name not in own]
 
     def invoke(self, ctx: Any) -> Any:
         try:

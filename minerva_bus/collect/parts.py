@@ -133,7 +133,7 @@ class TableParts:
 
 
 @dataclass(frozen=True, slots=True)
-class _Part:
+class _TablePart:
     """A part of a table, with the last frame of which it has rows."""
 
     number: int
@@ -141,13 +141,13 @@ class _Part:
     path: Path
 
 
-def _parts(folder: Path, table: str, suffix: str) -> list[_Part]:
+def _parts(folder: Path, table: str, suffix: str) -> list[_TablePart]:
     """The parts of a table, in order."""
-    latest: dict[int, _Part] = {}
+    latest: dict[int, _TablePart] = {}
     for path in folder.glob(f"{table}-*{suffix}"):
         words = path.stem.removeprefix(f"{table}-").split("-")
         if len(words) == 2 and words[0].isdecimal() and words[1].isdecimal():
-            part = _Part(int(words[0]), int(words[1]), path)
+            part = _TablePart(int(words[0]), int(words[1]), path)
             # A process killed between writing a part again and removing the old one leaves both.
             if part.number not in latest or part.last > latest[part.number].last:
                 latest[part.number] = part

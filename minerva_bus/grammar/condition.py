@@ -156,10 +156,10 @@ def parse_condition(text: str, source: str = "condition") -> Condition:
     """A condition; the empty text always holds. Raises VocabularyError with a caret."""
     if not text.strip():
         return Condition(text)
-    return _Reader(text, source).read()
+    return _ConditionReader(text, source).read()
 
 
-class _Reader:
+class _ConditionReader:
     """Reads one condition from left to right."""
 
     def __init__(self, text: str, source: str) -> None:

@@ -90,13 +90,13 @@ def parse(text: str, source: str = "") -> Scene:
 
 def parse_located(text: str, source: str = "") -> Parsed:
     """As `parse`, with the offset of each node, for errors that are found later."""
-    reader = _Reader(text, source)
+    reader = _StringReader(text, source)
     scene, _ = reader.world(0)
     return Parsed(scene, text, source, reader.offsets)
 
 
 @dataclass(slots=True)
-class _Reader:
+class _StringReader:
     """Reads one string: the complete text, or at `depth` > 0 a part of it in braces."""
 
     text: str
@@ -150,7 +150,9 @@ class _Reader:
 
     def inner(self, at: int, depth: int) -> tuple[Scene, int]:
         """A string in braces; its ids are independent of those outside."""
-        return _Reader(self.text, self.source, depth, self.offsets, self.given_ids()).world(at)
+        return _StringReader(self.text, self.source, depth, self.offsets, self.given_ids()).world(
+            at
+        )
 
     def symbol(self, at: int, nodes: list[Node]) -> tuple[_Open | None, int]:
         """Read one symbol; unless it is a figure or an agent without a scope, it remains open."""

@@ -88,7 +88,7 @@ class Exporter:
         self.world = world
         self._ask = ask
         try:
-            self._server = _Server((host, port), self)
+            self._server = _MetricsServer((host, port), self)
         except (OSError, UnicodeError) as error:
             why = getattr(error, "strerror", None) or error
             raise BusError(
@@ -162,7 +162,7 @@ def exported(world: str, listen: str, ask: Ask, note: Callable[[str], None]) -> 
         yield
 
 
-class _Server(ThreadingHTTPServer):
+class _MetricsServer(ThreadingHTTPServer):
     daemon_threads = True
 
     def __init__(self, where: tuple[str, int], exporter: Exporter) -> None:
@@ -187,7 +187,7 @@ class _Handler(BaseHTTPRequestHandler):
 
     @property
     def _exporter(self) -> Exporter:
-        return cast("_Server", self.server).exporter
+        return cast("_MetricsServer", self.server).exporter
 
     def do_GET(self) -> None:
         path = self.path.partition("?")[0]

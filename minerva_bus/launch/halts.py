@@ -98,7 +98,7 @@ def explain_halt(first: WorldStatus, last: WorldStatus, stacks: Stacks) -> Halt:
 
     """
     advances = last.frame > first.frame
-    finder = _Finder(last, stacks)
+    finder = _CauseFinder(last, stacks)
     if advances:
         causes = [*finder.in_slow_frames(), *finder.in_norms(), *finder.in_files()]
         causes += finder.in_events()
@@ -110,7 +110,7 @@ def explain_halt(first: WorldStatus, last: WorldStatus, stacks: Stacks) -> Halt:
 
 
 @dataclass(frozen=True, slots=True)
-class _Finder:
+class _CauseFinder:
     """The rules, each for one group of causes."""
 
     status: WorldStatus

@@ -77,7 +77,7 @@ class InProcessRun:
         self._record = RunRecord()
         self._metrics = Metrics(self.algorithm, time.monotonic)
         self._log = WorldLog(self.algorithm, self._show, REAL, self._metrics)
-        self._parts: _Parts | None = None
+        self._parts: _WorldParts | None = None
         self._reason = ""
 
     @property
@@ -110,7 +110,7 @@ class InProcessRun:
             compile_agents(self._file.processes, self._console.progress)
             members = members_of(self._file)
             runner, record = self._prepare(members)
-            self._parts = _Parts(runner, members, record, FreeRunning(runner, members))
+            self._parts = _WorldParts(runner, members, record, FreeRunning(runner, members))
             with self._reporting():
                 for note in self._file.notes:
                     self._note(note)
@@ -280,7 +280,7 @@ class InProcessRun:
 
 
 @dataclass(slots=True)
-class _Parts:
+class _WorldParts:
     """The parts of an open world."""
 
     runner: InProcessRunner

@@ -33,7 +33,7 @@ def read_processes(top: Table, path: Path) -> tuple[Process, ...]:
 
     Raises WorldFileError.
     """
-    reader = _Reader(top, path)
+    reader = _ProcessReader(top, path)
     table, settings = top.table("process"), by_process(top.overrides.settings)
     processes: list[Process] = []
     for name in list(table.data):
@@ -51,7 +51,7 @@ def read_processes(top: Table, path: Path) -> tuple[Process, ...]:
 
 
 @dataclass(frozen=True, slots=True)
-class _Reader:
+class _ProcessReader:
     """Reads single tables [process.NAME]."""
 
     top: Table

@@ -75,8 +75,8 @@ def follow_policy(
         raise MisuseError(f"act: expected an event type or a list of events, not {act!r:.60}")
 
     @cache
-    def parts(cls: type[Agent]) -> _Parts:
-        return _Parts.of(cls, follow, when, act, policy)
+    def parts(cls: type[Agent]) -> _FollowedMethod:
+        return _FollowedMethod.of(cls, follow, when, act, policy)
 
     observers: dict[type[Agent], Observing] = {}
 
@@ -102,7 +102,7 @@ def follow_policy(
 
 
 @dataclass(frozen=True, slots=True)
-class _Parts:
+class _FollowedMethod:
     """What a class that follows a policy needs, found once; `after` is the overridden method."""
 
     acting: Acting
@@ -117,7 +117,7 @@ class _Parts:
         when: str,
         act: EventType | Sequence[Event | None],
         policy: Policy | str | Path,
-    ) -> _Parts:
+    ) -> _FollowedMethod:
         """The actions of a class, its policy, and the method that `follow` overrides."""
         if isinstance(act, EventType):
             known = {act.name: act}

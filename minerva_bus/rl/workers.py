@@ -31,7 +31,7 @@ MAX_OUTPUT: Final = 500
 
 
 @dataclass(slots=True)
-class _Worker:
+class _EnvironmentWorker:
     """A process with its worlds; `commands` is the pipe in which it receives commands."""
 
     number: int
@@ -77,7 +77,7 @@ class WorldWorkers:
     def __init__(self, make: MakeEnv, blocks: Sequence[range], arrays: SharedArrays) -> None:
         self._lifeline = os.pipe()
         self._pipes = Pipes()
-        self._workers: list[_Worker] = []
+        self._workers: list[_EnvironmentWorker] = []
         self._closed = False
         try:
             for number, worlds in enumerate(blocks):
@@ -104,7 +104,7 @@ class WorldWorkers:
         os.close(write)
         os.close(commands)
         os.set_blocking(read, False)
-        worker = _Worker(number, worlds, child, give)
+        worker = _EnvironmentWorker(number, worlds, child, give)
         worker.readers = [
             LineReader(self._pipes, read, worker.on_report),
             LineReader(self._pipes, child.output, worker.on_output),
@@ -124,7 +124,7 @@ class WorldWorkers:
             if problem:
                 raise WorldStopped(f"{worker.label}: {problem}")
 
-    def _problem(self, worker: _Worker) -> str:
+    def _problem(self, worker: _EnvironmentWorker) -> str:
         """Why a worker has not done a command; "" if it has."""
         if worker.report is not None:
             return str(worker.report.get("error", ""))
@@ -132,7 +132,7 @@ class WorldWorkers:
         output = f": {worker.last_line}" if worker.last_line else ""
         return f"its process {how_ended(code)}{output}"
 
-    def _reap(self, worker: _Worker) -> int:
+    def _reap(self, worker: _EnvironmentWorker) -> int:
         """Remove a worker whose pipe has ended; returns its wait status."""
         self._workers.remove(worker)
         return reap(worker.child.pid, worker.commands, worker.readers)

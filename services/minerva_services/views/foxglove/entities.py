@@ -46,7 +46,7 @@ _WHITE: Final = Color(r=1.0, g=1.0, b=1.0, a=1.0)
 
 
 @dataclass(slots=True)
-class _Parts:
+class _EntityParts:
     """The primitives of an entity."""
 
     cylinders: list[CylinderPrimitive] = field(default_factory=list[CylinderPrimitive])
@@ -57,7 +57,7 @@ class _Parts:
 
 def scene_entities(picture: Picture, stamp: Timestamp) -> dict[str, SceneEntity]:
     """The entities of a picture by id, without its matrices."""
-    parts: defaultdict[str, _Parts] = defaultdict(_Parts)
+    parts: defaultdict[str, _EntityParts] = defaultdict(_EntityParts)
     for owner, cylinder, mark in _discs(disc_table(picture.of(Discs))):
         parts[owner].cylinders.append(cylinder)
         if mark is not None:
@@ -144,7 +144,7 @@ def _text(text: str, x: float, y: float, color: str) -> TextPrimitive:
     )
 
 
-def _entity(owner: str, parts: _Parts, stamp: Timestamp) -> SceneEntity:
+def _entity(owner: str, parts: _EntityParts, stamp: Timestamp) -> SceneEntity:
     return SceneEntity(
         timestamp=stamp,
         frame_id=GROUND,

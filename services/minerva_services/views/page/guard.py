@@ -25,7 +25,7 @@ class ForbiddenMessage(MinervaError):
     """A page has sent what it may not send; the text is the reason."""
 
 
-class _Reader:
+class _BatchReader:
     """Reads numbers and slices of a batch. Raises ForbiddenMessage at its end."""
 
     def __init__(self, batch: bytes) -> None:
@@ -89,7 +89,7 @@ class BusGuard:
 
     def check(self, batch: bytes) -> None:
         """Check a batch. Raises ForbiddenMessage."""
-        reader = _Reader(batch)
+        reader = _BatchReader(batch)
         header = reader.byte()
         if header == _INIT:
             reader.byte()
@@ -107,14 +107,14 @@ class BusGuard:
         elif header != _OPEN and header not in _CLOSES:
             raise ForbiddenMessage(f"it sent a transport message {header:#04x}")
 
-    def _check_fragment(self, reader: _Reader, header: int) -> None:
+    def _check_fragment(self, reader: _BatchReader, header: int) -> None:
         """Only payloads are long; the key is in the first fragment."""
         reader.number()
         if not self._is_in_fragments:
             self._check_head(reader, reader.byte())
         self._is_in_fragments = header != _LAST_FRAGMENT
 
-    def _check_head(self, reader: _Reader, header: int) -> None:
+    def _check_head(self, reader: _BatchReader, header: int) -> None:
         """Check a PUSH up to its payload."""
         if header != _PUSH:
             raise ForbiddenMessage(f"it sent a message {header:#04x}")
@@ -127,7 +127,7 @@ class BusGuard:
         if not self._puts.fullmatch(key):
             raise ForbiddenMessage(f"{self._member} may not publish on {key[:200]!r}")
 
-    def _check_message(self, reader: _Reader) -> None:
+    def _check_message(self, reader: _BatchReader) -> None:
         header = reader.byte()
         if header == _DECLARE:
             self._check_declaration(reader)
@@ -139,7 +139,7 @@ class BusGuard:
             self._check_head(reader, header)
             reader.skip(reader.number())
 
-    def _check_declaration(self, reader: _Reader) -> None:
+    def _check_declaration(self, reader: _BatchReader) -> None:
         declared = reader.byte()
         reader.number()
         if declared in (_NO_SUBSCRIBER, _NO_TOKEN):
