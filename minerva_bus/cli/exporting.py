@@ -48,7 +48,10 @@ def export_records(files: Sequence[Path], targets: ExportTargets, options: Expor
         raise MisuseError("--agents and --act require --lerobot")
     if form in _TABLES or not form:
         if len(files) > 1:
-            raise MisuseError(f"tables are of one record, not {len(files)}; export each record")
+            raise MisuseError(
+                f"tables are of one record, not {len(files)}; export each record, and name its"
+                " table: --csv FILE.csv"
+            )
         _export_tables(files[0], getattr(targets, form) if form else None, form, options)
     else:
         _export_dataset(files, targets, form, options)

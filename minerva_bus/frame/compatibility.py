@@ -24,6 +24,11 @@ def incompatibility(hello: Hello, vocabulary: Vocabulary) -> str:
         if event_type not in vocabulary.events:
             known = nearest(event_type, list(vocabulary.events))
             return f"the world's vocabulary has no event type {event_type}{known}"
+    for event_type in hello.draws:
+        if not vocabulary.events[event_type].visual:
+            names = [name for name, each in vocabulary.events.items() if each.visual]
+            visual = ", ".join(names) or "none"
+            return f"it draws {event_type}, which is not visual; expected one of {visual}"
     # The coordinator generates such events itself and has no data for them.
     for event_type in hello.draws if hello.every or hello.rate else ():
         fields = vocabulary.events[event_type].fields.all

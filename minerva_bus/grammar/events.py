@@ -81,6 +81,17 @@ class Event:
         return shown + condition + sender + to
 
 
+def _refuse(event: Event, name: str, _: object) -> None:
+    raise AttributeError(
+        f"{name} of {event.type} cannot be changed: other agents receive the same event;"
+        f" make a new one, {event.type}(...)"
+    )
+
+
+# The method of a frozen class with slots fails by itself for names that are no fields, such as the
+# data of the event, with a TypeError about super().
+type.__setattr__(Event, "__setattr__", _refuse)
+
 _SLOTS = frozenset(("type", "names", "values", "condition", "sender", "receivers"))
 
 

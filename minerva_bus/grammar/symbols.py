@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, cast
 
 import numpy as np
 
@@ -309,10 +309,11 @@ def _names_of(orders: ReportedTypes) -> tuple[str, ...]:
     return tuple([each if isinstance(each, str) else each.name for each in several])
 
 
-def receiver_ids(receivers: Iterable[object]) -> tuple[str, ...]:
+def receiver_ids(receivers: object) -> tuple[str, ...]:
     """The receivers of an event, each once, sorted. Raises MisuseError for anything but ids."""
-    given = [receivers] if isinstance(receivers, str) else list(receivers)
+    is_list = isinstance(receivers, Iterable) and not isinstance(receivers, str)
+    given: list[object] = list(cast("Iterable[object]", receivers)) if is_list else [receivers]
     ids = [value for value in given if isinstance(value, str)]
-    if isinstance(receivers, str) or len(ids) != len(given):
+    if not is_list or len(ids) != len(given):
         raise MisuseError(f"receivers must be a list of ids, receivers=[...], not {receivers!r}")
     return tuple(sorted(set(ids)))

@@ -241,8 +241,9 @@ class Vocabulary:
         """The event in canonical form. Raises VocabularyError."""
         declared = self.events.get(event.type)
         if declared is None:
-            known = nearest(event.type, list(self.events))
-            raise VocabularyError(f"no event type {event.type}{known}", source=source)
+            known = nearest(event.type, list(self.events), "add it to the vocabulary")
+            problem = f"the world has no event type {event.type}{known}"
+            raise VocabularyError(problem, source=source)
         try:
             names, values = declared.fields.refit(event.type, event.names, event.values)
         except Unfit as unfit:

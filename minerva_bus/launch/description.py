@@ -46,7 +46,7 @@ def read_description(
     world = World(
         name=table.named(settings.name or path.stem, "a world"),
         scene=assigned(
-            _scene(settings, vocabulary, path, options),
+            _scene(table, settings, vocabulary, path, options),
             vocabulary,
             tuple(filter(of_nodes, top.overrides.settings)),
         ),
@@ -116,14 +116,20 @@ def _vocabulary(table: Table, settings: WorldSettings, path: Path) -> Vocabulary
 
 
 def _scene(
-    settings: WorldSettings, vocabulary: Vocabulary, path: Path, options: Mapping[str, Any]
+    table: Table,
+    settings: WorldSettings,
+    vocabulary: Vocabulary,
+    path: Path,
+    options: Mapping[str, Any],
 ) -> Scene:
     text, maker = settings.string, settings.scene
     if bool(text) == bool(maker):
         raise WorldFileError(f"{path}: [world] needs exactly one of string and scene")
     if text:
         return vocabulary.read(text, f"{path}: world.string")
-    made = called(maker, options, path)
+    if any(sign in maker for sign in "#<(·"):
+        table.wrong("scene", 'must name a function, "module:function"; write string = "..."')
+    made = called(maker, options, path, table, "scene")
     if isinstance(made, str):
         return vocabulary.read(made, maker)
     if not isinstance(made, Scene):

@@ -35,7 +35,7 @@ def read_options(
             options[key] = _like(key, text, options[key])
     # Last, so that the function derives its results from the values of the command line.
     if completed_by:
-        completed = called(completed_by, options, path)
+        completed = called(completed_by, options, path, top.table("world"), "defaults")
         if not isinstance(completed, Mapping):
             raise WorldFileError(f"{path}: {completed_by} must return a mapping")
         options = dict(cast("Mapping[str, Any]", completed))

@@ -70,6 +70,9 @@ def _parsed(text: str, path: Path, overrides: Overrides) -> Table:
     try:
         return _opened(Table(read_toml(text), "", text, str(path), overrides))
     except TomlError as error:
+        if path.suffix == ".py":
+            problem = "a Python program, not a world file (.toml); to run it, write: python"
+            raise WorldFileError(f"{path}: {problem} {path.name}") from None
         place = SceneError(
             f"not TOML: {error}",
             text=text,
@@ -125,7 +128,7 @@ def _read(top: Table, text: str, path: Path) -> WorldFile:
         access,
         waiting,
         options,
-        (*_notes(settings.notes, options, path), *compiled),
+        (*_notes(settings.notes, options, path, top.table("world")), *compiled),
         record,
         text,
         watch,
@@ -159,9 +162,9 @@ def _record_settings(top: Table) -> RecordSettings:
     return settings
 
 
-def _notes(spec: str, options: Mapping[str, Any], path: Path) -> tuple[str, ...]:
+def _notes(spec: str, options: Mapping[str, Any], path: Path, world: Table) -> tuple[str, ...]:
     """The notes that a function returns for these options; `spec` "": none."""
-    notes: object = called(spec, options, path) if spec else ()
+    notes: object = called(spec, options, path, world, "notes") if spec else ()
     if not isinstance(notes, list | tuple):
         raise WorldFileError(f"{path}: {spec} must return a list of texts, not {notes!r:.60}")
     return tuple([str(note) for note in cast("list[object]", notes)])

@@ -7,7 +7,8 @@ import inspect
 import re
 from collections.abc import Callable, Mapping
 from importlib.util import find_spec
-from pathlib import Path
+from pathlib import Path, PurePath
+from types import ModuleType
 from typing import Any, cast, get_type_hints
 
 from minerva_bus.blame import report
@@ -21,6 +22,7 @@ from minerva_bus.launch.installed import (
     help_line,
     installed_views,
 )
+from minerva_bus.launch.table import Table
 from minerva_bus.launch.user_modules import search
 from minerva_bus.settings.kinds import fits, phrase_of
 from minerva_bus.source import place_of
@@ -44,12 +46,31 @@ def load(spec: str, folder: Path | None = None) -> Any:
     for part in attribute.split("."):
         if not hasattr(value, part):
             public = [name for name in dir(module) if not name.startswith("_")]
-            raise WorldFileError(f"{module_name} has no {attribute}{nearest(attribute, public)}")
+            hint = _hidden(module, folder) or nearest(attribute, public)
+            raise WorldFileError(f"{module_name} has no {attribute}{hint}")
         value = getattr(value, part)
     return value
 
 
+def _hidden(module: ModuleType, folder: Path | None) -> str:
+    """Hint that a module of Python or of a library hides the file beside the world file."""
+    beside = None if folder is None else folder / f"{module.__name__}.py"
+    if beside is None or not beside.is_file():
+        return ""
+    file = getattr(module, "__file__", None)  # None for a module built into Python.
+    if file and beside.samefile(file):
+        return ""
+    return f"; this is another module, and {beside} is not imported: rename the file"
+
+
 def _import(name: str, spec: str) -> Any:
+    attribute = spec.partition(":")[2]
+    if name.startswith(".") or "/" in name or "\\" in name or name.endswith(".py"):
+        stem = PurePath(name.replace("\\", "/")).name.removesuffix(".py")
+        raise WorldFileError(
+            f"{spec!r} names a file; expected a module beside the world file, such as"
+            f" {f'{stem}:{attribute}'!r}"
+        )
     try:
         return importlib.import_module(name)
     except MinervaError as error:
@@ -71,12 +92,13 @@ def _import(name: str, spec: str) -> Any:
         raise WorldFileError(f"{spec!r}: importing {name}: {report(error)}") from error
 
 
-def called(spec: str, options: Mapping[str, Any], path: Path) -> Any:
-    """Call the function that a world file names, `module:function`, with its options.
+def called(spec: str, options: Mapping[str, Any], path: Path, table: Table, key: str) -> Any:
+    """Call the function that a key of a world file names, `module:function`, with its options.
 
     Raises WorldFileError, and any MinervaError that the function raises.
     """
-    function = load(spec, path.parent)
+    with table.loading(key):
+        function = load(spec, path.parent)
     if not callable(function):
         raise WorldFileError(f"{path}: {spec} is not a function")
     try:

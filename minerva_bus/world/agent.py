@@ -253,8 +253,11 @@ class Agent:
                 raise StateError(f"{owner}: {name} has been deleted", name)
         for name in sorted(state):
             if name not in names and name not in _OWN and not name.startswith("_"):
+                declare = "declare it in the class"
+                if hasattr(type(self), name):
+                    declare = f"declare it with its type, as in `{name}: float = 0.0`"
                 raise StateError(
-                    f"{owner} has no {name}, so it would be lost; declare it in the class,"
+                    f"{owner} has no {name}, so it would be lost; {declare},"
                     f" or begin its name with _ if it is temporary{nearest(name, list(names))}",
                     name,
                 )

@@ -17,7 +17,7 @@ from __future__ import annotations
 import threading
 from abc import abstractmethod
 from collections.abc import Iterable, Mapping
-from typing import Any, ClassVar, Final
+from typing import Any, ClassVar, Final, cast
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.batch import AnyEvent
@@ -101,6 +101,11 @@ class Service:
 def _several(cls: type, what: str, event_types: tuple[str, ...] | str) -> tuple[str, ...]:
     if isinstance(event_types, str):
         raise MisuseError(f'{cls.__name__}: {what} are several, write {what}=("{event_types}",)')
+    given = cast("tuple[object, ...]", (event_types,) if callable(event_types) else event_types)
+    for each in given:
+        if not isinstance(each, str):
+            name = getattr(each, "name", "eName")
+            raise MisuseError(f'{cls.__name__}: {what} are names, write {what}=("{name}",)')
     return tuple(event_types)
 
 

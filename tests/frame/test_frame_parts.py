@@ -111,6 +111,7 @@ KINDS = tuple(cls.kind for cls in FAMILY)
     (Hello("m", PROTOCOL_VERSION, generates=("eHitt",)), "no event type eHitt; did you mean 'eHit'?"),
     (Hello("m", PROTOCOL_VERSION, orders=("eNo",)), "no event type eNo"),
     (Hello("m", PROTOCOL_VERSION, draws=("eNo",)), "no event type eNo"),
+    (Hello("m", PROTOCOL_VERSION, draws=("eHit",)), "draws eHit, which is not visual; expected one of"),
     (Hello("m", PROTOCOL_VERSION, draws=("eMark",), every=2), "cannot be the source of eMark"),
     (Hello("m", PROTOCOL_VERSION, draws=("eMark",)), ""),
 ])  # fmt: skip

@@ -88,3 +88,11 @@ def test_invalid_events_are_rejected_with_their_sender(event, said):
     with pytest.raises(VocabularyError, match=said) as caught:
         VOCABULARY.check_event(event, "member laser")
     assert str(caught.value).startswith("member laser: ")
+
+
+@pytest.mark.parametrize("name", ["distance", "receivers", "other"])
+def test_an_event_cannot_be_changed(name):
+    event = eNear(1.0)
+    with pytest.raises(AttributeError, match=f"{name} of eNear cannot be .* eNear\\("):
+        setattr(event, name, 2.0)
+    assert event == eNear(1.0)

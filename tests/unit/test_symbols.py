@@ -59,6 +59,7 @@ def test_calling_an_event_type():
         (lambda: TMove(1)(TMove(2)), "a transformation twice to get a string"),
         (lambda: eNear(1.5), "eNear needs a value for who"),
         (lambda: eNear(1.5, "a", receivers="b"), "receivers must be a list of ids.* not 'b'"),
+        (lambda: eNear(1.5, "a", receivers=PFox), "receivers must be a list of ids.* not <prim"),
         (lambda: eNear(1.5, "a", receivers=["b", 1]), "receivers must be a list of ids"),
         (lambda: eNear(1.5, "a", receivers=[PFox()]), "receivers must be a list of ids"),
         (lambda: Primitive("Fox"), "the name of a primitive must be P"),

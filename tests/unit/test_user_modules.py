@@ -7,6 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from minerva_bus.errors import WorldFileError
+from minerva_bus.launch.specs import load
+
 READ = """
 import sys
 from pathlib import Path
@@ -34,6 +37,15 @@ def test_an_edit_of_the_same_size_in_the_same_second_counts(tmp_path, name):
         assert read(f"{name}:SIZE", tmp_path) == str(value)
     # Compiled files are still used, so that a start costs no more.
     assert list(path.parent.joinpath("__pycache__").glob("garden.*.pyc"))
+
+
+@pytest.mark.parametrize("name", ["types", "sys"])
+def test_a_file_with_the_name_of_another_module_is_named(tmp_path, name, monkeypatch):
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    beside = tmp_path / f"{name}.py"
+    beside.write_text("class Cart: pass\n", encoding="utf-8")
+    with pytest.raises(WorldFileError, match=f"{name} has no Cart; .* {beside} is not imported"):
+        load(f"{name}:Cart", tmp_path)
 
 
 INSTALLED = """
