@@ -76,6 +76,9 @@ class HaloViews:
         self._shown: dict[str, Units] = {}
         self._scenery: dict[str, Units] = {}
         self._sent: dict[str, Units] = {}
+        self._partition: Partition | None = None
+        self._cells: Sequence[Cell] = ()
+        self._near: dict[str, list[int]] = {}
 
     def note(
         self, in_flight: FrameInFlight, composition: Composition, places: Sequence[Place]
@@ -95,15 +98,22 @@ class HaloViews:
         Raises WorldStopped if an agent's figure is outside of the cell of its region.
         """
         assert isinstance(partition, ByPosition | ByTree)
+        if partition is not self._partition:
+            # Once for all frames, so that a frame costs no more with more regions farther away.
+            self._partition, self._cells = partition, partition.cells
+            self._near = {
+                name: near_cells(self._cells, self._number, halo)
+                for name, halo in self._halos.items()
+            }
         shown = {self._number: dict(self._shown)} if self._shown else {}
-        cells = partition.cells
+        cells = self._cells
         for event_type, units in self._shown.items():
             halo = self._halos[event_type]
             figures = [figures_in(piece, halo) for piece in units.pieces]
             for each in figures:
                 _check_inside(each, cells[self._number], halo)
-            for region, cell in enumerate(cells):
-                near = None if region == self._number else _near(units, figures, cell, halo)
+            for region in self._near[event_type]:
+                near = _near(units, figures, cells[region], halo)
                 if near is not None:
                     shown.setdefault(region, {})[event_type] = near
         for name, units in self._scenery.items():
@@ -244,6 +254,21 @@ def _check_inside(figures: PieceFigures, cell: Cell, halo: Halo) -> None:
                 f" the cell of its region, {low} to {high}; expected figures at the attributes that"
                 " divide the regions, within a periodic plane, or halo = false"
             )
+
+
+def near_cells(cells: Sequence[Cell], own: int, halo: Halo) -> list[int]:
+    """The other cells within the radius of a cell, along each axis."""
+    near = {*range(len(cells))} - {own}
+    for name, low, high, length in _bounds(cells[own], halo):
+        reach = halo.radius * _MARGIN + _ROUNDING * length
+        shifts = (0.0, -length, length) if length else (0.0,)
+        for number in sorted(near):
+            (other,) = [each for each in _bounds(cells[number], halo) if each[0] == name]
+            _, begin, end, _ = other
+            images = ((low + shift, high + shift) for shift in shifts)
+            if not any(begin - last <= reach and first - end <= reach for first, last in images):
+                near.remove(number)
+    return sorted(near)
 
 
 def _near(units: Units, figures: Sequence[PieceFigures], cell: Cell, halo: Halo) -> Units | None:

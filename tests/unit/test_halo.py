@@ -14,7 +14,7 @@ from minerva_bus.launch.in_process import members_of
 from minerva_bus.launch.installed import find_world
 from minerva_bus.launch.reading import read_world_text
 from minerva_bus.launch.regions.settings import check_region_run, check_regions
-from minerva_bus.regions.halo import HaloViews, figures_in
+from minerva_bus.regions.halo import HaloViews, figures_in, near_cells
 from minerva_bus.regions.kept import check_saved, joined_parts, own_parts
 from minerva_bus.regions.merging import Units
 from minerva_bus.regions.messages import RepliesMessage, from_message
@@ -73,6 +73,13 @@ def test_whatever_is_within_the_radius_of_an_agent_is_shown_to_its_region(points
 )
 def test_a_figure_is_shown_only_near_a_border(x, size, regions):
     assert shown([("a", x, 1.5)], 1, size) == regions
+
+
+@pytest.mark.parametrize(("size", "near"), [(None, [1]), ((10.0, 8.0), [1, 9])])
+def test_figures_are_compared_with_near_cells_only(size, near):
+    cells = ByPosition(tuple(map(float, range(1, 10))), halo=True).cells
+    assert near_cells(cells, 0, Halo(0.5, size=size)) == near
+    assert near_cells(cells, 4, Halo(1.5, size=size)) == [2, 3, 5, 6]
 
 
 def test_the_edges_of_a_torus_are_next_to_each_other():
