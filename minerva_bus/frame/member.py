@@ -185,9 +185,11 @@ class Member:
         # A restarted world has the same name, so only the seed, the
         # step and the frame distinguish runs.
         same = (before.seed, before.dt) == (welcome.seed, welcome.dt)
-        # Answers are kept for two frames. From an earlier frame the member can
-        # continue only with the data saved then.
+        # Answers are kept for two frames. From an earlier frame a service can continue only with
+        # the data saved then, but a host receives its agents: those of a region that has returned
+        # repeat the frames after its checkpoint.
         earlier = welcome.frame + 1 < self.frame and welcome.saved is None
+        earlier = earlier and self.service is not None
         if not same or earlier:
             raise WorldRestarted(
                 f"the world {welcome.world!r} has restarted, at frame {welcome.frame}"

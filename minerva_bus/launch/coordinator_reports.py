@@ -7,6 +7,8 @@ from typing import Any
 
 from minerva_bus.launch.console import live_line, starting_line
 from minerva_bus.launch.process_log import FAILURE_REPORT
+from minerva_bus.launch.process_table import SupervisedProcess
+from minerva_bus.launch.regions.layout import RegionSpec
 from minerva_bus.launch.summary import EndReport
 from minerva_bus.launch.supervised_run import SupervisedRun
 from minerva_bus.launch.traces import END_OF_STACKS, NOT_STARTED, STOPPED
@@ -51,7 +53,8 @@ class CoordinatorReports:
         if run.ending.deadline is None:
             # Otherwise an interrupt has arrived before the first member was started.
             for process in run.processes:
-                run.processes.enqueue(process)
+                if not process.spec.hub:
+                    run.processes.enqueue(process)
 
     def _inform_successor(self) -> None:
         """Send a new coordinator the states of processes that its predecessor had."""
@@ -104,6 +107,14 @@ class CoordinatorReports:
             process.joined(run.coordinator.frame)
             run.log.failures.explained.discard(member)
             run.processes.queue.free(member)
+            self._start_hosts(process)
+
+    def _start_hosts(self, region: SupervisedProcess) -> None:
+        """Start the hosts of a region that has joined, unless they run: now it listens for them."""
+        hosts = region.spec.hosts if isinstance(region.spec, RegionSpec) else ()
+        for host in (self._run.processes.get(each.name) for each in hosts):
+            if host is not None and host.child is None and host.restart_at is None:
+                self._run.processes.enqueue(host)
 
     def _on_timed_out(self, member: str, waited: float) -> None:
         run = self._run
@@ -112,12 +123,8 @@ class CoordinatorReports:
             known = any(spec.name == member for spec in run.file.processes)
             if known and run.ending.reason is None:
                 run.log.add(member, f"{silence}: restart it on its machine")
-        elif process.child is not None:
-            process.waited = waited
-            run.log.failures.explained.add(member)
-            # Before it is killed: this is the only trace of its activity.
-            process.blocked = run.log.blocked(member, run.processes.stacks(process), waited)
-            run.machine.kill(process.child.pid)
+        else:
+            run.processes.give_up(process, waited)
 
     def _on_restart(self, member: str) -> None:
         process = self._run.processes.get(member)

@@ -10,7 +10,8 @@ from minerva_bus.launch.forking import ChildProcess
 from minerva_bus.launch.machine import REAL, LaunchContext, Machine
 from minerva_bus.launch.member_process import MemberStart
 from minerva_bus.launch.pipes import LineReader
-from minerva_bus.launch.process_log import ProcessLog
+from minerva_bus.launch.process_log import FAILURE_REPORT, GONE, ProcessLog
+from minerva_bus.launch.regions.process import NO_ANSWER
 from minerva_bus.launch.starting import STARTS_PER_CORE, StartQueue
 from minerva_bus.launch.traces import STACK_SIGNAL, is_stack
 from minerva_bus.launch.worldfile import Process
@@ -160,7 +161,7 @@ class ProcessTable:
         if name is None:
             return None
         process, context = self._processes[name], self._context
-        world, endpoint = context.file.world.name, context.endpoint
+        world, endpoint = context.file.world.name, process.spec.hub or context.endpoint
         start = MemberStart(process.spec, world, endpoint, context.shared, context.profiling)
         child = self._machine.start_member(start, context.lifeline[0])
         process.started(child)
@@ -176,6 +177,11 @@ class ProcessTable:
         if stacks is not None and (is_stack(line) or separates):
             stacks.append(line)
             return
+        about, _, text = line.partition(": ")
+        host = self._processes.get(about)
+        if host is not None and host.spec.hub and about.startswith(f"{process.name}."):
+            self._read_about(host, text)
+            return
         refusal = line.removeprefix(f"{process.name} ")
         if refusal.startswith(CANNOT_TAKE_PART):
             process.cause = refusal
@@ -183,6 +189,18 @@ class ProcessTable:
                 self._log.add(process.name, refusal, "info")
         else:
             self._log.add(process.name, line, "info")
+
+    def _read_about(self, host: SupervisedProcess, text: str) -> None:
+        """Process a line of a region about one of its hosts, as a report of the coordinator."""
+        failures, late = self._log.failures, NO_ANSWER.fullmatch(text)
+        if late is not None:
+            self.give_up(host, float(late[1]))
+            return
+        if FAILURE_REPORT.match(text):
+            failures.explained.add(host.name)
+            host.cause = text
+        if not (host.name in failures.explained and GONE.match(text)):
+            self._log.add(host.name, text)
 
     def ended(self, pid: int) -> SupervisedProcess | None:
         """The process that has ended, after its last lines; kills what it has started."""
@@ -205,6 +223,16 @@ class ProcessTable:
             process.restart_at = process.exited_at = None
             if process.child is not None:
                 self._machine.kill(process.child.pid)
+
+    def give_up(self, process: SupervisedProcess, waited: float) -> None:
+        """Kill a process that has not answered for `waited` seconds, which counts as a failure."""
+        if process.child is None:
+            return
+        process.waited = waited
+        self._log.failures.explained.add(process.name)
+        # Before it is killed: this is the only trace of its activity.
+        process.blocked = self._log.blocked(process.name, self.stacks(process), waited)
+        self._machine.kill(process.child.pid)
 
     def stacks(self, process: SupervisedProcess) -> list[str]:
         """The stacks of a process, written by itself; empty for a stopped process."""

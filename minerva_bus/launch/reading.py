@@ -17,7 +17,7 @@ from minerva_bus.launch.installed import file_text
 from minerva_bus.launch.norms import read_norms
 from minerva_bus.launch.options import filled, read_options
 from minerva_bus.launch.processes import check_members, read_patience, read_processes
-from minerva_bus.launch.regions.settings import check_regions, read_regions
+from minerva_bus.launch.regions.settings import check_regions, read_hosts, read_regions
 from minerva_bus.launch.specs import called
 from minerva_bus.launch.table import Table
 from minerva_bus.launch.toml import TomlError, read_toml
@@ -113,6 +113,7 @@ def _read(top: Table, text: str, path: Path) -> WorldFile:
     watch = top.read(WatchSettings)
     collect = read_collecting(top, world.vocabulary)
     partition, lag = read_regions(top, path)
+    hosts = read_hosts(top, processes)
     for name in ("world", "bus", "limits", "metrics", "log", "collect", "regions"):
         # Every reader has taken its keys, so the remaining ones are unknown.
         top.table(name).done()
@@ -134,6 +135,7 @@ def _read(top: Table, text: str, path: Path) -> WorldFile:
         watch,
         collect,
         partition,
+        hosts,
     )
     check_regions(file, members)
     file = distributed(file)

@@ -190,7 +190,11 @@ class Supervisor:
         if run.ending.begun:
             run.processes.queue.clear()
         while (process := run.processes.start_next()) is not None:
-            run.coordinator.command(f"started {process.name}")
+            if process.spec.hub:  # It joins its region, which does not report that.
+                process.joined(run.coordinator.frame)
+                run.log.failures.explained.discard(process.name)
+            else:
+                run.coordinator.command(f"started {process.name}")
 
     # --- stopping ---
 

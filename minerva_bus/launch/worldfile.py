@@ -38,7 +38,8 @@ class Process:
     service manager: `minerva attach WORLD --process NAME`. `speaks_for`: kinds and `#id`s of agents
     in whose name a generator may send events. `table`: the name of its table in the
     world file, empty for a view of the command line. `automatic`: it stands for as many processes
-    as `distribution` chooses.
+    as `distribution` chooses. `hub`: the endpoint of the region whose host it is; empty: that of
+    the world.
     """
 
     name: str
@@ -53,6 +54,7 @@ class Process:
     speaks_for: tuple[str, ...] = ()
     patience: Patience | None = None
     automatic: bool = False
+    hub: str = ""
 
     def participant(self) -> Member:
         """The member that this process runs."""
@@ -66,6 +68,7 @@ class WorldFile:
 
     `patience` has the time-outs for all members; a process may have its own. `notes` are lines to
     print at the start. `partition` has the regions as which `minerva run` runs the world, if any.
+    `hosts` are the tables of agents that then have processes of their own in each region.
     """
 
     path: Path
@@ -82,6 +85,7 @@ class WorldFile:
     watch: WatchSettings = field(default_factory=WatchSettings)
     collect: Collecting = field(default_factory=Collecting)
     partition: Partition | None = None
+    hosts: tuple[str, ...] = ()
 
     @property
     def deadlines(self) -> Deadlines:

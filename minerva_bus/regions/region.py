@@ -77,6 +77,7 @@ class Region:
         assert isinstance(self.algorithm.source, RegionSource)
         self._source = self.algorithm.source
         self._source.places = own.places
+        self._source.own = frozenset(member.name for member in members)
         self._postponed = PostponedEvents(world, own.scene)
         self.schedule = Schedule.of(world.lag, ahead)
         self._inbox = ParcelInbox(number, world.past.frame, self.schedule)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import TypeAlias
 
+from minerva_bus.frame import messages as m
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.live import LiveSource
 from minerva_bus.regions.halo import HaloViews
@@ -19,6 +20,7 @@ Judge: TypeAlias = Callable[[int, Sequence[PlacedEvent]], Judged]
 class RegionSource(LiveSource):
     """The frames of a region; keeps the places of its nodes, and of the senders of its events.
 
+    `own` are the members in its process; others may only be hosts of agents.
     `rejected` are the numbers of those `sent` that norms reject, and `halted` the agents whose
     actions devices must not execute.
     """
@@ -29,6 +31,7 @@ class RegionSource(LiveSource):
         self.sent: Sequence[PlacedEvent] = []
         self.rejected: tuple[int, ...] = ()
         self.halted: tuple[str, ...] = ()
+        self.own = frozenset[str]()
         self.judge: Judge | None = None
         self.shown = NO_VIEWS
         self.views = PartialViews()
@@ -40,6 +43,16 @@ class RegionSource(LiveSource):
         """The events for the next frame."""
         rejected = frozenset(self.rejected)
         return [each for n, each in enumerate(self.sent) if n not in rejected]
+
+    def objection(self, hello: m.Hello) -> str:
+        """Reason why a member, which is not in this process, cannot take part; or an empty string.
+
+        The events of a generator would be those of this region alone, and so would a view.
+        """
+        serves = hello.ticks or hello.generates or hello.draws or hello.topics or hello.publishes
+        if hello.member in self.own or (hello.kinds and not serves):
+            return ""
+        return "a region takes only hosts of agents; let it join the world, not the region"
 
     def why_over(self) -> str:
         """No reason: the region ends when all others do, which its algorithm does not know."""

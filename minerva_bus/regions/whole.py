@@ -62,10 +62,11 @@ coordinator keeps for them; no member can have these names."""
 class WholeSource(RecordedSource):
     """The frames of a world whose agents evolve in regions.
 
-    `names` are the members that are the regions, by number; `kinds` make the views; regions that
-    join get the `terms` and their first `journals`, as saved data; they run `ahead` by so many
-    frames. A successor continues with the parts in its journal instead of a `partition`, and
-    repeats the frames that regions may have begun.
+    `names` are the members that are the regions, by number; `kinds` make the views, if they are
+    `all_kinds`, and not only those in Python; regions that join get the `terms` and their first
+    `journals`, as saved data; they run `ahead` by so many frames. A successor continues with the
+    parts in its journal instead of a `partition`, and repeats the frames that regions may have
+    begun.
     """
 
     # Other regions may wait for the parcels of one that has returned after its report.
@@ -78,6 +79,7 @@ class WholeSource(RecordedSource):
         partition: Partition | None = None,
         names: Sequence[str],
         kinds: Kinds,
+        all_kinds: bool = True,
         codec: PartCodec,
         terms: Mapping[str, Any] | None = None,
         journals: Mapping[str, bytes] | None = None,
@@ -85,7 +87,7 @@ class WholeSource(RecordedSource):
     ) -> None:
         """Raises ProtocolError if the parts in the journal are damaged."""
         self._names, self._codec = names, codec
-        self._terms = terms or {}
+        self._terms, self._all_kinds = terms or {}, all_kinds
         saved = algorithm.members.saved
         self._journals = KeptJournals(saved.pop(JOURNALS, journals or {}))
         if PARTS in saved:
@@ -161,7 +163,11 @@ class WholeSource(RecordedSource):
 
     def objection(self, hello: m.Hello) -> str:
         """Reason why a member, which is not a region, cannot take part; or an empty string."""
-        if hello.member in self._names or not (hello.kinds or hello.ticks):
+        if hello.member in self._names:
+            return ""
+        if hello.draws and not self._all_kinds:
+            return "it shows views, for which this coordinator lacks the code of agents in commands"
+        if not (hello.kinds or hello.ticks):
             return ""
         what = "hosts agents" if hello.kinds else "runs in step with the frames"
         return (

@@ -29,6 +29,7 @@ from minerva_bus.errors import MinervaError, ProtocolError
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.fragments import PART
 from minerva_bus.grammar.scene import Scene
+from minerva_bus.regions.hosts import hosts_in
 from minerva_bus.runtime.operated import Command, Operated, person_of
 from minerva_bus.runtime.publishing import order, publish
 from minerva_bus.runtime.world_status import status_of
@@ -152,9 +153,12 @@ def _own_process(running: Operated, asked: Mapping[str, Any], otherwise: str) ->
     """The name of a process of the world file. Raises ProtocolError."""
     member = as_text(asked.get("member"), "the member")
     members = running.algorithm.members
+    hosts = [host.name for host in hosts_in(members)]
+    if member in hosts:
+        return member
     # `get` would create an entry for any name.
     if not members.knows(member):
-        names = ", ".join(entry.name for entry in members)
+        names = ", ".join([*(entry.name for entry in members), *hosts])
         raise ProtocolError(f"there is no member {member[:64]!r}; there are {names}")
     if not members.get(member).expected:
         raise ProtocolError(f"{member} is not a process of the world file: {otherwise}")

@@ -21,6 +21,7 @@ from minerva_bus.runtime.admission import Admission, ListenConfig
 from minerva_bus.runtime.answers import Answers
 from minerva_bus.runtime.audit import Denials
 from minerva_bus.runtime.control import COMMANDS
+from minerva_bus.runtime.direct import DirectTransport, JointTransport
 from minerva_bus.runtime.inbox import HubInbox, Question, TimerTick
 from minerva_bus.runtime.large import Decoded
 from minerva_bus.runtime.links import Linked
@@ -73,6 +74,8 @@ class Coordinator(Sink):
         keep: Whether to measure every frame for a profile.
         commands: Questions that operators may ask, by name.
         sinks: Further sinks of the runner.
+        direct: Members in this process, beside those on the bus.
+        inbox: Passes what arrives to another loop, which calls `take`; by default `life` does.
         system: Clock, threads and sessions.
 
     """
@@ -92,13 +95,15 @@ class Coordinator(Sink):
         keep: bool = False,
         commands: Mapping[str, Command] = COMMANDS,
         sinks: Iterable[Sink | Callable[[Notice], None]] = (),
+        direct: DirectTransport | None = None,
+        inbox: HubInbox | None = None,
         system: System = REAL,
     ) -> None:
         algorithm = FrameAlgorithm(world) if algorithm is None else algorithm
         algorithm.inbox.max_single_events = limits.single_events
         keys, clock = Keys(world.name), system.monotonic
         self.system, self.watchers = system, watchers
-        self.inbox = HubInbox(STATUS_EVERY, system)
+        self.inbox = HubInbox(STATUS_EVERY, system) if inbox is None else inbox
         self.metrics = Metrics(algorithm, clock, keep)
         self.log = log = WorldLog(algorithm, watchers.said, system, self.metrics)
         self.admission = Admission(keys, limits, where or ListenConfig(), log.warn, system)
@@ -106,7 +111,8 @@ class Coordinator(Sink):
         self.transport = ZenohTransport(keys, epoch, self.metrics, clock, self._note_sent)
         self.status = StatusMeter(algorithm, self.schedule.pace, clock())
         own = (self.schedule, self.metrics, log, self.status, self)
-        self.runner = Runner(algorithm, self.transport, [*own, *sinks])
+        joint = self.transport if direct is None else JointTransport(direct, self.transport)
+        self.runner = Runner(algorithm, joint, [*own, *sinks])
         self._monitor = Monitor(self, Waits(deadlines or Deadlines(), queued))
         receiver = Receiver(self, limits, self._monitor.arrived)
         self._postponed = receiver.postponed
@@ -170,7 +176,7 @@ class Coordinator(Sink):
     def life(self) -> Generator[None, None, s.Ended]:
         """`run` as a generator that yields after each iteration, for simulations."""
         with self.admission.session(self.inbox.put) as (session, endpoint):
-            declared = self._declare(session)
+            declared = self.declare(session)
             self.watchers.listening(endpoint)
             # Opening the session takes time that must not count as a slow frame.
             self.status.at = self.system.monotonic()
@@ -188,6 +194,13 @@ class Coordinator(Sink):
         """Handle a stimulus, or another item of the inbox; from the main thread only."""
         self._handlers.get(item.__class__, self.runner.handle)(item)
 
+    def take(self, item: Any) -> None:
+        """Handle an item of the inbox, and what otherwise waits until nothing else has arrived."""
+        self.handle(item)
+        while self._postponed:
+            self._postponed.process_next()
+        self._answers.answer_due()
+
     def ask(self, question: str, **details: Any) -> Mapping[str, Any]:
         """Answer a question from another thread. Raises BusError, as a client does."""
         asked = LocalQuestion({"ask": question, **details})
@@ -200,7 +213,8 @@ class Coordinator(Sink):
             raise BusError(str(reply["error"]))
         return reply
 
-    def _declare(self, session: zenoh.Session) -> list[Any]:
+    def declare(self, session: zenoh.Session) -> list[Any]:
+        """Begin to receive over a session; returns the declarations to undeclare at the end."""
         handler, keys, epoch = self.inbox.handler, self.keys, self.transport.epoch
         liveliness = session.liveliness()
         admit = self._answers.admit

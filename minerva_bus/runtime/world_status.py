@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from minerva_bus.frame.member_states import MemberEntry
+from minerva_bus.regions.hosts import hosts_in, without_hosts
 from minerva_bus.runtime.operated import Operated
 from minerva_bus.world.operator import MemberStatus, WorldStatus
 
@@ -36,13 +37,14 @@ def status_of(running: Operated, since: int = 0) -> WorldStatus:
         agents=algorithm.composition.count,
         waiting=waiting,
         waited=running.status.waited,
-        members=tuple(
-            [
+        members=(
+            *hosts_in(algorithm.members),
+            *(
                 replace(member, outlook=running.outlook(member.name))
                 if member.name in waiting
                 else member
                 for member in members
-            ]
+            ),
         ),
         events={name: count * hz for name, count in running.event_log.per_frame().items()},
         bytes_in=measured.pop("bytes in", 0.0),
@@ -79,5 +81,8 @@ def _member(member: MemberEntry, wait: float) -> MemberStatus:
         expected=member.expected,
         joins=member.joins,
         wait=wait,
-        figures={**member.figures, **({"dropped": member.dropped} if member.dropped else {})},
+        figures={
+            **without_hosts(member.figures),
+            **({"dropped": member.dropped} if member.dropped else {}),
+        },
     )

@@ -488,6 +488,14 @@ class RegionSettings:
         " of a grid or tree, with the agents near its borders; otherwise they run in region 0.",
         BOOLEAN,
     )
+    hosts: tuple[str, ...] = setting(
+        "regions",
+        (),
+        "Tables `[process.NAME]` of agents that have processes of their own in each region, as"
+        " many as without regions; all other agents evolve in the processes of the regions.",
+        form='`["rabbits", "foxes"]`',
+        shown=" ",
+    )
     lag: int = setting(
         "regions",
         0,

@@ -70,6 +70,26 @@ class Drum(Bell):
 """
 
 
+HOSTS = """
+processes = 2
+
+[regions]
+hosts = ["walkers"]
+"""
+
+FAULTY = """
+import time
+import yard
+from yard import *
+
+class Walker(yard.Walker, symbol="AWalker"):
+    @on("eStep")
+    def walk(self, step, moment):
+        if moment.number == 5 and self.id == "b":
+            FAULT
+        return super().walk(step, moment)
+"""
+
 DEFECTS = """
 from pathlib import Path
 from minerva_bus.cli.main import main
@@ -334,6 +354,49 @@ said = true
     assert ended["digest"] == alone(path, 30)["digest"]
     done = here(path.parent, "run", path, "--regions", 2, "--in-process")
     assert "views in real time (screen) in one process" in done.stderr
+
+
+def advances(world):
+    frame = world.frame
+    eventually(lambda: world.members() and world.frame > frame + 5, "more frames")
+
+
+def test_hosts_their_regions_and_the_coordinator_may_die(tmp_path):
+    path = write_world(tmp_path, MEMBERS + HOSTS)
+    hosts = [f"region-{region}.walkers-{number}" for region in range(2) for number in (1, 2)]
+    words = "--rate", 50, "--frames", 0, "--regions", 2, "--record", "run.mcap", "--json"
+    with World(path, *words) as world:
+        pids = world.runs("region-0", "region-1", *hosts)
+        for name in (hosts[0], "region-1"):
+            os.kill(pids[name], signal.SIGKILL)
+            world.says(name, "was killed by SIGKILL")
+            advances(world)
+        # The hosts of a region that has died join its successor.
+        new = world.runs(*hosts)
+        assert [name for name in hosts if new[name] != pids[name]] == hosts[:1], world.text
+        assert here(tmp_path, "restart", world.name, hosts[3]).returncode == 0
+        world.says(hosts[3], "restarting on request")
+        world.kill_coordinator()
+        advances(world)
+        assert here(tmp_path, "stop").returncode == 0
+        ended = world.summary()
+    assert ended["digest"] == alone(path, ended["frames"], "--regions", 0)["digest"]
+    done = here(tmp_path, "replay", "run.mcap", path, "--recompute")
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+@pytest.mark.parametrize(("fault", "reported"), [
+    ("raise ValueError('broken')", "failed again with the same error in the same frame"),
+    pytest.param("time.sleep(1000)", "did not answer for 1.* s .blocked as above.; restart 2 of 2", marks=pytest.mark.slow),
+])  # fmt: skip
+def test_a_host_of_a_region_that_fails_is_reported_like_any_host(tmp_path, fault, reported):
+    (tmp_path / "faulty.py").write_text(FAULTY.replace("FAULT", fault))
+    members = MEMBERS.replace("yard:Walker", "faulty:Walker")
+    path = write_world(tmp_path, f"{members}restarts = 2\nhard = 1.0{HOSTS}")
+    done = minerva(tmp_path, "run", path, "--rate", 0, "--regions", 2)
+    assert done.returncode == 1, done.stderr
+    assert re.search(rf"region-[01].walkers-[12] │ {reported}", done.stderr), done.stderr
+    assert "the world stops" in done.stderr
 
 
 @pytest.mark.parametrize(("fault", "reported"), [

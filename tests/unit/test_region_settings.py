@@ -1,5 +1,6 @@
 """The table [regions]: how agents are divided, and what is refused."""
 
+import os
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -8,8 +9,10 @@ import hypothesis.strategies as st
 import pytest
 from hypothesis import given, settings
 
-from minerva_bus import Device
+from minerva_bus import Agent, Device
 from minerva_bus.errors import MisuseError, WorldFileError, WorldStopped
+from minerva_bus.frame.member import Member
+from minerva_bus.frame.members import Members
 from minerva_bus.grammar.packing import packed
 from minerva_bus.grammar.scene import AgentNode, Scene
 from minerva_bus.launch.console import Console
@@ -21,7 +24,9 @@ from minerva_bus.launch.regions.run import RegionRun
 from minerva_bus.launch.regions.settings import check_region_run, check_regions
 from minerva_bus.launch.worldfile import Process
 from minerva_bus.log.description import Description, decode_description, encode_description
+from minerva_bus.regions.hosts import host_figures, hosts_in, without_hosts
 from minerva_bus.regions.partition import ById, ByPosition
+from minerva_bus.regions.region import Region
 from minerva_bus.regions.tree import ByTree, Split
 from minerva_bus.settings.overrides import Overrides
 from minerva_bus.world.norms import Norm
@@ -164,6 +169,14 @@ class Eye(Device, coupled=True):
         Eye.made += 1
 
 
+class Screen(Device, draws=("eLook",)):
+    rate = 5.0
+
+
+class Rabbit(Agent, symbol="ARabbit"):
+    pass
+
+
 def test_what_needs_the_whole_world_keeps_regions_in_step():
     file = read("count = 2\nlag = 3\nmove_every = 9")
     norms = Norm("far", when="x > 3"), Norm("near", when="x > 3", where="#rabbit0.x < x")
@@ -181,6 +194,56 @@ def test_processes_of_agents_that_regions_do_not_start_are_named():
     names, effect = "foxes, ground, rabbits", "`processes` has no effect with regions"
     (note,) = unused_processes(read("count = 2", processes=3).processes)
     assert note.startswith(f"{names}: {effect}")
+
+
+def test_hosts_are_tables_of_agents():
+    file = read('count = 2\nhosts = ["rabbits"]')
+    assert file.hosts == ("rabbits",)
+    with in_regions(file) as regions:
+        names = {each.name for each in regions.processes}
+        hosts = {f"region-{n}.rabbits-{m}" for n in (0, 1) for m in (1, 2)}
+        assert names == {"region-0", "region-1"} | hosts
+        assert regions.world.expected == {"region-0", "region-1"}
+        assert not any("no effect" in note for note in regions.notes)
+    with pytest.raises(
+        WorldFileError, match=r"hosts names no process of agents, 'rabbit'.*rabbits"
+    ):
+        read('count = 2\nhosts = ["rabbit"]')
+    away = replace(file, processes=tuple(replace(p, elsewhere=True) for p in file.processes))
+    with in_regions(away) as regions:
+        assert {each.name for each in regions.processes} == {"region-0", "region-1"}
+
+
+def test_hosts_whose_failure_is_ignored_and_commands_that_others_show_are_refused():
+    file = replace(read("count = 2"), hosts=("rabbits", "snails"))
+    ignored = Process("rabbits", table="rabbits", agents=(Agent,), on_failure="ignore")
+    with pytest.raises(WorldFileError, match=r'hosts with on_failure = "ignore" \(rabbits\)'):
+        check_regions(replace(file, processes=(ignored,)), ())
+    snails = Process("snails", table="snails", command=("snails",))
+    screen = Member("screen", Screen())
+    with pytest.raises(WorldFileError, match=r"views \(screen\) with hosts that are .*\(snails\)"):
+        check_regions(replace(file, processes=(snails,)), [screen])
+
+
+def test_a_region_takes_hosts_of_agents_and_its_own_members():
+    world = read("count = 2").world
+    region = Region(world, 0, ById(2), [Member("eye", Eye())])
+    objection = region.algorithm.source.objection
+    assert objection(Member("eye", Eye()).hello()) == ""
+    assert objection(Member("host", None, [Rabbit]).hello()) == ""
+    assert "only hosts of agents" in objection(Member("other", Eye()).hello())
+    assert "only hosts of agents" in objection(Member("none", None).hello())
+
+
+def test_a_region_reports_its_hosts_and_no_others():
+    members, whole = Members(["own", "region-0.a"]), Members(["region-0", "region-1"])
+    host = members.get("region-0.a")
+    members.introduce(host, Member("region-0.a", None, [Rabbit]).hello())
+    figures = {**host_figures(members, ["own"]), "region-1.b/pid": 7, "flights": 3}
+    whole.get("region-0").figures = figures
+    (shown,) = hosts_in(whole)
+    assert (shown.name, shown.kinds, shown.pid) == ("region-0.a", ("ARabbit",), os.getpid())
+    assert without_hosts(figures) == {"flights": 3}
 
 
 def test_norms_on_events_with_a_lag_are_refused():

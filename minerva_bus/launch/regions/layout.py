@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
+import socket
+from collections.abc import Callable, Collection, Generator, Iterable, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -28,6 +29,7 @@ from minerva_bus.runtime.session import LOOPBACK
 from minerva_bus.runtime.waiting import Patience
 from minerva_bus.wire.keys import name_of_region, number_of_region
 from minerva_bus.wire.limits import DEFAULT
+from minerva_bus.world.agent import Agent
 from minerva_bus.world.kinds import kinds_of
 from minerva_bus.world.services import Service
 
@@ -39,14 +41,18 @@ MAX_RESTARTS: Final = 1000
 class RegionSpec(Process):
     """A region as a process of its world: its number and files, and the endpoints of all regions.
 
-    `world_file` is that of the whole world. Regions run `ahead` by so many frames. Without a file
-    for its `journal`, the coordinator of the world keeps it.
+    `world_file` is that of the whole world, with the processes that run in that of the region. It
+    has `hosts` in processes of their own, which join at the endpoint `hosts_at`. Regions run
+    `ahead` by so many frames. Without a file for its `journal`, the coordinator of the world keeps
+    it.
     """
 
     world_file: WorldFile
     number: int
     ahead: int
     endpoints: Mapping[int, str] = field(default_factory=dict[int, str])
+    hosts: tuple[Process, ...] = ()
+    hosts_at: str = ""
     journal: Path | None = None
 
     def make_journal(self) -> RegionJournal:
@@ -88,36 +94,61 @@ def in_regions(file: WorldFile) -> Generator[WorldFile]:
         yield file
         return
     services = _services(file.processes)
-    names = outside_of(file.processes, services)
+    names = outside_of(file, services)
     outside = [each for each in file.processes if each.name in names]
-    inside = tuple(each for each in file.processes if each.name not in names)
-    classes = {agent: None for process in inside for agent in process.agents}
-    ahead, notes = frames_ahead(file.world, {each.name: services[each.name] for each in inside})
-    # Processes elsewhere are those of regions elsewhere.
+    inside = [each for each in file.processes if each.name not in names]
+    ahead, notes = frames_ahead(file.world, _without(services, names))
+    # Processes elsewhere are those of regions elsewhere, which have no launcher for hosts.
     away = all(each.elsewhere for each in inside)
+    hosts = [each for each in inside if each.table in file.hosts and not away]
+    local = [each for each in inside if each not in hosts]
     with temporary_folder("regions") as folder:
         numbers = range(file.partition.count)
         endpoints = {n: f"unixsock-stream/{folder}/{n}.sock" for n in numbers}
         regions = [
             RegionSpec(
                 name_of_region(number),
-                agents=tuple(classes),
+                agents=_agents_of(inside),
                 # A region that is killed repeatedly loses no more than time.
                 restarts=MAX_RESTARTS,
                 # It may wait for another region, so a time-out would not find the late one.
                 patience=Patience(then="wait"),
-                world_file=_with(file, inside),
+                world_file=_with(file, local, own),
                 number=number,
                 ahead=ahead,
                 endpoints=endpoints,
+                hosts_at=hub,
+                hosts=own,
                 # A later run with the same journal has no temporary files, nor has another machine.
                 journal=None if file.bus.journal or away else folder / f"{number}.journal",
                 elsewhere=away,
             )
             for number in numbers
+            for hub in [_hub(folder, number, hosts)]
+            for own in [hosts_of(number, hosts, hub)]
         ]
-        notes = *file.notes, *notes, *unused_processes(inside)
-        yield replace(_with(file, (*regions, *outside)), notes=notes)
+        notes = *file.notes, *notes, *unused_processes(local)
+        world = _with(file, (*regions, *outside))
+        started = [host for region in regions for host in region.hosts]
+        yield replace(world, processes=(*world.processes, *started), notes=notes)
+
+
+def hosts_of(number: int, hosts: Iterable[Process], hub: str) -> tuple[Process, ...]:
+    """The processes of these hosts in a region that listens at `hub`."""
+    region = name_of_region(number)
+    return tuple([replace(each, name=f"{region}.{each.name}", hub=hub) for each in hosts])
+
+
+def _hub(folder: Path, number: int, hosts: Iterable[Process]) -> str:
+    """Where a region listens for its hosts; other languages do not know sockets of files."""
+    if not any(host.command for host in hosts):
+        return f"unixsock-stream/{folder}/{number}-hub.sock"
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        return f"tcp/127.0.0.1:{server.getsockname()[1]}"
+
+
+def _agents_of(processes: Iterable[Process]) -> tuple[type[Agent], ...]:
+    return tuple(dict.fromkeys(agent for process in processes for agent in process.agents))
 
 
 def unused_processes(inside: Sequence[Process]) -> list[str]:
@@ -133,20 +164,27 @@ def _services(processes: Iterable[Process]) -> dict[str, Service | None]:
     return {each.name: each.participant().service for each in known}
 
 
-def outside_of(
-    processes: Iterable[Process], services: Mapping[str, Service | None]
-) -> frozenset[str]:
+def _without(
+    services: Mapping[str, Service | None], names: Collection[str]
+) -> dict[str, Service | None]:
+    return {name: service for name, service in services.items() if name not in names}
+
+
+def outside_of(file: WorldFile, services: Mapping[str, Service | None]) -> frozenset[str]:
     """The processes that are members of a world's coordinator, beside its regions.
 
     `services` are those of the processes, by name. What a command does is known only from its
     hello, which the coordinator may refuse.
     """
-    return beside(services).union(each.name for each in processes if each.command)
+    commands = [each for each in file.processes if each.command and each.table not in file.hosts]
+    return beside(services).union(each.name for each in commands)
 
 
-def _with(file: WorldFile, processes: Sequence[Process]) -> WorldFile:
-    """The world file with these processes, for which the world waits."""
-    names = frozenset(process.name for process in processes)
+def _with(
+    file: WorldFile, processes: Sequence[Process], hosts: Sequence[Process] = ()
+) -> WorldFile:
+    """The world file with these processes, for which the world waits as for its `hosts`."""
+    names = frozenset(process.name for process in (*processes, *hosts))
     limits = file.access.limits
     # The report of a region may have a part of its journal, whatever generators may send.
     limits = replace(limits, tick_bytes=max(limits.tick_bytes, DEFAULT.tick_bytes))
@@ -167,13 +205,12 @@ def region_elsewhere(file: WorldFile, name: str, listen: str) -> RegionSpec | No
     if file.partition is None or number is None or not number < file.partition.count:
         return None
     services = _services(file.processes)
-    names = outside_of(file.processes, services)
+    names = outside_of(file, services)
     inside = [replace(each, elsewhere=False) for each in file.processes if each.name not in names]
-    agents = tuple(dict.fromkeys(agent for process in inside for agent in process.agents))
-    ahead, _ = frames_ahead(file.world, {each.name: services[each.name] for each in inside})
+    ahead, _ = frames_ahead(file.world, _without(services, names))
     return RegionSpec(
         name,
-        agents=agents,
+        agents=_agents_of(inside),
         world_file=_with(file, inside),
         number=number,
         ahead=ahead,
@@ -191,6 +228,7 @@ def source_of(file: WorldFile) -> Callable[[FrameAlgorithm], FrameSource] | None
         partition=file.partition,
         names=[region.name for region in regions],
         kinds=kinds_of(regions[0].agents),
+        all_kinds=not any(host.command for host in regions[0].hosts),
         codec=part_codec(file.world.vocabulary, file.access.limits),
         terms={TERMS: terms_of(regions[0].world_file, regions[0].ahead)},
         journals=_first_journals(file) if regions[0].elsewhere else {},

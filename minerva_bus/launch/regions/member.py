@@ -19,6 +19,7 @@ from minerva_bus.frame.inbox import MAX_WAITING
 from minerva_bus.frame.member import Member, Outgoing, WorldRestarted
 from minerva_bus.frame.norms import NORMS
 from minerva_bus.frame.own_agents import OwnAgents
+from minerva_bus.frame.phases import Phase
 from minerva_bus.launch.failures import own_members
 from minerva_bus.launch.free_running import close_services
 from minerva_bus.launch.in_process import members_of
@@ -26,11 +27,13 @@ from minerva_bus.launch.regions.checkpoint import RegionCheckpoint
 from minerva_bus.launch.regions.journal import MAX_BYTES
 from minerva_bus.launch.regions.layout import RegionSpec
 from minerva_bus.launch.regions.requests import RegionRequests
+from minerva_bus.launch.regions.runner import MakeRunner, RegionRunner
 from minerva_bus.launch.regions.sending import ParcelSender
 from minerva_bus.launch.regions.terms import agreed
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.log.entries import encode_inputs
 from minerva_bus.regions.generated import packed_answers, reported
+from minerva_bus.regions.hosts import host_figures
 from minerva_bus.regions.journal import CHECKPOINT, COORDINATOR, JOURNAL
 from minerva_bus.regions.judging import LINES
 from minerva_bus.regions.merging import Units, agents_in
@@ -56,15 +59,21 @@ class RegionMember(Member):
     """One region of a world, with members for its agents and generators in this process.
 
     `send` sends a parcel to another region; it may be lost, because parcels are kept until they are
-    acknowledged. `log` is called with lines for people.
+    acknowledged. `log` is called with lines for people. With another runner than the default,
+    agents may have hosts elsewhere: `hosts_answered` continues what waits for them.
     """
 
     def __init__(
-        self, spec: RegionSpec, send: Callable[[int, bytes], None], log: Callable[[str], None]
+        self,
+        spec: RegionSpec,
+        send: Callable[[int, bytes], None],
+        log: Callable[[str], None],
+        make_runner: MakeRunner = InProcessRunner,
     ) -> None:
         super().__init__(spec.name)
         file = spec.world_file
         assert file.partition is not None
+        self._make_runner = make_runner
         self._parcels = ParcelSender(send)
         self._file = file
         self._members = members_of(file)
@@ -75,7 +84,9 @@ class RegionMember(Member):
         self._log = log
         self._sender = PartSender()
         self._done: s.FrameDone | None = None
-        self._early: list[ParcelArrived] = []
+        self._ending = ""
+        self._early: list[ParcelArrived | m.RegionRequest] = []
+        self._past: Iterator[ParcelArrived] | None = None
         self._handlers[m.RegionRequest] = self._on_request
 
     def _region(self, file: WorldFile, number: int, partition: Partition) -> Region:
@@ -84,11 +95,11 @@ class RegionMember(Member):
     def _begin(self, region: Region) -> None:
         self.region = region
         region.services.send = self._parcels.send
-        # The coordinator has limited the events of each generator.
-        region.algorithm.inbox.max_single_events = MAX_WAITING
-        self._runner = InProcessRunner(
+        self._runner: RegionRunner = self._make_runner(
             region.algorithm, self._members, self._observe, deliver=region.services.deliver
         )
+        # The coordinator has limited the events of each generator.
+        region.algorithm.inbox.max_single_events = MAX_WAITING
 
     @property
     def running(self) -> str:
@@ -117,33 +128,64 @@ class RegionMember(Member):
         if not joins:
             return
         self._journal.continue_from(saved.get(JOURNAL))
-        self._repeat(welcome.frame)
-        for arrived in self._early:
-            self._out += self.parcel(arrived)
-        self.send_again(range(self.region.partition.count))
+        self._begin_to_repeat(welcome.frame)
+        self._out += self.hosts_answered()
 
     @own_members()
-    def _repeat(self, frame: int) -> None:
-        """Run the frames of the process before this one again; others have what it sent."""
+    def _begin_to_repeat(self, frame: int) -> None:
+        """Prepare to run the frames of the process before this one again."""
         if frame > self.region.frame and not self._journal.exists:
             lost = f"its journal was longer than {MAX_BYTES >> 20} MiB"
             raise WorldStopped(f"a new process cannot repeat {frame} frames: {lost}")
         self._parcels.repeats = True
-        # One by one, because the report of a repeated frame has the entries up to it.
         entries = self._journal.read()
         first = next(entries, None)
         if first is not None and first.source == CHECKPOINT:
             self._restore(RegionCheckpoint.decoded(first.data))
         self._runner.start()
-        for entry in () if first is None else chain([first], entries):
+        self._past = iter(()) if first is None else chain([first], entries)
+
+    def _repeat(self, past: Iterator[ParcelArrived]) -> bool:
+        """Run the frames of the process before this one again; others have what it sent.
+
+        Returns False if hosts have to answer first.
+        """
+        # One by one, because the report of a repeated frame has the entries up to it.
+        for _ in self._advance():
+            pass
+        while not self._is_busy and (entry := next(past, None)) is not None:
             if entry.source == COORDINATOR:
                 self._note(self._decoder.to_member(entry.data))
             elif entry.source != CHECKPOINT:
                 self._accept(entry)
             for _ in self._advance():
                 pass
-        self._parcels.repeats = False
-        self._journal.open()
+        return not self._is_busy
+
+    def hosts_answered(self) -> list[Outgoing]:
+        """Continue what waits for hosts elsewhere; returns the messages to the coordinator.
+
+        Raises WorldStopped if what others have sent is invalid.
+        """
+        out: list[Outgoing] = []
+        if self._past is not None and not self._ending:
+            if not self._repeat(self._past):
+                return out
+            self._past, self._parcels.repeats = None, False
+            self._journal.open()
+            early, self._early = self._early, []
+            for arrived in early:
+                if isinstance(arrived, ParcelArrived):
+                    out += self.parcel(arrived)
+                else:
+                    out += self._requested(arrived)
+            self.send_again(range(self.region.partition.count))
+        return [*out, *self._advance(), *self._last_report()]
+
+    @property
+    def _is_busy(self) -> bool:
+        """Whether a frame is in progress, or the first one waits for hosts."""
+        return self.region.algorithm.phase is not Phase.READY
 
     # --- checkpoints ---
 
@@ -187,7 +229,7 @@ class RegionMember(Member):
 
         Raises WorldStopped if it is invalid.
         """
-        if self.world is None:
+        if self.world is None or self._past is not None:
             self._early.append(arrived)
             return []
         if self._accept(arrived):
@@ -230,12 +272,19 @@ class RegionMember(Member):
         return agents_in([Units((), self._file.world.scene.pieces), self.region.units])
 
     def _on_request(self, request: m.RegionRequest) -> None:
+        self._out += self._requested(request)
+
+    def _requested(self, request: m.RegionRequest) -> list[m.TickReply]:
+        """The reports after the request of a frame."""
+        if self._past is not None:
+            self._early.append(request)
+            return []
         if request.frame in self._requests.reports:
-            self._out.append(self._requests.reports[request.frame])
-        elif request.frame > self._requests.last:
+            return [self._requests.reports[request.frame], *self._advance()]
+        if request.frame > self._requests.last:
             self._journal.write(ParcelArrived(COORDINATOR, encode(request)))
             self._note(request)
-        self._out.extend(self._advance())
+        return [*self._advance()]
 
     def _note(self, request: m.ToMember) -> None:
         assert isinstance(request, m.RegionRequest)
@@ -244,17 +293,24 @@ class RegionMember(Member):
         self._parcels.outbox.acknowledge(request.frame - 2 * self._requests.ahead)
 
     def _on_stop(self, stop: m.Stop) -> None:
-        self.stopped = stop.reason or "the world has ended"
+        self._ending = stop.reason or "the world has ended"
         self.region.end()
         self._runner.handle(s.End(stop.reason))
+        self._out += self._last_report()
+
+    def _last_report(self) -> list[m.Report]:
+        """The report to the coordinator, once all members have reported after the end."""
+        if not self._ending or self.stopped or self._runner.ended is None:
+            return []
+        self.stopped = self._ending
         elsewhere = self.region.services.elsewhere
         members = (each for each in self._members if not elsewhere(each))
         close_services(members, lambda name, text: self._log(f"{name}: {text}"))
-        self._out.append(m.Report(self.name, self._last_figures()))
+        return [m.Report(self.name, self._last_figures())]
 
     def figures(self) -> m.Figures:
-        """Nothing before the end of the world."""
-        return {}
+        """Before the end of the world only its hosts."""
+        return host_figures(self.region.algorithm.members, [each.name for each in self._members])
 
     def _last_figures(self) -> m.Figures:
         count, frames, ended = self.region.partition.count, self.region.frame, self._runner.ended
@@ -274,9 +330,14 @@ class RegionMember(Member):
     # --- frames ---
 
     def _advance(self) -> Iterator[m.TickReply]:
-        """Run the requested frames for which everything has arrived."""
+        """Run the requested frames for which everything has arrived.
+
+        The last one may go on when hosts elsewhere have answered.
+        """
         region = self.region
-        while (request := self._requests.of(region.frame)) is not None:
+        if self._done is not None:
+            yield self._end_frame(self._done)
+        while not self._is_busy and (request := self._requests.of(region.frame)) is not None:
             region.expect(expected_sources(region.schedule, request, region.number))
             if region.missing:
                 return
@@ -289,14 +350,19 @@ class RegionMember(Member):
                 return
             if self._journal.is_due():
                 self._save()
-            yield self._run_frame()
+            self._begin_frame()
+            if self._done is not None:
+                yield self._end_frame(self._done)
 
     @own_members()
-    def _run_frame(self) -> m.TickReply:
+    def _begin_frame(self) -> None:
         region, self.frame = self.region, self.region.frame
         self._parcels.frame_begun()
         region.give(self._requests.take(self.frame))
         self._runner.handle(s.Begin())
+
+    def _end_frame(self, done: s.FrameDone) -> m.TickReply:
+        region, self._done = self.region, None
         # Parcels lead to the state of the next frame, and the report is of this one.
         state, norms = (region.units, region.sent, region.progress()), region.norm_report
         parcels = [parcel for parcel in region.leave() if not region.keeps(parcel)]
@@ -306,14 +372,13 @@ class RegionMember(Member):
         message = partial(
             self._sender.message, self.frame, *state, targets, norms=norms, answered=answered
         )
-        report = self._report(message)
+        report = self._report(message, done)
         self._requests.keep(report)
         return report
 
-    def _report(self, message: Callable[[bytes], PartMessage]) -> m.TickReply:
-        assert self._done is not None
+    def _report(self, message: Callable[[bytes], PartMessage], done: s.FrameDone) -> m.TickReply:
         answered, first = self.region.services.nearby.answered, self.region.number == FIRST
-        inputs = reported(self._done.inputs, answered, first=first)
+        inputs = reported(done.inputs, answered, first=first)
         entry = b"" if inputs is None else encode_inputs(inputs)
         saved: dict[str, Any] = {
             PART: encode(message(entry)),
@@ -329,7 +394,9 @@ class RegionMember(Member):
         elif isinstance(notice, s.Notify) and notice.member == NORMS:
             self._requests.lines.append(notice.text)  # A line of the whole world.
         elif isinstance(notice, s.Notify) and notice.member != ORDERS:  # The coordinator logs it.
-            self._log(f"{notice.member}: {notice.text}")
+            # Each line names its member, because the launcher reads them one by one.
+            for line in notice.text.split("\n"):
+                self._log(f"{notice.member}: {line}")
         elif isinstance(notice, s.Stopping) and self.region.algorithm.failed:
             # A region's algorithm ends by itself only because of a failure.
             raise WorldStopped(notice.reason)

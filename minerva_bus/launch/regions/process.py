@@ -2,26 +2,37 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+import re
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, Final
 
 from minerva_bus.blame import report
 from minerva_bus.errors import BusError, MinervaError, UserCodeError, WorldStopped
+from minerva_bus.frame.algorithm import FrameAlgorithm
+from minerva_bus.frame.member import Member
 from minerva_bus.launch.regions.layout import RegionSpec
 from minerva_bus.launch.regions.member import RegionMember
+from minerva_bus.runtime.admission import ListenConfig
 from minerva_bus.runtime.arrival import STARTED_HERE, Arrival
+from minerva_bus.runtime.direct import Deliver, InProcessRunner
 from minerva_bus.runtime.endpoints import check_endpoint
 from minerva_bus.runtime.inbox import KeyedSample, keyed_sample
 from minerva_bus.runtime.member import BACK_WITHIN, MemberProcess
+from minerva_bus.runtime.own_threads import ReportFigures
+from minerva_bus.runtime.region_hub import HubConfig, HubItem, RegionHub
 from minerva_bus.runtime.region_links import ParcelArrived, RegionAppeared, RegionLinks
+from minerva_bus.runtime.runner import Notice
 from minerva_bus.runtime.system import Timer
 from minerva_bus.security.credentials import Credentials
 from minerva_bus.wire.keys import LINK, linked_at, name_of_region
 
 AGAIN_SECONDS: Final = 1.0
 """Interval at which parcels are sent again to regions that are still awaited."""
+
+NO_ANSWER: Final = re.compile(r"no answer for ([0-9]+\.[0-9]) s")
+"""What a region prints after the name of a host that has not answered in time."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,10 +65,12 @@ class RegionProcess(MemberProcess):
         """The arguments are those of a member; `spec` describes the region."""
         self._spec = spec
         self._own = own
+        self._hub: RegionHub | None = None
         self._links: RegionLinks | None = None
         self._timer: Timer | None = None
         self._unreachable: dict[int, str | None] = {}
-        self._region = RegionMember(spec, self._send, notify)
+        make_runner = partial(self._make_hub, shared) if spec.hosts else InProcessRunner
+        self._region = RegionMember(spec, self._send, notify, make_runner)
         super().__init__(
             self._region,
             spec.world_file.world.name,
@@ -73,7 +86,40 @@ class RegionProcess(MemberProcess):
             RegionAppeared: self._on_appeared,
             _SendAgain: self._on_send_again,
             _Unreachable: self._on_unreachable,
+            HubItem: self._on_hub_item,
         }
+
+    def _make_hub(
+        self,
+        shared: bool,
+        algorithm: FrameAlgorithm,
+        members: Iterable[Member],
+        observe: Callable[[Notice], None],
+        *,
+        deliver: Deliver,
+    ) -> RegionHub:
+        spec, file = self._spec, self._spec.world_file
+        config = HubConfig(
+            ListenConfig(spec.hosts_at, shared),
+            replace(file, processes=spec.hosts).deadlines,
+            file.access.limits,
+            self._note_late,
+        )
+        # It is made before the queue of this process, which it uses when it is opened.
+        self._hub = RegionHub(
+            config, lambda item: self.inbox.put(item), algorithm, members, observe, deliver
+        )
+        return self._hub
+
+    def _note_late(self, host: str, waited: float) -> None:
+        """Let the launcher kill a host that has not answered in time; it reads this line."""
+        self._notify(f"{host}: no answer for {waited:.1f} s")
+
+    def _on_hub_item(self, item: HubItem) -> None:
+        assert self._hub is not None
+        self._hub.take(item)
+        for reply in self._region.hosts_answered():
+            self.link.send(reply)
 
     def _declare(self, session: Any) -> list[Any]:
         spec = self._spec
@@ -99,6 +145,8 @@ class RegionProcess(MemberProcess):
             self._timer.cancel()
         if self._links is not None:
             self._links.close()
+        if self._hub is not None:
+            self._hub.close()
 
     def _send(self, region: int, data: bytes) -> None:
         if self._links is not None:
@@ -128,6 +176,8 @@ class RegionProcess(MemberProcess):
     def _on_send_again(self, _: _SendAgain) -> None:
         awaited, links = self._region.awaited, self._links
         self._region.a_second_later()
+        if self._region.world is not None:
+            self._on_figures(ReportFigures())
         for region in awaited if links is not None and self._spec.announces else ():
             endpoint = links.unlinked(region) if links is not None else ""
             # None: a check is under way.

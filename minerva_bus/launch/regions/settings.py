@@ -50,6 +50,23 @@ def read_regions(top: Table, path: Path) -> tuple[Partition | None, RegionLag | 
     return None if is_off else partition, lag
 
 
+def read_hosts(top: Table, processes: Iterable[Process]) -> tuple[str, ...]:
+    """The tables of agents that have processes of their own in each region. Raises WorldFileError.
+
+    What a command does is only known from its hello: a region refuses it if it has no agents.
+    """
+    hosts, tables = top.read(RegionSettings).hosts, dict[str, None]()
+    for process in processes:
+        if process.agents or process.command:
+            tables[process.table] = None
+    for name in hosts:
+        if name not in tables:
+            known = [*tables]
+            hint = nearest(name, known, f"agents and commands: {', '.join(known) or 'none'}")
+            top.table("regions").wrong("hosts", f"names no process of agents, {name!r}{hint}")
+    return hosts
+
+
 def _lag(table: Table, settings: RegionSettings, partition: Partition | None) -> RegionLag | None:
     if not settings.lag:
         if settings.move_every > 1:
@@ -163,7 +180,8 @@ def check_regions(file: WorldFile, members: Sequence[Member]) -> None:
         ),
     }
     outside = beside({each.name: each.service for each in members})
-    apart = outside.union(each.name for each in file.processes if each.command)
+    commands = [each for each in file.processes if each.command and each.table not in file.hosts]
+    apart = outside.union(each.name for each in commands)
     near = sorted(world.placement.neighbours & apart)
     unsupported[f"[placement] near a process outside of regions ({', '.join(near)})"] = bool(near)
     services = [
@@ -172,7 +190,10 @@ def check_regions(file: WorldFile, members: Sequence[Member]) -> None:
         if each.name not in outside
     ]
     reasons = [what for what, is_used in unsupported.items() if is_used]
-    reasons += _unsupported_processes(file.processes, outside)
+    reasons += _unsupported_processes(file.processes, apart)
+    beside_regions = [each for each in members if each.name in outside]
+    hosts = [each for each in file.processes if each.table in file.hosts]
+    reasons += _unsupported_hosts(hosts, beside_regions)
     reasons += [reason for reason in services if not reason.startswith(" ")]
     _refuse(file, reasons)
 
@@ -253,7 +274,7 @@ def _refuse(file: WorldFile, reasons: Sequence[str]) -> None:
 
 
 def _unsupported_processes(processes: Iterable[Process], outside: Collection[str]) -> Iterator[str]:
-    inside = [each for each in processes if not (each.command or each.name in outside)]
+    inside = [each for each in processes if each.name not in outside]
     # If all of them are elsewhere, so are the regions.
     elsewhere = [each.name for each in inside if each.elsewhere]
     if len(elsewhere) not in (0, len(inside)):
@@ -261,6 +282,24 @@ def _unsupported_processes(processes: Iterable[Process], outside: Collection[str
     for process in processes:
         if process.speaks_for:
             yield f"generators that send in the name of agents ({process.name})"
+
+
+def _unsupported_hosts(hosts: Iterable[Process], beside: Iterable[Member]) -> Iterator[str]:
+    """What regions do not support of agents that have processes of their own in each region.
+
+    `beside` are the members beside the regions.
+    """
+    shown = [each.name for each in beside if isinstance(each.service, Device)]
+    for process in hosts:
+        # Without its agents, the string would be another one.
+        if process.on_failure == "ignore":
+            yield f'hosts with on_failure = "ignore" ({process.name})'
+        # On other machines, agents are in the process of their region.
+        if process.command and process.elsewhere:
+            yield f"hosts that are commands, with regions elsewhere ({process.name})"
+        # The coordinator of the world makes these views, and has no code of the command.
+        if process.command and shown:
+            yield f"views ({shown[0]}) with hosts that are commands ({process.name})"
 
 
 def _is_in_real_time(service: Service | None) -> bool:

@@ -1,0 +1,72 @@
+"""Hosts of a region, for the operator of the world: metrics of the region, and rows made of them.
+
+The coordinator of the world has no other knowledge of hosts, which are members of their region.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any, Final
+
+from minerva_bus.frame import messages as m
+from minerva_bus.frame.members import Members
+from minerva_bus.world.operator import MemberStatus
+
+_SEPARATOR: Final = "/"
+"""Between a host and what is reported of it; no name of a member and no other metric has it."""
+
+_TEXTS: Final = "state", "kinds", "host"
+_NUMBERS: Final = "pid", "joins"
+
+
+def host_figures(members: Members, own: Iterable[str]) -> m.Figures:
+    """The metrics of a region about its hosts: its members but its `own`, which have no process."""
+    names, figures = frozenset(own), dict[str, bool | int | float | str]()
+    for member in members:
+        if member.name in names:
+            continue
+        hello = member.hello
+        of_host: dict[str, int | str] = {"state": member.state.value, "joins": member.joins}
+        if hello is not None:
+            kinds = " ".join(kind.name for kind in hello.kinds)
+            of_host |= {"kinds": kinds, "pid": hello.pid, "host": hello.host}
+        for what, value in of_host.items():
+            figures[f"{member.name}{_SEPARATOR}{what}"] = value
+    return figures
+
+
+def without_hosts(figures: m.Figures) -> m.Figures:
+    """The metrics of a member but those about hosts."""
+    return {name: value for name, value in figures.items() if _SEPARATOR not in name}
+
+
+def hosts_in(members: Members) -> list[MemberStatus]:
+    """The hosts of all regions, by the metrics of these, sorted by name."""
+    hosts: dict[str, dict[str, Any]] = {}
+    for region in members:
+        prefix = f"{region.name}."
+        for name, value in region.figures.items():
+            host, separator, what = name.partition(_SEPARATOR)
+            # A member may report any metric, but only about hosts of its own.
+            if separator and host.startswith(prefix):
+                hosts.setdefault(host, {})[what] = value
+    return [_status(name, of_host) for name, of_host in sorted(hosts.items())]
+
+
+def _status(name: str, of_host: Mapping[str, Any]) -> MemberStatus:
+    texts = {what: str(of_host.get(what, "")) for what in _TEXTS}
+    numbers = {what: _number(of_host.get(what)) for what in _NUMBERS}
+    return MemberStatus(
+        name,
+        texts["state"],
+        roles=("agents",),
+        kinds=tuple(texts["kinds"].split()),
+        pid=numbers["pid"],
+        host=texts["host"],
+        expected=True,
+        joins=numbers["joins"],
+    )
+
+
+def _number(value: object) -> int:
+    return value if type(value) is int else 0

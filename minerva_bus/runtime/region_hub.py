@@ -1,0 +1,151 @@
+"""The hub of a region: hosts in processes of their own evolve agents of the region.
+
+It is the coordinator of any world, around the frame algorithm of the region, with two differences:
+what arrives is handled in the loop of the region's process, and members without a process of their
+own, such as generators, are in it.
+"""
+
+# Zenoh's own stubs leave some types open.
+# pyright: reportUnknownMemberType=false
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from contextlib import ExitStack
+from dataclasses import dataclass
+from typing import Any, Final
+
+import zenoh
+
+from minerva_bus.frame import stimuli as s
+from minerva_bus.frame.algorithm import FrameAlgorithm
+from minerva_bus.frame.member import Member
+from minerva_bus.runtime.admission import ListenConfig
+from minerva_bus.runtime.coordinator import Coordinator
+from minerva_bus.runtime.direct import Deliver, DirectTransport, deliver
+from minerva_bus.runtime.inbox import HubInbox, TimerTick
+from minerva_bus.runtime.monitor import STATUS_EVERY
+from minerva_bus.runtime.runner import Notice
+from minerva_bus.runtime.system import REAL, Timer
+from minerva_bus.runtime.waiting import Deadlines
+from minerva_bus.runtime.watchers import Watchers
+from minerva_bus.wire.keys import last_part
+from minerva_bus.wire.limits import Limits
+
+EPOCHS_PER_SECOND: Final = 1000
+"""A region may be restarted in the second in which it was started."""
+
+
+@dataclass(frozen=True, slots=True)
+class HubItem:
+    """Something that has arrived at the hub of this process."""
+
+    item: Any
+
+
+@dataclass(frozen=True, slots=True)
+class HubConfig:
+    """The hub of a region: where it listens, and what it grants its hosts.
+
+    `late` is called with the name of a host that has not answered in time, and the seconds since.
+    """
+
+    where: ListenConfig
+    deadlines: Deadlines
+    limits: Limits
+    late: Callable[[str, float], None]
+
+
+class RegionHub:
+    """Runs the frame algorithm of a region with members here and hosts on the bus.
+
+    `put` receives a `HubItem` for all that arrives, in any thread; the loop of the process passes
+    these to `take`.
+    """
+
+    def __init__(
+        self,
+        config: HubConfig,
+        put: Callable[[HubItem], None],
+        algorithm: FrameAlgorithm,
+        members: Iterable[Member],
+        observe: Callable[[Notice], None],
+        deliver: Deliver = deliver,
+    ) -> None:
+        members = [*members]
+        self._names = sorted(member.name for member in members)
+        self._coordinator = Coordinator(
+            algorithm.world,
+            Watchers(
+                # The log limits the number of lines, and has those of the hub, too.
+                said=lambda member, text, details: observe(s.Notify(member, text, details)),
+                status=lambda _: None,
+                listening=lambda _: None,
+                stalled=config.late,
+            ),
+            where=config.where,
+            deadlines=config.deadlines,
+            limits=config.limits,
+            algorithm=algorithm,
+            sinks=[lambda notice: None if isinstance(notice, s.Notify) else observe(notice)],
+            direct=DirectTransport(members, deliver=deliver),
+            inbox=_SharedInbox(put),
+            epoch=int(EPOCHS_PER_SECOND * REAL.time()),
+        )
+        self._open = ExitStack()
+
+    @property
+    def ended(self) -> s.Ended | None:
+        """The end of the world, when all members have reported."""
+        return self._coordinator.runner.ended
+
+    def start(self) -> None:
+        """Open the hub, and let the members of this process join. Raises BusError."""
+        coordinator = self._coordinator
+        session, _ = self._open.enter_context(coordinator.admission.session(coordinator.inbox.put))
+        self._open.callback(coordinator.inbox.close)
+        for declaration in coordinator.declare(session):
+            self._open.callback(declaration.undeclare)
+        for name in self._names:
+            self.handle(s.Appeared(name))
+
+    def handle(self, stimulus: s.Stimulus) -> None:
+        """Process a stimulus; hosts on the bus answer later."""
+        self._coordinator.runner.handle(stimulus)
+
+    def take(self, arrived: HubItem) -> None:
+        """Process what has arrived."""
+        self._coordinator.take(arrived.item)
+
+    def close(self) -> None:
+        """Close the hub."""
+        self._open.close()
+
+
+class _SharedInbox(HubInbox):
+    """The inbox of a hub, whose items are put into the queue of its process."""
+
+    indirect = False
+
+    def __init__(self, put: Callable[[HubItem], None]) -> None:
+        super().__init__(STATUS_EVERY)
+        self._put = put
+        self._timer: Timer | None = None
+
+    def open(self, session: zenoh.Session, key: str, wake_key: str = "") -> list[Any]:
+        """Subscribe to the keys of hosts."""
+        self._timer = self._system.every(self._every, lambda: self.put(TimerTick()))
+        return [session.declare_subscriber(key, self.handler(_message))]
+
+    def put(self, item: Any) -> None:
+        """Pass an item on."""
+        self._put(HubItem(item))
+
+    def close(self) -> None:
+        """Stop the timer."""
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer.join()
+
+
+def _message(sample: zenoh.Sample) -> tuple[str, bytes]:
+    return last_part(str(sample.key_expr)), sample.payload.to_bytes()
