@@ -86,9 +86,8 @@ class RunJournal:
         # This journal replaces the earlier one, so it takes over its contents besides the frames.
         if past is not None:
             self._journal.members(past.members)
-            if past.rate is not None:
-                pace = coordinator.schedule.pace
-                pace.rate, pace.left = past.rate, past.left
+            pace = coordinator.schedule.pace
+            pace.rate, pace.left = past.rate_for(file.rate), past.left
         self._note_pace(self._journal)
 
     @property

@@ -20,7 +20,7 @@ from minerva_bus.log.entries import EntryDecoder, EventsBySource, Keyframe, entr
 from minerva_bus.log.errors import RecordError
 from minerva_bus.log.journal import FORMATS, HEAD, key_of
 from minerva_bus.outputs import is_stream
-from minerva_bus.wire.plain import as_int, as_number, as_text, as_texts, pack
+from minerva_bus.wire.plain import as_int, as_map, as_number, as_text, as_texts, pack
 
 DESCRIPTION_AT: Final = 2
 """Index of the description among the entries: after the beginning and the keyframe."""
@@ -36,6 +36,7 @@ class Journaled:
     `world`: the world in the state of the keyframe. `inputs`: of each frame since.
     `members`: members that took part, beside those of the world file.
     `rate`, `left`: as in `Pace`; `left` counts the frames allowed after those in the journal.
+    `configured_rate`: the rate with which the run was started; None if the journal lacks it.
     `waiting`: events that people sent since the last frame; None means no change.
     `lost`: unreadable bytes at the end, damaged or cut off.
     """
@@ -49,6 +50,16 @@ class Journaled:
     left: int | None = None
     waiting: EventsBySource | None = None
     lost: int = 0
+    configured_rate: float | None = None
+
+    def rate_for(self, configured: float) -> float:
+        """Rate of a run that continues and is configured with this rate.
+
+        A successor and a run that is started in the same way keep the rate that people have set.
+        """
+        if self.rate is None or self.configured_rate not in (None, configured):
+            return configured
+        return self.rate
 
 
 def read_journal(path: Path, world: World) -> Journaled | None:
@@ -181,6 +192,8 @@ def _take(entry: bytes, journaled: Journaled, decoder: EntryDecoder) -> None:
     elif kind == "pace":
         journaled.rate = as_number(items[1], "the rate")
         journaled.left = None if items[2] is None else as_int(items[2], "frames")
+    elif kind == "world":
+        journaled.configured_rate = as_number(as_map(items[2], "a world")["rate"], "the rate")
     elif kind == "waiting":
         journaled.waiting = decoder.events(items[1])
 

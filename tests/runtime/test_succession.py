@@ -210,9 +210,10 @@ def test_a_world_with_a_journal_goes_on_whatever_was_killed(tmp_path):
         world.kill()
         world.ends()
         world.gone()
-    with World(path, *words) as world:
+    with World(path, *words, "--rate", 40) as world:
         world.says("continuing from frame", "of its journal")
         world.runs(*NAMES)
+        assert json.loads(here(tmp_path, "list", "--json").stdout)["rate"] == 40
         world.kill(signal.SIGTERM)
         world.ends()
     assert list((tmp_path / "kept").glob("*.journal"))

@@ -12,6 +12,7 @@ from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.stimuli import FrameDone, Publish
 from minerva_bus.log import journal
 from minerva_bus.log.checkpoints import Kept, encode_checkpoint
+from minerva_bus.log.description import Description, encode_description
 from minerva_bus.log.errors import RecordError
 from minerva_bus.log.journal import Journal
 from minerva_bus.log.journaled import read_journal, resume_from
@@ -49,6 +50,17 @@ class Written:
         algorithm, seen = FrameAlgorithm(past.world), []
         resume_from(past, algorithm, lambda done: seen.append(done.record.digest.hex()))
         return past, algorithm, seen
+
+
+@pytest.mark.parametrize(("configured", "expected"), [(20.0, 30.0), (0.0, 0.0), (50.0, 50.0)])
+def test_a_rate_that_people_set_stays_unless_another_one_is_configured(
+    tmp_path, configured, expected
+):
+    world = SETTINGS["pond"].world
+    started = encode_description(Description(world, rate=20.0))
+    journal = Journal(tmp_path / "w.journal", 7, FrameAlgorithm(world), started)
+    journal.pace(30.0, None)
+    assert read_journal(tmp_path / "w.journal", world).rate_for(configured) == expected
 
 
 @both
