@@ -60,3 +60,17 @@ def test_images_readings_and_events_are_there(rows):
     assert rows["/r1/position"].values["positions"][0] == [[50.0, 14.5]]
     assert rows["/events/eSteer"].frames == [0, 1, 3, 4]
     assert rows["/events/eSteer"].values["scalars"][0] == [2.0]
+
+
+def test_another_name_of_the_file_keeps_its_content(tmp_path):
+    from minerva_services.views.rerun.rrd_file import open_stream
+
+    record = tmp_path / "yard.mcap"
+    record.write_bytes(b"recorded")
+    linked, named = tmp_path / "linked.rrd", tmp_path / "named.rrd"
+    linked.symlink_to(record)
+    named.hardlink_to(record)
+    for path in (linked, named):
+        open_stream("yard", path, "").disconnect()
+        assert path.read_bytes()[:4] == b"RRF2"
+    assert record.read_bytes() == b"recorded"

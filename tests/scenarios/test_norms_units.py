@@ -1,8 +1,9 @@
 """Norms on agents inside others and on newborns: the agents judged and sanctioned."""
 
-from street import FINE, eFine
+from street import FINE, eFine, eShout, street
 from test_norms import happened, live, states
 
+from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.grammar.batch import single
 from minerva_bus.world.norms import Norm, Then, ViolationCounts
 
@@ -79,3 +80,19 @@ def test_counts_are_saved_as_long_as_they_matter_and_move_with_agents():
     assert not other.breaks(quiet, "b", 3)
     other.add(moved)
     assert [other.exceeds(quiet, who, 4) for who in "ab"] == [True, False]
+
+
+def test_effects_that_another_process_reports_are_forgotten_but_counted():
+    """As the coordinator of regions does, which judges the events of generators once more."""
+    quiet = Norm("quiet", on=("eShout",), then=Then.SANCTION, sanction=eFine(1, "quiet"))
+    algorithm = FrameAlgorithm(street("ARunner#a", (quiet,)))
+    norms, sanctions = algorithm.norms, []
+    norms.count_from({"broken": {"quiet": 4}})
+    for forgets in (True, False):
+        norms.events(0, {"crier": [eShout(1.0, sender="a")]})
+        if forgets:
+            norms.forget_effects()
+        norms.publish(algorithm.out, algorithm.inbox, {})
+        sanctions.append(len(algorithm.inbox.sanctions))
+    assert norms.broken == {"quiet": 6}
+    assert sanctions == [0, 1]

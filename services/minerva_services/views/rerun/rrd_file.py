@@ -29,6 +29,10 @@ def open_stream(world: str, path: Path, advice: str) -> rr.RecordingStream:
         world, recording_id=f"{MARK}, {secrets.token_hex(8)}", send_properties=False
     )
     try:
+        if path.is_file():
+            # The library writes into the file: through a link, or another name of the same file, it
+            # would destroy that, such as the record that is being exported.
+            path.unlink()
         stream.save(path)
     except Exception as error:  # the library raises RuntimeError
         raise MisuseError(f"rerun: cannot write {path}: {error}; {advice}") from None
