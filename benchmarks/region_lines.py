@@ -18,7 +18,9 @@ generator, and to the host. Lost packets are not expected.
 
 from __future__ import annotations
 
+import json
 import os
+import signal
 import statistics
 import subprocess
 import sys
@@ -28,7 +30,7 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import IO, TYPE_CHECKING, Final
 
 from benchmarks.command import Option, Table, options
 from benchmarks.ip_lines import Lines, run
@@ -78,11 +80,14 @@ NO_DELAY: Final = Setting(0.0, 0.0)
 
 
 @contextmanager
-def process(*words: str, **more: str) -> Iterator[subprocess.Popen[bytes]]:
-    """A process without output that is terminated at the end; `more` are variables."""
+def process(
+    *words: str, output: IO[str] | None = None, **more: str
+) -> Iterator[subprocess.Popen[bytes]]:
+    """A process that is terminated at the end; `more` are variables."""
     environment = {**os.environ, "PYTHONPATH": str(ROOT), **more}
     silent = subprocess.DEVNULL
-    running = subprocess.Popen(words, env=environment, stdout=silent, stderr=silent)
+    to = silent if output is None else output
+    running = subprocess.Popen(words, env=environment, stdout=to, stderr=silent)
     try:
         yield running
     finally:
@@ -91,51 +96,90 @@ def process(*words: str, **more: str) -> Iterator[subprocess.Popen[bytes]]:
 
 
 class RunningWorld:
-    """A world whose coordinator is host 0, and each process another one."""
+    """A world whose coordinator is host 0, and each process another one.
 
-    def __init__(self, folder: Path, path: Path, regions: int, opened: ExitStack) -> None:
+    `coordinator` is its process. So many hosts are `spare`: regions may run there later.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        path: Path,
+        regions: int,
+        opened: ExitStack,
+        *words: str,
+        spare: int = 0,
+    ) -> None:
+        """`words` are options of the coordinator."""
+        self._opened = opened
+        self._runtime = str(folder / "runtime")
+        self._path, self._regions = path, regions
         self._times = folder / f"{path.stem}.times"
         roles = {f"region-{n}": "region" for n in range(regions)}
         roles = roles or {"steps": "generator", "walkers": "agent"}
-        self.lines = opened.enter_context(Lines(1 + len(roles)))
-        keys, at = folder / f"{path.stem}.keys", f"tls/{self.lines.address(0)}:7447"
-        run(*MINERVA, "keys", "init", "--dir", str(keys), "--host", self.lines.address(0))
-        alone = "run", str(path), "--coordinator-only", "--rate", "0", "--listen", at
-        alone = *alone, "--regions", str(regions), "--keys", str(keys)
-        there = {"MINERVA_RUNTIME_DIR": str(folder / "runtime")}
-        self._processes = [
-            opened.enter_context(process(*self.lines.inside(0), *MINERVA, *alone, **there))
-        ]
+        self.lines = opened.enter_context(Lines(1 + len(roles) + spare))
+        self._keys, self._at = folder / f"{path.stem}.keys", f"tls/{self.lines.address(0)}:7447"
+        keys = "--dir", str(self._keys)
+        run(*MINERVA, "keys", "init", *keys, "--host", self.lines.address(0))
+        alone = "run", str(path), "--coordinator-only", "--listen", self._at
+        alone = *alone, "--regions", str(regions), "--keys", str(self._keys), *words
+        self.processes: dict[str, subprocess.Popen[bytes]] = {}
+        self._summary = folder / f"{path.stem}.json"
+        with self._summary.open("w") as summary:
+            self.coordinator = self._start(0, *alone, output=summary)
+        spares = [self.lines.address(1 + len(roles) + n) for n in range(spare)]
         for host, (name, role) in enumerate(roles.items(), 1):
-            own = self.lines.address(host)
-            issue = "keys", "issue", name, "--role", role, "--dir", str(keys), "--host", own
-            run(*MINERVA, *issue)
-            words = "attach", str(path), "--process", name, "--connect", at
-            words = *words, "--keys", f"{keys}/{name}.pem"
-            if regions:
-                words = *words, "--regions", str(regions), "--link", f"tls/{own}:7450"
-            first = {TIMES: str(self._times)} if host == 1 else {}
-            words = *self.lines.inside(host), *MINERVA, *words
-            self._processes.append(opened.enter_context(process(*words, **there, **first)))
+            hosts = ",".join([self.lines.address(host), *spares])
+            run(*MINERVA, "keys", "issue", name, "--role", role, *keys, "--host", hosts)
+            self.attach(name, host)
+
+    def attach(self, name: str, host: int, *words: str) -> subprocess.Popen[bytes]:
+        """Start the process of the world with this name on a host."""
+        shared = "--connect", self._at, "--keys", f"{self._keys}/{name}.pem", *words
+        if self._regions:
+            link = f"tls/{self.lines.address(host)}:7450"
+            shared = *shared, "--regions", str(self._regions), "--link", link
+        words = "attach", str(self._path), "--process", name, *shared
+        started = self.processes[name] = self._start(host, *words)
+        return started
+
+    def _start(
+        self, host: int, *words: str, output: IO[str] | None = None
+    ) -> subprocess.Popen[bytes]:
+        variables = {"MINERVA_RUNTIME_DIR": self._runtime}
+        if host == 1:
+            variables[TIMES] = str(self._times)
+        inside = self.lines.inside(host)
+        started = process(*inside, *MINERVA, *words, output=output, **variables)
+        return self._opened.enter_context(started)
+
+    def ended(self) -> tuple[str, int]:
+        """End the world; returns its digest and number of frames. It must have `--json`."""
+        self.coordinator.send_signal(signal.SIGINT)
+        self.coordinator.wait(PATIENCE)
+        summary = json.loads(self._summary.read_text())
+        return summary["digest"], summary["frames"]
 
     def frames_per_second(self, setting: Setting, frames: int) -> float:
         """The mean over some frames, after the lines have this setting."""
         self.lines.delay, self.lines.lost = setting.delay / 1e3, setting.lost / 100
-        first = len(self._noted()) + SETTLED
-        times = self._after(first + frames)
+        first = len(self.noted()) + SETTLED
+        times = self.after(first + frames)
         return frames / (times[first + frames] - times[first])
 
-    def _noted(self) -> list[float]:
+    def noted(self) -> list[float]:
+        """The times at which frames have begun, on the monotonic clock."""
         text = self._times.read_text() if self._times.exists() else ""
         return [float(line) for line in text.split("\n")[:-1]]
 
-    def _after(self, frame: int) -> list[float]:
+    def after(self, frame: int) -> list[float]:
         """The times of frames up to this one; waits until it has begun."""
         seen, end = -1, time.monotonic() + PATIENCE
-        while len(times := self._noted()) <= frame:
+        while len(times := self.noted()) <= frame:
             if len(times) > seen:
                 seen, end = len(times), time.monotonic() + PATIENCE
-            ended = [each.args for each in self._processes if each.poll() is not None]
+            present = {"coordinator": self.coordinator, **self.processes}
+            ended = [name for name, each in present.items() if each.poll() is not None]
             if ended or time.monotonic() > end:
                 raise SystemExit(f"{self._times.stem} stands still at frame {seen}: {ended}")
             time.sleep(0.05)
@@ -167,7 +211,7 @@ def main() -> None:
             with tempfile.TemporaryDirectory() as name, ExitStack() as opened:
                 folder = Path(name)
                 path = world(folder, given.agents, 0, regions, lag, given.every, clock=CLOCK)
-                running = RunningWorld(folder, path, regions, opened)
+                running = RunningWorld(folder, path, regions, opened, "--rate", "0")
                 rates: dict[Setting, list[float]] = {each: [] for each in settings}
                 for _ in range(given.turns):
                     for setting, of in rates.items():
