@@ -301,7 +301,7 @@ class FrameAlgorithm:
     def awaits(self, member: str) -> bool:
         """Whether this frame or the next one waits for an answer of a member."""
         # An answer to an early request is awaited in any phase, because it is for the next frame.
-        if self.inbox.early.awaits(member):
+        if self.inbox.early.awaits(member) or self.source.early_replies(member):
             return True
         if self.phase in (Phase.TICK, Phase.STOPPING):
             return self.awaits_answer(member)

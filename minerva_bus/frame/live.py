@@ -69,6 +69,10 @@ class FrameSource:
         """Step 10: announce that the next frame may begin."""
         self._algorithm.out.add(s.Ready(self._algorithm.frame))
 
+    def early_replies(self, member: str) -> int:
+        """The replies of a member that are outstanding for frames that have not begun."""
+        return 0
+
     # --- stimuli ---
 
     def tick_reply(self, reply: m.TickReply) -> None:

@@ -81,6 +81,11 @@ class FrameRequests:
         begun = self._algorithm.frame + (self._algorithm.phase is not Phase.READY)
         return frame >= begun and frame in self._requests
 
+    def outstanding(self, member: str) -> int:
+        """The frames that have been requested, but not begun, without the report of a region."""
+        early = filter(self.is_early, self._requests)
+        return sum(member not in self._early.get(frame, {}) for frame in early)
+
     @property
     def people(self) -> tuple[str, ...]:
         """The generators in this frame whose events count as sent by people."""

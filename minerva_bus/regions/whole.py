@@ -175,6 +175,10 @@ class WholeSource(RecordedSource):
             " (--regions 0), or send events freely"
         )
 
+    def early_replies(self, member: str) -> int:
+        """The frames ahead that a region has not reported."""
+        return self._requests.outstanding(member) if member in self._names else 0
+
     def tick_reply(self, reply: m.TickReply) -> None:
         """Accept the report of a region, or keep that of a later frame."""
         algorithm = self._algorithm

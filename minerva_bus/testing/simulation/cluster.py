@@ -213,7 +213,9 @@ class Cluster(Sink):
             return
         message = self.links.up[name].popleft()
         assert not isinstance(message, m.Readings)
-        self.runner.handle(message)
+        # The real coordinator does not even decode a large reply for which no frame waits.
+        if not isinstance(message, m.TickReply) or self.algorithm.awaits(name):
+            self.runner.handle(message)
 
     def _send_parcel(self, source: int, target: int, data: bytes) -> None:
         if frozenset((source, target)) in self.links.cuts:
