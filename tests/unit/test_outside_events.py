@@ -145,7 +145,8 @@ def test_services_that_no_frame_waits_for_and_commands_are_outside():
         Process("crier", command=("crier",)),
     ]
     services = {each.name: each.participant().service for each in processes}
-    assert outside_of(processes, services) == {"bell", "camera", "crier"}
+    file = WorldFile(Path("w.toml"), World("w", Scene(), VOCABULARY), 10.0, tuple(processes))
+    assert outside_of(file, services) == {"bell", "camera", "crier"}
 
 
 def inbox(limit=100, **events):
