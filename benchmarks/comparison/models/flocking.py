@@ -42,7 +42,7 @@ def steer(i, birds, seen, sight, separation, cohere, separate, match, speed):
     go_to(birds, i, birds.x[i] + speed * birds.vx[i], birds.y[i] + speed * birds.vy[i])
 
 
-class Flock(Space, symbol="AFlock", ahead=True):
+class Flock(Space, symbol="AFlock"):
     birds: Reals
     sight: float
     separation: float

@@ -23,7 +23,7 @@ def burn(cell: int, forest: Cells, before: Cells, lattice: CellGrid):
                 forest[cell] = FIRE
 
 
-class Forest(Space, symbol="AForest", ahead=True):
+class Forest(Space, symbol="AForest"):
     forest: Cells
 
     @on("eStep")

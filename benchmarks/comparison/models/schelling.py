@@ -37,7 +37,7 @@ def settle(i: int, residents: Resident, radius: int, wanted: int, draws: Draws):
         move_to(residents, i, random_free(residents, draws))
 
 
-class Town(Space, symbol="ATown", ahead=True):
+class Town(Space, symbol="ATown"):
     residents: Reals
     radius: int
     wanted: int

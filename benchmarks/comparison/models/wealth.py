@@ -18,7 +18,7 @@ def give(i: int, coins: Cells, draws: Draws):
         coins[integers(draws, 0, len(coins))] += 1
 
 
-class Town(Space, symbol="ATown", ahead=True):
+class Town(Space, symbol="ATown"):
     coins: Cells
 
     @on("eStep")

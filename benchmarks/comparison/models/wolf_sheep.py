@@ -67,7 +67,7 @@ def grow(cell: int, grass: Cells):
         grass[cell] -= 1
 
 
-class Meadow(Space, symbol="AMeadow", ahead=True):
+class Meadow(Space, symbol="AMeadow"):
     sheep: Reals
     wolves: Reals
     grass: Cells
