@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
-from concurrent.futures import ThreadPoolExecutor
+import threading
+from concurrent.futures import ThreadPoolExecutor, wait
+from functools import cache
 from typing import Final, Protocol
 
 import numpy as np
@@ -12,6 +14,7 @@ from numpy.typing import NDArray
 THREADS: Final = "MINERVA_THREADS"
 """The environment variable with the most threads of a rule; by default one for each core."""
 
+_LOCK: Final = threading.Lock()
 _ROWS: Final = 8192
 """Fewer rows take less time than a thread takes to start."""
 
@@ -40,11 +43,33 @@ def run_parts(run: Part, rows: int, parts: int) -> tuple[int, Exception] | None:
             return int(progress[0]), error
         return None
 
-    if parts == 1:
-        return run_part(0)
-    with ThreadPoolExecutor(parts) as threads:
-        failures = list(threads.map(run_part, range(parts)))
+    # This thread takes the first part, so a rule in two threads wakes one.
+    with _LOCK:
+        others = [_threads().submit(run_part, part) for part in range(1, parts)]
+    try:
+        first = run_part(0)
+    finally:  # also if a person interrupts it: the others write to the same arrays
+        wait(others)
+    failures = [first, *[other.result() for other in others]]
     return next((failed for failed in failures if failed is not None), None)
+
+
+@cache
+def _threads() -> ThreadPoolExecutor:
+    """The threads of this process, kept since each start of a pool takes 0.2 ms of CPU time."""
+    return ThreadPoolExecutor(max(1, _most() - 1), "minerva-rule")
+
+
+def _end_threads() -> None:
+    """End the threads: a process that is forked from this one would not have them."""
+    with _LOCK:
+        if _threads.cache_info().currsize:
+            _threads().shutdown()
+            _threads.cache_clear()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(before=_end_threads)
 
 
 def _most() -> int:

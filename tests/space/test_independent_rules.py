@@ -1,5 +1,8 @@
 """Rules that threads may share: which they are, and that the string stays the same."""
 
+import os
+import signal
+
 import pytest
 from space.worlds import Bird, eStep, flock, grow, meadow, moment
 
@@ -179,6 +182,21 @@ def test_any_number_of_threads_gives_the_same_string(threads, make):
         digests.add(space.string.digest)
     assert len(digests) == 1
     assert digests != {make().string.digest}
+
+
+def test_a_forked_process_and_its_parent_have_threads_of_their_own(threads):
+    threads(3)
+    first, second = sky(), sky()
+    first.step(eStep(), moment())
+    expected = first.string.digest
+    child = os.fork()
+    if not child:
+        signal.alarm(30)  # It would wait forever for threads that it does not have.
+        second.step(eStep(), moment())
+        os._exit(second.string.digest != expected)
+    second.step(eStep(), moment())
+    assert second.string.digest == expected
+    assert os.waitpid(child, 0)[1] == 0
 
 
 def test_the_first_row_with_an_error_is_reported(threads):
