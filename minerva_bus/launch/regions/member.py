@@ -52,6 +52,7 @@ from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.runtime.region_links import ParcelArrived
 from minerva_bus.runtime.runner import Notice
 from minerva_bus.wire.codec import Decoder, encode
+from minerva_bus.wire.keys import COORDINATOR as HUB
 from minerva_bus.wire.limits import ON_DISK
 
 
@@ -293,7 +294,8 @@ class RegionMember(Member):
         self._parcels.outbox.acknowledge(request.frame - 2 * self._requests.ahead)
 
     def _on_stop(self, stop: m.Stop) -> None:
-        self._ending = stop.reason or "the world has ended"
+        # A successor of the coordinator may ask again.
+        self._ending, self.stopped = stop.reason or "the world has ended", ""
         self.region.end()
         self._runner.handle(s.End(stop.reason))
         self._out += self._last_report()
@@ -395,8 +397,9 @@ class RegionMember(Member):
             self._requests.lines.append(notice.text)  # A line of the whole world.
         elif isinstance(notice, s.Notify) and notice.member != ORDERS:  # The coordinator logs it.
             # Each line names its member, because the launcher reads them one by one.
+            about = "" if notice.member == HUB else f"{notice.member}: "
             for line in notice.text.split("\n"):
-                self._log(f"{notice.member}: {line}")
+                self._log(f"{about}{line}")
         elif isinstance(notice, s.Stopping) and self.region.algorithm.failed:
             # A region's algorithm ends by itself only because of a failure.
             raise WorldStopped(notice.reason)
