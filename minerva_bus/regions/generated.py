@@ -17,7 +17,7 @@ from minerva_bus.frame.inputs import FrameInputs
 from minerva_bus.grammar.batch import Events
 from minerva_bus.regions.kept import joined_parts, texts_of
 from minerva_bus.regions.merging import PlacedEvent, in_order
-from minerva_bus.regions.messages import packed_places, unpacked_places
+from minerva_bus.regions.places import packed_places, unpacked_places
 
 
 def reported(

@@ -106,20 +106,19 @@ class HaloViews:
                 for name, halo in self._halos.items()
             }
         shown = {self._number: dict(self._shown)} if self._shown else {}
-        cells = self._cells
         for event_type, units in self._shown.items():
             halo = self._halos[event_type]
             figures = [figures_in(piece, halo) for piece in units.pieces]
             for each in figures:
-                _check_inside(each, cells[self._number], halo)
+                _check_inside(each, self._cells[self._number], halo)
             for region in self._near[event_type]:
-                near = _near(units, figures, cells[region], halo)
+                near = _near(units, figures, self._cells[region], halo)
                 if near is not None:
                     shown.setdefault(region, {})[event_type] = near
         for name, units in self._scenery.items():
             if units != self._sent.get(name, _NOTHING):
                 self._sent[name] = units
-                for region in range(len(cells)):
+                for region in range(len(self._cells)):
                     shown.setdefault(region, {})[name] = units
         return shown
 
@@ -263,8 +262,8 @@ def near_cells(cells: Sequence[Cell], own: int, halo: Halo) -> list[int]:
         reach = halo.radius * _MARGIN + _ROUNDING * length
         shifts = (0.0, -length, length) if length else (0.0,)
         for number in sorted(near):
-            (other,) = [each for each in _bounds(cells[number], halo) if each[0] == name]
-            _, begin, end, _ = other
+            bounds = {each: (begin, end) for each, begin, end, _ in _bounds(cells[number], halo)}
+            begin, end = bounds[name]
             images = ((low + shift, high + shift) for shift in shifts)
             if not any(begin - last <= reach and first - end <= reach for first, last in images):
                 near.remove(number)

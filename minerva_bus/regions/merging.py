@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from itertools import chain, groupby
-from operator import is_
-from typing import Any, TypeAlias, cast
+from itertools import chain, groupby, repeat
+from operator import is_, itemgetter
+from typing import Final, TypeAlias, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -126,20 +126,20 @@ class Merger:
         """Note the order of all nodes: runs of numbers of pieces, or of rows of one shape."""
         filled: dict[_Shape, int] = {}
         # (place, shape, row) of each node in columns, and (place, None, piece) of each other one.
-        entries: list[tuple[Place, _Shape | None, int]] = []
+        entries: list[_Entry] = []
         each = (each for part in parts for each in part.each())
         for number, ((places, _), (shape, count)) in enumerate(zip(each, self._forms, strict=True)):
             if shape is None:
                 entries.append((places[0], None, number))
                 continue
             first = filled.get(shape, 0)
-            entries += [(place, shape, first + row) for row, place in enumerate(places)]
+            entries += zip(places, repeat(shape), range(first, first + count), strict=False)
             filled[shape] = first + count
-        entries.sort(key=_place)
-        self._order = [place for place, _, _ in entries]
+        entries.sort(key=_PLACE)
+        self._order = [*map(_PLACE, entries)]
         self._runs = [
-            (shape, np.array([number for _, _, number in run], np.intp))
-            for shape, run in groupby(entries, _held_in)
+            (shape, np.fromiter(map(_NUMBER, run), np.intp))
+            for shape, run in groupby(entries, _HELD_IN)
         ]
 
 
@@ -150,6 +150,13 @@ def merged(parts: Iterable[Units]) -> Units:
 
 _Shape: TypeAlias = tuple[str, tuple[object, ...]]
 """A kind, and what columns must have in common to be joined."""
+
+_Entry: TypeAlias = tuple[Place, _Shape | None, int]
+
+# In C, because a frame in which agents move sorts all of them.
+_PLACE: Final = cast("Callable[[_Entry], Place]", itemgetter(0))
+_HELD_IN: Final = cast("Callable[[_Entry], _Shape | None]", itemgetter(1))
+_NUMBER: Final = cast("Callable[[_Entry], int]", itemgetter(2))
 
 _Form: TypeAlias = tuple[_Shape | None, int]
 """The shape of a piece in columns, or None, and the number of its nodes."""
@@ -192,11 +199,3 @@ def _of_one_type(group: Sequence[PlacedEvent]) -> Sequence[AnyEvent]:
         return [batch.take(np.array(order, np.intp))]
     events: list[Event] = list(single(each.event for each in group))
     return [events[row] for row in order]
-
-
-def _held_in(entry: tuple[Place, _Shape | None, int]) -> _Shape | None:
-    return entry[1]
-
-
-def _place(entry: tuple[Place, Any, int]) -> Place:
-    return entry[0]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import chain, pairwise
 from typing import Annotated, Any, ClassVar, Final, TypeAlias, TypeGuard, cast
 
 import numpy as np
@@ -20,13 +19,12 @@ from minerva_bus.regions.kept import checked_texts
 from minerva_bus.regions.merging import PlacedEvent, Units
 from minerva_bus.regions.norms import NormPart
 from minerva_bus.regions.parcel import Parcel
-from minerva_bus.regions.places import Place
+from minerva_bus.regions.places import packed_places, unpacked_places
 from minerva_bus.regions.schedule import Schedule
 from minerva_bus.regions.views import PlacedSkeleton, ViewPart
 from minerva_bus.world.norms import Lately
 
 _COUNT: Final = np.dtype("<u4")
-_NUMBER: Final = np.dtype("<i8")
 _REGION: Final = np.dtype("<u2")
 
 
@@ -278,26 +276,3 @@ def sources_in(pairs: bytes, target: int) -> list[int]:
         raise ProtocolError(f"advance: parcels: {len(pairs)} bytes are not pairs of uint16")
     table = np.frombuffer(pairs, _REGION).reshape(-1, 2)
     return table[table[:, 1] == target, 0].tolist()
-
-
-def packed_places(places: Sequence[Place]) -> bytes:
-    """The length of each place as uint32, then all numbers as int64, little-endian."""
-    if not places:
-        return b""
-    lengths = np.fromiter(map(len, places), _COUNT, len(places))
-    return lengths.tobytes() + np.fromiter(chain.from_iterable(places), _NUMBER).tobytes()
-
-
-def unpacked_places(data: bytes, count: int, what: str) -> list[Place]:
-    """The places of `count` nodes or senders. Raises ProtocolError for other data."""
-    begin = count * _COUNT.itemsize
-    lengths = np.frombuffer(data[:begin], _COUNT) if len(data) >= begin else None
-    # An unsigned sum of numbers below 2^32 does not overflow in Python.
-    total = -1 if lengths is None else sum(lengths.tolist())
-    if lengths is None or len(data) - begin != total * _NUMBER.itemsize:
-        raise ProtocolError(f"parcel: {what} has {len(data)} bytes, which are not {count} places")
-    if (lengths % 2 == 0).any():
-        raise ProtocolError(f"parcel: {what}: a place must have an odd number of numbers")
-    numbers: list[int] = np.frombuffer(data[begin:], _NUMBER).tolist()
-    ends = [0, *np.cumsum(lengths, dtype=np.int64).tolist()]
-    return [tuple(numbers[first:last]) for first, last in pairwise(ends)]

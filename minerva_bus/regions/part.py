@@ -20,14 +20,9 @@ from minerva_bus.grammar.delta import Delta, difference, patched
 from minerva_bus.grammar.fitting import Unfit
 from minerva_bus.grammar.scene import Piece, Scene
 from minerva_bus.regions.merging import PlacedEvent, Units
-from minerva_bus.regions.messages import (
-    checked_counts,
-    packed_places,
-    placed_events,
-    unpacked_places,
-)
+from minerva_bus.regions.messages import checked_counts, placed_events
 from minerva_bus.regions.norms import NO_REPORT, NormReport
-from minerva_bus.regions.places import Place
+from minerva_bus.regions.places import Place, packed_places, unpacked_places
 from minerva_bus.regions.progress import Progress
 
 _INDEX: Final = np.dtype("<i4")

@@ -14,11 +14,12 @@ frame. So the nodes of all regions, sorted by place, are the string of a single 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TypeAlias
+from itertools import chain, pairwise
+from typing import Final, TypeAlias
 
 import numpy as np
 
-from minerva_bus.errors import WorldStopped
+from minerva_bus.errors import ProtocolError, WorldStopped
 from minerva_bus.frame.composition import Composition
 from minerva_bus.grammar.batch import AnyEvent, Events
 from minerva_bus.grammar.columns import Columns
@@ -27,6 +28,9 @@ from minerva_bus.grammar.scene import AgentNode, Piece, Scene, agents
 from minerva_bus.world.lineage import parents_of
 
 Place: TypeAlias = tuple[int, ...]
+
+_COUNT: Final = np.dtype("<u4")
+_NUMBER: Final = np.dtype("<i8")
 
 
 def heirs(place: Place, count: int, frame: int) -> list[Place]:
@@ -186,3 +190,29 @@ def _following(authors: Sequence[int | None], last: int) -> list[int]:
 def _ids(part: Columns) -> Ids:
     assert part.ids is not None
     return part.ids
+
+
+def packed_places(places: Sequence[Place]) -> bytes:
+    """The length of each place as uint32, then all numbers as int64, little-endian."""
+    if not places:
+        return b""
+    lengths = np.fromiter(map(len, places), _COUNT, len(places))
+    return lengths.tobytes() + np.fromiter(chain.from_iterable(places), _NUMBER).tobytes()
+
+
+def unpacked_places(data: bytes, count: int, what: str) -> list[Place]:
+    """The places of `count` nodes or senders. Raises ProtocolError for other data."""
+    begin = count * _COUNT.itemsize
+    lengths = np.frombuffer(data[:begin], _COUNT) if len(data) >= begin else None
+    # Below 2^64, as there are fewer than 2^32 numbers below 2^32.
+    total = -1 if lengths is None else int(lengths.sum(dtype=np.uint64))
+    if lengths is None or len(data) - begin != total * _NUMBER.itemsize:
+        raise ProtocolError(f"parcel: {what} has {len(data)} bytes, which are not {count} places")
+    if (lengths % 2 == 0).any():
+        raise ProtocolError(f"parcel: {what}: a place must have an odd number of numbers")
+    if count and (lengths == lengths[0]).all():  # As usual; built in C.
+        table = np.frombuffer(data[begin:], _NUMBER).reshape(count, -1)
+        return [*zip(*table.T.tolist(), strict=True)]
+    numbers: list[int] = np.frombuffer(data[begin:], _NUMBER).tolist()
+    ends = [0, *np.cumsum(lengths, dtype=np.int64).tolist()]
+    return [tuple(numbers[first:last]) for first, last in pairwise(ends)]

@@ -15,14 +15,13 @@ from minerva_bus.regions.messages import (
     expected_sources,
     from_message,
     packed_pairs,
-    packed_places,
     sources_in,
     to_message,
-    unpacked_places,
 )
 from minerva_bus.regions.parcel import Parcel
 from minerva_bus.regions.part import PartReceiver, PartSender
 from minerva_bus.regions.partition import ByFunction, ById
+from minerva_bus.regions.places import packed_places, unpacked_places
 from minerva_bus.regions.progress import NO_PROGRESS
 from minerva_bus.regions.region import Region
 from minerva_bus.regions.schedule import Schedule

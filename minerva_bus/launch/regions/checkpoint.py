@@ -15,15 +15,10 @@ from minerva_bus.log.entries import EntryDecoder, encode_keyframe
 from minerva_bus.regions.balancing import borders_of, moved
 from minerva_bus.regions.dividing import NOTHING
 from minerva_bus.regions.merging import Units
-from minerva_bus.regions.messages import (
-    ParcelMessage,
-    packed_places,
-    parcel_of,
-    to_message,
-    unpacked_places,
-)
+from minerva_bus.regions.messages import ParcelMessage, parcel_of, to_message
 from minerva_bus.regions.parcel import Parcel
 from minerva_bus.regions.partition import Partition
+from minerva_bus.regions.places import packed_places, unpacked_places
 from minerva_bus.regions.region import Region
 from minerva_bus.wire.codec import Decoder, encode
 from minerva_bus.wire.limits import ON_DISK
