@@ -12,6 +12,7 @@ from minerva_bus.grammar.arrays import fits
 from minerva_bus.grammar.batch import AnyEvent, Events
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.condition import Scope, parse_condition
+from minerva_bus.grammar.declarations import check_declarations
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.fields import Fields
 from minerva_bus.grammar.packing import packed, rewritten
@@ -31,15 +32,6 @@ class HasKind(Protocol):
 
 Entry = Primitive | Transformation | AgentKind | EventType
 _E = TypeVar("_E", Primitive, Transformation, AgentKind, EventType)
-
-
-def _check_unlimited(owner: str, fields: Fields) -> None:
-    for parameter in fields.all:
-        if parameter.type.range is not None or parameter.type.source is not None:
-            raise MisuseError(
-                f"{owner}: {parameter.name} is a {parameter.type}; only data of event types have a"
-                " range or a source"
-            )
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,66 +63,21 @@ class Vocabulary:
             _named(AgentKind, plain),
             _named(EventType, plain),
         )
-        # Checked when all tables are complete, because entries refer to each other in any order.
-        for kind in made.kinds.values():
-            made._check_events_of(kind)
-        for symbol in (*made.primitives.values(), *made.transformations.values()):
-            _check_unlimited(symbol.name, symbol.fields)
-        for kind in made.kinds.values():
-            _check_unlimited(kind.name, kind.fields)
-        for event_type in made.events.values():
-            made._check_sources_of(event_type)
-            made._check_reported_by(event_type)
+        check_declarations(made)
         return made
 
-    def _check_sources_of(self, event_type: EventType) -> None:
-        """Raise MisuseError if a source of an event type's data does not exist."""
-        for parameter in event_type.fields.all:
-            of = parameter.type.source
-            if of is None:
-                continue
-            table = self._symbols(of.symbol[:1])
-            names = table[of.symbol].fields.names if of.symbol in table else ()
-            if of.parameter not in names:
-                every = [f"{name}.{own}" for name in table for own in table[name].fields.names]
-                raise MisuseError(
-                    f"{event_type.name}: {parameter.name} is a text of {of}, which the vocabulary"
-                    f" does not have{nearest(str(of), every)}"
-                )
-
-    def _check_reported_by(self, event_type: EventType) -> None:
-        """Raise MisuseError if an event type ends orders of an unknown type."""
-        for order in (*event_type.completes, *event_type.fails, *event_type.replaces):
-            if order not in self.events:
-                raise MisuseError(
-                    f"{event_type.name} ends orders {order!r}, an event type that the"
-                    f" vocabulary does not have{nearest(order, list(self.events))}"
-                )
-
-    def _check_events_of(self, kind: AgentKind) -> None:
-        for is_view, event_types in ((False, kind.subscribes), (True, kind.views)):
-            for event_type in sorted(event_types):
-                declared = self.events.get(event_type)
-                if declared is None:
-                    known = nearest(event_type, list(self.events))
-                    raise MisuseError(
-                        f"{kind.name} responds to the unknown event type {event_type}{known}"
-                    )
-                if declared.visual != is_view:
-                    how = "visual: use @view" if declared.visual else "not visual: use @on"
-                    raise MisuseError(f"{kind.name} responds to {event_type}, which is {how}")
-
     def __contains__(self, name: str) -> bool:
-        return any(name in table for table in (self._symbols(name[:1]), self.events))
+        return any(name in table for table in (self.symbols(name[:1]), self.events))
 
-    def _symbols(self, letter: str) -> Mapping[str, Primitive | Transformation | AgentKind]:
+    def symbols(self, letter: str) -> Mapping[str, Primitive | Transformation | AgentKind]:
+        """The symbols whose names begin with P, T or A, by name."""
         if letter == "P":
             return self.primitives
         return self.transformations if letter == "T" else self.kinds
 
     def fields(self, symbol: str) -> Fields:
         """Parameters or state of a symbol. Raises Unfit for an unknown one."""
-        entry = self._symbols(symbol[:1]).get(symbol)
+        entry = self.symbols(symbol[:1]).get(symbol)
         if entry is None:
             known = [*self.primitives, *self.transformations, *self.kinds]
             raise Unfit(f"the vocabulary has no {symbol}{nearest(symbol, known)}")
@@ -181,7 +128,7 @@ class Vocabulary:
     def _fits(self, part: Columns) -> bool:
         """Whether columns conform to this vocabulary, except for their ids."""
         for level in part.levels():
-            entry = self._symbols(level.symbol[:1]).get(level.symbol)
+            entry = self.symbols(level.symbol[:1]).get(level.symbol)
             if entry is None or entry.fields.names != level.names:
                 return False
             if (level.symbol[:1] == "A") != (level.ids is not None):
