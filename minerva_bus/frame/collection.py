@@ -8,7 +8,16 @@ from typing import TYPE_CHECKING, Final
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.calling import NOTHING
-from minerva_bus.frame.inbox import AGENTS, PEOPLE, Orders, counting, is_people, name_of
+from minerva_bus.frame.event_sources import (
+    AGENTS,
+    DEVICES,
+    handed_over,
+    is_handed_over,
+    is_people,
+    name_of,
+    people_of,
+)
+from minerva_bus.frame.inbox import Orders, counting
 from minerva_bus.frame.inputs import FrameInputs
 from minerva_bus.frame.member_states import MemberChange, MemberEntry, MemberState
 from minerva_bus.frame.senders import SenderRights
@@ -23,9 +32,6 @@ if TYPE_CHECKING:
 
 ORDERS: Final = "orders"
 """Name under which orders are logged."""
-
-HANDED_OVER: Final = "~handed"
-"""Key of the orders taken by generators in the inputs of a frame."""
 
 
 class CollectionStep:
@@ -200,7 +206,7 @@ class CollectionStep:
         # The rights were checked on arrival, but the string may have changed since then.
         self._leave_out_foreign(sources)
         if due:
-            sources["~device"] = visual_events(algorithm, due)
+            sources[DEVICES] = visual_events(algorithm, due)
         # Repeated frames have the people of the log: those who sent events may not be here.
         if algorithm.norms and algorithm.in_flight.logged is None:
             events.people = algorithm.members.standing_for_people(sources)
@@ -276,21 +282,6 @@ def report_orders(algorithm: FrameAlgorithm, permitted: Orders) -> None:
             out.log(ORDERS, f"{counting(source, event)} in frame {frame}")
             if isinstance(event, Event):  # Programs send batches, and do not ask for fates.
                 out.add(s.OrderJudged(event, name_of(source), frame))
-
-
-def is_handed_over(source: str) -> bool:
-    """Whether a source of a record has orders that a generator took."""
-    return source.partition(":")[0] == HANDED_OVER
-
-
-def handed_over(source: str) -> str:
-    """The name under which a record has the orders of a source that a generator took."""
-    return HANDED_OVER + source.removeprefix(PEOPLE)
-
-
-def people_of(handed: str) -> str:
-    """The inverse of `handed_over`."""
-    return PEOPLE + handed.removeprefix(HANDED_OVER)
 
 
 def visual_events(algorithm: FrameAlgorithm, due: Sequence[str]) -> tuple[Event, ...]:

@@ -11,52 +11,21 @@ from typing import Final, TypeAlias
 
 from minerva_bus.frame import messages as m
 from minerva_bus.frame.checkpoint import Checkpoint
+from minerva_bus.frame.event_sources import AGENTS, is_people, person_of, postponed_to, source_of
 from minerva_bus.frame.lag import Homes, saved_strays
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.world.norms import SOURCE
 
-PEOPLE: Final = "~order"
-"""Source of people's events, to which norms apply as to those of generators; of a person with a
-name it is `~order:NAME`."""
-
 Orders: TypeAlias = Mapping[str, Sequence[AnyEvent]]
 """People's orders by source."""
-
-AGENTS: Final = "#"
-"""Source of all events that agents send; no generator can have this name."""
 
 MAX_WAITING: Final = 100_000
 """Maximum events of one free-running generator in the queue, which grows while a world pauses."""
 
 MAX_SINGLE_EVENTS: Final = 2_000
 """Maximum events of one free-running generator, outside columns, in a frame; others wait."""
-
-
-def source_of(person: str) -> str:
-    """The source of a person's events; "" is a person without a name."""
-    return f"{PEOPLE}:{person}" if person else PEOPLE
-
-
-def postponed_to(frame: int) -> str:
-    """Source in a checkpoint of the events of agents that count in this later frame."""
-    return f"{AGENTS}{frame}"
-
-
-def is_people(source: str) -> bool:
-    """Whether events of a source are sent by people."""
-    return source.partition(":")[0] == PEOPLE
-
-
-def name_of(source: str) -> str:
-    """The name of the person who is a source; empty for a person without a name."""
-    return source.partition(":")[2]
-
-
-def person_of(source: str) -> str:
-    """The name of the person who is a source, or `people`."""
-    return name_of(source) or "people"
 
 
 def counting(source: str, event: AnyEvent) -> str:

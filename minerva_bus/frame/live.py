@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
-from minerva_bus.frame.collection import CollectionStep, is_handed_over
+from minerva_bus.frame.collection import CollectionStep
 from minerva_bus.frame.description import World
+from minerva_bus.frame.event_sources import is_handed_over, is_people
 from minerva_bus.frame.evolution import EvolutionStep
-from minerva_bus.frame.inbox import is_people
 from minerva_bus.frame.member_states import MemberEntry
 from minerva_bus.frame.own_agents import OwnAgents
 from minerva_bus.frame.phases import Phase

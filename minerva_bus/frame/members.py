@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
-from minerva_bus.frame.inbox import AGENTS
+from minerva_bus.frame.event_sources import AGENTS
 from minerva_bus.frame.member_states import MemberChange, MemberEntry, MemberState
 from minerva_bus.frame.messages import Hello
 

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minerva_bus.frame.composition import Composition
-from minerva_bus.frame.inbox import PEOPLE, FrameInbox, is_people, person_of
+from minerva_bus.frame.event_sources import PEOPLE, is_people, person_of
+from minerva_bus.frame.inbox import FrameInbox
 from minerva_bus.frame.instructions import Instructions
 from minerva_bus.frame.trial import NormVerdict, Trial
 from minerva_bus.grammar.batch import AnyEvent, Events

@@ -15,6 +15,7 @@ from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.collection import visual_events
 from minerva_bus.frame.composition import Composition
+from minerva_bus.frame.event_sources import DEVICES
 from minerva_bus.frame.evolution import frame_record
 from minerva_bus.frame.hosting import Host
 from minerva_bus.frame.in_flight import FrameInFlight
@@ -101,7 +102,7 @@ class RecordedSource(FrameSource):
         recorded = [event for event in events if types[event.type].visual]
         clock = algorithm.in_flight.clock_views
         due = due_views(algorithm.members.index, algorithm.frame, clock, closing=closing)
-        sources = {"~record": recorded, "~device": visual_events(algorithm, due)}
+        sources = {"~record": recorded, DEVICES: visual_events(algorithm, due)}
         return collect(algorithm.world.order, sources)
 
     def evolve(self) -> None:

@@ -17,7 +17,7 @@ from collections.abc import Collection, Iterable
 from typing import Any, Final, cast
 
 from minerva_bus.errors import MisuseError, VocabularyError, WorldFileError, nearest
-from minerva_bus.frame.inbox import source_of
+from minerva_bus.frame.event_sources import source_of
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.vocabulary import Vocabulary

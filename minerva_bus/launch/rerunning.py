@@ -15,7 +15,7 @@ from minerva_bus.errors import MinervaError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.frame.inbox import AGENTS
+from minerva_bus.frame.event_sources import AGENTS
 from minerva_bus.frame.inputs import FrameInputs, RecordedFrame
 from minerva_bus.frame.member import Member
 from minerva_bus.grammar.batch import AnyEvent, Events

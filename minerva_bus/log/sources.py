@@ -4,8 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from minerva_bus.frame.collection import is_handed_over
-from minerva_bus.frame.inbox import AGENTS, PEOPLE, is_people, name_of, person_of, postponed_to
+from minerva_bus.frame.event_sources import (
+    AGENTS,
+    PEOPLE,
+    is_handed_over,
+    is_people,
+    name_of,
+    person_of,
+    postponed_to,
+)
 from minerva_bus.grammar.batch import AnyEvent, Events, single
 from minerva_bus.grammar.digest import same_values
 from minerva_bus.grammar.events import Event

@@ -11,7 +11,8 @@ from typing import Any, Final, cast
 
 from minerva_bus.frame import messages as m
 from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.frame.collection import is_handed_over, people_of, report_orders
+from minerva_bus.frame.collection import report_orders
+from minerva_bus.frame.event_sources import is_handed_over, people_of
 from minerva_bus.frame.inputs import FrameInputs
 from minerva_bus.frame.norms import NORMS
 from minerva_bus.grammar.batch import AnyEvent

@@ -12,7 +12,7 @@ from typing import Any, TypeAlias
 
 from minerva_bus.frame.composition import Composition
 from minerva_bus.frame.description import World
-from minerva_bus.frame.inbox import AGENTS
+from minerva_bus.frame.event_sources import AGENTS
 from minerva_bus.frame.messages import Figures
 from minerva_bus.frame.norms import BROKEN, Norms, Sources
 from minerva_bus.grammar.batch import AnyEvent, Events

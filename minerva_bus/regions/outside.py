@@ -5,8 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Final, TypeAlias
 
-from minerva_bus.frame.collection import HANDED_OVER, handed_over, is_handed_over, people_of
-from minerva_bus.frame.inbox import FrameInbox, is_people
+from minerva_bus.frame.event_sources import (
+    HANDED_OVER,
+    handed_over,
+    is_handed_over,
+    is_people,
+    people_of,
+)
+from minerva_bus.frame.inbox import FrameInbox
 from minerva_bus.grammar.batch import AnyEvent
 
 EventsBySource: TypeAlias = Mapping[str, Sequence[AnyEvent]]

@@ -13,12 +13,8 @@ from typing import TYPE_CHECKING, Any, Final
 from minerva_bus.errors import ProtocolError, SceneError, VocabularyError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
-from minerva_bus.frame.collection import (
-    AGENTS,
-    CollectionStep,
-    note_answer,
-    visual_events,
-)
+from minerva_bus.frame.collection import CollectionStep, note_answer, visual_events
+from minerva_bus.frame.event_sources import AGENTS, DEVICES
 from minerva_bus.frame.inputs import FrameInputs, RecordedFrame
 from minerva_bus.frame.lag import note_homes, note_sent, saved_strays
 from minerva_bus.frame.live import why_over
@@ -244,7 +240,7 @@ class WholeSource(RecordedSource):
                 algorithm.members.saved[name] = reply.saved
         due = tuple(sorted({*inputs.due, *self._due()}))
         if due:
-            sources["~device"] = visual_events(algorithm, due)
+            sources[DEVICES] = visual_events(algorithm, due)
         events = collect(algorithm.world.order, sources)
         waiting = {source: tuple(sent) for source, sent in inbox.events.items()}
         reports = tuple(self._replies)
