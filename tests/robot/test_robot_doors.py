@@ -159,6 +159,7 @@ def test_the_note_about_an_oblique_door_is_what_happens(tmp_path, degrees, is_pa
             "doors of at least 0.80 m, because their cells are 0.2 m wide; with --cell 0.1",
         ),
         ({"radius": "0.25", "cell": "0.15"}, "doors of at least 0.75 m"),
+        ({"cell": "50"}, "because their cells are 50 m wide; with --cell 0.1 the limit is 0.50 m"),
     ],
 )
 def test_a_run_warns_if_cells_are_too_large_for_doors(options, line):

@@ -11,8 +11,11 @@ is not JSON needs PyYAML.
 
 import json
 import math
-from collections.abc import Iterable, Mapping
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
+from itertools import chain
 from pathlib import Path
 from typing import cast
 
@@ -121,7 +124,9 @@ def _read_yaml(path: Path) -> Mapping[object, object]:
     except UnicodeDecodeError as error:
         raise MapError(f"{path}: byte {error.start} is not UTF-8; save the file as UTF-8") from None
     try:
-        parsed: object = json.loads(text)
+        parsed: object = json.loads(text, object_pairs_hook=partial(_unique, path))
+    except MapError:
+        raise
     except ValueError:
         parsed = _parse_yaml(path, text)
     except RecursionError:
@@ -145,6 +150,7 @@ def _parse_yaml(path: Path, text: str) -> object:
             raise MapError(
                 f"{path}: YAML anchors and aliases are not supported; write the values out"
             )
+        _check_keys(path, cast(object, yaml.compose(text, Loader=yaml.SafeLoader)))
         return cast(object, yaml.safe_load(text))
     except yaml.YAMLError as error:
         raise MapError(f"{path}: not YAML: {' '.join(str(error).split())}") from None
@@ -153,6 +159,27 @@ def _parse_yaml(path: Path, text: str) -> object:
         raise MapError(f"{path}: not YAML with plain values ({type(error).__name__})") from None
     except ValueError as error:
         raise error if isinstance(error, MapError) else MapError(f"{path}: {error}") from None
+
+
+def _check_keys(path: Path, node: object) -> None:
+    """Raise MapError if a mapping in a node of a YAML document has a key twice."""
+    children: object = getattr(node, "value", None)
+    if not isinstance(children, list):
+        return
+    pairs = [each for each in cast("list[object]", children) if isinstance(each, tuple)]
+    keys = [getattr(cast("tuple[object, object]", key), "value", None) for key, _ in pairs]
+    _unique(path, [(key, None) for key in keys if isinstance(key, str)])
+    for part in chain(*pairs) if pairs else cast("list[object]", children):
+        _check_keys(path, cast(object, part))
+
+
+def _unique(path: Path, pairs: Sequence[tuple[str, object]]) -> dict[str, object]:
+    """A mapping of pairs. Raises MapError for equal keys: a marker would be lost silently."""
+    counts = Counter(key for key, _ in pairs)
+    for key, count in counts.items():
+        if count > 1:
+            raise MapError(f"{path}: key {key} is there {count} times; rename or remove the others")
+    return dict(pairs)
 
 
 def _markers(keys: _Keys, on: OccupancyMap) -> tuple[Marker, ...]:

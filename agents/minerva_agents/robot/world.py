@@ -107,6 +107,8 @@ _DOOR_WIDTH: Final = 0.7
 _SURFACE: Final = 2e-3
 """Depth in metres up to which a marker counts as on the surface of an obstacle."""
 
+_USUAL_CELL: Final = 0.1
+"""Metres; the default of the option `cell`, and recommended where much larger cells are chosen."""
 _CELL_DIVISORS: Final = (2, 4, 8)
 _GOLDEN_RATIO: Final = (math.sqrt(5.0) - 1.0) / 2.0
 
@@ -149,7 +151,7 @@ def notes(options: Mapping[str, Any]) -> Sequence[str]:
 def _doors(chosen: RobotOptions) -> Sequence[str]:
     """A hint if robots cannot pass doors of common width, with a cell size that would help."""
     limit = passable_width(chosen.radius, chosen.cell)
-    sizes = [round(chosen.cell / part, 9) for part in _CELL_DIVISORS]
+    sizes = [*(round(chosen.cell / part, 9) for part in _CELL_DIVISORS), _USUAL_CELL]
     better = [size for size in sizes if passable_width(chosen.radius, size) <= _DOOR_WIDTH]
     if limit <= _DOOR_WIDTH or not better:
         return ()
