@@ -148,12 +148,12 @@ class Collisions(Device, Generator, coupled=True):
             self._volumes = self._bodies.volumes(view.skeleton, view.parts)
         except MisuseError as error:
             raise MisuseError(f"collisions: {error}") from None
-        self._owners = Owners.among(self._volumes)
-        touches = contacts(self._volumes, self._owners, self._ignored)
+        owners = Owners.among(self._volumes)
+        touches = contacts(self._volumes, owners, self._ignored)
         if self.own is not None:
             _check_reach(self._volumes, self.own, self._reach)
-            own = self.own.ids.rows_of(Ids.of(list(self._owners.names))) >= 0
-            touches = touches.take(np.flatnonzero(own[self._owners.of[touches.first]]))
+            own = self.own.ids.rows_of(Ids.of(list(owners.names))) >= 0
+            touches = touches.take(np.flatnonzero(own[owners.of[touches.first]]))
         self._touches = touches
         self._shown = view.frame
 
