@@ -26,8 +26,12 @@ import sys
 import termios
 import threading
 import time
+from importlib.machinery import SourceFileLoader
 from pathlib import Path
+from types import ModuleType
 
+NEW_MOUNTS, BIND, SLAVE = 0x20000, 0x1000, 0x84000
+"""CLONE_NEWNS, MS_BIND, and MS_SLAVE with MS_REC in Linux."""
 LARGEST = 1 << 17
 """Maximum size of a request, bytes: a message of a socket has to fit into its buffer."""
 
@@ -113,8 +117,11 @@ def serve(requests):
         read, write = os.pipe()
         between = os.fork()
         if not between:
+            between = os.getpid()
             child = os.fork()
             if not child:
+                while os.getppid() == between:  # The command must see its final parent.
+                    os.sched_yield()
                 return json.loads(message), files
             os.write(write, str(child).encode())
             os._exit(0)
@@ -136,6 +143,7 @@ def become(request, files):
     if request["terminal"]:
         fcntl.ioctl(0, termios.TIOCSCTTY, 0)
     os.closerange(3, os.sysconf("SC_OPEN_MAX"))
+    enter(request["namespaces"], request["covers"])
     os.environ.clear()
     os.environ.update(request["environment"])
     show([sys.executable, *request["program"], *request["arguments"]])
@@ -145,6 +153,25 @@ def become(request, files):
     sys.stdin = sys.__stdin__ = text_file(sys.stdin, 0, "r", unbuffered)
     sys.stdout = sys.__stdout__ = text_file(sys.stdout, 1, "w", unbuffered)
     sys.stderr = sys.__stderr__ = text_file(sys.stderr, 2, "w", unbuffered, by_line=not unbuffered)
+
+
+def enter(namespaces, covers):
+    """Enter namespaces, each given by a file, and cover files in /etc, as `ip netns exec` does."""
+    libc = ctypes.CDLL(None, use_errno=True)
+
+    def call(function, *arguments):
+        if function(*arguments):
+            raise OSError(ctypes.get_errno(), os.strerror(ctypes.get_errno()))
+
+    # All are opened before the first can hide the others.
+    for file in [os.open(path, os.O_RDONLY | os.O_CLOEXEC) for path in namespaces]:
+        call(libc.setns, file, 0)
+        os.close(file)
+    if covers is not None and Path(covers).is_dir():
+        call(libc.unshare, NEW_MOUNTS)
+        call(libc.mount, b"", b"/", b"none", SLAVE, None)  # The machine does not see these mounts.
+        for path in Path(covers).iterdir():
+            call(libc.mount, bytes(path), bytes(Path("/etc", path.name)), b"none", BIND, None)
 
 
 def show(words):
@@ -197,12 +224,24 @@ def run(program, arguments, folders):
     if paths and not search_first([os.path.abspath(path) for path in paths.split(os.pathsep)]):  # noqa: PTH100
         os.execv(sys.executable, [sys.executable, *words])
     sys.argv = words[len(program) - 1 :]
-    sys.path[0] = str(Path.cwd() if program[0] == "-m" else Path(program[-1]).parent)
+    sys.path[0] = str(Path.cwd() if program[0] == "-m" else Path(program[-1]).resolve().parent)
     renew(folders)
     if program[0] == "-m":
         runpy.run_module(program[-1], run_name="__main__", alter_sys=True)
     else:
-        runpy.run_path(program[-1], run_name="__main__")
+        run_script(os.path.join(os.getcwd(), program[-1]))  # noqa: PTH109, PTH118 (keeps a dot)
+
+
+def run_script(path):
+    """Execute a file as the main module; runpy would replace the first argument by its path."""
+    own, module = sys.modules["__main__"], ModuleType("__main__")
+    module.__file__ = path
+    module.__loader__ = SourceFileLoader("__main__", path)
+    sys.modules["__main__"] = module
+    try:
+        exec(compile(module.__loader__.get_data(path), path, "exec"), module.__dict__)
+    finally:
+        sys.modules["__main__"] = own
 
 
 def end(code, preloaded):

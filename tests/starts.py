@@ -1,4 +1,4 @@
-"""Start `minerva` and `python -m minerva_bus` by a fork of a process that has imported it already.
+"""Start `minerva` and `python SCRIPT.py` by a fork of a process that has imported Minerva Bus already.
 
 Tests start the command by `subprocess` as usual; this plugin replaces only how its process begins.
 `--new-interpreters` begins each command with a new interpreter, and so does every start whose
@@ -15,7 +15,8 @@ import subprocess
 import sys
 import termios
 import threading
-from itertools import cycle
+from collections import deque
+from itertools import chain
 from pathlib import Path
 
 from tests.fork_server import LARGEST
@@ -27,14 +28,21 @@ PROGRAMS = (
     ["-m", "minerva_bus"],
     ["-m", "minerva_bus.cli.main"],
     ["-m", "minerva_bus.api.child"],
+    ["-m", "minerva_bus.testing.conformance.coordinator"],
     [str(Path(sys.executable).with_name("minerva"))],
 )
-"""The words after the interpreter that start the command line, or a world of the Python interface."""
+"""The words after the interpreter that start the command line, a world of the Python interface, or a
+coordinator."""
+SCRIPT = ".py"
+"""The end of the word after the interpreter that starts a script."""
 SERVERS = 2
 """Number of servers that take turns. Each has a hash seed, so two successive commands have
 different ones: if a result depends on the order of a set, their results differ."""
 SET_CHILD_SUBREAPER = 36
 """The number of PR_SET_CHILD_SUBREAPER in Linux."""
+ENTERED = {"--user": "user", "--net": "net", "--mount": "mnt"}
+"""The namespaces that options of `nsenter` enter, in the order in which a process can."""
+CREDENTIALS = "--preserve-credentials"
 FIXED = {
     "executable": None, "close_fds": True, "pass_fds": (), "shell": False,
     "restore_signals": True, "gid": None, "gids": None, "uid": None, "umask": -1,
@@ -63,19 +71,13 @@ def pytest_configure(config):
 
 
 class Server:
-    """The requesting end of the socket of a fork server in a network namespace.
+    """The requesting end of the socket of a fork server with an environment."""
 
-    Args:
-        inside: the words before a command that runs in the namespace: of `nsenter`, or none.
-        environment: the environment of the server.
-
-    """
-
-    def __init__(self, inside, environment):
+    def __init__(self, environment):
         self.socket, remote = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         with remote:
             self.process = subprocess.Popen(
-                [*inside, sys.executable, SERVER, str(remote.fileno())],
+                [sys.executable, SERVER, str(remote.fileno())],
                 pass_fds=[remote.fileno()], stdin=subprocess.DEVNULL, env=environment,
             )  # fmt: skip
 
@@ -112,27 +114,29 @@ class Starts:
 
     def pytest_unconfigure(self):
         subprocess.Popen._execute_child = self.original
-        for inside in [*self.servers]:
-            self.close(inside)
-
-    def close(self, inside):
-        """End the servers in a network namespace, which would keep it."""
-        _, servers, _ = self.servers.pop(inside, ({}, (), None))
-        for server in servers:
+        for server in chain(*self.servers.values()):
             server.close()
 
-    def turns(self, inside, environment):
-        """The servers in a network namespace that have the interpreter settings of an environment."""
-        if inside not in self.servers:
-            begun = environment if inside else INITIAL
-            servers = [Server(inside, begun) for _ in range(SERVERS)]
-            self.servers[inside] = interpreter_settings(begun), servers, cycle(servers)
-        settings, _, turns = self.servers[inside]
-        return turns if interpreter_settings(environment) == settings else None
+    def server(self, environment, elsewhere):
+        """The next server with the interpreter settings of an environment.
+
+        Commands that run elsewhere, in a namespace, have few variables, so they have servers even if
+        these are not the settings of this process.
+        """
+        settings = interpreter_settings(environment)
+        own = settings == interpreter_settings(INITIAL)
+        key = tuple(sorted(settings.items()))
+        if key not in self.servers:
+            if not own and not elsewhere:
+                return None
+            begun = INITIAL if own else environment
+            self.servers[key] = deque(Server(begun) for _ in range(SERVERS))
+        self.servers[key].rotate()
+        return self.servers[key][0]
 
     def fork(self, process, arguments):
         """Start a process by a fork; returns whether that was possible."""
-        inside, request = forkable(arguments)
+        request = forkable(arguments)
         if request is None:
             return False
         data = json.dumps(request).encode()
@@ -141,10 +145,10 @@ class Starts:
         pipes = [arguments[name] for name in ("p2cread", "c2pwrite", "errwrite")]
         files = [number if pipe == -1 else pipe for number, pipe in enumerate(pipes)]
         with self.lock:
-            turns = self.turns(inside, request["environment"])
-            if turns is None:
+            server = self.server(request["environment"], request["namespaces"])
+            if server is None:
                 return False
-            process.pid = next(turns).start(data, files)
+            process.pid = server.start(data, files)
         process._child_created = True
         ends = ("p2cread", "p2cwrite", "c2pread", "c2pwrite", "errread", "errwrite")
         process._close_pipe_fds(*(arguments[end] for end in ends))
@@ -152,31 +156,55 @@ class Starts:
 
 
 def forkable(arguments):
-    """The network namespace of a start and its request; None: it needs a new interpreter."""
+    """The request of a start; None: it needs a new interpreter."""
     words = arguments["args"]
     if isinstance(words, (str, bytes, os.PathLike)):
-        return (), None
+        return None
     words = [*map(os.fspath, words)]
     begin = words.index(sys.executable) if sys.executable in words else 0
     inside, words = tuple(words[:begin]), words[begin:]
-    if inside[-2:-1] == ("--chdir",):  # `nsenter` leaves the folder, and `env --chdir` returns.
-        inside = inside[:-3]
+    places = namespaces(inside)
     program = next((p for p in PROGRAMS if words[: len(p) + 1] == [sys.executable, *p]), None)
-    if program is None or inside[:1] not in ((), ("nsenter",)):
-        return (), None
+    if program is None and words[0] == sys.executable and words[1:] and words[1].endswith(SCRIPT):
+        program = words[1:2]
+    if program is None or places is None:
+        return None
     if any(arguments.get(name, value) != value for name, value in FIXED.items()):
-        return (), None
+        return None
     if arguments.get("preexec_fn") not in (None, take_terminal):
-        return (), None
+        return None
     folder = str(Path(arguments["cwd"] or ".").absolute())
     if not os.access(folder, os.X_OK):
-        return (), None
-    return inside, {
+        return None
+    return {
         "program": program, "arguments": words[len(program) + 1 :],
         "environment": dict(os.environ if arguments["env"] is None else arguments["env"]),
-        "folder": folder, "session": arguments["start_new_session"],
+        "namespaces": places[0], "covers": places[1], "folder": folder, "session": arguments["start_new_session"],
         "terminal": arguments.get("preexec_fn") is take_terminal,
     }  # fmt: skip
+
+
+def namespaces(inside):
+    """What the words before a command enter; None: it is not known.
+
+    Args:
+        inside: words of `nsenter` or `ip netns exec`, or none.
+
+    Returns:
+        The files of the namespaces, and the folder whose files cover those in /etc; None: no folder.
+
+    """
+    if inside[-2:-1] == ("--chdir",):  # `nsenter` leaves the folder, and `env --chdir` returns.
+        inside = inside[:-3]
+    match inside:
+        case ():
+            return [], None
+        case ("nsenter", "--target", pid, *options):
+            kinds = [ENTERED.get(option) for option in options if option != CREDENTIALS]
+            return None if None in kinds else ([f"/proc/{pid}/ns/{kind}" for kind in kinds], None)
+        case ("ip", "netns", "exec", name):
+            return [f"/run/netns/{name}"], f"/etc/netns/{name}"
+    return None
 
 
 def interpreter_settings(environment):

@@ -21,7 +21,7 @@ from tests.starts import take_terminal
 PATIENCE = 150.0
 """Time limit in seconds for a command to end or to print; far more than it needs."""
 
-PLAIN = re.compile(r"""minerva( |[\w./:,=@%+#-]|'[^'\n]*'|"[^"$`\\\n]*")*""")
+PLAIN = re.compile(r"""(minerva|python [\w./-]+\.py)( |[\w./:,=@%+#-]|'[^'\n]*'|"[^"$`\\\n]*")*""")
 """Commands that need no shell: tests/starts.py starts them without the time of their imports."""
 NAMES = "127.0.0.1 localhost lab.example server server.local router.example coordinator\n"
 
@@ -157,7 +157,9 @@ class Terminal:
     def start(self, line: str) -> Running:
         """Start a command and leave it running."""
         if PLAIN.fullmatch(line):
-            words = [sys.executable, "-m", "minerva_bus.cli.main", *shlex.split(line)[1:]]
+            program, *arguments = shlex.split(line)
+            module = ("-m", "minerva_bus.cli.main") if program == "minerva" else ()
+            words = [sys.executable, *module, *arguments]
         else:
             compound = re.search(r"[;|&\n<>]|^for ", line)
             words = ["bash", "-c", f"{'' if compound else 'exec '}{line}"]
@@ -168,6 +170,10 @@ class Terminal:
 
     def type(self, line: str) -> tuple[int, str]:
         """Run a command to its end; returns its exit code and its output."""
+        lines = line.split("; ")
+        if lines[1:] and all(map(PLAIN.fullmatch, lines)):
+            done = [self.type(each) for each in lines]
+            return done[-1][0], "".join(output for _, output in done)
         running = self.start(line)
         return running.ends(), running.output
 

@@ -1,5 +1,7 @@
 """A reader who types the commands of a page on the machines of a network."""
 
+import re
+import shlex
 import signal
 import subprocess
 import sys
@@ -13,6 +15,9 @@ PROGRAMS = {
     'while [ $# -gt 1 ]; do cp "$1" "$place"; shift; done',
 }
 """Programs in the shell's path; ssh and scp as far as the chapter uses them."""
+
+SHELL = re.compile(r"[$`\\*?~;|&<>]")
+"""What needs a shell; tests/starts.py starts other commands without the time of their imports."""
 
 
 class Typist:
@@ -32,7 +37,11 @@ class Typist:
     def types(self, name, line):
         """Run a line; worlds and attached members keep running and return None."""
         host = self.hosts[name]
-        words = [*host.inside, "bash", "-c", f"exec {line}"]
+        if line.startswith("minerva ") and not SHELL.search(line):
+            words = [sys.executable, "-m", "minerva_bus.cli.main", *shlex.split(line)[1:]]
+        else:
+            words = ["bash", "-c", f"exec {line}"]
+        words = [*host.inside, *words]
         there = {"cwd": host.folder, "env": environment(host.folder) | {"PATH": self.path}}
         if line.startswith(("minerva run", "minerva attach")):
             with (host.folder / "log").open("w") as log:

@@ -3,10 +3,12 @@
 import json
 import os
 import pty
+import shutil
 import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import pytest
 
@@ -36,9 +38,12 @@ print(json.dumps({
     "leads": os.getsid(0) == os.getpid(),
     "foreground": os.isatty(0) and os.tcgetpgrp(0) == os.getpid(),
     "network": os.readlink("/proc/self/ns/net"),
+    "hosts": open("/etc/hosts").read(),
     "interrupt": signal.getsignal(signal.SIGINT) is signal.default_int_handler,
     "pipe": signal.getsignal(signal.SIGPIPE) is signal.SIG_IGN,
     "line": "minerva_bus.cli.main" in sys.modules,
+    "file": __file__,
+    "program": sys.argv[0],
     "began": startup.BEGAN,
 }))
 print("warning", file=sys.stderr)
@@ -61,7 +66,9 @@ def forked(request, monkeypatch, tmp_path):
 
     def fork(process, arguments):
         forked = original(process, arguments)
-        if "probe" in arguments["args"]:  # not the start of a fork server
+        if any(
+            "probe" in word for word in map(str, arguments["args"])
+        ):  # not the start of a fork server
             forks.append(forked)
         return forked
 
@@ -75,10 +82,16 @@ def result(done, before=0.0):
     return result
 
 
-@pytest.mark.parametrize("unbuffered", [{}, {"PYTHONUNBUFFERED": "1"}])
-@pytest.mark.parametrize("session", [True, False])
+@pytest.mark.parametrize(
+    ("words", "session", "unbuffered"),
+    [
+        (WORDS, True, {}), (WORDS, False, {"PYTHONUNBUFFERED": "1"}),
+        ([sys.executable, "probe.py"], True, {"PYTHONUNBUFFERED": "1"}),
+        ([sys.executable, "./probe.py"], False, {}),
+    ],
+)  # fmt: skip
 def test_a_fork_sees_what_a_new_interpreter_sees(
-    tmp_path, monkeypatch, forked, session, unbuffered
+    tmp_path, monkeypatch, forked, words, session, unbuffered
 ):
     kept = {key: value for key, value in os.environ.items() if key != "PYTHONUNBUFFERED"}
     options = {
@@ -86,21 +99,42 @@ def test_a_fork_sees_what_a_new_interpreter_sees(
         "env": {**kept, **unbuffered, "OTHER": "ö"}, "start_new_session": session,
     }  # fmt: skip
     for _ in range(starts.SERVERS):  # Each of them is running before the time is read.
-        subprocess.run(WORDS, **options)
+        subprocess.run(words, **options)
     before = time.monotonic()
-    fork = result(subprocess.run([*WORDS, "a", "b c"], **options), before)
+    fork = result(subprocess.run([*words, "a", "b c"], **options), before)
     monkeypatch.setattr(starts, "PROGRAMS", ())
-    new = result(subprocess.run([*WORDS, "a", "b c"], **options))
+    monkeypatch.setattr(starts, "SCRIPT", "no script")
+    new = result(subprocess.run([*words, "a", "b c"], **options))
     assert forked == [True] * (starts.SERVERS + 1) + [False]
     assert fork == new
     assert fork["parent"] == os.getpid()
     assert fork["stderr"] == "warning\nthread, exit, destroyed, "
 
 
-@pytest.mark.parametrize("inside", [[], ["nsenter", "--target", str(os.getpid()), "--net"]])
+@pytest.fixture
+def network():
+    """The name of a network namespace with other host names."""
+    name = f"minerva-starts-{os.getpid()}"
+    names = Path("/etc/netns", name)
+    if shutil.which("ip") is None or subprocess.run(["ip", "netns", "add", name]).returncode:
+        pytest.skip("only root makes a network namespace, with ip")
+    names.mkdir(parents=True)
+    (names / "hosts").write_text("127.0.0.1 harbour\n")
+    yield name
+    subprocess.run(["ip", "netns", "del", name], check=True)
+    shutil.rmtree(names)
+
+
+@pytest.mark.parametrize(
+    "inside",
+    [[], ["nsenter", "--target", str(os.getpid()), "--net"], ["ip", "netns", "exec", "{network}"]],
+    ids=["here", "nsenter", "ip"],
+)
 def test_a_fork_has_the_terminal_and_the_network_of_a_new_interpreter(
     request, tmp_path, monkeypatch, forked, inside
 ):
+    if "ip" in inside:
+        inside = [*inside[:-1], request.getfixturevalue("network")]
     place = [*inside, "env", "--chdir", str(tmp_path)]
     if subprocess.run([*place, "true"], stderr=subprocess.DEVNULL).returncode:
         pytest.skip("only root enters a network namespace")
@@ -119,7 +153,6 @@ def test_a_fork_has_the_terminal_and_the_network_of_a_new_interpreter(
     fork = typed()
     monkeypatch.setattr(starts, "PROGRAMS", ())
     new = typed()
-    request.config.pluginmanager.get_plugin("starts").close(tuple(inside))
     assert forked[0]
     assert not forked[-1]
     assert (fork["foreground"], fork["input"]) == (True, "a line\n")
