@@ -88,7 +88,7 @@ class CoordinatorReports:
         if run.startup.first_frame is not None or status["frame"] or not status["waiting"]:
             console.live(live_line(world.name, status, world.frames, run.startup.began))
             return
-        total = len(run.file.processes)
+        total = sum(not spec.hub for spec in run.file.processes)
         text = starting_line(status, total)
         # The lines about the members that frame 0 waits for, and about restarts, say more.
         is_reported = int(status["members"]) >= total or any(p.failures for p in run.processes)

@@ -60,5 +60,6 @@ class SupervisedRun:
         self.ending.deadline = self.machine.monotonic() + STOP_SECONDS
 
     def abandon(self, process: SupervisedProcess) -> None:
-        """Tell the coordinator that a process will not be started again."""
-        self.coordinator.command(f"abandoned {process.name}")
+        """Tell the coordinator that a process will not be started again; it knows no hosts."""
+        if not process.spec.hub:
+            self.coordinator.command(f"abandoned {process.name}")
