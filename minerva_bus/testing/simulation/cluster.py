@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from random import Random
-from typing import Final
+from typing import Any, Final
 
 from minerva_bus.errors import MinervaError
 from minerva_bus.frame import messages as m
@@ -22,8 +22,10 @@ from minerva_bus.launch.regions.member import RegionMember
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.log.journal import Journal
 from minerva_bus.log.journaled import read_journal, resume_from
+from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.runtime.region_links import ParcelArrived
 from minerva_bus.runtime.runner import Runner, Sink
+from minerva_bus.testing.simulation.hub import SimulatedHosts, SimulatedHub
 from minerva_bus.wire.keys import name_of_region
 
 MAX_SECONDS: Final = 1000
@@ -82,7 +84,10 @@ class Cluster(Sink):
         self._path = journal_path(file) if beside is None else beside.with_name("coordinator")
         self._is_ready = False
         self._members: dict[str, RegionMember] = {}
-        others = [each for each in file.processes if each.name not in self.specs]
+        outside = [each for each in file.processes if not each.hub]
+        others = [each for each in outside if each.name not in self.specs]
+        self._hosts = {name: SimulatedHosts(spec.hosts) for name, spec in self.specs.items()}
+        self._hubs: dict[str, SimulatedHub] = {}
         self._outside = {each.name: each.participant() for each in others}
         self._coordinate(FrameAlgorithm(file.world, source_of(file)))
         for name in self.specs:
@@ -98,6 +103,7 @@ class Cluster(Sink):
                 disturb(self)
             names = *self.specs, *self._outside
             busy = [name for name in names if self.links.down[name] or self.links.up[name]]
+            hubs = [name for name, hub in self._hubs.items() if hub.busy]
             if self._is_ready and self.chance.random() < 0.5:
                 self._is_ready = False
                 self.runner.handle(s.Begin())
@@ -105,6 +111,8 @@ class Cluster(Sink):
                 self._deliver(
                     *self.links.parcels.pop(self.chance.randrange(len(self.links.parcels)))
                 )
+            elif hubs and (not busy or self.chance.random() < 0.5):
+                self._pass_on_to_host(self.chance.choice(hubs))
             elif busy:
                 self._pass_on(self.chance.choice(busy))
             elif not self._is_ready:
@@ -132,7 +140,8 @@ class Cluster(Sink):
         self.links.up[name].clear()
         self.links.parcels = [parcel for parcel in self.links.parcels if parcel[1] != spec.number]
         send = partial(self._send_parcel, spec.number)
-        self._members[name] = RegionMember(spec, send, lambda line: None)
+        make = partial(self._make_hub, name) if spec.hosts else InProcessRunner
+        self._members[name] = RegionMember(spec, send, lambda line: None, make)
         self.runner.handle(s.Appeared(name))
         for other in self._members.values():
             other.send_again([spec.number])
@@ -216,6 +225,17 @@ class Cluster(Sink):
         # The real coordinator does not even decode a large reply for which no frame waits.
         if not isinstance(message, m.TickReply) or self.algorithm.awaits(name):
             self.runner.handle(message)
+
+    def _make_hub(self, name: str, *of_region: Any, **options: Any) -> SimulatedHub:
+        # The one made last is that of the region, which may continue from a checkpoint.
+        hub = SimulatedHub(self._hosts[name], self.chance, *of_region, **options)
+        self._hubs[name] = hub
+        return hub
+
+    def _pass_on_to_host(self, name: str) -> None:
+        hub = self._hubs[name]
+        hub.pass_on(self.chance.choice(hub.busy))
+        self.links.up[name] += self._members[name].hosts_answered()
 
     def _send_parcel(self, source: int, target: int, data: bytes) -> None:
         if frozenset((source, target)) in self.links.cuts:

@@ -37,6 +37,9 @@ LAGS: Final = 1, 3
 MOVES: Final = 1, 2, 5
 """Every third history has a lag; agents move before the frames that are multiples of a number."""
 
+HOSTS: Final = (), ("birds",), ("birds", "marsh"), (), ()
+"""The agents that have processes of their own in each region, in histories by their seeds."""
+
 BORDERS: Final = 0.0, 1.0, 2.0
 """Borders between regions along x; herons stride across them."""
 
@@ -186,9 +189,10 @@ def play_regions(history: RegionHistory, folder: Path) -> PlayedRegions:
     if lag := _lag(history):  # Then borders do not move.
         partition, file = lag.partition, replace(file, world=running_ahead(file.world, lag))
     names = file.world.expected - {ABSENT}
-    processes = tuple(each for each in file.processes if each.name in names)
+    processes = tuple(replace(p, table=p.name) for p in file.processes if p.name in names)
+    file = replace(file, processes=processes, hosts=HOSTS[history.seed % len(HOSTS)])
     script, failure = RegionScript(history), ""
-    with in_regions(replace(file, processes=processes, partition=partition)) as regions:
+    with in_regions(replace(file, partition=partition)) as regions:
         cluster = Cluster(regions, Random(f"deliveries {history.seed}"))  # noqa: S311
         try:
             cluster.run(script)
