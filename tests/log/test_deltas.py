@@ -39,7 +39,7 @@ def check(old, new, vocabulary):
     return delta
 
 
-@settings(max_examples=40)
+@settings(max_examples=20)
 @given(
     worlds().flatmap(lambda world: st.tuples(st.just(world), any_strings(world[0]), st.randoms()))
 )

@@ -153,7 +153,7 @@ def play(bus, chance, blows, limit=20000):
     raise AssertionError("the world goes on for ever")
 
 
-schedule = settings(max_examples=40, deadline=None, suppress_health_check=list(HealthCheck))
+schedule = settings(max_examples=20, deadline=None, suppress_health_check=list(HealthCheck))
 seeds = st.integers(0, 1 << 32)
 
 
