@@ -65,19 +65,18 @@ def has_no_effects(cls: Any, method: Callable[..., Any]) -> bool:
     """Whether a method of a space, with all that it calls, provably changes the space only."""
     try:
         _check(method, cls, set(), ("self", "event", "moment"))
-    except (NotCompilable, _Effect):  # also if there is no source
+    except NotCompilable:  # also if there is no source
         return False
     return True
-
-
-class _Effect(Exception):
-    """Something that may have an effect."""
 
 
 def _check(
     function: Callable[..., Any], cls: Any, known: set[Any], roles: tuple[str, ...] = ()
 ) -> None:
-    """Raise _Effect or NotCompilable for a function; `roles` are those of its parameters."""
+    """Check a function; `roles` are those of its parameters.
+
+    Raises NotCompilable if it may have an effect, or if its source cannot be read.
+    """
     if function in known:
         return
     known.add(function)
@@ -86,7 +85,7 @@ def _check(
     names = [each.arg for each in (*arguments.posonlyargs, *arguments.args)]
     # Defaults may be objects that live on.
     if given.__defaults__ or arguments.kwonlyargs or arguments.vararg or arguments.kwarg:
-        raise _Effect
+        raise NotCompilable
     by_role = dict(zip(roles, names, strict=False))
     body = _Body(origin, cls, known, by_role.get("self", ""), by_role.get("moment", ""))
     body.local.update(names)
@@ -105,14 +104,14 @@ class _Body:
     local: set[str] = field(default_factory=set[str])
 
     def check(self) -> None:
-        """Raise _Effect for a statement or expression that may have an effect."""
+        """Raise NotCompilable for a statement or expression that may have an effect."""
         body = self.origin.tree.body
         for node in (each for statement in body for each in ast.walk(statement)):
             if not isinstance(node, _NODES):
-                raise _Effect
+                raise NotCompilable
             if isinstance(node, ast.Name) and not isinstance(node.ctx, ast.Load):
                 if node.id in (self.space, self.moment):
-                    raise _Effect
+                    raise NotCompilable
                 self.local.add(node.id)
         self._visit_all(body)
 
@@ -128,14 +127,14 @@ class _Body:
             case ast.Name(id=name):
                 # `moment` itself would give access to `emit`, and the space to its properties.
                 if name in (self.moment, self.space):
-                    raise _Effect
+                    raise NotCompilable
                 if name not in self.local and not self._is_constant(node):
-                    raise _Effect
+                    raise NotCompilable
             case ast.Attribute():
                 self._attribute(node)
             case ast.Subscript(value=base) if not isinstance(node.ctx, ast.Load):
                 if not isinstance(base, ast.Name):
-                    raise _Effect
+                    raise NotCompilable
                 self._visit_all((base, node.slice))
             case ast.AnnAssign():  # whose annotation is not evaluated
                 self._visit_all((node.target, node.value))
@@ -154,7 +153,7 @@ class _Body:
             if permitted and not self._is_constant(node):
                 self._visit(base)
         if not permitted:
-            raise _Effect
+            raise NotCompilable
 
     def _is_constant(self, node: ast.AST) -> bool:
         return _is_fixed(self._static(node))
@@ -172,7 +171,7 @@ class _Body:
     def _call(self, node: ast.Call) -> None:
         function, named = node.func, [each.value for each in node.keywords]
         if any(each.arg in (None, "out") for each in node.keywords):
-            raise _Effect
+            raise NotCompilable
         if isinstance(function, ast.Attribute) and _is(function.value, self.space):
             self._visit_all(named)
             self._visit_all(self._of_space(function.attr, node))
@@ -191,11 +190,11 @@ class _Body:
             context, *rules = node.args
             # Rules change their space only.
             if not _is(context, self.moment) or not all(map(self._is_rule, rules)):
-                raise _Effect
+                raise NotCompilable
             return []
         if (module, name) != ("minerva_bus.world.agent", "writable"):
             if not isinstance(method, FunctionType) or module.startswith("minerva_bus."):
-                raise _Effect
+                raise NotCompilable
             _check(method, self.cls, self.known, ("self",))
         return node.args
 
@@ -212,7 +211,7 @@ class _Body:
             and _is(base.value, self.moment)
         )
         if name not in (_DRAWS if of_chance else _METHODS):
-            raise _Effect
+            raise NotCompilable
         self._visit(base)
 
     def _check_pure(self, function: Any) -> None:
@@ -223,7 +222,7 @@ class _Body:
             return
         if not any(function is each for each in _PURE):
             if not isinstance(function, FunctionType) or function.__module__.startswith("minerva"):
-                raise _Effect
+                raise NotCompilable
             _check(function, self.cls, self.known)
 
 
