@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable
 
 from minerva_bus.frame.instructions import Instructions
+from minerva_bus.wording import counted
 
 
 class UnassignedLog:
@@ -25,11 +26,12 @@ class UnassignedLog:
         if not agents:
             out.log("placement", "every agent has a host again")
             return
+        verbs = "has no host and does" if agents == 1 else "have no host and do"
         limit = f"a host takes {self._limit} (agents_per_host)"
         reason = limit if self._limit else "see [placement]"
         out.log(
             "placement",
-            f"{agents} agents have no host and do not evolve: {reason}; attach another host",
+            f"{counted(agents, 'agent')} {verbs} not evolve: {reason}; attach another host",
         )
 
     def kinds(

@@ -146,6 +146,8 @@ def _event_types(
         if name not in vocabulary.events:
             close = nearest(name, list(vocabulary.events))
             table.wrong(key, f"has the unknown event type {name}{close}")
+        if types.count(name) > 1:
+            table.wrong(key, f"has {name} twice")
     return types
 
 

@@ -122,7 +122,8 @@ class Table:
         for key in self.data:
             if key not in self._known:
                 where = f"[{self.name}]" if self.name else "a world file"
-                known = f"{where} has {', '.join(self._known)}"
+                # A key that several readers need is there once for each of them.
+                known = f"{where} has {', '.join(dict.fromkeys(self._known))}"
                 self.wrong(key, f"is unknown{nearest(key, self._known, known)}")
 
     @contextmanager
