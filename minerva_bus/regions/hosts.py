@@ -16,7 +16,7 @@ _SEPARATOR: Final = "/"
 """Between a host and what is reported of it; no name of a member and no other metric has it."""
 
 _TEXTS: Final = "state", "kinds", "host"
-_NUMBERS: Final = "pid", "joins"
+_NUMBERS: Final = "pid", "joins", "last_reply"
 
 
 def host_figures(members: Members, own: Iterable[str]) -> m.Figures:
@@ -27,6 +27,7 @@ def host_figures(members: Members, own: Iterable[str]) -> m.Figures:
             continue
         hello = member.hello
         of_host: dict[str, int | str] = {"state": member.state.value, "joins": member.joins}
+        of_host["last_reply"] = member.last_reply
         if hello is not None:
             kinds = " ".join(kind.name for kind in hello.kinds)
             of_host |= {"kinds": kinds, "pid": hello.pid, "host": hello.host}
@@ -65,6 +66,7 @@ def _status(name: str, of_host: Mapping[str, Any]) -> MemberStatus:
         host=texts["host"],
         expected=True,
         joins=numbers["joins"],
+        last_reply=numbers["last_reply"],
     )
 
 

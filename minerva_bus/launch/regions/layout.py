@@ -124,7 +124,7 @@ def in_regions(file: WorldFile) -> Generator[WorldFile]:
                 elsewhere=away,
             )
             for number in numbers
-            for hub in [_hub(folder, number, hosts)]
+            for hub in [_hub(folder, number, hosts, secured=file.access.keys is not None)]
             for own in [hosts_of(number, hosts, hub)]
         ]
         notes = *file.notes, *notes, *unused_processes(local)
@@ -139,9 +139,13 @@ def hosts_of(number: int, hosts: Iterable[Process], hub: str) -> tuple[Process, 
     return tuple([replace(each, name=f"{region}.{each.name}", hub=hub) for each in hosts])
 
 
-def _hub(folder: Path, number: int, hosts: Iterable[Process]) -> str:
-    """Where a region listens for its hosts; other languages do not know sockets of files."""
-    if not any(host.command for host in hosts):
+def _hub(folder: Path, number: int, hosts: Iterable[Process], *, secured: bool) -> str:
+    """Where a region listens for its hosts, as the coordinator does for local processes.
+
+    Other languages do not know sockets of files, which only their owner can open; so if the world
+    is secured, they cannot join, as with one coordinator.
+    """
+    if secured or not any(host.command for host in hosts):
         return f"unixsock-stream/{folder}/{number}-hub.sock"
     with socket.create_server(("127.0.0.1", 0)) as server:
         return f"tcp/127.0.0.1:{server.getsockname()[1]}"
