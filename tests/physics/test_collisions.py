@@ -171,7 +171,8 @@ def test_a_successor_knows_what_has_begun() -> None:
 def test_contacts_are_saved_as_lines_of_agents() -> None:
     """In one text, because a saved state has a limit of values (`tick_values`)."""
     pairs = [
-        ContactPair(f"a{n}", f"b{n}" if n % 3 else "", math.cos(n), math.sin(n)) for n in range(9)
+        ContactPair(f"a{n}", f"b\t{n}\n" if n % 3 else "", math.cos(n), math.sin(n))
+        for n in range(9)
     ]
     corner = ContactPair("a0", "", 0.0, 1.0)
     saved = ContactMemory([*pairs, corner]).save()
@@ -179,7 +180,7 @@ def test_contacts_are_saved_as_lines_of_agents() -> None:
     assert again.save() == saved
     assert all(map(again.knows, [*pairs, corner]))
     assert not again.knows(ContactPair("a1", "b2", 1.0, 0.0))
-    assert saved.split("\n")[0] == "a0\t\t1.0\t0.0\t\t0.0\t1.0"
+    assert saved.split("\n")[0] == 'a0\t[["", 1.0, 0.0], ["", 0.0, 1.0]]'
 
 
 @pytest.mark.parametrize(

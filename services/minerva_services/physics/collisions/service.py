@@ -7,6 +7,7 @@ scene geometry ... Then, it would generate the events needed to react to such co
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -58,22 +59,22 @@ class ContactMemory:
 
     def save(self) -> str:
         """All contacts by agent, in a text: so many plain values would be too many."""
-        texts: dict[str, list[str]] = {}
+        lists: dict[str, list[list[Any]]] = {}
         for contact in (contact for known in self._known.values() for contact in known):
-            texts.setdefault(contact.agent, []).extend(
-                [contact.other, repr(contact.nx), repr(contact.ny)]
-            )
-        return agent_lines({agent: "\t".join(values) for agent, values in texts.items()})
+            lists.setdefault(contact.agent, []).append([contact.other, contact.nx, contact.ny])
+        # As JSON, because a figure may name any text as its owner.
+        return agent_lines({agent: json.dumps(each) for agent, each in lists.items()})
 
     @staticmethod
     def restored(saved: str) -> ContactMemory:
         """Inverse of `save`. Raises TypeError and ValueError for other values."""
-        made: list[ContactPair] = []
-        for agent, text in by_agent(saved).items():
-            values = text.split("\t")
-            others = zip(values[::3], values[1::3], values[2::3], strict=True)
-            made += [ContactPair(agent, other, float(nx), float(ny)) for other, nx, ny in others]
-        return ContactMemory(made)
+        return ContactMemory(
+            [
+                ContactPair(agent, str(other), float(nx), float(ny))
+                for agent, text in by_agent(saved).items()
+                for other, nx, ny in json.loads(text)
+            ]
+        )
 
 
 class Collisions(Device, Generator, coupled=True):
