@@ -30,7 +30,7 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final
 
 from benchmarks.command import Option, Table, options
 from benchmarks.ip_lines import Lines, run
@@ -80,14 +80,14 @@ NO_DELAY: Final = Setting(0.0, 0.0)
 
 
 @contextmanager
-def process(
-    *words: str, output: IO[str] | None = None, **more: str
-) -> Iterator[subprocess.Popen[bytes]]:
-    """A process that is terminated at the end; `more` are variables."""
+def process(path: Path, *words: str, **more: str) -> Iterator[subprocess.Popen[bytes]]:
+    """A process that is terminated at the end; `more` are variables.
+
+    Its output is in a file, its errors in one that ends with `.log`.
+    """
     environment = {**os.environ, "PYTHONPATH": str(ROOT), **more}
-    silent = subprocess.DEVNULL
-    to = silent if output is None else output
-    running = subprocess.Popen(words, env=environment, stdout=to, stderr=silent)
+    with path.open("w") as output, path.with_suffix(".log").open("a") as errors:
+        running = subprocess.Popen(words, env=environment, stdout=output, stderr=errors)
     try:
         yield running
     finally:
@@ -121,16 +121,21 @@ class RunningWorld:
         self._keys, self._at = folder / f"{path.stem}.keys", f"tls/{self.lines.address(0)}:7447"
         keys = "--dir", str(self._keys)
         run(*MINERVA, "keys", "init", *keys, "--host", self.lines.address(0))
-        alone = "run", str(path), "--coordinator-only", "--listen", self._at
-        alone = *alone, "--regions", str(regions), "--keys", str(self._keys), *words
-        self.processes: dict[str, subprocess.Popen[bytes]] = {}
-        self._summary = folder / f"{path.stem}.json"
-        with self._summary.open("w") as summary:
-            self.coordinator = self._start(0, *alone, output=summary)
         spares = [self.lines.address(1 + len(roles) + n) for n in range(spare)]
         for host, (name, role) in enumerate(roles.items(), 1):
             hosts = ",".join([self.lines.address(host), *spares])
             run(*MINERVA, "keys", "issue", name, "--role", role, *keys, "--host", hosts)
+        alone = "run", str(path), "--coordinator-only", "--listen", self._at
+        alone = *alone, "--regions", str(regions), "--keys", str(self._keys), *words
+        self.processes: dict[str, subprocess.Popen[bytes]] = {}
+        self.coordinator = self._start("coordinator", 0, *alone)
+        # Processes that nobody answers end at once.
+        place, end = Path(self._runtime) / f"{path.stem}.json", time.monotonic() + PATIENCE
+        while not place.exists():
+            if self.coordinator.poll() is not None or time.monotonic() > end:
+                raise SystemExit(f"{path.stem} does not begin: {self._why(['coordinator'])}")
+            time.sleep(0.05)
+        for host, name in enumerate(roles, 1):
             self.attach(name, host)
 
     def attach(self, name: str, host: int, *words: str) -> subprocess.Popen[bytes]:
@@ -140,24 +145,25 @@ class RunningWorld:
             link = f"tls/{self.lines.address(host)}:7450"
             shared = *shared, "--regions", str(self._regions), "--link", link
         words = "attach", str(self._path), "--process", name, *shared
-        started = self.processes[name] = self._start(host, *words)
+        started = self.processes[name] = self._start(name, host, *words)
         return started
 
-    def _start(
-        self, host: int, *words: str, output: IO[str] | None = None
-    ) -> subprocess.Popen[bytes]:
+    def _start(self, name: str, host: int, *words: str) -> subprocess.Popen[bytes]:
         variables = {"MINERVA_RUNTIME_DIR": self._runtime}
         if host == 1:
             variables[TIMES] = str(self._times)
         inside = self.lines.inside(host)
-        started = process(*inside, *MINERVA, *words, output=output, **variables)
+        started = process(self._output(name), *inside, *MINERVA, *words, **variables)
         return self._opened.enter_context(started)
+
+    def _output(self, name: str) -> Path:
+        return self._times.with_name(f"{self._times.stem}-{name}.json")
 
     def ended(self) -> tuple[str, int]:
         """End the world; returns its digest and number of frames. It must have `--json`."""
         self.coordinator.send_signal(signal.SIGINT)
         self.coordinator.wait(PATIENCE)
-        summary = json.loads(self._summary.read_text())
+        summary = json.loads(self._output("coordinator").read_text())
         return summary["digest"], summary["frames"]
 
     def frames_per_second(self, setting: Setting, frames: int) -> float:
@@ -181,9 +187,18 @@ class RunningWorld:
             present = {"coordinator": self.coordinator, **self.processes}
             ended = [name for name, each in present.items() if each.poll() is not None]
             if ended or time.monotonic() > end:
-                raise SystemExit(f"{self._times.stem} stands still at frame {seen}: {ended}")
+                raise SystemExit(
+                    f"{self._times.stem} stands still at frame {seen}: {self._why(ended)}"
+                )
             time.sleep(0.05)
         return times
+
+    def _why(self, ended: Sequence[str]) -> str:
+        logs = [self._output(name).with_suffix(".log") for name in ended]
+        lines = [
+            f"{log.stem}: {line}" for log in logs for line in log.read_text().splitlines()[-9:]
+        ]
+        return "\n".join(["no process has ended" if not ended else "these have ended", *lines])
 
 
 def print_rows(
