@@ -23,6 +23,8 @@ from tests.api.frogs import Frog, eTick, marsh, pond
 from tests.study.bombs import ALWAYS, MARK, NEVER, ONCE, bombs, fuse
 from tests.study.ponds import pond as pond_file
 
+pytestmark = pytest.mark.timeout(300)
+
 
 def frogs(options):
     return Frog.many("f", options["n"])

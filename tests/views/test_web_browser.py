@@ -26,7 +26,10 @@ from minerva_bus.semantics.picture import Lists, Texts  # noqa: E402
 from minerva_services.views.web.camera_control import FIELD, bounds_of, camera_pose  # noqa: E402
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
-pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="needs chromium (apt install chromium)")
+pytestmark = [
+    pytest.mark.skipif(CHROMIUM is None, reason="needs chromium (apt install chromium)"),
+    pytest.mark.timeout(300),
+]
 
 FLAGS = [
     "--no-sandbox",
