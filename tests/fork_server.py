@@ -136,6 +136,8 @@ def serve(requests):
 def become(request, files):
     """Give this process the standard files, environment and folder of a request."""
     signal.signal(signal.SIGINT, signal.default_int_handler)
+    # The server ignores it if the tests run under nohup.
+    signal.signal(signal.SIGHUP, signal.SIG_IGN if request["nohup"] else signal.SIG_DFL)
     if request["session"]:
         os.setsid()
     for number, file in enumerate(files):

@@ -10,6 +10,7 @@ import fcntl
 import inspect
 import json
 import os
+import signal
 import socket
 import subprocess
 import sys
@@ -181,6 +182,7 @@ def forkable(arguments):
         "environment": dict(os.environ if arguments["env"] is None else arguments["env"]),
         "namespaces": places[0], "covers": places[1], "folder": folder, "session": arguments["start_new_session"],
         "terminal": arguments.get("preexec_fn") is take_terminal,
+        "nohup": signal.getsignal(signal.SIGHUP) is signal.SIG_IGN,
     }  # fmt: skip
 
 

@@ -40,6 +40,7 @@ print(json.dumps({
     "network": os.readlink("/proc/self/ns/net"),
     "hosts": open("/etc/hosts").read(),
     "interrupt": signal.getsignal(signal.SIGINT) is signal.default_int_handler,
+    "hang up": signal.getsignal(signal.SIGHUP) is signal.SIG_IGN,
     "pipe": signal.getsignal(signal.SIGPIPE) is signal.SIG_IGN,
     "line": "minerva_bus.cli.main" in sys.modules,
     "file": __file__,
@@ -76,6 +77,14 @@ def forked(request, monkeypatch, tmp_path):
     return forks
 
 
+@pytest.fixture
+def hang_ups():
+    """The test may ignore hang-ups or not: a command inherits that."""
+    before = signal.getsignal(signal.SIGHUP)
+    yield
+    signal.signal(signal.SIGHUP, before)
+
+
 def result(done, before=0.0):
     result = {"code": done.returncode, "stderr": done.stderr, **json.loads(done.stdout)}
     assert result.pop("began") > before
@@ -91,8 +100,9 @@ def result(done, before=0.0):
     ],
 )  # fmt: skip
 def test_a_fork_sees_what_a_new_interpreter_sees(
-    tmp_path, monkeypatch, forked, words, session, unbuffered
+    tmp_path, monkeypatch, forked, hang_ups, words, session, unbuffered
 ):
+    signal.signal(signal.SIGHUP, signal.SIG_IGN if session else signal.SIG_DFL)
     kept = {key: value for key, value in os.environ.items() if key != "PYTHONUNBUFFERED"}
     options = {
         "cwd": tmp_path, "input": "ä line", "capture_output": True, "text": True,
@@ -108,6 +118,7 @@ def test_a_fork_sees_what_a_new_interpreter_sees(
     assert forked == [True] * (starts.SERVERS + 1) + [False]
     assert fork == new
     assert fork["parent"] == os.getpid()
+    assert fork["hang up"] is session
     assert fork["stderr"] == "warning\nthread, exit, destroyed, "
 
 
