@@ -35,6 +35,13 @@ def test_histories_of_regions_go_well(first):
         assert not again.wrong, report(again)
 
 
+# A region waited for one that itself waited behind a link that was cut for more than 30 s.
+@pytest.mark.parametrize("seed", [306])
+def test_histories_of_regions_that_failed_once_go_well(seed):
+    again = tried_seed(seed, regions=True)
+    assert not again.wrong, report(again)
+
+
 @pytest.mark.parametrize("line", FAILED.read_text().splitlines())
 def test_histories_that_failed_once_go_well(line):
     history, reason = read_back(line)

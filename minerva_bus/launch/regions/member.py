@@ -258,15 +258,20 @@ class RegionMember(Member):
         try:
             message = self._decoder.parcel(arrived.data, self._known_agents())
             if isinstance(message, AgainMessage):
-                self.send_again([arrived.source])
+                self._parcels.again([arrived.source], self._needed_for(message.frame))
                 return False
             received = from_message(message, arrived.source, self.region.number)
             is_new = self.region.receive(received)
         except (ProtocolError, SceneError) as error:
             text = f"region {arrived.source} has sent an invalid parcel: {error}"
             raise WorldStopped(text) from None
-        self._parcels.received(received, is_new=is_new)
+        since = self._needed_for(self.region.frame)
+        self._parcels.received(received, is_new=is_new, since=since)
         return is_new
+
+    def _needed_for(self, frame: int) -> int:
+        """The first frame whose parcels may be needed for a frame."""
+        return frame - 1 - self._requests.ahead
 
     def _known_agents(self) -> OwnAgents:
         """The agents of the first string and of this region: as many may move here at once."""

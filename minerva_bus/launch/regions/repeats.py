@@ -11,7 +11,10 @@ from minerva_bus.regions.attached import Replies
 from minerva_bus.regions.parcel import Parcel
 
 MAX_SECONDS: Final = 30
-"""Seconds in which a region may repeat earlier parcels instead of sending a needed one."""
+"""Seconds in which a region may repeat earlier parcels instead of sending a needed one.
+
+A region that waits for another one itself, for as long as their link is cut, repeats none.
+"""
 
 
 class RegionRepeats:
@@ -22,7 +25,7 @@ class RegionRepeats:
         self._seconds: Counter[int] = Counter()
 
     def note(self, repeated: Parcel | Replies) -> None:
-        """Note a message that had arrived before."""
+        """Note a message that had arrived before, and is older than what was requested."""
         self._lately.add(repeated.source)
 
     def a_second_later(self, awaited: Collection[int], frame: int) -> None:

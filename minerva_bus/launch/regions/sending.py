@@ -35,15 +35,16 @@ class ParcelSender:
             if not self.repeats:
                 self._send(message.target, data)
 
-    def again(self, regions: Iterable[int]) -> None:
-        """Send what these regions may not have."""
+    def again(self, regions: Iterable[int], since: int = -1) -> None:
+        """Send what these regions may not have, of the frame `since` and of later ones."""
         for region in regions:
             for message in self.outbox.kept_for(region):
-                self._send(region, encode(to_message(message)))
+                if message.frame >= since:
+                    self._send(region, encode(to_message(message)))
 
-    def received(self, message: Parcel | Replies, *, is_new: bool) -> None:
-        """Note a message of another region."""
-        if not is_new:
+    def received(self, message: Parcel | Replies, *, is_new: bool, since: int) -> None:
+        """Note a message of another region, which sends those `since` a frame if it is asked."""
+        if not is_new and message.frame < since:
             self._repeats.note(message)
 
     def a_second_later(self, awaited: Iterable[int], frame: int) -> None:
