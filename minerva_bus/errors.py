@@ -39,7 +39,8 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from collections.abc import Callable
-from typing import Any, Final
+from operator import index
+from typing import Any, Final, SupportsIndex, cast
 
 
 class MinervaError(Exception):
@@ -234,6 +235,15 @@ def _locate(text: str, offset: int) -> tuple[int, int, str]:
 _COMPARED = 100
 """Words that `nearest` compares; of more, those that follow or precede the word in sorted order."""
 _COMPARED_CHARS = 64
+
+
+def whole(value: object, least: int) -> bool:
+    """Whether a value that code has given is a whole number, from `least` on."""
+    try:
+        number = index(cast("SupportsIndex", value))
+    except TypeError:  # Neither an integer of Python nor one of numpy.
+        return False
+    return not isinstance(value, bool) and number >= least
 
 
 def nearest(word: str, words: list[str], otherwise: str = "") -> str:

@@ -21,7 +21,7 @@ from minerva_bus.api.world_views import (
     unpictured,
 )
 from minerva_bus.collect.table import DataTable
-from minerva_bus.errors import MinervaError, MisuseError
+from minerva_bus.errors import MinervaError, MisuseError, whole
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.vocabulary import Vocabulary
@@ -93,8 +93,8 @@ class Live:
             KeyboardInterrupt: after Ctrl-C; the world in this process has ended then.
 
         """
-        if frames < 1:
-            raise MisuseError(f"step({frames}): expected at least 1 frame")
+        if not whole(frames, 1):
+            raise MisuseError(f"step({frames!r}): expected a whole number of frames, at least 1")
         with self._stepping:
             if self._display is None:
                 self._backend.step(frames, stop, by)

@@ -8,7 +8,7 @@ from typing import Any, cast
 import msgpack
 import numpy as np
 
-from minerva_bus.errors import ProtocolError, VocabularyError
+from minerva_bus.errors import ProtocolError, VocabularyError, nearest
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.ids import Ids
@@ -260,7 +260,9 @@ class Reader:
         name = as_text(items[0], "an event's type")
         declared = self.vocabulary.events.get(name)
         if declared is None:
-            raise VocabularyError(f"no event type {name[:40]!r}", source="event")
+            hint = nearest(name, list(self.vocabulary.events))
+            problem = f"the world has no event type {name[:40]!r}{hint}"
+            raise VocabularyError(problem, source="event")
         condition, sender, receivers = "", "", ()
         if len(items) == 5:
             condition, sender = as_text(items[2], "a condition"), as_text(items[3], "a sender")

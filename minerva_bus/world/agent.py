@@ -29,7 +29,7 @@ from typing import Any, ClassVar, Self, TypeVar
 import numpy as np
 
 from minerva_bus.compiled.activity import CompiledMethods, CompiledViews
-from minerva_bus.errors import MinervaError, MisuseError, StateError, nearest
+from minerva_bus.errors import MinervaError, MisuseError, StateError, nearest, whole
 from minerva_bus.grammar.arrays import SCALARS
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.digest import same_values
@@ -296,6 +296,10 @@ class Agent:
 
         """
         if isinstance(ids, str):
+            if not whole(count, 0):
+                raise MisuseError(
+                    f"{cls.kind.name}.many({ids!r}, {count!r}): expected a number of agents from 0"
+                )
             ids = Ids.numbered(ids, range(count))
         column = ids if isinstance(ids, Ids) else Ids.of(ids)
         fields, owner = cls.kind.fields, cls.kind.name

@@ -229,8 +229,9 @@ def test_events_and_views_of_a_live_world():
             live.publish(eTick())
         with pytest.raises(BusError, match="no agent #z"):
             live.publish(eFeed(amount=1.0, receivers=["z"]))
-        with pytest.raises(MisuseError, match="at least 1"):
-            live.step(0)
+        for frames in (0, 2.5, "2", True):
+            with pytest.raises(MisuseError, match="at least 1"):
+                live.step(frames)
     assert live.ended
 
 

@@ -2,6 +2,7 @@
 
 import difflib
 
+import numpy as np
 import pytest
 
 from minerva_bus import Agent
@@ -25,6 +26,16 @@ def test_of_very_many_names_only_those_that_begin_alike_are_compared(monkeypatch
     monkeypatch.setattr("difflib.get_close_matches", close_matches)
     assert nearest("walker1234x", names).startswith("; did you mean 'walker123")
     assert len(compared) <= 100
+
+
+@pytest.mark.parametrize("count", [-1, 2.0, "3", None, True])
+def test_a_number_of_agents_is_a_whole_number(count):
+    class Bird(Agent, symbol="ABird"):
+        pass
+
+    with pytest.raises(MisuseError, match=r"ABird.many\('b', .*\): expected a number of agents"):
+        Bird.many("b", count)
+    assert len(Bird.many("b", np.int64(2)).nodes) == 2
 
 
 def test_a_list_of_values_for_many_agents_is_an_error_that_names_arrays():
