@@ -371,9 +371,12 @@ def test_hosts_their_regions_and_the_coordinator_may_die(tmp_path):
             os.kill(pids[name], signal.SIGKILL)
             world.says(name, "was killed by SIGKILL")
             advances(world)
+        # The status is that of the last second.
+        eventually(lambda: world.runs(*hosts)[hosts[0]] != pids[hosts[0]], "another host")
         # The hosts of a region that has died join its successor.
         new = world.runs(*hosts)
         assert [name for name in hosts if new[name] != pids[name]] == hosts[:1], world.text
+        assert "region-1.walkers" not in world.text
         assert here(tmp_path, "restart", world.name, hosts[3]).returncode == 0
         world.says(hosts[3], "restarting on request")
         world.kill_coordinator()

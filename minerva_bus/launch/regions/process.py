@@ -12,6 +12,7 @@ from minerva_bus.blame import report
 from minerva_bus.errors import BusError, MinervaError, UserCodeError, WorldStopped
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.member import Member
+from minerva_bus.frame.messages import Welcome
 from minerva_bus.launch.regions.layout import RegionSpec
 from minerva_bus.launch.regions.member import RegionMember
 from minerva_bus.runtime.admission import ListenConfig
@@ -66,6 +67,7 @@ class RegionProcess(MemberProcess):
         self._spec = spec
         self._own = own
         self._hub: RegionHub | None = None
+        self._joined: Welcome | None = None
         self._links: RegionLinks | None = None
         self._timer: Timer | None = None
         self._unreachable: dict[int, str | None] = {}
@@ -177,6 +179,9 @@ class RegionProcess(MemberProcess):
         awaited, links = self._region.awaited, self._links
         self._region.a_second_later()
         if self._region.world is not None:
+            # A successor of the coordinator, which has sent another welcome, knows no hosts.
+            if self._region.world is not self._joined:
+                self._joined, self._figures = self._region.world, {}
             self._on_figures(ReportFigures())
         for region in awaited if links is not None and self._spec.announces else ():
             endpoint = links.unlinked(region) if links is not None else ""
