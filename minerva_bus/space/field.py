@@ -77,6 +77,9 @@ def near(table: Any, x: float, y: float, radius: float, other_than: int) -> int:
     # A little more than the radius, so that rounding cannot exclude a cell at its edge.
     u, columns = cells_between(x - radius, x + radius, field.width, field.across, field.periodic)
     top, rows = cells_between(y - radius, y + radius, field.height, field.down, field.periodic)
+    wraps = field.periodic and not (
+        inside(x, radius, field.width, field.across) and inside(y, radius, field.height, field.down)
+    )
     count = 0
     table.counts[FOUND] = table.values.shape[1]
     # Unchecked, because these cells exist, and each has rows that no other one has.
@@ -92,7 +95,7 @@ def near(table: Any, x: float, y: float, radius: float, other_than: int) -> int:
             while True:
                 while k < end:
                     dx, dy = sorted_x[k] - x, sorted_y[k] - y
-                    count += meet(table, count, order[k], dx, dy, radius, other_than)
+                    count += meet(table, count, order[k], dx, dy, radius, other_than, wraps)
                     k += 1
                 if not beyond:
                     break
@@ -103,7 +106,7 @@ def near(table: Any, x: float, y: float, radius: float, other_than: int) -> int:
                 j = firsts[u * field.down + v]
                 while j >= 0:
                     dx, dy = row_x[j] - x, row_y[j] - y
-                    count += meet(table, count, j, dx, dy, radius, other_than)
+                    count += meet(table, count, j, dx, dy, radius, other_than, wraps)
                     j = following[j]
                 v = v + 1 if v + 1 < field.down else 0
         u = u + 1 if u + 1 < field.across else 0
@@ -113,16 +116,27 @@ def near(table: Any, x: float, y: float, radius: float, other_than: int) -> int:
 
 @kernel
 def meet(
-    table: Any, count: int, j: int, dx: float, dy: float, radius: float, other_than: int
-) -> int:
+    table: Any, count: int, j: int, dx: float, dy: float, radius: float, other_than: int,
+    wraps: bool,
+) -> int:  # fmt: skip
     """Write row j at `count` of `nearby`; 1 if it is near, else 0."""
     field = table.field
-    if field.periodic:
+    if wraps:
         dx, dy = shortest(dx, field.width), shortest(dy, field.height)
     # Without a branch, because a processor cannot foresee which of the rows are near.
     nearby, apart_x, apart_y = unchecked(table.nearby), unchecked(table.dx), unchecked(table.dy)
     nearby[count], apart_x[count], apart_y[count] = j, dx, dy
     return int(j != other_than) & int(dx * dx + dy * dy <= radius * radius)
+
+
+@kernel
+def inside(center: float, radius: float, size: float, cells: int) -> bool:
+    """Whether an interval meets no cell at an edge, so that no way across edges is shorter.
+
+    Cells at an edge also have the rows outside. A little more than a cell, because of rounding.
+    """
+    margin = radius + 1.001 * size / cells
+    return margin < center and center < size - margin
 
 
 @kernel

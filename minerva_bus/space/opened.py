@@ -220,12 +220,11 @@ class Opened:
         values, alive = self.arrays["values"], self.arrays["links"][ALIVE, :count]
         if "cell" in self.kind.position:
             values[1, :count] = self.arrays["cell"][:count]
-        (kept,) = alive.nonzero()
-        if len(kept) == values.shape[1]:
-            matrix = values
+        used = values[:, :count]
+        if not alive.all():
+            matrix = used.take(alive.nonzero()[0], axis=1)
         else:
-            used = values[:, :count]
-            matrix = used.copy() if len(kept) == count else used.take(kept, axis=1)
+            matrix = values if count == values.shape[1] else used.copy()
         # Read-only arrays that own their memory become attributes without another copy.
         matrix.flags.writeable = False
         return matrix

@@ -49,6 +49,7 @@ from minerva_bus.space import (
     rule,
     uniform,
 )
+from minerva_bus.space import field as field_module
 from minerva_bus.space.field import FieldGrid
 from minerva_bus.space.kernels import key
 from minerva_bus.space.opened import Opened, _sharing
@@ -320,6 +321,22 @@ def test_near_finds_the_rows_that_all_pairs_give(as_python, periodic, width, hei
     if 2 * sight < min(width, height):
         np.testing.assert_allclose(birds.sum_x, (dx * close).sum(axis=1), atol=1e-9)
         np.testing.assert_allclose(birds.sum_y, (dy * close).sum(axis=1), atol=1e-9)
+
+
+def test_a_search_away_from_the_edges_finds_the_same(monkeypatch):
+    random, results = np.random.default_rng(2), []
+    x, y = random.uniform(0, 30, (2, 200))
+    x[:60], y[40:100] = random.uniform(-40, 70, (2, 60))  # some of them outside
+    birds = Bird.many(200, x=x, y=y, seen=0, sum_x=0, sum_y=0)
+    for known in (field_module.inside, lambda *_: False):
+        monkeypatch.setattr(field_module, "inside", known)
+        space = flock(200, 30.0, 30.0)
+        space.birds = birds
+        with interpreted():
+            space.run(moment(), look_now, sight=5.0)
+        results.append(space.birds.tobytes())
+    assert results[0] == results[1]
+    assert Bird.read(space.birds).seen.max() > 3
 
 
 @rule(ORDERED, births=0)
