@@ -23,15 +23,13 @@ from minerva_bus.frame.calling import restore
 from minerva_bus.frame.member import Member
 from minerva_bus.grammar.batch import AnyEvent, Events
 from minerva_bus.grammar.ids import Ids
-from minerva_bus.grammar.scene import EMPTY
-from minerva_bus.grammar.slots import fill
-from minerva_bus.regions.halo import Figures, halo_of, scenery_of
+from minerva_bus.regions.halo import Figures, halo_of
 from minerva_bus.regions.kept import AGENTS, check_saved, parted, texts_of, with_texts
-from minerva_bus.regions.merging import PlacedEvent, Units, merged
+from minerva_bus.regions.merging import PlacedEvent, Units
+from minerva_bus.regions.nearby_views import NearbyViews
 from minerva_bus.regions.partition import Partition
 from minerva_bus.regions.replies import Answer, Replies, received
-from minerva_bus.regions.showing import NOBODY, figures_of, showing, within
-from minerva_bus.world.halo import Halo, OwnFigures, agent_lines
+from minerva_bus.world.halo import Halo, agent_lines
 from minerva_bus.world.services import Device
 
 LEFT: Final = "~left"
@@ -41,9 +39,9 @@ LEFT: Final = "~left"
 class NearbyServices:
     """The services with a halo, in one region.
 
-    `send` is called with the events for agents that have moved to other regions. `answered` are the
-    events of the last frame by service, with the places of their receivers, and `running` is the
-    member whose code runs between two frames.
+    `send` is called with the events for agents that have moved to other regions. `views` are what
+    the services see, and `answered` the events of the last frame by service, with the places of
+    their receivers. `running` is the member whose code runs between two frames.
     """
 
     def __init__(
@@ -71,13 +69,8 @@ class NearbyServices:
                 self._members[member.name] = member
                 for drawn in member.hello().draws:
                     self.halos[drawn] = self.halos.get(drawn, halo).joined(halo) or halo
-        self._unshown = [view for view in last if view.event_type in self.halos]
-        self._sequence = max([view.sequence for view in self._unshown], default=0)
-        # Views that no region has divided show all agents; those of this region are its own.
-        self._own = within(own) if own is not None and self._unshown else None
-        self._scenery: dict[int, dict[str, Units]] = {}
+        self.views = NearbyViews(number, self.halos, last, own)
         self._left = frozenset(left)
-        self._shown: tuple[int, Mapping[int, Figures]] = -1, {}
         self._movers: frozenset[int] | None = None
         self._moving: Mapping[str, int] = {}
         self._replies: dict[tuple[int, int], Replies] = {}
@@ -105,46 +98,19 @@ class NearbyServices:
         self._movers = None if movers is None else frozenset(movers)
         for each in self._replies.values():
             self._check_expected(each)
-        self._shown = frame, shown
-        own = shown.get(self.number)
-        if own is None:
-            self._own = self._own if self._unshown else None
-            return
-        for source, figures in shown.items():
-            changed = {name: of for name, of in figures.items() if name not in self.halos}
-            self._scenery.setdefault(source, {}).update(changed)
-        self._own = showing(own, self.halos)
-        self._unshown.clear()
-        scenery = [of for _, of in sorted(self._scenery.items())]
-        for event_type in sorted(own.keys() & self.halos.keys()):
-            parts = [of[event_type] for _, of in sorted(shown.items()) if event_type in of]
-            name = scenery_of(event_type)
-            parts += [of[name] for of in scenery if name in of]
-            self._sequence += 1
-            scene = merged(parts).scene
-            self._unshown.append(m.ViewShown(event_type, frame, self._sequence, {}, scene))
-
-    @property
-    def shown(self) -> Mapping[int, Mapping[int, Figures]]:
-        """The latest figures by frame and region: `take` continues with them elsewhere."""
-        frame, shown = self._shown
-        sources = shown.keys() | self._scenery.keys() if shown else set[int]()
-        whole = {n: {**self._scenery.get(n, {}), **shown.get(n, {})} for n in sorted(sources)}
-        return {frame: whole} if whole else {}
+        self.views.take(frame, shown)
 
     def receive(self, replies: Replies) -> bool:
         """Accept replies of another region; returns False if they have arrived before."""
-        frame, _ = self._shown
         key = replies.frame, replies.source
-        if replies.frame <= frame or key in self._replies:
+        if replies.frame <= self.views.frame or key in self._replies:
             return False
         self._check_expected(replies)
         self._replies[key] = replies
         return True
 
     def _check_expected(self, replies: Replies) -> None:
-        frame, _ = self._shown
-        is_current = self._movers is not None and replies.frame == frame + 1
+        is_current = self._movers is not None and replies.frame == self.views.frame + 1
         if is_current and replies.source not in (self._movers or ()):
             raise ProtocolError(f"replies of region {replies.source}, which has sent no agents")
 
@@ -179,31 +145,19 @@ class NearbyServices:
                 if to in texts:
                     kept[to][name] = agent_lines(texts[to])
         self.running = None
-        self._unshown.clear()
+        self.views.all_seen()
         self._moving, self.answered = {}, answered
         if targets:
             self.send([Replies(frame, self.number, to, events[to], kept[to]) for to in targets])
 
     def _reply(self, member: Member, frame: int) -> m.TickReply:
-        drawn = member.hello().draws
-        for view in self._unshown:
-            if view.event_type in drawn:
-                assert isinstance(member.service, Device)
-                member.service.own = self._own_figures(view)
-                received(member, view)
+        for view, own in self.views.unseen(member.hello().draws):
+            assert isinstance(member.service, Device)
+            member.service.own = own
+            received(member, view)
         answers = received(member, m.TickRequest(frame))
         (reply,) = [each for each in answers if isinstance(each, m.TickReply)]
         return reply
-
-    def _own_figures(self, view: m.ViewShown) -> OwnFigures:
-        own = self._own or NOBODY
-        if view.event_type in own.figures:
-            return own.figures[view.event_type]
-        # A view of all agents, by which a run continues.
-        scene = fill(view.skeleton or EMPTY, view.parts)
-        every = figures_of(scene.pieces, self.halos[view.event_type])
-        rows = np.flatnonzero(own.ids.rows_of(every.ids) >= 0)
-        return OwnFigures(every.ids.take(rows), every.x[rows], every.y[rows])
 
     @property
     def left(self) -> dict[str, dict[str, int]]:
@@ -218,14 +172,15 @@ class NearbyServices:
     def _placed(self, name: str, event: AnyEvent) -> PlacedEvent:
         """An event, or a batch, for the agents that this region had; with their places."""
         receivers = _receivers(event)
-        if receivers is None or len(receivers) != len(event) or self._own is None:
+        own_agents = self.views.own
+        if receivers is None or len(receivers) != len(event) or own_agents is None:
             raise WorldStopped(
                 f"regions: halo = true: {name} has sent an {event.type} that is not for one agent,"
                 " or not in the frame after a view; expected events for single agents about the"
                 " view of the last frame, or halo = false"
             )
-        places = self._own.places
-        rows: NDArray[np.intp] = self._own.ids.rows_of(receivers)
+        places = own_agents.places
+        rows: NDArray[np.intp] = own_agents.ids.rows_of(receivers)
         own = np.flatnonzero(rows >= 0)
         event = event.take(own) if isinstance(event, Events) and len(own) < len(rows) else event
         numbers: list[int] = rows[own].tolist()

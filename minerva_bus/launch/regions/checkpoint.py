@@ -58,7 +58,7 @@ class RegionCheckpoint:
         ]
         views += [
             Parcel(frame, source, number, NOTHING, (), halo=figures)
-            for frame, shown in region.services.nearby.shown.items()
+            for frame, shown in region.services.nearby.views.latest.items()
             for source, figures in shown.items()
         ]
         return RegionCheckpoint(

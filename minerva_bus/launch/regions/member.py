@@ -26,6 +26,7 @@ from minerva_bus.launch.in_process import members_of
 from minerva_bus.launch.regions.checkpoint import RegionCheckpoint
 from minerva_bus.launch.regions.journal import MAX_BYTES
 from minerva_bus.launch.regions.layout import RegionSpec
+from minerva_bus.launch.regions.past import RegionPast
 from minerva_bus.launch.regions.requests import RegionRequests
 from minerva_bus.launch.regions.runner import MakeRunner, RegionRunner
 from minerva_bus.launch.regions.sending import ParcelSender
@@ -44,7 +45,7 @@ from minerva_bus.regions.messages import (
     to_message,
 )
 from minerva_bus.regions.norms import violations
-from minerva_bus.regions.part import PartMessage, PartSender
+from minerva_bus.regions.part import PartMessage
 from minerva_bus.regions.partition import Partition
 from minerva_bus.regions.region import Region
 from minerva_bus.regions.whole import FIRST, PART
@@ -83,11 +84,9 @@ class RegionMember(Member):
         self._decoder = Decoder(file.world.vocabulary, file.access.limits)
         self._journal = spec.make_journal()
         self._log = log
-        self._sender = PartSender()
         self._done: s.FrameDone | None = None
         self._ending = ""
-        self._early: list[ParcelArrived | m.RegionRequest] = []
-        self._past: Iterator[ParcelArrived] | None = None
+        self._past: RegionPast | None = RegionPast()
         self._handlers[m.RegionRequest] = self._on_request
 
     def _region(self, file: WorldFile, number: int, partition: Partition) -> Region:
@@ -129,12 +128,12 @@ class RegionMember(Member):
         if not joins:
             return
         self._journal.continue_from(saved.get(JOURNAL))
-        self._begin_to_repeat(welcome.frame)
-        self._out += self.hosts_answered()
+        self._past = self._journaled(welcome.frame)
+        self._out.extend(self.hosts_answered())
 
     @own_members()
-    def _begin_to_repeat(self, frame: int) -> None:
-        """Prepare to run the frames of the process before this one again."""
+    def _journaled(self, frame: int) -> RegionPast:
+        """The frames of the process before this one, up to the one that the world is in."""
         if frame > self.region.frame and not self._journal.exists:
             lost = f"its journal was longer than {MAX_BYTES >> 20} MiB"
             raise WorldStopped(f"a new process cannot repeat {frame} frames: {lost}")
@@ -144,7 +143,8 @@ class RegionMember(Member):
         if first is not None and first.source == CHECKPOINT:
             self._restore(RegionCheckpoint.decoded(first.data))
         self._runner.start()
-        self._past = iter(()) if first is None else chain([first], entries)
+        entries = iter(()) if first is None else chain([first], entries)
+        return RegionPast(entries, [] if self._past is None else self._past.early)
 
     def _repeat(self, past: Iterator[ParcelArrived]) -> bool:
         """Run the frames of the process before this one again; others have what it sent.
@@ -169,13 +169,13 @@ class RegionMember(Member):
         Raises WorldStopped if what others have sent is invalid.
         """
         out: list[Outgoing] = []
-        if self._past is not None and not self._ending:
-            if not self._repeat(self._past):
+        past = self._past
+        if past is not None and past.entries is not None and not self._ending:
+            if not self._repeat(past.entries):
                 return out
             self._past, self._parcels.repeats = None, False
             self._journal.open()
-            early, self._early = self._early, []
-            for arrived in early:
+            for arrived in past.early:
                 if isinstance(arrived, ParcelArrived):
                     out += self.parcel(arrived)
                 else:
@@ -230,8 +230,8 @@ class RegionMember(Member):
 
         Raises WorldStopped if it is invalid.
         """
-        if self.world is None or self._past is not None:
-            self._early.append(arrived)
+        if self._past is not None:
+            self._past.early.append(arrived)
             return []
         if self._accept(arrived):
             # Before the next parcel of this region acknowledges it.
@@ -278,12 +278,12 @@ class RegionMember(Member):
         return agents_in([Units((), self._file.world.scene.pieces), self.region.units])
 
     def _on_request(self, request: m.RegionRequest) -> None:
-        self._out += self._requested(request)
+        self._out.extend(self._requested(request))
 
     def _requested(self, request: m.RegionRequest) -> list[m.TickReply]:
         """The reports after the request of a frame."""
         if self._past is not None:
-            self._early.append(request)
+            self._past.early.append(request)
             return []
         if request.frame in self._requests.reports:
             return [self._requests.reports[request.frame], *self._advance()]
@@ -303,7 +303,7 @@ class RegionMember(Member):
         self._ending, self.stopped = stop.reason or "the world has ended", ""
         self.region.end()
         self._runner.handle(s.End(stop.reason))
-        self._out += self._last_report()
+        self._out.extend(self._last_report())
 
     def _last_report(self) -> list[m.Report]:
         """The report to the coordinator, once all members have reported after the end."""
@@ -377,7 +377,12 @@ class RegionMember(Member):
         targets = [parcel.target for parcel in parcels]
         answered = packed_answers(region.services.nearby.answered)
         message = partial(
-            self._sender.message, self.frame, *state, targets, norms=norms, answered=answered
+            self._requests.sender.message,
+            self.frame,
+            *state,
+            targets,
+            norms=norms,
+            answered=answered,
         )
         report = self._report(message, done)
         self._requests.keep(report)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from minerva_bus.frame import messages as m
+from minerva_bus.regions.part import PartSender
 
 REPORTS_KEPT: Final = 2
 """Reports that the coordinator may request again, and as many as the region runs ahead: those of
@@ -15,14 +16,15 @@ class RegionRequests:
     """Frames that the coordinator has requested, and the reports that it may miss.
 
     `ahead` is the number of frames that the region may run ahead, and `last` the number of the last
-    requested frame. `reports` are those of the last frames, and `lines` of the world's log wait for
-    the next one.
+    requested frame. `reports` are those of the last frames, which the `sender` encodes as changes
+    since the one before, and `lines` of the world's log wait for the next one.
     """
 
     def __init__(self, ahead: int) -> None:
         self.ahead = ahead
         self.last = -1
         self.reports: dict[int, m.TickReply] = {}
+        self.sender = PartSender()
         self.lines: list[str] = []
         self._requests: dict[int, m.RegionRequest] = {}
 
