@@ -46,7 +46,7 @@ def load(spec: str, folder: Path | None = None) -> Any:
     for part in attribute.split("."):
         if not hasattr(value, part):
             public = [name for name in dir(module) if not name.startswith("_")]
-            hint = _hidden(module, folder) or nearest(attribute, public)
+            hint = f"{nearest(attribute, public)}{_hidden(module, folder)}"
             raise WorldFileError(f"{module_name} has no {attribute}{hint}")
         value = getattr(value, part)
     return value
@@ -58,9 +58,9 @@ def _hidden(module: ModuleType, folder: Path | None) -> str:
     if beside is None or not beside.is_file():
         return ""
     file = getattr(module, "__file__", None)  # None for a module built into Python.
-    if file and beside.samefile(file):
+    if file and beside.resolve() == Path(file).resolve():
         return ""
-    return f"; this is another module, and {beside} is not imported: rename the file"
+    return f" (another module has this name, so {beside} is not imported: rename the file)"
 
 
 def _import(name: str, spec: str) -> Any:

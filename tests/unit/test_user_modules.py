@@ -44,7 +44,9 @@ def test_a_file_with_the_name_of_another_module_is_named(tmp_path, name, monkeyp
     monkeypatch.setattr(sys, "path", [*sys.path])
     beside = tmp_path / f"{name}.py"
     beside.write_text("class Cart: pass\n", encoding="utf-8")
-    with pytest.raises(WorldFileError, match=f"{name} has no Cart; .* {beside} is not imported"):
+    with pytest.raises(
+        WorldFileError, match=rf"{name} has no Cart \(.*, so {beside} is not imported"
+    ):
         load(f"{name}:Cart", tmp_path)
 
 
