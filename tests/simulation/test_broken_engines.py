@@ -9,7 +9,7 @@ from minerva_bus.frame.evolution import EvolutionStep
 from minerva_bus.frame.generating import GeneratorSide
 from minerva_bus.frame.pace import Pace
 from minerva_bus.launch.regions.journal import FileJournal
-from minerva_bus.launch.regions.member import RegionMember
+from minerva_bus.launch.regions.sending import ParcelSender
 from minerva_bus.log.journal import Journal
 from minerva_bus.regions.dividing import Border
 from minerva_bus.regions.outbox import Outbox
@@ -101,7 +101,7 @@ def lose_parcels(patch):
 
 def send_nothing_again(patch):
     """Lose parcels that are sent while a link is cut."""
-    patch.setattr(RegionMember, "send_again", lambda region, regions: None)
+    patch.setattr(ParcelSender, "again", lambda sender, regions, since=-1: None)
 
 
 def acknowledge_early(patch):
