@@ -6,6 +6,7 @@ from collections import defaultdict, deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 from random import Random
 from typing import Any, Final
 
@@ -80,8 +81,6 @@ class Cluster(Sink):
         self.specs = {each.name: each for each in file.processes if isinstance(each, RegionSpec)}
         self.successions: list[int] = []
         self._file = file
-        beside = next(iter(self.specs.values())).journal
-        self._path = journal_path(file) if beside is None else beside.with_name("coordinator")
         self._is_ready = False
         self._members: dict[str, RegionMember] = {}
         outside = [each for each in file.processes if not each.hub]
@@ -119,6 +118,17 @@ class Cluster(Sink):
                 self._wait()
 
     @property
+    def algorithm(self) -> FrameAlgorithm:
+        """That of the present coordinator."""
+        return self.runner.algorithm
+
+    @property
+    def _journal_path(self) -> Path:
+        """The coordinator's journal, beside those of the regions unless it keeps these."""
+        beside = next(iter(self.specs.values())).journal
+        return journal_path(self._file) if beside is None else beside.with_name("coordinator")
+
+    @property
     def members(self) -> Mapping[str, RegionMember]:
         """The processes of the regions, by name."""
         return self._members
@@ -150,7 +160,7 @@ class Cluster(Sink):
         """Kill the coordinator; each region has received a part of its last messages."""
         self.successions.append(self.algorithm.frame)
         self._is_ready = False
-        past = read_journal(self._path, self._file.world)
+        past = read_journal(self._journal_path, self._file.world)
         assert past is not None
         algorithm = FrameAlgorithm(past.world, source_of(self._file))
         resume_from(past, algorithm, lambda done: None)
@@ -171,9 +181,8 @@ class Cluster(Sink):
             self.runner.handle(s.Appeared(name))
 
     def _coordinate(self, algorithm: FrameAlgorithm) -> None:
-        self.algorithm = algorithm
         self.runner = Runner(algorithm, self, [self])
-        self._journal = Journal(self._path, len(self.successions), algorithm)
+        self._journal = Journal(self._journal_path, len(self.successions), algorithm)
 
     def publish(self, event: Event) -> None:
         """Accept an order of a person, who gets a confirmation."""
