@@ -1,4 +1,4 @@
-"""Reports and output of a world's coordinator, as the launcher handles them."""
+"""Reports of a world's coordinator and of regions, as the launcher handles them."""
 
 from __future__ import annotations
 
@@ -7,8 +7,6 @@ from typing import Any
 
 from minerva_bus.launch.console import live_line, starting_line
 from minerva_bus.launch.process_log import FAILURE_REPORT
-from minerva_bus.launch.process_table import SupervisedProcess
-from minerva_bus.launch.regions.layout import RegionSpec
 from minerva_bus.launch.summary import EndReport
 from minerva_bus.launch.supervised_run import SupervisedRun
 from minerva_bus.launch.traces import END_OF_STACKS, NOT_STARTED, STOPPED
@@ -19,8 +17,9 @@ from minerva_bus.wording import counted, duration
 class CoordinatorReports:
     """Handles each kind of report of `_Reporter` (coordinator_process.py) in a method of its name.
 
-    `publish` receives the endpoint of the coordinator. `last_line`: the last line that it has
-    printed and that has not been shown.
+    A region is the coordinator of its hosts, and reports about them in the same way. `publish`
+    receives the endpoint of the coordinator. `last_line`: the last line that it has printed and
+    that has not been shown.
     """
 
     def __init__(self, run: SupervisedRun) -> None:
@@ -66,17 +65,18 @@ class CoordinatorReports:
         for process in run.processes:
             if process.abandoned or (run.ending.reason is not None and process.child is None):
                 run.abandon(process)
-            elif process.child is not None and process.joined_at is None:
+            elif process.child is not None and process.joined_at is None and not process.spec.hub:
                 run.coordinator.command(f"started {process.name}")
 
-    def _on_log(self, member: str, text: str, details: str = "") -> None:
+    def _on_log(self, member: str, text: str, details: str = "", *, keep: bool = False) -> None:
+        """Log a line about a member; `keep`: the coordinator does not have it yet."""
         process = self._run.processes.get(member)
         if process is not None and FAILURE_REPORT.match(text):
             # The cause explains the exit that follows, and `repeated` compares it with earlier
             # ones.
             self._run.log.failures.explained.add(member)
             process.cause = text
-        self._run.log.reported(member, text, details)
+        self._run.log.reported(member, text, details, keep=keep)
 
     def _on_note(self, text: str) -> None:
         self._run.log.note(text)
@@ -107,14 +107,15 @@ class CoordinatorReports:
             process.joined(run.coordinator.frame)
             run.log.failures.explained.discard(member)
             run.processes.queue.free(member)
-            self._start_hosts(process)
 
-    def _start_hosts(self, region: SupervisedProcess) -> None:
-        """Start the hosts of a region that has joined, unless they run: now it listens for them."""
-        hosts = region.spec.hosts if isinstance(region.spec, RegionSpec) else ()
-        for host in (self._run.processes.get(each.name) for each in hosts):
-            if host is not None and host.child is None and host.restart_at is None:
-                self._run.processes.enqueue(host)
+    def _on_hub(self, region: str, endpoint: str) -> None:
+        """Start the hosts of a region that listens for them, unless they run."""
+        run = self._run
+        run.context.hubs[region] = endpoint
+        for host in run.processes:
+            waits = host.child is None and host.restart_at is None and not host.abandoned
+            if host.spec.hub == region and waits:
+                run.processes.enqueue(host)
 
     def _on_timed_out(self, member: str, waited: float) -> None:
         run = self._run

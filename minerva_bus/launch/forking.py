@@ -31,10 +31,14 @@ UNREADY: Final = os.EX_CONFIG
 
 @dataclass(frozen=True, slots=True)
 class ChildProcess:
-    """A child process: its id, and the read end of the pipe with its output."""
+    """A child process: its id, and the read ends of the pipes with its output and its reports.
+
+    Without reports, the descriptor of these is -1.
+    """
 
     pid: int
     output: int
+    reports: int = -1
 
 
 def fork(body: Callable[[], int], keep: Collection[int], lifeline: int) -> ChildProcess:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Final
@@ -18,6 +18,7 @@ from minerva_bus.launch.forking import ChildProcess
 from minerva_bus.launch.member_process import MemberStart, run_member
 from minerva_bus.launch.pipes import Pipes, ReportPipe
 from minerva_bus.launch.profiling import Profiling
+from minerva_bus.launch.regions.layout import RegionSpec
 from minerva_bus.launch.worldfile import WorldFile
 
 
@@ -80,7 +81,13 @@ class Machine:
                 "MINERVA_NAME": process.name,
             }
             return forking.command(process.command, environment, process.folder, lifeline)
-        return forking.fork(partial(run_member, start), (), lifeline)
+        if not isinstance(process, RegionSpec):
+            return forking.fork(partial(run_member, start), (), lifeline)
+        read, write = os.pipe()
+        child = forking.fork(partial(run_member, start, ReportPipe(write)), (write,), lifeline)
+        os.close(write)
+        os.set_blocking(read, False)
+        return replace(child, reports=read)
 
     def signal(self, pid: int, number: int) -> None:
         """Send a signal to a process."""
@@ -124,8 +131,9 @@ REAL: Final = Machine()
 class LaunchContext:
     """One world, and the context that its processes share while it runs.
 
-    `endpoint` is that for local processes ("": not known yet), `shared` whether large
-    messages use shared memory. `lifeline` is a pipe that closes when the launcher dies.
+    `endpoint` is that for local processes ("": not known yet), `hubs` those of regions for their
+    hosts, by name, and `shared` whether large messages use shared memory. `lifeline` is a pipe that
+    closes when the launcher dies.
     """
 
     file: WorldFile
@@ -135,6 +143,7 @@ class LaunchContext:
     lifeline: tuple[int, int] = field(init=False)
     shared: bool = False
     endpoint: str = ""
+    hubs: dict[str, str] = field(default_factory=dict[str, str])
 
     def __post_init__(self) -> None:
         self.pipes, self.lifeline = self.machine.pipes(), self.machine.lifeline()

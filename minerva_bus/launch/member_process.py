@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from minerva_bus.launch.pipes import ReportPipe
 from minerva_bus.launch.profiling import Profiling, profile_path, sampled
 from minerva_bus.launch.regions.layout import RegionSpec
 from minerva_bus.launch.regions.process import RegionProcess
@@ -23,8 +24,11 @@ class MemberStart:
     profiling: Profiling
 
 
-def run_member(start: MemberStart) -> int:
-    """Run a member of a world to its end; returns the exit code."""
+def run_member(start: MemberStart, reports: ReportPipe | None = None) -> int:
+    """Run a member of a world to its end; returns the exit code.
+
+    A region sends `reports` about its hosts.
+    """
     process, world = start.process, start.world
 
     def log(line: str) -> None:
@@ -33,7 +37,7 @@ def run_member(start: MemberStart) -> int:
     # With STARTED_HERE the member waits for its greeting without limit: the launcher takes into
     # account how many processes start at the same time, and kills late ones.
     member = (
-        RegionProcess(process, start.endpoint, log, shared=start.shared)
+        RegionProcess(process, start.endpoint, log, shared=start.shared, reports=reports)
         if isinstance(process, RegionSpec)
         else MemberProcess(
             process.participant(),

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import Final
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from typing import Any, Final
 
 from minerva_bus.launch.forking import ChildProcess
 from minerva_bus.launch.machine import REAL, LaunchContext, Machine
 from minerva_bus.launch.member_process import MemberStart
-from minerva_bus.launch.pipes import LineReader
-from minerva_bus.launch.process_log import FAILURE_REPORT, GONE, ProcessLog
-from minerva_bus.launch.regions.process import NO_ANSWER
+from minerva_bus.launch.pipes import CLOSED, LineReader, parse_report
+from minerva_bus.launch.process_log import ProcessLog
+from minerva_bus.launch.regions.layout import RegionSpec
 from minerva_bus.launch.starting import STARTS_PER_CORE, StartQueue
 from minerva_bus.launch.traces import STACK_SIGNAL, is_stack
 from minerva_bus.launch.worldfile import Process
@@ -117,17 +117,27 @@ class SupervisedProcess:
 
 
 class ProcessTable:
-    """All local processes of a world, by name; `log` receives what they print."""
+    """All local processes of a world, by name; `log` receives what they print.
 
-    def __init__(self, context: LaunchContext, log: ProcessLog) -> None:
+    `on_report` receives what regions report about their hosts.
+    """
+
+    def __init__(
+        self,
+        context: LaunchContext,
+        log: ProcessLog,
+        on_report: Callable[[dict[str, Any]], None] = lambda report: None,
+    ) -> None:
         self._context = context
         self._log = log
+        self._on_report = on_report
         self._machine = context.machine
         self._processes = {
             spec.name: SupervisedProcess(spec, context.machine)
             for spec in context.file.processes
             if not spec.elsewhere
         }
+        self._reports: dict[str, LineReader] = {}
         self.queue = StartQueue(STARTS_PER_CORE * context.machine.cores())
 
     def __iter__(self) -> Iterator[SupervisedProcess]:
@@ -161,14 +171,24 @@ class ProcessTable:
         if name is None:
             return None
         process, context = self._processes[name], self._context
-        world, endpoint = context.file.world.name, process.spec.hub or context.endpoint
-        start = MemberStart(process.spec, world, endpoint, context.shared, context.profiling)
+        world, spec = context.file.world.name, process.spec
+        endpoint = context.hubs[spec.hub] if spec.hub else context.endpoint
+        if isinstance(spec, RegionSpec):  # Its hosts reconnect to their previous endpoint.
+            spec = replace(spec, hosts_at=context.hubs.get(name, spec.hosts_at))
+        start = MemberStart(spec, world, endpoint, context.shared, context.profiling)
         child = self._machine.start_member(start, context.lifeline[0])
         process.started(child)
         process.output = LineReader(
             context.pipes, child.output, lambda line: self._read(process, line)
         )
+        if child.reports != CLOSED:
+            self._reports[name] = LineReader(context.pipes, child.reports, self._read_report)
         return process
+
+    def _read_report(self, line: str) -> None:
+        report = parse_report(line)
+        if report is not None:
+            self._on_report(report)
 
     def _read(self, process: SupervisedProcess, line: str) -> None:
         stacks = process.stacks
@@ -177,11 +197,6 @@ class ProcessTable:
         if stacks is not None and (is_stack(line) or separates):
             stacks.append(line)
             return
-        about, _, text = line.partition(": ")
-        host = self._processes.get(about)
-        if host is not None and host.spec.hub and about.startswith(f"{process.name}."):
-            self._read_about(host, text)
-            return
         refusal = line.removeprefix(f"{process.name} ")
         if refusal.startswith(CANNOT_TAKE_PART):
             process.cause = refusal
@@ -189,18 +204,6 @@ class ProcessTable:
                 self._log.add(process.name, refusal, "info")
         else:
             self._log.add(process.name, line, "info")
-
-    def _read_about(self, host: SupervisedProcess, text: str) -> None:
-        """Process a line of a region about one of its hosts, as a report of the coordinator."""
-        failures, late = self._log.failures, NO_ANSWER.fullmatch(text)
-        if late is not None:
-            self.give_up(host, float(late[1]))
-            return
-        if FAILURE_REPORT.match(text):
-            failures.explained.add(host.name)
-            host.cause = text
-        if not (host.name in failures.explained and GONE.match(text)):
-            self._log.add(host.name, text)
 
     def ended(self, pid: int) -> SupervisedProcess | None:
         """The process that has ended, after its last lines; kills what it has started."""
@@ -211,6 +214,8 @@ class ProcessTable:
                 self._machine.kill_group(pid)
                 if process.output is not None:
                     process.output.finish()
+                if (reports := self._reports.pop(process.name, None)) is not None:
+                    reports.finish()
                 process.child = None
                 self.queue.free(process.name)
                 return process

@@ -65,7 +65,7 @@ class Supervisor:
             lambda line: self._reports.receive_line(line),
         )
         log = ProcessLog(file.world.name, console, succession.command)
-        processes = ProcessTable(context, log)
+        processes = ProcessTable(context, log, lambda report: self._reports.receive(report))
         startup = Startup(began)
         self._run = SupervisedRun(context, console, startup, Ending(), succession, log, processes)
         self._reports = CoordinatorReports(self._run)
@@ -190,10 +190,7 @@ class Supervisor:
         if run.ending.begun:
             run.processes.queue.clear()
         while (process := run.processes.start_next()) is not None:
-            if process.spec.hub:  # It joins its region, which does not report that.
-                process.joined(run.coordinator.frame)
-                run.log.failures.explained.discard(process.name)
-            else:
+            if not process.spec.hub:  # A host joins its region.
                 run.coordinator.command(f"started {process.name}")
 
     # --- stopping ---

@@ -38,8 +38,8 @@ class Process:
     service manager: `minerva attach WORLD --process NAME`. `speaks_for`: kinds and `#id`s of agents
     in whose name a generator may send events. `table`: the name of its table in the
     world file, empty for a view of the command line. `automatic`: it stands for as many processes
-    as `distribution` chooses. `hub`: the endpoint of the region whose host it is; empty: that of
-    the world.
+    as `distribution` chooses. `hub`: the region that it joins as a host of its agents; empty: it
+    joins the world.
     """
 
     name: str

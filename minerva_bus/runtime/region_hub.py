@@ -27,7 +27,7 @@ from minerva_bus.runtime.monitor import STATUS_EVERY
 from minerva_bus.runtime.runner import Notice
 from minerva_bus.runtime.system import REAL, Timer
 from minerva_bus.runtime.waiting import Deadlines
-from minerva_bus.runtime.watchers import Watchers
+from minerva_bus.runtime.watchers import Started, Watchers
 from minerva_bus.wire.keys import last_part
 from minerva_bus.wire.limits import Limits
 
@@ -46,13 +46,17 @@ class HubItem:
 class HubConfig:
     """The hub of a region: where it listens, and what it grants its hosts.
 
-    `late` is called with the name of a host that has not answered in time, and the seconds since.
+    `late` is called with the name of a host that has not answered in time, and the seconds since;
+    `joined` with the name of one that joins; `listening` with the endpoint for hosts of this
+    machine.
     """
 
     where: ListenConfig
     deadlines: Deadlines
     limits: Limits
     late: Callable[[str, float], None]
+    joined: Callable[[str], None]
+    listening: Callable[[str], None]
 
 
 class RegionHub:
@@ -79,8 +83,9 @@ class RegionHub:
                 # The log limits the number of lines, and has those of the hub, too.
                 said=lambda member, text, details: observe(s.Notify(member, text, details)),
                 status=lambda _: None,
-                listening=lambda _: None,
+                listening=config.listening,
                 stalled=config.late,
+                came=config.joined,
             ),
             where=config.where,
             deadlines=config.deadlines,
@@ -101,10 +106,12 @@ class RegionHub:
     def start(self) -> None:
         """Open the hub, and let the members of this process join. Raises BusError."""
         coordinator = self._coordinator
-        session, _ = self._open.enter_context(coordinator.admission.session(coordinator.inbox.put))
+        entered = coordinator.admission.session(coordinator.inbox.put)
+        session, endpoint = self._open.enter_context(entered)
         self._open.callback(coordinator.inbox.close)
         for declaration in coordinator.declare(session):
             self._open.callback(declaration.undeclare)
+        coordinator.watchers.listening(endpoint)
         for name in self._names:
             self.handle(s.Appeared(name))
 
@@ -114,7 +121,10 @@ class RegionHub:
 
     def take(self, arrived: HubItem) -> None:
         """Process what has arrived."""
-        self._coordinator.take(arrived.item)
+        item = arrived.item
+        if isinstance(item, s.Appeared):  # The hub does not know earlier that its process starts.
+            self._coordinator.take(Started(item.member))
+        self._coordinator.take(item)
 
     def close(self) -> None:
         """Close the hub."""

@@ -28,6 +28,7 @@ from running import (
     write_world,
 )
 
+from minerva_bus import Event
 from minerva_bus.launch.installed import find_world
 from minerva_bus.launch.regions.journal import FileJournal
 from minerva_bus.log.comparison import compare
@@ -323,7 +324,7 @@ def test_generators_that_run_freely_are_beside_the_regions(path):
             (event.data["name"], event.data["x"])
             for frame in record.frames()
             for event in frame.events
-            if event.type == "eWish"
+            if isinstance(event, Event) and event.type == "eWish"
         ]
     assert {name for name, _ in sent} == {"bell", "drum"}
     assert len(set(sent)) == len(sent)
@@ -388,6 +389,27 @@ def test_hosts_their_regions_and_the_coordinator_may_die(tmp_path):
     assert done.returncode == 0, done.stdout + done.stderr
 
 
+def test_programs_that_are_hosts_reach_a_region_that_has_died(tmp_path):
+    """Its next process listens at the port that the system has chosen for the first one."""
+    options = "--name $MINERVA_NAME --world $MINERVA_WORLD --connect $MINERVA_CONNECT"
+    program = f"exec {sys.executable} -m minerva_bus.cli.main attach yard:Walker {options}"
+    command = json.dumps(["sh", "-c", program])
+    members = MEMBERS.replace('agents = "yard:Walker"', f"command = {command}")
+    path = write_world(tmp_path, members + '\n[regions]\nhosts = ["walkers"]\n')
+    hosts = [f"region-{region}.walkers" for region in range(2)]
+    with World(path, "--rate", 50, "--frames", 0, "--regions", 2, "--json") as world:
+        pids = world.runs("region-1", *hosts)
+        os.kill(pids["region-1"], signal.SIGKILL)
+        world.says("region-1", "was killed by SIGKILL")
+        advances(world)
+        new = world.runs("region-1", *hosts)
+        assert [new[name] == pids[name] for name in new] == [False, True, True], world.text
+        assert here(tmp_path, "stop").returncode == 0
+        ended = world.summary()
+    plain = write_world(tmp_path, MEMBERS)
+    assert ended["digest"] == alone(plain, ended["frames"], "--regions", 0)["digest"]
+
+
 @pytest.mark.parametrize(("fault", "reported"), [
     ("raise ValueError('broken')", "failed again with the same error in the same frame"),
     pytest.param("time.sleep(1000)", "did not answer for 1.* s .blocked as above.; restart 2 of 2", marks=pytest.mark.slow),
@@ -400,6 +422,22 @@ def test_a_host_of_a_region_that_fails_is_reported_like_any_host(tmp_path, fault
     assert done.returncode == 1, done.stderr
     assert re.search(rf"region-[01].walkers-[12] │ {reported}", done.stderr), done.stderr
     assert "the world stops" in done.stderr
+
+
+def test_what_code_in_a_region_prints_about_a_host_is_no_report(path):
+    host = "region-0.walkers-1"
+    lines = f"{host}: no answer for 1.0 s", f"{host}: failed in frame 5: broken"
+    text = path.parent / "loud.py"
+    printed = f"print({lines[0]!r}, {lines[1]!r}, sep=chr(10))"
+    text.write_text(LOUD.replace('print("tick")', printed))
+    members = MEMBERS.replace("yard:Steps", "loud:LoudSteps")
+    path = write_world(path.parent, members + HOSTS)
+    words = "--rate", 0, "--frames", 30, "--regions", 2
+    done = minerva(path.parent, "run", path, *words)
+    assert done.returncode == 0, done.stderr
+    for line in lines:
+        assert re.search(rf"region-0 │ {re.escape(line)}", done.stderr + done.stdout), done.stderr
+    assert "killing it" not in done.stderr + done.stdout
 
 
 @pytest.mark.parametrize(("fault", "reported"), [

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import socket
 from collections.abc import Callable, Collection, Generator, Iterable, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
@@ -125,7 +124,7 @@ def in_regions(file: WorldFile) -> Generator[WorldFile]:
             )
             for number in numbers
             for hub in [_hub(folder, number, hosts, secured=file.access.keys is not None)]
-            for own in [hosts_of(number, hosts, hub)]
+            for own in [hosts_of(number, hosts)]
         ]
         notes = *file.notes, *notes, *unused_processes(local)
         world = _with(file, (*regions, *outside))
@@ -133,10 +132,10 @@ def in_regions(file: WorldFile) -> Generator[WorldFile]:
         yield replace(world, processes=(*world.processes, *started), notes=notes)
 
 
-def hosts_of(number: int, hosts: Iterable[Process], hub: str) -> tuple[Process, ...]:
-    """The processes of these hosts in a region that listens at `hub`."""
+def hosts_of(number: int, hosts: Iterable[Process]) -> tuple[Process, ...]:
+    """The processes of these hosts in a region."""
     region = name_of_region(number)
-    return tuple([replace(each, name=f"{region}.{each.name}", hub=hub) for each in hosts])
+    return tuple([replace(each, name=f"{region}.{each.name}", hub=region) for each in hosts])
 
 
 def _hub(folder: Path, number: int, hosts: Iterable[Process], *, secured: bool) -> str:
@@ -147,8 +146,7 @@ def _hub(folder: Path, number: int, hosts: Iterable[Process], *, secured: bool) 
     """
     if secured or not any(host.command for host in hosts):
         return f"unixsock-stream/{folder}/{number}-hub.sock"
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        return f"tcp/127.0.0.1:{server.getsockname()[1]}"
+    return LOOPBACK
 
 
 def _agents_of(processes: Iterable[Process]) -> tuple[type[Agent], ...]:

@@ -61,15 +61,16 @@ class RegionMember(Member):
     """One region of a world, with members for its agents and generators in this process.
 
     `send` sends a parcel to another region; it may be lost, because parcels are kept until they are
-    acknowledged. `log` is called with lines for people. With another runner than the default,
-    agents may have hosts elsewhere: `hosts_answered` continues what waits for them.
+    acknowledged. `log` is called with the name of a member, or "", a text about it, and details.
+    With another runner than the default, agents may have hosts elsewhere: `hosts_answered`
+    continues what waits for them.
     """
 
     def __init__(
         self,
         spec: RegionSpec,
         send: Callable[[int, bytes], None],
-        log: Callable[[str], None],
+        log: Callable[[str, str, str], None],
         make_runner: MakeRunner = InProcessRunner,
     ) -> None:
         super().__init__(spec.name)
@@ -312,7 +313,7 @@ class RegionMember(Member):
         self.stopped = self._ending
         elsewhere = self.region.services.elsewhere
         members = (each for each in self._members if not elsewhere(each))
-        close_services(members, lambda name, text: self._log(f"{name}: {text}"))
+        close_services(members, lambda name, text: self._log(name, text, ""))
         return [m.Report(self.name, self._last_figures())]
 
     def figures(self) -> m.Figures:
@@ -406,10 +407,8 @@ class RegionMember(Member):
         elif isinstance(notice, s.Notify) and notice.member == NORMS:
             self._requests.lines.append(notice.text)  # A line of the whole world.
         elif isinstance(notice, s.Notify) and notice.member != ORDERS:  # The coordinator logs it.
-            # Each line names its member, because the launcher reads them one by one.
-            about = "" if notice.member == HUB else f"{notice.member}: "
-            for line in notice.text.split("\n"):
-                self._log(f"{about}{line}")
+            about = "" if notice.member == HUB else notice.member
+            self._log(about, notice.text, notice.details)
         elif isinstance(notice, s.Stopping) and self.region.algorithm.failed:
             # A region's algorithm ends by itself only because of a failure.
             raise WorldStopped(notice.reason)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import partial
@@ -13,6 +12,7 @@ from minerva_bus.errors import BusError, MinervaError, UserCodeError, WorldStopp
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.member import Member
 from minerva_bus.frame.messages import Welcome
+from minerva_bus.launch.pipes import ReportPipe
 from minerva_bus.launch.regions.layout import RegionSpec
 from minerva_bus.launch.regions.member import RegionMember
 from minerva_bus.runtime.admission import ListenConfig
@@ -28,12 +28,10 @@ from minerva_bus.runtime.runner import Notice
 from minerva_bus.runtime.system import Timer
 from minerva_bus.security.credentials import Credentials
 from minerva_bus.wire.keys import LINK, linked_at, name_of_region
+from minerva_bus.wording import duration
 
 AGAIN_SECONDS: Final = 1.0
 """Interval at which parcels are sent again to regions that are still awaited."""
-
-NO_ANSWER: Final = re.compile(r"no answer for ([0-9]+\.[0-9]) s")
-"""What a region prints after the name of a host that has not answered in time."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,17 +60,22 @@ class RegionProcess(MemberProcess):
         own: Credentials | None = None,
         back_within: float = BACK_WITHIN,
         arrival: Arrival = STARTED_HERE,
+        reports: ReportPipe | None = None,
     ) -> None:
-        """The arguments are those of a member; `spec` describes the region."""
+        """The arguments are those of a member; `spec` describes the region.
+
+        The launcher of its hosts receives `reports` about them; without one, lines do.
+        """
         self._spec = spec
         self._own = own
+        self._reports = reports
         self._hub: RegionHub | None = None
         self._joined: Welcome | None = None
         self._links: RegionLinks | None = None
         self._timer: Timer | None = None
         self._unreachable: dict[int, str | None] = {}
         make_runner = partial(self._make_hub, shared) if spec.hosts else InProcessRunner
-        self._region = RegionMember(spec, self._send, notify, make_runner)
+        self._region = RegionMember(spec, self._send, self._log, make_runner)
         super().__init__(
             self._region,
             spec.world_file.world.name,
@@ -105,7 +108,9 @@ class RegionProcess(MemberProcess):
             ListenConfig(spec.hosts_at, shared),
             replace(file, processes=spec.hosts).deadlines,
             file.access.limits,
-            self._note_late,
+            late=self._note_late,
+            joined=self._note_joined,
+            listening=self._note_listening,
         )
         # It is made before the queue of this process, which it uses when it is opened.
         self._hub = RegionHub(
@@ -113,9 +118,32 @@ class RegionProcess(MemberProcess):
         )
         return self._hub
 
+    def _reports_about(self, host: str) -> ReportPipe | None:
+        """The pipe to the launcher, if it has started this host."""
+        return self._reports if any(host == each.name for each in self._spec.hosts) else None
+
+    def _log(self, about: str, text: str, details: str) -> None:
+        """Report a line about a host to its launcher; print any other, after its member's name."""
+        if (reports := self._reports_about(about)) is not None:
+            reports.send("log", member=about, text=text, details=details, keep=True)
+            return
+        for line in text.split("\n"):
+            self._notify(f"{about}: {line}" if about else line)
+
     def _note_late(self, host: str, waited: float) -> None:
-        """Let the launcher kill a host that has not answered in time; it reads this line."""
-        self._notify(f"{host}: no answer for {waited:.1f} s")
+        """Let the launcher kill a host that has not answered in time."""
+        if (reports := self._reports_about(host)) is not None:
+            reports.send("timed_out", member=host, waited=waited)
+        else:
+            self._notify(f"{host}: no answer for {duration(waited)}: restart it where it runs")
+
+    def _note_joined(self, host: str) -> None:
+        if (reports := self._reports_about(host)) is not None:
+            reports.send("joined", member=host)
+
+    def _note_listening(self, endpoint: str) -> None:
+        if self._reports is not None:
+            self._reports.send("hub", region=self._spec.name, endpoint=endpoint)
 
     def _on_hub_item(self, item: HubItem) -> None:
         assert self._hub is not None

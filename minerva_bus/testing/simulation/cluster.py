@@ -151,7 +151,7 @@ class Cluster(Sink):
         self.links.parcels = [parcel for parcel in self.links.parcels if parcel[1] != spec.number]
         send = partial(self._send_parcel, spec.number)
         make = partial(self._make_hub, name) if spec.hosts else InProcessRunner
-        self._members[name] = RegionMember(spec, send, lambda line: None, make)
+        self._members[name] = RegionMember(spec, send, lambda about, text, details: None, make)
         self.runner.handle(s.Appeared(name))
         for other in self._members.values():
             other.send_again([spec.number])
