@@ -207,9 +207,9 @@ class CollectionStep:
         self._leave_out_foreign(sources)
         if due:
             sources[DEVICES] = visual_events(algorithm, due)
-        # Repeated frames have the people of the log: those who sent events may not be here.
-        if algorithm.norms and algorithm.in_flight.logged is None:
-            events.people = algorithm.members.standing_for_people(sources)
+        if algorithm.norms:
+            logged = algorithm.in_flight.logged
+            events.people = algorithm.members.standing_for_people(sources, logged)
         allowed = self._permitted(sources)
         if allowed:
             early = algorithm.inbox.early.evolution

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from minerva_bus.frame.event_sources import AGENTS
+from minerva_bus.frame.inputs import FrameInputs
 from minerva_bus.frame.member_states import MemberChange, MemberEntry, MemberState
 from minerva_bus.frame.messages import Hello
 
@@ -204,13 +205,19 @@ class Members:
         hellos = [(member, member.hello) for member in self.active()]
         return [(member, h) for member, h in hellos if h is not None and event_type in h.draws]
 
-    def standing_for_people(self, sources: Iterable[str]) -> tuple[str, ...]:
+    def standing_for_people(
+        self, sources: Iterable[str], logged: FrameInputs | None = None
+    ) -> tuple[str, ...]:
         """The generators among the sources of events that represent people, sorted.
 
         Their hello declares it, as a keyboard's does, or they were attached to the running world.
-        They may have left since they sent the events.
+        They may have left since they sent the events, so the log decides for the sources of its
+        events. A member that replaces a logged one is here, and its events are not in the log.
         """
-        return tuple(sorted(filter(self._stands_for_people, sources)))
+        if logged is None:
+            return tuple(sorted(filter(self._stands_for_people, sources)))
+        here = set(sources).difference(logged.ticked, logged.taken)
+        return tuple(sorted({*logged.people, *filter(self._stands_for_people, here)}))
 
     def _stands_for_people(self, source: str) -> bool:
         if source.startswith(("~", AGENTS)):

@@ -175,3 +175,57 @@ def test_the_member_of_failing_code_is_named(recorded):
     done = here(recorded[0], "replay", "run.mcap", "--swap", "steps=others:Broken")
     assert done.returncode == 1
     assert done.stderr == "minerva: frame 0: Broken.generate: ZeroDivisionError: its own fault\n"
+
+
+PANEL = """
+from minerva_bus import Agent, EventType, Generator, Vocabulary, on
+
+eHonk = EventType("eHonk", loud=float)
+
+class Car(Agent, symbol="ACar"):
+    heard: float = 0.0
+
+    @on("eHonk")
+    def hear(self, honk, moment):
+        self.heard += honk.loud
+
+class Panel(Generator, events=("eHonk",)):
+    people = True
+
+    def __init__(self, frame: int = 5):
+        self.frame = frame
+
+    def generate(self, tick):
+        return eHonk(9) if tick.number == self.frame else None
+
+vocabulary = Vocabulary.of(eHonk, Car)
+"""
+
+QUIET = """
+[world]
+string = "ACar#a"
+vocabulary = "panel:vocabulary"
+frames = 10
+
+[process.cars]
+agents = "panel:Car"
+
+[process.panel]
+service = "panel:Panel"
+
+[norm.quiet]
+applies = "people"
+on = "eHonk"
+when = "event.loud > 2"
+"""
+
+
+def test_norms_for_people_apply_to_a_new_panel_in_any_frame(tmp_path):
+    """Also in a frame in which the recorded panel sent nothing."""
+    (tmp_path / "panel.py").write_text(PANEL)
+    (tmp_path / "quiet.toml").write_text(QUIET)
+    here(tmp_path, "run", "quiet.toml", "--in-process", "--record", "run.mcap")
+    code, answer = swapped(tmp_path, "panel=panel:Panel", "--frame", "3")
+    assert code == 0, answer
+    assert answer["difference"]["same"]
+    assert answer["figures"] == {"norm_quiet": 1}
