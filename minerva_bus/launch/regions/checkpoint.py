@@ -10,6 +10,8 @@ from typing import Any
 from minerva_bus.errors import ProtocolError
 from minerva_bus.frame.description import World
 from minerva_bus.frame.member import Member
+from minerva_bus.launch.regions.requests import RegionRequests
+from minerva_bus.launch.regions.sending import ParcelSender
 from minerva_bus.log.checkpoints import Kept
 from minerva_bus.log.entries import EntryDecoder, encode_keyframe
 from minerva_bus.regions.balancing import borders_of, moved
@@ -74,6 +76,20 @@ class RegionCheckpoint:
     def first(region: Region) -> RegionCheckpoint:
         """The state of a region that has received and sent nothing yet."""
         return RegionCheckpoint.of(region, [[], [], [], [], 0])
+
+    @staticmethod
+    def at(region: Region, parcels: ParcelSender, requests: RegionRequests) -> RegionCheckpoint:
+        """The state of a region before the frame that begins, and what others may still need."""
+        count = region.partition.count
+        kept = [each for other in range(count) for each in parcels.outbox.kept_for(other)]
+        messages = [
+            [[each.target, encode(to_message(each))] for each in kept],
+            [[each.source, encode(to_message(each))] for each in region.arrived],
+            [encode(report) for _, report in sorted(requests.reports.items())],
+            [encode(request) for request in requests.waiting],
+            parcels.sent_bytes,
+        ]
+        return RegionCheckpoint.of(region, messages)
 
     def encoded(self) -> bytes:
         """The checkpoint as bytes."""
