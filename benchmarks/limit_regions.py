@@ -114,7 +114,7 @@ def arrived(units: Units, events: Sequence[PlacedEvent] = ()) -> Measured:
     region.receive(Parcel(0, 1, 1, Units((), ()), ()))
     region.expect({0: [0]})
     data = encode(to_message(Parcel(0, 0, 1, units, tuple(events))))
-    known = agents_in([Units((), WORLD.scene.pieces), region.units])
+    known = agents_in(lambda: [Units((), WORLD.scene.pieces), region.units])
     decoding, message = timed(lambda: Decoder(VOCABULARY).parcel(data, known))
 
     def enter() -> None:
@@ -139,7 +139,7 @@ def answered() -> Measured:
     """The events of attached services for a region."""
     message = to_message(Replies(0, 0, 1, {"service": tuple(singles(VALUES // 9))}))
     data = encode(message)
-    known = agents_in([Units((), WORLD.scene.pieces)])
+    known = agents_in(lambda: [Units((), WORLD.scene.pieces)])
     decoding, message = timed(lambda: Decoder(VOCABULARY).parcel(data, known))
     return len(data), decoding, timed(lambda: from_message(message, 0, 1))[0]
 

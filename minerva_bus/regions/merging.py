@@ -46,15 +46,17 @@ class Units:
             yield self.places[begin:end], piece
 
 
-def agents_in(parts: Iterable[Units]) -> OwnAgents:
-    """The agents of these parts, with the numbers in their places."""
-    units = [*parts]
+def agents_in(parts: Callable[[], Iterable[Units]]) -> OwnAgents:
+    """The agents of these parts, with the numbers in their places.
+
+    Only an answer beyond the limits needs the `parts`, which may be those of all regions.
+    """
 
     def pieces() -> Iterator[Piece]:
-        return chain.from_iterable(each.pieces for each in units)
+        return chain.from_iterable(each.pieces for each in parts())
 
     def places() -> int:
-        return sum(sum(map(len, each.places)) for each in units)
+        return sum(sum(map(len, each.places)) for each in parts())
 
     return OwnAgents(pieces, places)
 

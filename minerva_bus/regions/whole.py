@@ -82,7 +82,8 @@ class WholeSource(RecordedSource):
         ahead: int = 0,
     ) -> None:
         """Raises ProtocolError if the parts in the journal are damaged."""
-        self._names, self._codec = names, codec
+        self._names = {name: number for number, name in enumerate(names)}
+        self._codec = codec
         self._terms, self._all_kinds = terms or {}, all_kinds
         saved = algorithm.members.saved
         self._journals = KeptJournals(saved.pop(JOURNALS, journals or {}))
@@ -103,7 +104,7 @@ class WholeSource(RecordedSource):
 
     def journaled(self) -> Mapping[str, Mapping[str, Any]]:
         """The parts of all regions, as reports of regions that had nothing before; journals."""
-        parts = self._whole.saved(self._algorithm.frame, self._names, self._codec)
+        parts = self._whole.saved(self._algorithm.frame, [*self._names], self._codec)
         return {PARTS: parts, JOURNALS: self._journals.all(), PARCELS: self._requests.saved}
 
     def saved_for(self, member: str) -> Mapping[str, Any] | None:
@@ -155,7 +156,7 @@ class WholeSource(RecordedSource):
         """The agents about which a region reports: all, since any may have moved to it."""
         if member not in self._names:
             return NO_AGENTS
-        return agents_in(part.units for part in self._whole.parts)
+        return agents_in(lambda: (part.units for part in self._whole.parts))
 
     def objection(self, hello: m.Hello) -> str:
         """Reason why a member, which is not a region, cannot take part; or an empty string."""
@@ -202,11 +203,12 @@ class WholeSource(RecordedSource):
             raise ProtocolError(f"ticked: a region must report its {PART}")
         message = self._codec.decode(data, self.agents_of(reply.member))
         check_given_up(message.given_up)
-        first = reply.member == self._names[FIRST]
+        number = self._names[reply.member]
+        first = number == FIRST
         if first or message.inputs:
             inputs = self._codec.inputs(message.inputs)
             self._generated.add(reply.member, inputs, message.answered, first=first)
-        self._whole.parts[self._names.index(reply.member)].apply(message)
+        self._whole.parts[number].apply(message)
         received = (reply.saved or {}).get(JOURNAL)
         if isinstance(received, bytes) and received:
             self._journals.add(reply.member, received)

@@ -149,7 +149,8 @@ class RegionFrames:
 
     def _known_agents(self) -> OwnAgents:
         """The agents of the first string and of this region: as many may move here at once."""
-        return agents_in([Units((), self.file.world.scene.pieces), self.region.units])
+        first, region = self.file.world.scene.pieces, self.region
+        return agents_in(lambda: [Units((), first), region.units])
 
     def note(self, request: m.RegionRequest) -> None:
         """Accept the request of a frame."""
