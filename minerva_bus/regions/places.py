@@ -202,6 +202,8 @@ def packed_places(places: Sequence[Place]) -> bytes:
 
 def unpacked_places(data: bytes, count: int, what: str) -> list[Place]:
     """The places of `count` nodes or senders. Raises ProtocolError for other data."""
+    if not (data or count):
+        return []
     begin = count * _COUNT.itemsize
     lengths = np.frombuffer(data[:begin], _COUNT) if len(data) >= begin else None
     # Below 2^64, as there are fewer than 2^32 numbers below 2^32.

@@ -245,29 +245,30 @@ class Region:
         late = routing.route(crossing, late=True)
         routed = self._routed(routing, near)
         self.services.nearby.moved(moving)
-        views = {HOME: self._source.shown}
+        views = {HOME: self._source.shown} if self._source.shown else {}
         shown = {} if self._halo is None else self._halo.by_region(self._cells)
         self._cells = self.partition
         norms = self._norm_parts(routing, moving)
+        targets = {self.number, *leaving, *routed, *late, *views, *shown, *norms}
         parcels = [
             Parcel(
                 frame,
                 self.number,
                 to,
                 leaving.get(to, NOTHING),
-                tuple(events),
+                tuple(routed.get(to, ())),
                 views.get(to, NO_VIEWS),
                 norms.get(to, NO_NORMS),
-                tuple(late[to]),
+                tuple(late.get(to, ())),
                 shown.get(to, {}),
             )
-            for to, events in enumerate(routed)
+            for to in sorted(targets)
         ]
         return [parcel for parcel in parcels if parcel or parcel.target == self.number]
 
     def _routed(
         self, routing: Routing, near: Iterable[PlacedEvent]
-    ) -> Sequence[Sequence[PlacedEvent]]:
+    ) -> Mapping[int, Sequence[PlacedEvent]]:
         """The events for the next frame, by region; if it waits for no other one, all stay here."""
         return routing.route(near) if self.schedule.waits(self.frame) else routing.keep(near)
 
@@ -284,8 +285,8 @@ class Region:
             to: NormPart(
                 states,
                 self._norms.counts_of([who for who, region in moving.items() if region == to]),
-                tuple([each.event for each in sanctions[to]]),
-                tuple([each.event for each in later[to]]),
+                tuple([each.event for each in sanctions.get(to, ())]),
+                tuple([each.event for each in later.get(to, ())]),
             )
             for to in regions
         }

@@ -45,25 +45,24 @@ class Routing:
 
     def route(
         self, placed: Iterable[PlacedEvent], *, late: bool = False
-    ) -> list[list[PlacedEvent]]:
-        """The events for each region, in their order.
+    ) -> dict[int, list[PlacedEvent]]:
+        """The events for each region that gets some, in their order.
 
         `late`: they count some frames later, and their receivers may move until then.
         """
-        routed: list[list[PlacedEvent]] = [[] for _ in self._regions]
+        routed = dict[int, list[PlacedEvent]]()
         for each in placed:
             event = each.event
             if isinstance(event, Events) and event.receivers is not None and not late:
                 self._divide(each, event.receivers, routed)
                 continue
             for region in self._regions_for(event, late=late):
-                routed[region].append(each)
+                routed.setdefault(region, []).append(each)
         return routed
 
-    def keep(self, placed: Iterable[PlacedEvent]) -> list[list[PlacedEvent]]:
+    def keep(self, placed: Iterable[PlacedEvent]) -> dict[int, list[PlacedEvent]]:
         """Events for agents that are here, or gone: all of them for this region."""
-        kept = [*placed]
-        return [kept if region == self._number else [] for region in self._regions]
+        return {self._number: [*placed]}
 
     def _regions_for(self, event: AnyEvent, *, late: bool) -> Collection[int]:
         if not event.receivers:
@@ -81,12 +80,15 @@ class Routing:
                 regions.update(self._regions)
         return regions
 
-    def _divide(self, batch: PlacedEvent, receivers: Ids, routed: list[list[PlacedEvent]]) -> None:
+    def _divide(
+        self, batch: PlacedEvent, receivers: Ids, routed: dict[int, list[PlacedEvent]]
+    ) -> None:
         homes = self._homes(receivers)
-        for region in self._regions:
+        present = {*np.unique(homes).tolist()}
+        for region in self._regions if ELSEWHERE in present else sorted(present):
             rows = np.flatnonzero((homes == region) | (homes == ELSEWHERE))
             if len(rows):
-                routed[region].append(batch.take(rows))
+                routed.setdefault(region, []).append(batch.take(rows))
 
     def _homes(self, receivers: Ids) -> NDArray[np.intp]:
         """The region of each receiver, shape (n,), or `ELSEWHERE`."""
