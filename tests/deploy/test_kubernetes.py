@@ -128,12 +128,15 @@ def test_pods_of_regions_are_named_like_regions_and_link_by_their_names():
     assert count in region["args"]
     assert count in world["args"]
     assert f"--process=$({name['name']})" in region["args"]
-    (port,) = region["ports"]
+    link, hub = (port["containerPort"] for port in region["ports"])
     service = regions["spec"]["serviceName"]
-    assert f"--link=tls/$({name['name']}).{service}:{port['containerPort']}" in region["args"]
+    assert f"--link=tls/$({name['name']}).{service}:{link}" in region["args"]
+    assert f"--listen=tls/0.0.0.0:{hub}" in region["args"]
+    (host,) = PODS["rabbits"]["containers"]
+    assert f"--connect=tls/{service}:{hub}" in host["args"]
     hosts = re.findall(r"keys issue (region-\d) --role region --host (\S+)", README)
     assert [host for host, _ in hosts] == [f"region-{n}" for n in range(4)]
-    assert all(f"{host}.{service}" in names.split(",") for host, names in hosts)
+    assert all({f"{host}.{service}", service} <= {*names.split(",")} for host, names in hosts)
 
 
 def test_regions_may_link_to_each_other_and_to_the_coordinator():
@@ -145,7 +148,11 @@ def test_regions_may_link_to_each_other_and_to_the_coordinator():
         for port in rule["ports"]
     }
     assert ports == {(7447, "coordinator"), (7450, "region")}
-    assert policy["ingress"][0]["ports"] == [{"protocol": "TCP", "port": 7450}]
+    assert [rule["ports"] for rule in policy["ingress"]] == [
+        [{"protocol": "TCP", "port": port}] for port in (7450, 7460)
+    ]
+    hosts = OF_REGIONS["NetworkPolicy", "rabbits"]["spec"]
+    assert hosts["egress"][0]["ports"] == [{"protocol": "TCP", "port": 7460}]
 
 
 def test_kustomize_puts_it_together():
