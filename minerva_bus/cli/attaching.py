@@ -20,6 +20,7 @@ from minerva_bus.launch.compiling import compile_agents, compile_classes, no_pro
 from minerva_bus.launch.installed import find_world
 from minerva_bus.launch.interrupts import end_signals
 from minerva_bus.launch.reading import read_world_file
+from minerva_bus.launch.regions.division import hosts_of_regions
 from minerva_bus.launch.regions.layout import RegionSpec, region_elsewhere
 from minerva_bus.launch.regions.process import RegionProcess
 from minerva_bus.launch.specs import bind, described, find_agent, find_service, names_agents
@@ -43,13 +44,15 @@ endpoint, so for it BACK_WITHIN is enough.
 class FromFile:
     """The part of a world file that a member is.
 
-    `process`: its process, or one of its `regions`, which others reach at the endpoint `link`. A
-    `standby` takes the place of the running one when that has gone.
+    `process`: its process, or one of its `regions`, which others reach at the endpoint `link`, and
+    hosts of its agents at `listen`; or such a host. A `standby` takes the place of the running one
+    when that has gone.
     """
 
     process: str = ""
     regions: int | None = None
     link: str = ""
+    listen: str = ""
     standby: bool = False
 
 
@@ -73,7 +76,7 @@ def attach_member(
         if region is not None:
             preferred, participant = region.world_file.world.name, region.participant()
         elif process:
-            preferred, participant = _of_file(spec, process, name, options)
+            preferred, participant = _of_file(spec, part, name, options)
         else:
             participant = _participant(spec, name, options)
         try:
@@ -202,9 +205,11 @@ def _region_of_file(spec: str, part: FromFile, options: dict[str, str]) -> Regio
     if number_of_region(name) is None:
         if part.link:
             raise MisuseError("--link is for regions: --process region-0")
+        if part.listen:
+            raise MisuseError("--listen is for regions: --process region-0")
         return None
     file = read_world_file(find_world(spec), Overrides(options=options, regions=part.regions))
-    region = region_elsewhere(file, name, part.link)
+    region = region_elsewhere(file, name, part.link, part.listen)
     if region is not None:
         compile_agents(region.world_file.processes, no_progress)
         return region
@@ -217,10 +222,11 @@ def _region_of_file(spec: str, part: FromFile, options: dict[str, str]) -> Regio
     )
 
 
-def _of_file(spec: str, process: str, name: str, options: dict[str, str]) -> tuple[str, Member]:
-    """Name of a world file, and its process with this name. Raises WorldFileError if none has."""
-    file = read_world_file(find_world(spec), Overrides(options=options))
-    known = {each.name: each for each in file.processes}
+def _of_file(spec: str, part: FromFile, name: str, options: dict[str, str]) -> tuple[str, Member]:
+    """Name of a world file, and its process that is named. Raises WorldFileError if none has."""
+    file = read_world_file(find_world(spec), Overrides(options=options, regions=part.regions))
+    process = part.process
+    known = {each.name: each for each in (*file.processes, *hosts_of_regions(file))}
     if process not in known:
         hint = nearest(process, list(known), f"there are {', '.join(known)}")
         raise WorldFileError(f"{file.path}: there is no process {process!r}{hint}")

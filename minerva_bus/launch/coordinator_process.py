@@ -61,8 +61,7 @@ class CoordinatorRun:
         """Raises RecordError and BusError if the coordinator cannot begin."""
         file = start.file
         local = [process.name for process in file.processes if not process.elsewhere]
-        remote = [process.name for process in file.processes if process.elsewhere]
-        reporter = self._reporter = _Reporter(reports, remote)
+        reporter = self._reporter = _Reporter(reports, local)
         # The world of a journal begins with its keyframe, so everything below works on that state.
         past = find_past(file, again=start.again)
         world = file.world if past is None else past.world
@@ -129,8 +128,8 @@ class _Reporter:
     coordinator: Coordinator
     journal: RunJournal
 
-    def __init__(self, reports: ReportPipe, remote: Collection[str]) -> None:
-        self._remote = remote
+    def __init__(self, reports: ReportPipe, local: Collection[str]) -> None:
+        self._local = local
         self.record = RunRecord()
         self.collected: CollectSink | None = None
         self._reports = reports
@@ -162,13 +161,13 @@ class _Reporter:
         )
 
     def _restart(self, member: str) -> str:
-        if member in self._remote:
+        if member not in self._local:
             return f"{member} runs on another machine: restart it there"
         self._reports.send("restart", member=member)
         return ""
 
     def _stack(self, member: str) -> str:
-        if member in self._remote:
+        if member not in self._local:
             return f"{member} runs on another machine: its stack is not known here"
         self._reports.send("stack", member=member)
         return ""

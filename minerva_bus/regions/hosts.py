@@ -9,6 +9,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any, Final
 
 from minerva_bus.frame import messages as m
+from minerva_bus.frame.member_states import MemberState
 from minerva_bus.frame.members import Members
 from minerva_bus.world.operator import MemberStatus
 
@@ -19,20 +20,25 @@ _TEXTS: Final = "state", "kinds", "host"
 _NUMBERS: Final = "pid", "joins", "last_reply"
 
 
-def host_figures(members: Members, own: Iterable[str]) -> m.Figures:
-    """The metrics of a region about its hosts: its members but its `own`, which have no process."""
+def host_figures(members: Members, own: Iterable[str], region: str = "") -> m.Figures:
+    """The metrics of a region about its hosts: its members but its `own`, which have no process.
+
+    The name of the `region` begins that of each: a host that has attached may have any.
+    """
     names, figures = frozenset(own), dict[str, bool | int | float | str]()
+    prefix = f"{region}." if region else ""
     for member in members:
-        if member.name in names:
+        if member.name in names or (not member.expected and member.state is MemberState.LEFT):
             continue
-        hello = member.hello
+        hello, name = member.hello, f"{prefix}{member.name.removeprefix(prefix)}"
         of_host: dict[str, int | str] = {"state": member.state.value, "joins": member.joins}
+        of_host["expected"] = member.expected
         of_host["last_reply"] = member.last_reply
         if hello is not None:
             kinds = " ".join(kind.name for kind in hello.kinds)
             of_host |= {"kinds": kinds, "pid": hello.pid, "host": hello.host}
         for what, value in of_host.items():
-            figures[f"{member.name}{_SEPARATOR}{what}"] = value
+            figures[f"{name}{_SEPARATOR}{what}"] = value
     return figures
 
 
@@ -64,7 +70,7 @@ def _status(name: str, of_host: Mapping[str, Any]) -> MemberStatus:
         kinds=tuple(texts["kinds"].split()),
         pid=numbers["pid"],
         host=texts["host"],
-        expected=True,
+        expected=of_host.get("expected") is True,
         joins=numbers["joins"],
         last_reply=numbers["last_reply"],
     )

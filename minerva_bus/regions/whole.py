@@ -167,9 +167,11 @@ class WholeSource(RecordedSource):
         if not (hello.kinds or hello.ticks):
             return ""
         what = "hosts agents" if hello.kinds else "runs in step with the frames"
+        join = "connect it to a region (attach --process region-0 --listen ENDPOINT), "
+        join = join if hello.kinds else ""
         return (
-            f"it {what}, which only regions do in this world; run the world with one coordinator"
-            " (--regions 0), or send events freely"
+            f"it {what}, which only regions do in this world; {join}run the world with one"
+            " coordinator (--regions 0), or send events freely"
         )
 
     def early_replies(self, member: str) -> int:

@@ -35,7 +35,8 @@ class Security:
     """Security of a world: its credentials, the known certificates and the local endpoint.
 
     `stamp` changes when `rights` have to be read again; both may raise KeysError. With `audit`,
-    messages that Zenoh itself drops are counted, too.
+    messages that Zenoh itself drops are counted, too. `unknown` says of a certificate why it has no
+    rights.
     """
 
     own: Credentials
@@ -43,6 +44,7 @@ class Security:
     rights: Callable[[], Mapping[str, Rights]]
     stamp: Callable[[], object]
     audit: bool = False
+    unknown: str = "that was issued after the world began; it is valid from the next start on"
 
 
 @dataclass(frozen=True, slots=True)
@@ -178,12 +180,10 @@ class Admission:
         # TLS accepts every certificate of the authority, but Zenoh's rules do not mention this one.
         # The member would be connected and receive nothing, without knowing why.
         if name not in self._known:
+            security = self._where.security
+            unknown = "" if security is None else security.unknown
             self.rules.count(name)
-            self._say_once(
-                name,
-                f"connected from {item.address} with a certificate that was issued after the world"
-                " began; it is valid from the next start on",
-            )
+            self._say_once(name, f"connected from {item.address} with a certificate {unknown}")
         elif self._rights[name].revoked:
             self._cut(item)
 

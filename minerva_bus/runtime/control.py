@@ -153,20 +153,23 @@ def _own_process(running: Operated, asked: Mapping[str, Any], otherwise: str) ->
     """The name of a process of the world file. Raises ProtocolError."""
     member = as_text(asked.get("member"), "the member")
     members = running.algorithm.members
-    hosts = [host.name for host in hosts_in(members)]
-    if member in hosts:
-        return member
-    # `get` would create an entry for any name.
-    if not members.knows(member):
-        names = ", ".join([*(entry.name for entry in members), *hosts])
+    expected = {entry.name: entry.expected for entry in members}
+    expected |= {host.name: host.expected for host in hosts_in(members)}
+    if member not in expected:
+        names = ", ".join(expected)
         raise ProtocolError(f"there is no member {member[:64]!r}; there are {names}")
-    if not members.get(member).expected:
+    if not expected[member]:
         raise ProtocolError(f"{member} is not a process of the world file: {otherwise}")
     return member
 
 
 def _drain(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
     member, offers = as_text(asked.get("member"), "the member"), running.algorithm.offers()
+    if any(member == host.name for host in hosts_in(running.algorithm.members)):
+        raise ProtocolError(
+            f"{member} is a host of a region, which cannot be drained from here: end it where it"
+            " runs (Ctrl-C or SIGTERM), and its agents move to others"
+        )
     if member not in offers:
         hosts = ", ".join(offers) or "none"
         raise ProtocolError(f"{member[:64]!r} hosts no agents now; hosts are {hosts}")

@@ -16,10 +16,12 @@ from typing import Any, Final
 
 import zenoh
 
+from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.member import Member
 from minerva_bus.runtime.admission import ListenConfig
+from minerva_bus.runtime.control import COMMANDS
 from minerva_bus.runtime.coordinator import Coordinator
 from minerva_bus.runtime.direct import Deliver, DirectTransport, deliver
 from minerva_bus.runtime.inbox import HubInbox, TimerTick
@@ -30,6 +32,9 @@ from minerva_bus.runtime.waiting import Deadlines
 from minerva_bus.runtime.watchers import Started, Watchers
 from minerva_bus.wire.keys import last_part
 from minerva_bus.wire.limits import Limits
+
+QUESTIONS: Final = {"status": COMMANDS["status"]}
+"""All that a hub answers: whoever operates the world asks its coordinator."""
 
 EPOCHS_PER_SECOND: Final = 1000
 """A region may be restarted in the second in which it was started."""
@@ -95,6 +100,7 @@ class RegionHub:
             direct=DirectTransport(members, deliver=deliver),
             inbox=_SharedInbox(put),
             epoch=int(EPOCHS_PER_SECOND * REAL.time()),
+            commands=QUESTIONS,
         )
         self._open = ExitStack()
 
@@ -122,9 +128,18 @@ class RegionHub:
     def take(self, arrived: HubItem) -> None:
         """Process what has arrived."""
         item = arrived.item
+        if _sender(item) in self._names:
+            self._refuse_namesake(item)
+            return
         if isinstance(item, s.Appeared):  # The hub does not know earlier that its process starts.
             self._coordinator.take(Started(item.member))
         self._coordinator.take(item)
+
+    def _refuse_namesake(self, item: Any) -> None:
+        """Refuse a host with the name of a member in this process, which has no token."""
+        if isinstance(item, s.Appeared):
+            reason = "the region itself runs a member of this name; choose another one (--name)"
+            self._coordinator.transport.send(item.member, m.Refused(reason))
 
     def close(self) -> None:
         """Close the hub."""
@@ -155,6 +170,17 @@ class _SharedInbox(HubInbox):
         if self._timer is not None:
             self._timer.cancel()
             self._timer.join()
+
+
+def _sender(item: Any) -> str:
+    """The host from which an item of the inbox is; "" for other items."""
+    match item:
+        case (str() as name, bytes()):
+            return name
+        case s.Appeared(name) | s.Vanished(name):
+            return name
+        case _:
+            return ""
 
 
 def _message(sample: zenoh.Sample) -> tuple[str, bytes]:

@@ -19,7 +19,7 @@ from minerva_bus.frame.member import Member
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.symbols import EventType
 from minerva_bus.launch.console import Console
-from minerva_bus.launch.regions.layout import outside_of
+from minerva_bus.launch.regions.division import outside_of
 from minerva_bus.launch.regions.run import RegionRun
 from minerva_bus.launch.worldfile import Process, WorldFile
 from minerva_bus.log.entries import part_codec

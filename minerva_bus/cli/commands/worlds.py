@@ -184,6 +184,9 @@ def attach(
     link: Annotated[
         str, typer.Option(help="Endpoint where other regions reach this one: tls/HOST:PORT.")
     ] = "",
+    listen: Annotated[
+        str, typer.Option(help="Endpoint where hosts of a region's agents join: tls/0.0.0.0:PORT.")
+    ] = "",
     standby: Annotated[
         bool, typer.Option("--standby", help="Wait, and take the place of the process if it goes.")
     ] = False,
@@ -198,7 +201,7 @@ def attach(
     from minerva_bus.cli.attaching import FromFile, attach_member
 
     regions = overrides.values.get("regions")
-    part = FromFile(process, None if regions is None else int(regions), link, standby)
+    part = FromFile(process, None if regions is None else int(regions), link, listen, standby)
     raise typer.Exit(attach_member(spec, join, options_of(context.args), part))
 
 

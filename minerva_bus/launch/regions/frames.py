@@ -38,6 +38,7 @@ from minerva_bus.runtime.region_links import ParcelArrived
 from minerva_bus.runtime.runner import Notice
 from minerva_bus.wire.codec import Decoder, encode
 from minerva_bus.wire.keys import COORDINATOR as HUB
+from minerva_bus.wire.keys import name_of_region
 
 
 class RegionFrames:
@@ -242,7 +243,8 @@ class RegionFrames:
 
     def figures(self) -> m.Figures:
         """Before the end of the world: only about hosts."""
-        return host_figures(self.region.algorithm.members, [each.name for each in self.members])
+        names, members = [each.name for each in self.members], self.region.algorithm.members
+        return host_figures(members, names, name_of_region(self.region.number))
 
     def last_figures(self) -> m.Figures:
         """After the end of the world."""

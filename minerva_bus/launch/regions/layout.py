@@ -2,24 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Generator, Iterable, Mapping, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Final
 
-from minerva_bus.errors import BusError
+from minerva_bus.errors import BusError, WorldFileError
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.live import FrameSource
-from minerva_bus.launch.regions.ahead import frames_ahead
 from minerva_bus.launch.regions.checkpoint import RegionCheckpoint
+from minerva_bus.launch.regions.division import Division, hosts_of, unused_processes
 from minerva_bus.launch.regions.journal import FileJournal, RegionJournal, ReportedJournal
 from minerva_bus.launch.regions.terms import TERMS, terms_of
 from minerva_bus.launch.temporary_folder import temporary_folder
 from minerva_bus.launch.worldfile import Process, WorldFile
 from minerva_bus.log.entries import part_codec
-from minerva_bus.regions.attached import beside
 from minerva_bus.regions.journal import CHECKPOINT, encoded
 from minerva_bus.regions.region import Region
 from minerva_bus.regions.whole import WholeSource
@@ -28,9 +27,7 @@ from minerva_bus.runtime.session import LOOPBACK
 from minerva_bus.runtime.waiting import Patience
 from minerva_bus.wire.keys import name_of_region, number_of_region
 from minerva_bus.wire.limits import DEFAULT
-from minerva_bus.world.agent import Agent
 from minerva_bus.world.kinds import kinds_of
-from minerva_bus.world.services import Service
 
 MAX_RESTARTS: Final = 1000
 """Processes of a region that may be killed, without much work between, before the world stops."""
@@ -41,9 +38,9 @@ class RegionSpec(Process):
     """A region as a process of its world: its number and files, and the endpoints of all regions.
 
     `world_file` is that of the whole world, with the processes that run in that of the region. It
-    has `hosts` in processes of their own, which join at the endpoint `hosts_at`. Regions run
-    `ahead` by so many frames. Without a file for its `journal`, the coordinator of the world keeps
-    it.
+    awaits `hosts`, which are processes of their own, and listens for any at the endpoint `hosts_at`
+    (empty: nowhere). Regions run `ahead` by so many frames. Without a file for its `journal`, the
+    coordinator of the world keeps it.
     """
 
     world_file: WorldFile
@@ -72,9 +69,18 @@ class RegionSpec(Process):
             raise BusError(f"{own} has no certificates, and the world has: {example}")
         if not (secured or at.local):
             raise BusError(f"{own} would admit anyone who can reach it; the world has no keys")
+        self._check_hub(secured=secured)
         file = self.world_file
         named = replace(file, world=replace(file.world, name=world))
         return replace(self, world_file=named, endpoints={self.number: at.text})
+
+    def _check_hub(self, *, secured: bool) -> None:
+        at = check_endpoint(self.hosts_at or LOOPBACK)
+        if at.secured and not secured:
+            raise BusError(f"{at.text} needs keys: name those of the region with --keys FOLDER")
+        if not (at.secured or at.local):
+            example = f"tls/{at.host}:{at.port}, with the keys of the region"
+            raise BusError(f"{at.text} would admit anyone who can reach it; listen at {example}")
 
     @property
     def announces(self) -> bool:
@@ -92,29 +98,23 @@ def in_regions(file: WorldFile) -> Generator[WorldFile]:
     if file.partition is None:
         yield file
         return
-    services = _services(file.processes)
-    names = outside_of(file, services)
-    outside = [each for each in file.processes if each.name in names]
-    inside = [each for each in file.processes if each.name not in names]
-    ahead, notes = frames_ahead(file.world, _without(services, names))
-    # Processes elsewhere are those of regions elsewhere, which have no launcher for hosts.
-    away = all(each.elsewhere for each in inside)
-    hosts = [each for each in inside if each.table in file.hosts and not away]
-    local = [each for each in inside if each not in hosts]
+    division = Division.of(file)
+    # Regions elsewhere have no launcher for hosts.
+    away, hosts = division.elsewhere, division.hosts
     with temporary_folder("regions") as folder:
         numbers = range(file.partition.count)
         endpoints = {n: f"unixsock-stream/{folder}/{n}.sock" for n in numbers}
         regions = [
             RegionSpec(
                 name_of_region(number),
-                agents=_agents_of(inside),
+                agents=division.agents,
                 # A region that is killed repeatedly loses no more than time.
                 restarts=MAX_RESTARTS,
                 # It may wait for another region, so a time-out would not find the late one.
                 patience=Patience(then="wait"),
-                world_file=_with(file, local, own),
+                world_file=_with(file, division.local, own),
                 number=number,
-                ahead=ahead,
+                ahead=division.ahead,
                 endpoints=endpoints,
                 hosts_at=hub,
                 hosts=own,
@@ -126,60 +126,23 @@ def in_regions(file: WorldFile) -> Generator[WorldFile]:
             for hub in [_hub(folder, number, hosts, secured=file.access.keys is not None)]
             for own in [hosts_of(number, hosts)]
         ]
-        notes = *file.notes, *notes, *unused_processes(local)
-        world = _with(file, (*regions, *outside))
-        started = [host for region in regions for host in region.hosts]
+        notes = *file.notes, *division.notes, *unused_processes(division.local)
+        world = _with(file, (*regions, *division.outside))
+        started = [host for region in regions for host in region.hosts if not away]
         yield replace(world, processes=(*world.processes, *started), notes=notes)
 
 
-def hosts_of(number: int, hosts: Iterable[Process]) -> tuple[Process, ...]:
-    """The processes of these hosts in a region."""
-    region = name_of_region(number)
-    return tuple([replace(each, name=f"{region}.{each.name}", hub=region) for each in hosts])
-
-
-def _hub(folder: Path, number: int, hosts: Iterable[Process], *, secured: bool) -> str:
+def _hub(folder: Path, number: int, hosts: Sequence[Process], *, secured: bool) -> str:
     """Where a region listens for its hosts, as the coordinator does for local processes.
 
-    Other languages do not know sockets of files, which only their owner can open; so if the world
-    is secured, they cannot join, as with one coordinator.
+    Empty without hosts. Other languages do not know sockets of files, which only their owner can
+    open; so if the world is secured, they cannot join, as with one coordinator.
     """
+    if not hosts:
+        return ""
     if secured or not any(host.command for host in hosts):
         return f"unixsock-stream/{folder}/{number}-hub.sock"
     return LOOPBACK
-
-
-def _agents_of(processes: Iterable[Process]) -> tuple[type[Agent], ...]:
-    return tuple(dict.fromkeys(agent for process in processes for agent in process.agents))
-
-
-def unused_processes(inside: Sequence[Process]) -> list[str]:
-    """What a person has to know of the processes that the world file gives agents, if several."""
-    tables = [process.table for process in inside if process.agents]
-    divided = sorted({table for table in tables if tables.count(table) > 1})
-    without_effect = "`processes` has no effect with regions, which evolve agents themselves"
-    return [f"{', '.join(divided)}: {without_effect}"] if divided else []
-
-
-def _services(processes: Iterable[Process]) -> dict[str, Service | None]:
-    known = [each for each in processes if not each.command]
-    return {each.name: each.participant().service for each in known}
-
-
-def _without(
-    services: Mapping[str, Service | None], names: Collection[str]
-) -> dict[str, Service | None]:
-    return {name: service for name, service in services.items() if name not in names}
-
-
-def outside_of(file: WorldFile, services: Mapping[str, Service | None]) -> frozenset[str]:
-    """The processes that are members of a world's coordinator, beside its regions.
-
-    `services` are those of the processes, by name. What a command does is known only from its
-    hello, which the coordinator may refuse.
-    """
-    commands = [each for each in file.processes if each.command and each.table not in file.hosts]
-    return beside(services).union(each.name for each in commands)
 
 
 def _with(
@@ -198,25 +161,33 @@ def _with(
     )
 
 
-def region_elsewhere(file: WorldFile, name: str, listen: str) -> RegionSpec | None:
+def region_elsewhere(file: WorldFile, name: str, link: str, listen: str = "") -> RegionSpec | None:
     """The region of a world file with this name, to run on another machine than the world.
 
-    It receives parcels at the endpoint `listen`. None: the file has no such region.
+    It receives parcels at the endpoint `link`, and its hosts join at `listen`; without one, their
+    agents evolve in its process. None: the file has no such region. Raises WorldFileError.
     """
     number = number_of_region(name)
     if file.partition is None or number is None or not number < file.partition.count:
         return None
-    services = _services(file.processes)
-    names = outside_of(file, services)
-    inside = [replace(each, elsewhere=False) for each in file.processes if each.name not in names]
-    ahead, _ = frames_ahead(file.world, _without(services, names))
+    division = Division.of(file)
+    commands = [each.name for each in division.hosts if each.command]
+    if commands and not listen:
+        why = f"{commands[0]} is a command, so {name} needs an endpoint where it can join"
+        raise WorldFileError(f"{file.path}: {why}: --listen tls/0.0.0.0:PORT")
+    here = division.local if listen else division.inside
+    # Time-outs do not kill what is elsewhere.
+    hosts = [replace(each, elsewhere=True) for each in division.hosts if listen]
+    own = hosts_of(number, hosts)
     return RegionSpec(
         name,
-        agents=_agents_of(inside),
-        world_file=_with(file, inside),
+        agents=division.agents,
+        world_file=_with(file, [replace(each, elsewhere=False) for each in here], own),
         number=number,
-        ahead=ahead,
-        endpoints={number: listen},
+        ahead=division.ahead,
+        endpoints={number: link},
+        hosts_at=listen,
+        hosts=own,
     )
 
 

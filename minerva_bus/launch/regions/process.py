@@ -12,10 +12,11 @@ from minerva_bus.errors import BusError, MinervaError, UserCodeError, WorldStopp
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.member import Member
 from minerva_bus.frame.messages import Welcome
+from minerva_bus.launch.access import security_of_region
 from minerva_bus.launch.pipes import ReportPipe
 from minerva_bus.launch.regions.layout import RegionSpec
 from minerva_bus.launch.regions.member import RegionMember
-from minerva_bus.runtime.admission import ListenConfig
+from minerva_bus.runtime.admission import ListenConfig, Security
 from minerva_bus.runtime.arrival import STARTED_HERE, Arrival
 from minerva_bus.runtime.direct import Deliver, InProcessRunner
 from minerva_bus.runtime.endpoints import check_endpoint
@@ -74,7 +75,7 @@ class RegionProcess(MemberProcess):
         self._links: RegionLinks | None = None
         self._timer: Timer | None = None
         self._unreachable: dict[int, str | None] = {}
-        make_runner = partial(self._make_hub, shared) if spec.hosts else InProcessRunner
+        make_runner = partial(self._make_hub, shared) if spec.hosts_at else InProcessRunner
         self._region = RegionMember(spec, self._send, self._log, make_runner)
         super().__init__(
             self._region,
@@ -105,7 +106,7 @@ class RegionProcess(MemberProcess):
     ) -> RegionHub:
         spec, file = self._spec, self._spec.world_file
         config = HubConfig(
-            ListenConfig(spec.hosts_at, shared),
+            ListenConfig(spec.hosts_at, shared, security=self._security()),
             replace(file, processes=spec.hosts).deadlines,
             file.access.limits,
             late=self._note_late,
@@ -117,6 +118,13 @@ class RegionProcess(MemberProcess):
             config, lambda item: self.inbox.put(item), algorithm, members, observe, deliver
         )
         return self._hub
+
+    def _security(self) -> Security | None:
+        """That of the session for hosts, if they come from other machines."""
+        spec = self._spec
+        if self._own is None or not check_endpoint(spec.hosts_at).secured:
+            return None
+        return security_of_region(self._own, spec.world_file.world.name, spec.name)
 
     def _reports_about(self, host: str) -> ReportPipe | None:
         """The pipe to the launcher, if it has started this host."""

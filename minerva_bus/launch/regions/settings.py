@@ -294,9 +294,6 @@ def _unsupported_hosts(hosts: Iterable[Process], beside: Iterable[Member]) -> It
         # Without its agents, the string would be another one.
         if process.on_failure == "ignore":
             yield f'hosts with on_failure = "ignore" ({process.name})'
-        # On other machines, agents are in the process of their region.
-        if process.command and process.elsewhere:
-            yield f"hosts that are commands, with regions elsewhere ({process.name})"
         # The coordinator of the world makes these views, and has no code of the command.
         if process.command and shown:
             yield f"views ({shown[0]}) with hosts that are commands ({process.name})"
