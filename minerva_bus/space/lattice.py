@@ -11,11 +11,16 @@ from minerva_bus.space.kernels import kernel
 
 
 class CellGrid(NamedTuple):
-    """Width and height in cells, and whether opposite edges are connected."""
+    """Width and height in cells, and whether opposite edges are connected.
+
+    `inner` is a cell with 8 neighbours beside it without a way across an edge, which saves `beside`
+    the comparisons, or -1.
+    """
 
     width: int
     height: int
     periodic: bool
+    inner: int = -1
 
 
 NO_CELL = "a cell is outside of the lattice, as -1 of `beside` or `random_free` is; test it before"
@@ -36,8 +41,19 @@ def row_of(lattice: CellGrid, cell: int) -> int:
 
 
 @kernel
+def surrounded(lattice: CellGrid, cell: int) -> bool:
+    """Whether a cell, from 0, has 8 neighbours without a way across an edge."""
+    if lattice.width < 3 or lattice.height < 3:
+        return False
+    row = row_of(lattice, cell)
+    return 0 < row < lattice.height - 1 and 0 < cell - row * lattice.width < lattice.width - 1
+
+
+@kernel
 def beside(lattice: CellGrid, cell: int, dx: int, dy: int) -> int:
     """The cell at a distance of dx columns and dy rows; -1 if it is outside."""
+    if 0 <= cell == lattice.inner and -1 <= dx <= 1 and -1 <= dy <= 1:
+        return cell + dy * lattice.width + dx
     inside(lattice, cell)
     row = row_of(lattice, cell)
     x, y = cell - row * lattice.width + dx, row + dy

@@ -210,7 +210,7 @@ class Opened:
         capacity = len(self.arrays["cell"])
         nearby = np.empty(capacity, np.int64)
         if isinstance(self.shape, CellGrid):
-            return [nearby, *self.shape]
+            return [nearby, *self.shape[:3]]
         sorted_rows = [self.arrays.get(name, none) for name, none in _UNSORTED.items()]
         return [nearby, *np.empty((2, capacity)), *sorted_rows, *self.shape]
 

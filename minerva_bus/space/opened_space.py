@@ -16,8 +16,9 @@ from minerva_bus.space.kernels import interpreted, interpreting
 from minerva_bus.space.lattice import CellGrid
 from minerva_bus.space.occupancy import ROWS
 from minerva_bus.space.opened import Opened
+from minerva_bus.space.parameters import BEFORE, RuleParameter
 from minerva_bus.space.parts import parts_of, run_parts
-from minerva_bus.space.rules import BEFORE, SHUFFLED, RuleParameter, SpaceRule
+from minerva_bus.space.rules import SHUFFLED, SpaceRule
 from minerva_bus.world.context import Context
 
 if TYPE_CHECKING:
@@ -202,7 +203,7 @@ class OpenedSpace:
         if parameter.draws:
             return [self._draws]
         if parameter.type is CellGrid:
-            return [*self._lattice]
+            return [*self._lattice[:3]]
         if parameter.type is Edges:
             return [*self._opened_edges(parameter)]
         if parameter.matrix:

@@ -2,28 +2,20 @@
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 from enum import Enum
 from functools import cached_property, partial
-from typing import Any, Final, get_type_hints
 
 from minerva_bus.errors import MisuseError
-from minerva_bus.grammar.types import Cells, Reals
-from minerva_bus.space.checking import ParameterAccess, check_rule
+from minerva_bus.space.checking import check_rule
 from minerva_bus.space.compiling import RuleLoop
-from minerva_bus.space.draws import Draws, shuffle
-from minerva_bus.space.edges import Edges
-from minerva_bus.space.field import FieldGrid
-from minerva_bus.space.guarded import ALL, Guard
+from minerva_bus.space.driving import RuleDriver
 from minerva_bus.space.independent import Independence, independence
 from minerva_bus.space.kernels import Kernel
-from minerva_bus.space.lattice import CellGrid
-from minerva_bus.space.occupancy import ALIVE, FOUND, ROWS, TOO_MANY, random_free
+from minerva_bus.space.occupancy import random_free
 from minerva_bus.space.opened import loops_of_table
+from minerva_bus.space.parameters import BEFORE, RuleParameter, parameters_of
 from minerva_bus.space.simultaneous import check_simultaneous
-from minerva_bus.space.tables import INDEX, InField, Inhabitants, columns_of
 
 
 class Activation(Enum):
@@ -40,83 +32,6 @@ class Activation(Enum):
 
 
 SIMULTANEOUS, ORDERED, SHUFFLED = Activation
-BEFORE: Final = "before"
-
-_NUMBERS: Final = {int: "int64", float: "float64", bool: "boolean"}
-_MATRICES: Final = ((Cells, "int16[::1]"), (Reals, "float64[::1]"))
-_INDEX_TYPES: Final = (
-    "float64[:, ::1]", "int64[:, ::1]", "int64[:, ::1]", "int64[::1]", "int64[::1]", "int64[::1]",
-)  # fmt: skip
-_ON_LATTICE: Final = ("int64[::1]",)
-_IN_FIELD: Final = (
-    "int64[::1]", "float64[::1]", "float64[::1]",
-    "int64[::1]", "int64[::1]", "float64[::1]", "float64[::1]",
-)  # fmt: skip
-_SHAPES: Final = {
-    CellGrid: ("int64", "int64", "boolean"),
-    FieldGrid: ("float64", "float64", "boolean", "int64", "int64"),
-    Edges: ("int64[::1]", "int64[::1]"),
-}
-
-
-@dataclass(frozen=True)
-class RuleParameter:
-    """A parameter of a rule: an attribute of the space, or a number, by its name."""
-
-    name: str
-    type: Any
-
-    @cached_property
-    def table(self) -> type[Inhabitants] | None:
-        """The class of a table."""
-        return (
-            self.type
-            if isinstance(self.type, type) and issubclass(self.type, Inhabitants)
-            else None
-        )
-
-    @cached_property
-    def matrix(self) -> bool:
-        """Whether it is a matrix, of which a rule sees the cells in one dimension."""
-        return any(self.type == matrix for matrix, _ in _MATRICES)
-
-    @cached_property
-    def array(self) -> bool:
-        """Whether the space must have an array for it."""
-        return self.table is not None or self.matrix or self.type is Edges
-
-    @cached_property
-    def draws(self) -> bool:
-        """Whether it is the random stream."""
-        return self.type == Draws
-
-    @property
-    def checked(self) -> ParameterAccess | None:
-        """What a rule may do with it; None for numbers."""
-        before = self.name == BEFORE
-        if self.table is not None:
-            changed = [] if before else [n for n in self.table.names if n not in self.table.fixed]
-            return ParameterAccess(self.table.type._fields, tuple(changed), before)
-        if self.draws:
-            return ParameterAccess(draws=True)
-        return ParameterAccess(before=before) if self.matrix else None
-
-    @property
-    def types(self) -> list[str]:
-        """The numba types of the arguments that it consists of."""
-        if self.table is not None:
-            columns = ["float64[::1]"] * len(columns_of(self.table))
-            field = issubclass(self.table, InField)
-            extra = _IN_FIELD if field else _ON_LATTICE
-            shape = _SHAPES[FieldGrid if field else CellGrid]
-            return [*_INDEX_TYPES, *columns, *extra, *shape]
-        if self.draws:
-            return ["uint64[::1]"]
-        if self.type is CellGrid or self.type is Edges:
-            return [*_SHAPES[self.type]]
-        return [
-            next((t for matrix, t in _MATRICES if self.type == matrix), "") or _NUMBERS[self.type]
-        ]
 
 
 class SpaceRule:
@@ -128,14 +43,15 @@ class SpaceRule:
         self.births = births
         self.kernel = Kernel(function)
         self.__doc__ = function.__doc__
-        self.parameters = _parameters(function, self.name)
+        self.parameters = parameters_of(function, self.name)
         self.subject = self.parameters[0]
         """The table or matrix for whose rows or cells it runs."""
         self.sees_before = any(p.name == BEFORE for p in self.parameters)
         checked = {p.name: known for p in self.parameters if (known := p.checked) is not None}
         self._check_uses = partial(check_rule, self.kernel.function, checked)
         self._check()
-        self.drive = self._driver()
+        driver = RuleDriver(self.kernel, self.parameters, order is SHUFFLED, births)
+        self.drive = driver.loop(self.name, self._check)
 
     @cached_property
     def tables(self) -> tuple[RuleParameter, ...]:
@@ -159,53 +75,6 @@ class SpaceRule:
         self._check_uses()
         if self.order is SIMULTANEOUS:
             check_simultaneous(self.kernel.function)
-
-    def _driver(self) -> RuleLoop:
-        """A loop over the rows at `begin` to `end`; `progress` has the place of the current one.
-
-        `rows` are all rows, which the loop puts into their order; unless it does, it needs none.
-        It stops early, and returns the place, if a table has too little room for newborns.
-        """
-        heads, types, calls, scope = self._arguments()
-        tables = [n for n, p in enumerate(self.parameters) if p.table and p.name != BEFORE]
-        room = [f"p{n}.links.shape[1] - p{n}.counts[{ROWS}] < {self.births}" for n in tables]
-        over = [f"p{n}.counts[{ROWS}] > u{n} + {self.births}" for n in tables]
-        lines = [f"def drive(begin, end, rows, progress, draws, {', '.join(heads)}):"]
-        lines += [f"    p{number} = {call}" for number, call in enumerate(calls)]
-        if self.order is SHUFFLED:
-            lines += ["    if begin == 0:", "        shuffle(draws, rows)"]
-        lines += [
-            "    for k in range(begin, end):",
-            # An int of Python, since one of numpy has other arithmetic.
-            "        i = int(rows[k])" if self.order is SHUFFLED else "        i = k",
-            "        progress[0] = k",
-        ]
-        if self.subject.table is not None:
-            lines += [f"        if not p0.links[{ALIVE}, i]:", "            continue"]
-        if tables and self.births:
-            lines += [f"        if {' or '.join(room)}:", "            return k"]
-        lines += [f"        u{n} = p{n}.counts[{ROWS}]" for n in tables]
-        lines += [f"        rule(i, {', '.join([f'p{n}' for n in range(len(calls))])})"]
-        if tables:
-            lines += [
-                f"        if {' or '.join(over)}:",
-                f"            raise IndexError({TOO_MANY!r})",
-            ]
-        lines += ["    return end", ""]
-        first = ("int64", "int64", "int64[::1]", "int64[::1]", "uint64[::1]")
-        signature = f"int64({', '.join([*first, *types])})"
-        return RuleLoop(self.name, "\n".join(lines), scope, signature, self._check)
-
-    def _arguments(self) -> tuple[list[str], list[str], list[str], dict[str, Any]]:
-        """Arguments of the driver with their types, and the parameters that they form."""
-        heads, types, calls, scope = list[str](), list[str](), list[str](), dict[str, Any]()
-        for number, parameter in enumerate(self.parameters):
-            names = [f"a{number}_{part}" for part in range(len(parameter.types))]
-            heads += names
-            types += parameter.types
-            calls.append(_built(parameter, names, number, scope))
-        scope |= {"rule": self.kernel, "shuffle": shuffle}
-        return heads, types, calls, scope
 
 
 def rule(order: Activation, *, births: int = 1) -> Callable[[Callable[..., None]], SpaceRule]:
@@ -250,70 +119,3 @@ def loops_of(rules: Iterable[SpaceRule]) -> list[RuleLoop]:
                 loops |= {id(loop): loop for loop in loops_of_table(parameter.table)}
         loops[id(each.drive)] = each.drive
     return list(loops.values())
-
-
-def _built(parameter: RuleParameter, names: list[str], number: int, scope: dict[str, Any]) -> str:
-    """The expression of a parameter's value from the arguments of the driver."""
-    if parameter.table is not None:
-        return _table(parameter.name, parameter.table, names, number, scope)
-    if parameter.matrix:
-        scope[f"g{number}"] = Guard(parameter.name)
-        return f"g{number}({names[0]}, rows)"
-    if parameter.type is CellGrid:
-        scope["CellGrid"] = CellGrid
-        return f"CellGrid({', '.join(names)})"
-    if parameter.type is Edges:
-        scope["Edges"] = Edges
-        for name, field in zip(names, Edges._fields, strict=True):
-            scope[f"g_{name}"] = Guard(f"{parameter.name}.{field}")
-        return f"Edges({', '.join([f'g_{name}({name}, rows)' for name in names])})"
-    return names[0]
-
-
-def _table(
-    name: str, kind: type[Inhabitants], names: list[str], number: int, scope: dict[str, Any]
-) -> str:
-    """The tuple of a table, whose columns and lists of neighbours are guarded."""
-    shape = FieldGrid if issubclass(kind, InField) else CellGrid
-    scope |= {f"T{number}": kind.type, shape.__name__: shape}
-    size = len(_SHAPES[shape])
-    counts = names[INDEX.index("counts")]
-    made = names[:-size]
-    for part in range(INDEX.index("cell"), len(made)):
-        field = kind.type._fields[part]
-        guard = f"g{number}_{part}"
-        scope[guard] = Guard(f"{name}.{field}", _slot(kind, field))
-        made[part] = f"{guard}({names[part]}, {counts})"
-    inner = f"{shape.__name__}({', '.join(names[-size:])})"
-    return f"T{number}({', '.join([*made, inner])})"
-
-
-def _slot(kind: type[Inhabitants], field: str) -> int:
-    """The item of `counts` with the number of items that an array of a table has."""
-    if field in kind.sorted_rows:
-        return ALL
-    return FOUND if field in kind.extra else ROWS
-
-
-def _parameters(function: Callable[..., None], name: str) -> tuple[RuleParameter, ...]:
-    hints = get_type_hints(function)
-    names = list(inspect.signature(function).parameters)
-    parameters = tuple([RuleParameter(each, hints.get(each)) for each in names[1:]])
-    if not parameters or not (parameters[0].table or parameters[0].matrix):
-        raise MisuseError(
-            f"{name}: expected (i: int, subject, ...), where the subject is a table, Cells or Reals"
-        )
-    known = (Draws, CellGrid, Edges, Cells, Reals, *_NUMBERS)
-    for parameter in parameters:
-        if parameter.type is None:
-            raise MisuseError(
-                f"{name}: {parameter.name} has no type; write one, as in {parameter.name}: int"
-            )
-        if parameter.table is None and not any(parameter.type == each for each in known):
-            raise MisuseError(
-                f"{name}: {parameter.name} must be a table, Cells, Reals, Draws, CellGrid,"
-                f" Edges, int, float or bool, not {parameter.type}"
-            )
-        if parameter.name == BEFORE and parameter.type != parameters[0].type:
-            raise MisuseError(f"{name}: `before` must have the type of {parameters[0].name}")
-    return parameters
