@@ -5,7 +5,7 @@ The coordinator of the world has no other knowledge of hosts, which are members 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from typing import Any, Final
 
 from minerva_bus.frame import messages as m
@@ -16,14 +16,20 @@ from minerva_bus.world.operator import MemberStatus
 _SEPARATOR: Final = "/"
 """Between a host and what is reported of it; no name of a member and no other metric has it."""
 
+_WAITING: Final = "waiting"
+"""What is reported of a host for which a frame of its region waits."""
+
 _TEXTS: Final = "state", "kinds", "host"
 _NUMBERS: Final = "pid", "joins", "last_reply"
 
 
-def host_figures(members: Members, own: Iterable[str], region: str = "") -> m.Figures:
+def host_figures(
+    members: Members, own: Iterable[str], region: str = "", waiting: Collection[str] = ()
+) -> m.Figures:
     """The metrics of a region about its hosts: its members but its `own`, which have no process.
 
-    The name of the `region` begins that of each: a host that has attached may have any.
+    The name of the `region` begins that of each: a host that has attached may have any. `waiting`
+    are those for which a frame waits.
     """
     names, figures = frozenset(own), dict[str, bool | int | float | str]()
     prefix = f"{region}." if region else ""
@@ -33,6 +39,8 @@ def host_figures(members: Members, own: Iterable[str], region: str = "") -> m.Fi
         hello, name = member.hello, f"{prefix}{member.name.removeprefix(prefix)}"
         of_host: dict[str, int | str] = {"state": member.state.value, "joins": member.joins}
         of_host["expected"] = member.expected
+        if member.name in waiting:
+            of_host[_WAITING] = True
         of_host["last_reply"] = member.last_reply
         if hello is not None:
             kinds = " ".join(kind.name for kind in hello.kinds)
@@ -58,6 +66,16 @@ def hosts_in(members: Members) -> list[MemberStatus]:
             if separator and host.startswith(prefix):
                 hosts.setdefault(host, {})[what] = value
     return [_status(name, of_host) for name, of_host in sorted(hosts.items())]
+
+
+def awaited(members: Members, waiting: Iterable[str]) -> list[str]:
+    """The members for which a frame waits; instead of a region its hosts, if it waits for these."""
+    shown: list[str] = []
+    for name in waiting:
+        ends = [each.partition(_SEPARATOR) for each in members.get(name).figures]
+        hosts = [host for host, _, what in ends if what == _WAITING and host.startswith(f"{name}.")]
+        shown += sorted(hosts) or [name]
+    return shown
 
 
 def _status(name: str, of_host: Mapping[str, Any]) -> MemberStatus:

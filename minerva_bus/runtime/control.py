@@ -25,7 +25,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Final
 
-from minerva_bus.errors import MinervaError, ProtocolError
+from minerva_bus.errors import MinervaError, ProtocolError, nearest
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.fragments import PART
 from minerva_bus.grammar.scene import Scene
@@ -156,8 +156,8 @@ def _own_process(running: Operated, asked: Mapping[str, Any], otherwise: str) ->
     expected = {entry.name: entry.expected for entry in members}
     expected |= {host.name: host.expected for host in hosts_in(members)}
     if member not in expected:
-        names = ", ".join(expected)
-        raise ProtocolError(f"there is no member {member[:64]!r}; there are {names}")
+        hint = nearest(member, list(expected), f"there are {', '.join(expected)}")
+        raise ProtocolError(f"there is no member {member[:64]!r}{hint}")
     if not expected[member]:
         raise ProtocolError(f"{member} is not a process of the world file: {otherwise}")
     return member
@@ -165,10 +165,10 @@ def _own_process(running: Operated, asked: Mapping[str, Any], otherwise: str) ->
 
 def _drain(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
     member, offers = as_text(asked.get("member"), "the member"), running.algorithm.offers()
-    if any(member == host.name for host in hosts_in(running.algorithm.members)):
+    if of_regions := [host.name for host in hosts_in(running.algorithm.members)]:
         raise ProtocolError(
-            f"{member} is a host of a region, which cannot be drained from here: end it where it"
-            " runs (Ctrl-C or SIGTERM), and its agents move to others"
+            f"hosts of regions ({', '.join(of_regions)}) are not drained: end one that has attached"
+            " where it runs (Ctrl-C or SIGTERM), and its agents move to others"
         )
     if member not in offers:
         hosts = ", ".join(offers) or "none"

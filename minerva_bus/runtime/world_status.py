@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from minerva_bus.frame.member_states import MemberEntry
-from minerva_bus.regions.hosts import hosts_in, without_hosts
+from minerva_bus.regions.hosts import awaited, hosts_in, without_hosts
 from minerva_bus.runtime.operated import Operated
 from minerva_bus.world.operator import MemberStatus, WorldStatus
 
@@ -23,7 +23,7 @@ def status_of(running: Operated, since: int = 0) -> WorldStatus:
         for name in sorted(measured)
         if name.startswith("wait for ")
     }
-    waiting = tuple(algorithm.waiting_for())
+    waiting = tuple(awaited(algorithm.members, algorithm.waiting_for()))
     members = [_member(entry, waits.get(entry.name, 0.0)) for entry in algorithm.members]
     return WorldStatus(
         world=algorithm.world.name,

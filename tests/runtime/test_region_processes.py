@@ -389,6 +389,27 @@ def test_hosts_their_regions_and_the_coordinator_may_die(tmp_path):
     assert done.returncode == 0, done.stdout + done.stderr
 
 
+def test_a_region_that_waits_for_a_host_is_not_blamed(tmp_path):
+    path = write_world(tmp_path, MEMBERS + '\n[regions]\nhosts = ["walkers"]\n')
+    with World(path, "--rate", 50, "--frames", 0, "--regions", 2, "--json") as world:
+        pid = world.runs("region-0.walkers", "region-1.walkers")["region-1.walkers"]
+        os.kill(pid, signal.SIGSTOP)
+
+        def explained():
+            done = here(tmp_path, "explain", world.name)
+            return "the process of region-1.walkers is stopped, by SIGSTOP" in done.stdout
+
+        try:
+            eventually(explained, world.text)
+        finally:
+            os.kill(pid, signal.SIGCONT)
+        advances(world)
+        done = here(tmp_path, "restart", world.name, "region-1.walker")
+        assert "did you mean 'region-1.walkers'?" in done.stderr
+        done = here(tmp_path, "drain", world.name, "walkers")
+        assert "hosts of regions (region-0.walkers, region-1.walkers)" in done.stderr
+
+
 def test_programs_that_are_hosts_reach_a_region_that_has_died(tmp_path):
     """Its next process listens at the port that the system has chosen for the first one."""
     options = "--name $MINERVA_NAME --world $MINERVA_WORLD --connect $MINERVA_CONNECT"

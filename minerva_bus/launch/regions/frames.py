@@ -38,7 +38,6 @@ from minerva_bus.runtime.region_links import ParcelArrived
 from minerva_bus.runtime.runner import Notice
 from minerva_bus.wire.codec import Decoder, encode
 from minerva_bus.wire.keys import COORDINATOR as HUB
-from minerva_bus.wire.keys import name_of_region
 
 
 class RegionFrames:
@@ -69,6 +68,7 @@ class RegionFrames:
         self._begins = begins
         self._make_runner = make_runner
         self._done: s.FrameDone | None = None
+        self._reported = -1
         self._begin(Region(file.world, spec.number, file.partition, self.members, ahead=spec.ahead))
         self.decoder = Decoder(file.world.vocabulary, file.access.limits)
 
@@ -243,8 +243,12 @@ class RegionFrames:
 
     def figures(self) -> m.Figures:
         """Before the end of the world: only about hosts."""
-        names, members = [each.name for each in self.members], self.region.algorithm.members
-        return host_figures(members, names, name_of_region(self.region.number))
+        algorithm, own = self.region.algorithm, [each.name for each in self.members]
+        # A frame that is under way in two reports has been waiting for a second.
+        waits = algorithm.phase is not Phase.READY and algorithm.frame == self._reported
+        self._reported = algorithm.frame
+        waiting = algorithm.waiting_for() if waits else ()
+        return host_figures(algorithm.members, own, self.name, waiting)
 
     def last_figures(self) -> m.Figures:
         """After the end of the world."""
