@@ -220,7 +220,8 @@ MESSAGES: Mapping[str, m.Message] = {
     "orders.full": m.Orders(8, (*EVENTS, MIXED)),
     "advance.empty": m.RegionRequest(0),
     "advance.full": m.RegionRequest(
-        8, (b"", bytes(8)), {"gulls": EVENTS, "~order:anna": (MIXED,)}, NAMES, bytes(8)
+        8, (b"", bytes(8)), {"gulls": EVENTS, "~order:anna": (MIXED,)}, NAMES, bytes(8),
+        (b"", bytes(9)),
     ),
     "repeat.empty": m.Repeat(""),
     "repeat.full": m.Repeat("scan"),

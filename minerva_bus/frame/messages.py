@@ -402,6 +402,13 @@ class RegionRequest:
     borders: Annotated[
         bytes, Note("between regions, for agents that move after the frame; empty: as before")
     ] = b""
+    for_all: Annotated[
+        tuple[bytes, ...],
+        Note(
+            "`for_all` of the frame before, by the number of the region that has reported it; none"
+            " if all are empty"
+        ),
+    ] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -163,6 +163,25 @@ class RegionNorms(Norms):
         """Remove and return the recent acts of agents that leave the region."""
         return self._counts.remove(moving)
 
+    def parts(
+        self,
+        regions: Iterable[int],
+        moving: Mapping[str, int],
+        sanctions: Mapping[int, Sequence[PlacedEvent]],
+        later: Mapping[int, Sequence[PlacedEvent]],
+    ) -> dict[int, NormPart]:
+        """What the norms of each region need: all states, and the rest by region."""
+        states = self.states()
+        return {
+            to: NormPart(
+                states,
+                self.counts_of([who for who, region in moving.items() if region == to]),
+                tuple([each.event for each in sanctions.get(to, ())]),
+                tuple([each.event for each in later.get(to, ())]),
+            )
+            for to in regions
+        }
+
     def take_later(self) -> list[AnyEvent]:
         """Remove and return the sanctions of events that have been judged for the next frame."""
         later, self._sanctions = self._sanctions, []

@@ -83,6 +83,10 @@ class PartMessage:
         m.Saved,
         Note("by service with a halo, the places of the receivers of its events in `inputs`"),
     ] = None
+    for_all: Annotated[
+        bytes,
+        Note("a `parcel` with those `events` for the next frame that all regions need, or empty"),
+    ] = b""
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,6 +121,7 @@ class PartSender:
         inputs: bytes,
         norms: NormReport = NO_REPORT,
         answered: m.Saved = None,
+        for_all: bytes = b"",
     ) -> PartMessage:
         """The message after a frame, relative to that of the frame before."""
         kept, changed, patches = _changes(self.pieces, units.pieces)
@@ -144,6 +149,7 @@ class PartSender:
             norms.sanctions,
             norms.halted,
             answered,
+            for_all,
         )
 
 
@@ -152,7 +158,7 @@ class PartReceiver:
     """The coordinator's side: the part of one region, and its last report.
 
     `targets` are the regions to which it has sent parcels, `sent` the events of its agents that
-    norms permit, and `unjudged` all of them.
+    norms permit, `unjudged` all of them, and `for_all` what all regions need, as its report has it.
     """
 
     units: Units
@@ -161,6 +167,7 @@ class PartReceiver:
     sent: list[PlacedEvent] = field(default_factory=list[PlacedEvent])
     unjudged: list[PlacedEvent] = field(default_factory=list[PlacedEvent])
     norms: NormReport = NO_REPORT
+    for_all: bytes = b""
 
     def apply(self, message: PartMessage) -> None:
         """Continue with the part after a frame. Raises ProtocolError if the message is invalid."""
@@ -190,6 +197,7 @@ class PartReceiver:
         self.norms = NormReport(tuple(rejected), counts, message.sanctions, message.halted)
         self.units, self.resting = Units(places, pieces), message.resting
         self.targets = tuple(np.frombuffer(message.parcels, _REGION).tolist())
+        self.for_all = message.for_all
 
 
 def _rejected(message: PartMessage, events: int) -> Collection[int]:

@@ -8,9 +8,9 @@ on the transport of parcels, which may arrive in any order and more than once.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
-from itertools import pairwise
+from itertools import chain, pairwise
 
 from minerva_bus.errors import ProtocolError
 from minerva_bus.frame import messages as m
@@ -88,6 +88,7 @@ class Region:
         self.algorithm.goal.forget()
         self._border = Border(number)
         self._norms: RegionNorms | None = None
+        self.for_all: Sequence[PlacedEvent] = ()
         if world.norms:
             algorithm = self.algorithm
             self._norms = algorithm.norms = RegionNorms(world, algorithm.composition, number)
@@ -158,11 +159,11 @@ class Region:
             return self.services.lacks(self.frame)
         return self._inbox.missing(self.frame)
 
-    def enter(self) -> None:
+    def enter(self, for_all: Callable[[], Iterable[PlacedEvent]] = tuple) -> None:
         """Prepare the next frame, once, from the parcels: agents that arrive, and all events.
 
-        Raises ProtocolError if a region has sent agents that do not belong here, or a parcel that
-        is not expected.
+        `for_all` returns the events of the last frame that all regions need, from all of them.
+        Raises ProtocolError for agents that do not belong here, or a parcel that is not expected.
         """
         if self._has_entered:
             return
@@ -174,8 +175,8 @@ class Region:
         self._join([parcel.units for parcel in parcels])
         self._postponed.enter(self.frame, self.algorithm.composition)
         self._postponed.queue(inbox, arrived.later)
-        events = in_order(event for parcel in parcels for event in parcel.events)
-        inbox.emitted = [*inbox.take_postponed(self.frame), *events]
+        sent = chain(*(parcel.events for parcel in parcels), for_all())
+        inbox.emitted = [*inbox.take_postponed(self.frame), *in_order(sent)]
         if self._norms is not None:
             norms = [parcel.norms for parcel in parcels]
             self._norms.receive(norms)
@@ -229,7 +230,8 @@ class Region:
     def leave(self) -> list[Parcel]:
         """The parcels after a frame: one for itself, and the non-empty ones for others.
 
-        What `progress` has returned is forgotten.
+        Afterwards `for_all` are the events that all regions need. What `progress` has returned is
+        forgotten.
         """
         frame, composition = self.frame - 1, self.algorithm.composition
         check_reach(self.partition, composition)
@@ -243,6 +245,8 @@ class Region:
         routing = Routing(self.number, self.partition, composition, moving)
         near, crossing = self._postponed.divided(self._source.permitted)
         late = routing.route(crossing, late=True)
+        waits = self.schedule.waits(self.frame)
+        self.for_all, near = routing.for_all(near) if waits else ((), near)
         routed = self._routed(routing, near)
         self.services.nearby.moved(moving)
         views = {HOME: self._source.shown} if self._source.shown else {}
@@ -275,21 +279,12 @@ class Region:
     def _norm_parts(self, routing: Routing, moving: Mapping[str, int]) -> dict[int, NormPart]:
         if self._norms is None:
             return {}
-        inbox, regions = self.algorithm.inbox, range(self.partition.count)
-        states = self._norms.states()
+        inbox, norms = self.algorithm.inbox, self._norms
         sanctions = self._routed(routing, [PlacedEvent((), event) for event in inbox.sanctions])
-        judged = [PlacedEvent((), event) for event in self._norms.take_later()]
+        judged = [PlacedEvent((), event) for event in norms.take_later()]
         later = self._routed(routing, judged)
         inbox.sanctions = []  # They may follow their agents to other regions.
-        return {
-            to: NormPart(
-                states,
-                self._norms.counts_of([who for who, region in moving.items() if region == to]),
-                tuple([each.event for each in sanctions.get(to, ())]),
-                tuple([each.event for each in later.get(to, ())]),
-            )
-            for to in regions
-        }
+        return norms.parts(range(self.partition.count), moving, sanctions, later)
 
     def keeps(self, parcel: Parcel) -> bool:
         """Whether a parcel is for this region, which has received it then."""

@@ -47,9 +47,10 @@ class FrameRequests:
         succeeds, ahead = saved is not None, schedule.ahead
         self.outside = OutsideEvents(algorithm.inbox, succeeds=succeeds, ahead=ahead)
 
-    def begin(self) -> Iterable[m.TickReply]:
+    def begin(self, for_all: tuple[bytes, ...] = ()) -> Iterable[m.TickReply]:
         """Request the frame that begins, and those that may run ahead of it.
 
+        `for_all` is what regions have reported for all of them, for the frame that begins.
         Returns the reports that have already arrived for it.
         """
         algorithm, first = self._algorithm, max(self._last + 1, self._algorithm.frame)
@@ -59,7 +60,7 @@ class FrameRequests:
                     algorithm.out.add(s.Fixed(frame))
             elif self.outside.wait_for(frame) or 0 < algorithm.world.frames <= frame:
                 break
-            self._requests[frame], self._last = self._request(frame), frame
+            self._requests[frame], self._last = self._request(frame, for_all), frame
             algorithm.out.send(s.TICKED, self._requests[frame])
         return self._early.pop(algorithm.frame, {}).values()
 
@@ -112,15 +113,15 @@ class FrameRequests:
         for reports in self._early.values():
             reports.pop(member, None)
 
-    def _request(self, frame: int) -> m.RegionRequest:
+    def _request(self, frame: int, for_all: tuple[bytes, ...]) -> m.RegionRequest:
         """A function of complete frames and of fixed events, so a successor repeats it equally."""
         algorithm, pairs = self._algorithm, self._pairs
         parcels = tuple(pairs.get(past, b"") for past in self._schedule.new(frame))
         if frame > algorithm.frame:
             return m.RegionRequest(frame, parcels)
         events = {name: tuple(sent) for name, sent in sorted(self.outside.current.items())}
-        borders = self._borders(frame)
-        return m.RegionRequest(frame, parcels, events, self.people, borders)
+        borders, for_all = self._borders(frame), for_all if any(for_all) else ()
+        return m.RegionRequest(frame, parcels, events, self.people, borders, for_all)
 
     def _borders(self, frame: int) -> bytes:
         """The borders that begin with a frame, if they move: a function of the string."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Final
 
 import numpy as np
@@ -24,7 +24,8 @@ class Routing:
     An event without receivers goes to all regions, or to those where its condition can hold. One
     for an agent of this region stays here, or follows the agent. One for an agent that is elsewhere
     goes to all regions: only the region that has an agent can find it, and the agent may be on its
-    way to this region.
+    way to this region. What goes to all regions is no parcel for each, but part of a report: see
+    `for_all`.
     """
 
     def __init__(
@@ -59,6 +60,37 @@ class Routing:
             for region in self._regions_for(event, late=late):
                 routed.setdefault(region, []).append(each)
         return routed
+
+    def for_all(
+        self, placed: Sequence[PlacedEvent]
+    ) -> tuple[list[PlacedEvent], Sequence[PlacedEvent]]:
+        """The events that all regions need, and the others.
+
+        Events of one type and one sender stay together, because their order counts.
+        """
+        needed = [self._needed_by_all(each) for each in placed] if len(self._regions) > 1 else []
+        if not any(rows.any() for rows in needed):
+            return [], placed
+        senders = {
+            (each.event.type, each.places[row])
+            for each, rows in zip(placed, needed, strict=True)
+            for row in np.flatnonzero(rows).tolist()
+        }
+        together = [
+            np.array([(each.event.type, place) in senders for place in each.places], np.bool_)
+            for each in placed
+        ]
+        rows = [*zip(placed, together, strict=True)]
+        common = [each.take(np.flatnonzero(of)) for each, of in rows if of.any()]
+        others = [each.take(np.flatnonzero(~of)) for each, of in rows if not of.all()]
+        return common, others
+
+    def _needed_by_all(self, each: PlacedEvent) -> NDArray[np.bool_]:
+        event = each.event
+        if isinstance(event, Events) and event.receivers is not None:
+            return self._homes(event.receivers) == ELSEWHERE
+        regions = self._regions_for(event, late=False)
+        return np.full(len(each.places), len(regions) == len(self._regions))
 
     def keep(self, placed: Iterable[PlacedEvent]) -> dict[int, list[PlacedEvent]]:
         """Events for agents that are here, or gone: all of them for this region."""

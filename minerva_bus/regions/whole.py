@@ -124,7 +124,8 @@ class WholeSource(RecordedSource):
     @property
     def at_rest(self) -> bool:
         """Whether the next frame would change nothing in any region."""
-        return self._requests.at_rest and all(part.resting for part in self._whole.parts)
+        parts = self._whole.parts
+        return self._requests.at_rest and all(each.resting and not each.for_all for each in parts)
 
     def begin(self) -> None:
         """Request a frame of all regions, with the events from outside of them, and later ones."""
@@ -135,7 +136,7 @@ class WholeSource(RecordedSource):
                 self._accept(reply)
             return
         algorithm.in_flight.pending = set(self._names)
-        for reply in self._requests.begin():
+        for reply in self._requests.begin(tuple(part.for_all for part in self._whole.parts)):
             self.tick_reply(reply)
 
     def ask(self, member: MemberEntry) -> None:

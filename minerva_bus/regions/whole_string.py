@@ -36,7 +36,14 @@ class WholeString:
         """The parts by region, as reports of regions that had nothing before."""
         messages = [
             PartSender().message(
-                frame, part.units, part.unjudged, NO_PROGRESS, part.targets, b"", part.norms
+                frame,
+                part.units,
+                part.unjudged,
+                NO_PROGRESS,
+                part.targets,
+                b"",
+                part.norms,
+                for_all=part.for_all,
             )
             for part in self.parts
         ]

@@ -11,6 +11,7 @@ from minerva_bus.frame.composition import Composition
 from minerva_bus.frame.description import World
 from minerva_bus.grammar.batch import single
 from minerva_bus.launch.regions.checkpoint import RegionCheckpoint
+from minerva_bus.launch.regions.for_all import packed_for_all, unpacked_for_all
 from minerva_bus.regions.dividing import cut
 from minerva_bus.regions.merging import Merger, in_order, merged
 from minerva_bus.regions.messages import from_message, packed_pairs, sources_in, to_message
@@ -108,7 +109,7 @@ class Process:
         region.expect(regions.requests[frame][region.number])
         if region.missing:
             return False
-        region.enter()
+        region.enter(lambda: regions.for_all[frame - 1])
         if region.missing:
             return False
         if regions.checkpoints:
@@ -120,7 +121,8 @@ class Process:
         parcels = region.leave()
         self.send(parcels)
         targets = [parcel.target for parcel in parcels]
-        message = self.parts.message(frame, units, sent, progress, targets, b"")
+        for_all = packed_for_all(region)
+        message = self.parts.message(frame, units, sent, progress, targets, b"", for_all=for_all)
         regions.report(frame, region.number, message, progress)
         return True
 
@@ -148,6 +150,7 @@ class Regions:
     requests: dict = field(default_factory=dict)
     done: int = 0
     targets: dict = field(default_factory=lambda: defaultdict(dict))
+    for_all: dict = field(default_factory=lambda: defaultdict(list))
     schedule: Schedule = field(default_factory=Schedule)
     parcels: int = 0
     end: tuple = ()
@@ -215,6 +218,7 @@ class Regions:
             self.reports[frame][number] = receiver.units, receiver.sent
             self.progress[frame].append(progress)
             self.targets[frame][number] = receiver.targets
+            self.for_all[frame] += unpacked_for_all(self.decoder, receiver.for_all, number, frame)
             self.parcels += len(receiver.targets)
 
     def deliver(self):

@@ -18,7 +18,7 @@ from minerva_bus.frame.description import World
 from minerva_bus.frame.lag import saved_strays
 from minerva_bus.frame.member import Member
 from minerva_bus.grammar.packing import packed
-from minerva_bus.grammar.scene import Scene
+from minerva_bus.grammar.scene import AgentNode, Scene
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.regions.lag import RegionLag
 from minerva_bus.regions.merging import merged
@@ -167,7 +167,9 @@ class Mother(nomads.Settler, symbol="AMother"):
     def act(self, step, moment):
         self.x += moment.chance.uniform(-1.0, 1.0)
         child = self.child(x=self.x)
-        moment.emit(nomads.eCall(value=50, receivers=[child.nodes[0].id]))
+        (newborn,) = child.nodes
+        assert isinstance(newborn, AgentNode)
+        moment.emit(nomads.eCall(value=50, receivers=[newborn.id]))
         return self.string + child
 
 
@@ -205,8 +207,9 @@ def test_a_lag_continues_with_regions_from_the_checkpoint_of_one_coordinator(eve
     for each in runners:
         each.start()
     for events in LAG_FRAMES[3:]:
+        for_all = [event for region in regions for event in region.for_all]
         for region, each in zip(regions, runners, strict=True):
-            region.enter()
+            region.enter(for_all.copy)
             begin(each, events)
         units = [region.units for region in regions]
         parcels = [parcel for region in regions for parcel in region.leave()]
@@ -342,7 +345,7 @@ def test_a_region_without_agents_goes_on_until_all_are_empty():
     assert regions.end == ("the string is empty", False, 1)
 
 
-@settings(max_examples=20, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=20, deadline=None, suppress_health_check=[*HealthCheck.__members__.values()])
 @given(
     strings.flatmap(
         lambda w: st.tuples(st.just(w), st.lists(family_events(w), min_size=2, max_size=4))

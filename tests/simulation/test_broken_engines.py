@@ -13,6 +13,7 @@ from minerva_bus.launch.regions.sending import ParcelSender
 from minerva_bus.log.journal import Journal
 from minerva_bus.regions.dividing import Border
 from minerva_bus.regions.outbox import Outbox
+from minerva_bus.regions.part import PartSender
 from minerva_bus.regions.region import Region
 from minerva_bus.regions.schedule import Schedule
 from minerva_bus.regions.whole import WholeSource
@@ -162,7 +163,18 @@ def ignore_early_reports(patch):
     patch.setattr(WholeSource, "early_replies", lambda source, member: 0)
 
 
+def forget_what_is_for_all(patch):
+    """Continue from a journal without the events that all regions need."""
+    whole = PartSender.message
+
+    def message(sender, *given, for_all, **others):
+        return whole(sender, *given, for_all=for_all if "answered" in others else b"", **others)
+
+    patch.setattr(PartSender, "message", message)
+
+
 REGIONS = {
+    forget_what_is_for_all: 45,
     lose_parcels: 0,
     send_nothing_again: 0,
     acknowledge_early: 4,

@@ -4,14 +4,18 @@ from dataclasses import replace
 
 import pytest
 
-from minerva_bus.errors import ProtocolError, SceneError
+from minerva_bus.errors import ProtocolError, SceneError, WorldStopped
 from minerva_bus.frame import messages as m
 from minerva_bus.frame.description import World
+from minerva_bus.frame.own_agents import NO_AGENTS
 from minerva_bus.grammar.scene import Scene
+from minerva_bus.launch.regions.for_all import needed_by_all
+from minerva_bus.regions.attached import Replies
 from minerva_bus.regions.dividing import NOTHING
 from minerva_bus.regions.lag import RegionLag
 from minerva_bus.regions.merging import PlacedEvent, Units, agents_in
 from minerva_bus.regions.messages import (
+    AgainMessage,
     expected_sources,
     from_message,
     packed_pairs,
@@ -24,6 +28,7 @@ from minerva_bus.regions.partition import ByFunction, ById
 from minerva_bus.regions.places import packed_places, unpacked_places
 from minerva_bus.regions.progress import NO_PROGRESS
 from minerva_bus.regions.region import Region
+from minerva_bus.regions.routing import Routing
 from minerva_bus.regions.schedule import Schedule
 from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.testing.family import FAMILY_VOCABULARY, Walker, eHit
@@ -119,6 +124,37 @@ def test_a_parcel_that_its_sender_has_not_reported_is_refused(region):
         ProtocolError, match="region 1 has sent a parcel of frame 0 that it has not"
     ):
         region.enter()
+
+
+def test_events_of_one_sender_for_all_regions_stay_together(region):
+    sent = [
+        PlacedEvent([(1,)], eHit(amount=1.0, sender="a", receivers=["b"])),
+        PlacedEvent([(2,)], eHit(amount=2.0, sender="b", receivers=["a"])),
+        PlacedEvent([(1,)], eHit(amount=3.0, sender="a", receivers=["z"])),
+    ]
+    routing = Routing(0, region.partition, region.algorithm.composition, {})
+    for_all, others = routing.for_all(sent)
+    assert [each.event for each in for_all] == [sent[0].event, sent[2].event]
+    assert [each.event for each in others] == [sent[1].event]
+
+
+ANSWER = encode(to_message(Replies(4, 1, 0, {})))
+
+
+@pytest.mark.parametrize(
+    ("data", "problem"),
+    [
+        (b"\xc1", "region 1 has sent invalid events: "),
+        (ANSWER, "expected a parcel of frame 4 with events only"),
+        (encode(to_message(parcel("c", frame=4))), "expected a parcel of frame 4 with events only"),
+        (encode(to_message(parcel(frame=3))), "expected a parcel of frame 4 with events only"),
+        (encode(AgainMessage(4)), "expected a parcel of frame 4 with events only"),
+    ],
+)
+def test_what_is_for_all_regions_must_be_events_of_the_last_frame(data, problem):
+    request = m.RegionRequest(5, (b"",), for_all=(b"", data))
+    with pytest.raises(WorldStopped, match=problem):
+        needed_by_all(DECODER, request, NO_AGENTS)
 
 
 EARLY = (PlacedEvent([(1,)], eHit(amount=1.0, sender="c")),)

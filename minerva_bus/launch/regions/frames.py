@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from typing import Any
 
@@ -18,6 +18,7 @@ from minerva_bus.launch.failures import own_members
 from minerva_bus.launch.free_running import close_services
 from minerva_bus.launch.in_process import members_of
 from minerva_bus.launch.regions.checkpoint import RegionCheckpoint
+from minerva_bus.launch.regions.for_all import needed_by_all, packed_for_all
 from minerva_bus.launch.regions.layout import RegionSpec
 from minerva_bus.launch.regions.requests import RegionRequests
 from minerva_bus.launch.regions.runner import MakeRunner, RegionRunner
@@ -28,7 +29,7 @@ from minerva_bus.regions.generated import packed_answers, reported
 from minerva_bus.regions.hosts import host_figures
 from minerva_bus.regions.journal import JOURNAL
 from minerva_bus.regions.judging import LINES
-from minerva_bus.regions.merging import Units, agents_in
+from minerva_bus.regions.merging import PlacedEvent, Units, agents_in
 from minerva_bus.regions.messages import AgainMessage, expected_sources, from_message
 from minerva_bus.regions.norms import violations
 from minerva_bus.regions.part import PartMessage
@@ -153,6 +154,9 @@ class RegionFrames:
         first, region = self.file.world.scene.pieces, self.region
         return agents_in(lambda: [Units((), first), region.units])
 
+    def _needed_by_all(self, request: m.RegionRequest) -> Sequence[PlacedEvent]:
+        return needed_by_all(self.decoder, request, self._known_agents())
+
     def note(self, request: m.RegionRequest) -> None:
         """Accept the request of a frame."""
         self.requests.note(request)
@@ -174,7 +178,7 @@ class RegionFrames:
             if region.missing:
                 return
             try:
-                region.enter()
+                region.enter(partial(self._needed_by_all, request))
             except ProtocolError as error:
                 raise WorldStopped(f"region {region.number}: {error}") from None
             # Services in another region may still have to answer for this frame.
@@ -210,6 +214,7 @@ class RegionFrames:
             targets,
             norms=norms,
             answered=answered,
+            for_all=packed_for_all(region),
         )
         report = self._report(message, done)
         self.requests.keep(report)

@@ -194,8 +194,9 @@ class RegionRun:
         if over:
             self._end(over)
             return
+        for_all = [event for part in self._parts for event in part.region.for_all]
         for part in self._parts:
-            part.region.enter()
+            part.region.enter(lambda: for_all)
         self._balance()
         for part in self._parts:
             part.runner.handle(s.Begin())
