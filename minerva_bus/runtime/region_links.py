@@ -11,7 +11,6 @@ import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from threading import Thread
 from typing import Any, Final, Protocol
 
 import zenoh
@@ -22,6 +21,7 @@ from minerva_bus.runtime.endpoints import check_endpoint
 from minerva_bus.runtime.session import (
     CONNECT_SECONDS,
     brief,
+    close_aside,
     connecting,
     lease,
     listening_at,
@@ -100,7 +100,7 @@ class RegionLinks:
         self._dialled[region] = endpoint, session
         self._declare(session, [region])
         if former is not None:
-            _close_aside(former[1])
+            close_aside(former[1])
 
     def unlinked(self, region: int) -> str:
         """The endpoint of a region that was dialled and has no link; otherwise an empty string."""
@@ -114,7 +114,7 @@ class RegionLinks:
     def close(self) -> None:
         """Close all links."""
         for _, session in self._dialled.values():
-            _close_aside(session)
+            close_aside(session)
         self._session.close()
 
     def _declare(self, session: zenoh.Session, regions: Iterable[int]) -> None:
@@ -171,15 +171,6 @@ class RegionLinks:
         except zenoh.ZError as error:
             where = ", ".join([*listen, *others])
             raise BusError(f"cannot link regions at {where}: {brief(error)}") from None
-
-
-def _close_aside(session: zenoh.Session) -> None:
-    """Close a session in a thread, because it may wait for an attempt to connect."""
-
-    def close() -> None:
-        session.close()
-
-    Thread(target=close, daemon=True).start()
 
 
 def _bound(listen: str) -> str:

@@ -211,20 +211,25 @@ def closed_in_time(session: zenoh.Session) -> Generator[None]:
     Zenoh waits until a pending connection attempt has failed, which takes up to ten seconds. To end
     the process earlier, call `end_at_once`.
     """
+    try:
+        yield
+    finally:
+        close_aside(session).join(_CLOSED_WITHIN)
+
+
+def close_aside(session: zenoh.Session) -> threading.Thread:
+    """Close a session in a thread, because it may wait for an attempt to connect."""
 
     def close() -> None:
         session.close()
 
-    try:
-        yield
-    finally:
-        # A daemon, because a pending connection attempt must not keep the process.
-        closing = threading.Thread(target=close, daemon=True)
-        closing.start()
-        closing.join(_CLOSED_WITHIN)
-        if closing.is_alive():
-            # `end_at_once` needs these threads: the process would wait for them.
-            _still_closing.append(closing)
+    # A daemon, because a pending connection attempt must not keep the process.
+    closing = threading.Thread(target=close, daemon=True)
+    closing.start()
+    # `end_at_once` needs these threads: the process would wait for them, or end in the middle of a
+    # call of Zenoh, which aborts it.
+    _still_closing.append(closing)
+    return closing
 
 
 def end_at_once(code: int) -> None:
