@@ -1,8 +1,8 @@
 """Errors of motors, range finders and marker cameras, after published models.
 
-Sections and tables are those of Thrun, Burgard and Fox, Probabilistic Robotics (2005). The models'
-streams are keyed by (seed, physics/robot/device, frame), so one robot's laser draws the same values
-regardless of other robots and other errors. `Noise` draws from the tick's stream.
+Sections and tables are those of Thrun, Burgard and Fox, Probabilistic Robotics (2005). Streams are
+keyed by (seed, physics/robot/device, frame), so one robot's laser draws the same values regardless
+of other robots and other errors, and whichever process draws them.
 """
 
 from __future__ import annotations
@@ -244,18 +244,21 @@ class ErrorModels:
 
     def drive(self, robot: str, turn_deg: float, forward_m: float, tick: Tick) -> DriveStep:
         """The turn and distance actually driven for a command (degrees, metres)."""
-        turn, forward = self.noise.drive_errors(turn_deg, forward_m, tick.random)
+        turn, forward = turn_deg, forward_m
+        if self.noise.of_motors:
+            turn, forward = self.noise.drive_errors(turn, forward, _own(tick, robot, "wheels"))
         if not self.motion:
             return DriveStep(turn, forward)
         return self.motion.sample(turn, forward, _own(tick, robot, "motors"))
 
     def scan(self, robot: str, true: Distances, range_max: float, tick: Tick) -> Distances:
         """Measured distances for true ones, (beams,) in metres."""
-        measured = self.noise.hits(true, range_max, tick.random)
+        beams = _own(tick, robot, "beams") if self.noise.of_laser else None
+        measured = true if beams is None else self.noise.hits(true, range_max, beams)
         if self.beams:
             own = _own(tick, robot, "laser")
             measured = self.beams.sample(true, measured, range_max, own)
-        return self.noise.returns(measured, range_max, tick.random)
+        return measured if beams is None else self.noise.returns(measured, range_max, beams)
 
     def recognised(
         self, robot: str, seen: Sequence[Sighting], names: Sequence[str], tick: Tick
@@ -263,7 +266,9 @@ class ErrorModels:
         """Recognised markers; `names` are those of all markers, sorted."""
         if self.sightings:
             seen = self.sightings.sample(seen, names, _own(tick, robot, "camera"))
-        return self.noise.sightings(seen, tick.random)
+        if not self.noise.of_camera:
+            return tuple(seen)
+        return self.noise.sightings(seen, _own(tick, robot, "image"))
 
 
 def _own(tick: Tick, robot: str, device: str) -> np.random.Generator:

@@ -50,6 +50,21 @@ class Noise:
         if self.laser_dropout > 1:
             raise PhysicsError(f"noise, laser_dropout: expected 0 to 1, found {self.laser_dropout}")
 
+    @property
+    def of_motors(self) -> bool:
+        """Whether `drive_errors` draws."""
+        return bool(self.drive or self.turn_deg)
+
+    @property
+    def of_laser(self) -> bool:
+        """Whether `hits` or `returns` draw."""
+        return bool(self.laser_m or self.laser_dropout)
+
+    @property
+    def of_camera(self) -> bool:
+        """Whether `sightings` draws."""
+        return bool(self.camera_m or self.camera_deg)
+
     def scan(self, distances: Distances, range_max: float, rng: np.random.Generator) -> Distances:
         """Laser distances as measured.
 
@@ -100,7 +115,7 @@ class Noise:
         self, sightings: Sequence[Sighting], rng: np.random.Generator
     ) -> tuple[Sighting, ...]:
         """Sightings as measured; distances are clamped at 0 m, bearings are not wrapped."""
-        if not (self.camera_m or self.camera_deg):
+        if not self.of_camera:
             return tuple(sightings)
         return tuple(self._measured(sighting, rng) for sighting in sightings)
 

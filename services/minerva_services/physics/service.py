@@ -135,7 +135,6 @@ class Physics(Device, Generator, draws=("eRepresent",), coupled=True, events=("e
         if self._shown is None:
             return ()
         outcomes = self._drive(tick)
-        # The order of these loops is part of the result, because noise draws from one stream.
         for name in self._stage.arena.bodies:
             tick.publish("scan", self._scan(name, tick))
         for name in self._stage.arena.bodies:
@@ -185,8 +184,6 @@ class Physics(Device, Generator, draws=("eRepresent",), coupled=True, events=("e
 
     def _drive(self, tick: Tick) -> tuple[DriveOutcome, ...]:
         arena, after = self._stage.arena, dict[str, float]()
-        # `Noise` draws from one stream for all robots, so their order must not depend on the
-        # string.
         for name, command in sorted(self._commands.items()):
             step = self._errors.drive(name, command.turn_deg, command.forward_m, tick)
             arena.drive(name, step.turn_deg, step.forward_m)
