@@ -17,6 +17,7 @@ from minerva_bus.errors import ProtocolError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame.member import Member
 from minerva_bus.grammar.batch import AnyEvent
+from minerva_bus.regions.halo_services import exchange
 from minerva_bus.regions.nearby import NearbyServices
 from minerva_bus.regions.replies import Answer, Replies, received
 from minerva_bus.regions.views import ViewAssembly, ViewPart
@@ -46,7 +47,7 @@ def beside(services: Mapping[str, Service | None]) -> frozenset[str]:
     """
     free = {name: each for name, each in services.items() if each and not _is_in_step(each)}
     inside = [each for each in services.values() if each and _is_in_step(each)]
-    while linked := [name for name, each in free.items() if _exchange(each, inside)]:
+    while linked := [name for name, each in free.items() if exchange(each, inside)]:
         inside += [free.pop(name) for name in linked]
     return frozenset(free)
 
@@ -54,14 +55,6 @@ def beside(services: Mapping[str, Service | None]) -> frozenset[str]:
 def _is_in_step(service: Service) -> bool:
     lockstep = isinstance(service, Generator) and service.lockstep
     return lockstep or (isinstance(service, Device) and service.coupled)
-
-
-def _exchange(service: Service, others: Iterable[Service]) -> bool:
-    return any(
-        {*service.topics}.intersection(other.publishes)
-        or {*service.publishes}.intersection(other.topics)
-        for other in others
-    )
 
 
 class AttachedServices:

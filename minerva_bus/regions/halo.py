@@ -3,15 +3,15 @@
 A service with a halo runs in each region. It sees the figures of the region's agents, and those of
 other regions within its radius of the region's cell. A figure has to be within the cell of its
 agent: then all figures near an agent of a region are near the cell, too. Figures outside of agents
-are shown to all regions, if the service needs them and whenever they change.
+are shown to all regions, if the service needs them and whenever they change. Without a radius, all
+figures are shown to all regions in each frame.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
 from math import inf
-from typing import Any, Final, TypeAlias
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,20 +20,17 @@ from minerva_bus.errors import WorldStopped
 from minerva_bus.frame.composition import Composition
 from minerva_bus.frame.in_flight import FrameInFlight
 from minerva_bus.grammar.columns import Columns
-from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.scene import Piece, Scene
 from minerva_bus.grammar.slots import fill
 from minerva_bus.grammar.traversal import walk
+from minerva_bus.regions.figures import PieceFigures, figures_in, is_figure
+from minerva_bus.regions.halo_part import HaloPart
 from minerva_bus.regions.merging import Units
 from minerva_bus.regions.partition import ByPosition, Cell, Partition
 from minerva_bus.regions.places import Place
 from minerva_bus.regions.tree import ByTree
 from minerva_bus.regions.views import PartialViews, RegionViews, placed_views
 from minerva_bus.world.halo import Halo
-from minerva_bus.world.services import Device, Generator, Service
-
-Figures: TypeAlias = Mapping[str, Units]
-"""Figures with their places, by visual event type; those outside of agents by `scenery_of` it."""
 
 _MARGIN: Final = 1.0 + 1e-9
 _ROUNDING: Final = 1e-12
@@ -41,27 +38,9 @@ _ROUNDING: Final = 1e-12
 services round distances."""
 
 
-def halo_of(partition: Partition, service: Service | None) -> Halo | None:
-    """The halo with which a service runs in each region; None if it does not."""
-    if not (isinstance(partition, ByPosition | ByTree) and partition.halo):
-        return None
-    answers = isinstance(service, Generator) and service.lockstep and not service.ahead
-    if not (isinstance(service, Device) and service.coupled and answers):
-        return None
-    # A device may have an attribute of its own with this name.
-    has_topics = service.topics or service.publishes
-    return service.halo if isinstance(service.halo, Halo) and not has_topics else None
-
-
 def scenery_of(event_type: str) -> str:
     """The name of the figures outside of agents in the view for an event type."""
     return f"~{event_type}"
-
-
-def halo_services(partition: Partition | None, services: Iterable[Service | None]) -> list[Device]:
-    """The services that run in each region with a halo."""
-    near = [each for each in services if isinstance(each, Device)]
-    return [each for each in near if partition and halo_of(partition, each) is not None]
 
 
 class HaloViews:
@@ -79,23 +58,27 @@ class HaloViews:
         self._partition: Partition | None = None
         self._cells: Sequence[Cell] = ()
         self._near: dict[str, list[int]] = {}
+        self._halted: tuple[str, ...] = ()
 
     def note(
         self, in_flight: FrameInFlight, composition: Composition, places: Sequence[Place]
     ) -> None:
         """Note the views of a frame whose results are final, before they replace the string."""
         part = self._partial.part(in_flight, composition, places)
-        self._shown, self._scenery = {}, {}
+        self._shown, self._scenery, self._halted = {}, {}, part.halted
         if part:
             self._views.take(part)
         for name in part.views:
-            shown = _filled(self._views, name, self._halos[name])
+            shown = _filled(self._views, name, self._halos[name], composition)
             self._shown[name], self._scenery[scenery_of(name)] = shown
 
-    def by_region(self, partition: Partition) -> dict[int, dict[str, Units]]:
+    def by_region(
+        self, partition: Partition, kept: Mapping[str, str] | None = None
+    ) -> dict[int, HaloPart]:
         """The figures for each region, all for this one; agents are in the cells of `partition`.
 
-        Raises WorldStopped if an agent's figure is outside of the cell of its region.
+        `kept` is what services have saved, for regions that are shown figures. Raises WorldStopped
+        if an agent's figure is outside of the cell of its region.
         """
         assert isinstance(partition, ByPosition | ByTree)
         if partition is not self._partition:
@@ -107,73 +90,36 @@ class HaloViews:
             }
         shown = {self._number: dict(self._shown)} if self._shown else {}
         for event_type, units in self._shown.items():
-            halo = self._halos[event_type]
-            figures = [figures_in(piece, halo) for piece in units.pieces]
-            for each in figures:
-                _check_inside(each, self._cells[self._number], halo)
-            for region in self._near[event_type]:
-                near = _near(units, figures, self._cells[region], halo)
-                if near is not None:
-                    shown.setdefault(region, {})[event_type] = near
+            for region, near in self._near_units(event_type, units):
+                shown.setdefault(region, {})[event_type] = near
         for name, units in self._scenery.items():
             if units != self._sent.get(name, _NOTHING):
                 self._sent[name] = units
                 for region in range(len(self._cells)):
                     shown.setdefault(region, {})[name] = units
-        return shown
+        return {to: HaloPart(of, kept or {}, self._halted) for to, of in shown.items()}
+
+    def _near_units(self, event_type: str, units: Units) -> Iterator[tuple[int, Units]]:
+        """The figures that other regions see, by region."""
+        halo, cells = self._halos[event_type], self._cells
+        if halo.everywhere:
+            yield from ((region, units) for region in self._near[event_type] if units)
+            return
+        figures = [figures_in(piece, halo) for piece in units.pieces]
+        for each in figures:
+            _check_inside(each, cells[self._number], halo)
+        for region in self._near[event_type]:
+            near = _near(units, figures, cells[region], halo)
+            if near is not None:
+                yield region, near
 
 
 _NOTHING: Final = Units((), ())
 
 
-@dataclass(frozen=True, slots=True)
-class PieceFigures:
-    """The agents' figures of a piece; all have shape (n,), without figures (0,).
-
-    `bounds` are the coordinates by name.
-    """
-
-    who: Ids
-    at: Mapping[str, NDArray[Any]]
-
-
-NO_FIGURES: Final = PieceFigures(Ids.of([]), {})
-
-
-def figures_in(piece: Piece, halo: Halo) -> PieceFigures:
-    """The figures of a piece, one for each of its nodes, or none.
-
-    Those without numbers as coordinates are none: the service says what is wrong with them.
-    """
-    if isinstance(piece, Columns):
-        columns = {
-            name: column
-            for level in piece.levels()
-            for name, column in zip(level.names, level.columns, strict=True)
-        }
-        names = halo.x, halo.y
-        who = columns.get(halo.who)
-        if who is None or who.dtype != object:
-            return NO_FIGURES
-        if any(name not in columns or columns[name].dtype.kind not in "if" for name in names):
-            return NO_FIGURES
-        ids = who.ids if who.ids is not None else Ids.of(who.list())
-        return PieceFigures(ids, {name: columns[name].array for name in names})
-    values = dict(_values(piece))
-    x, y, who = (values.get(name) for name in (halo.x, halo.y, halo.who))
-    numbers = all(isinstance(each, int | float) for each in (x, y))
-    if not (numbers and isinstance(who, str)):
-        return NO_FIGURES
-    return PieceFigures(Ids.of([who]), {halo.x: np.array([x]), halo.y: np.array([y])})
-
-
-def _values(piece: Piece) -> Iterator[tuple[str, Any]]:
-    for opens, node in walk(Scene((piece,))):
-        if opens:
-            yield from zip(node.names, node.values, strict=True)
-
-
-def _filled(views: RegionViews, event_type: str, halo: Halo) -> tuple[Units, Units]:
+def _filled(
+    views: RegionViews, event_type: str, halo: Halo, composition: Composition
+) -> tuple[Units, Units]:
     """What the agents of a region show, and the scenery, with a place for each outermost node.
 
     Without scenery in the halo, all figures are those of agents. Raises WorldStopped for an agent's
@@ -183,16 +129,23 @@ def _filled(views: RegionViews, event_type: str, halo: Halo) -> tuple[Units, Uni
     of_agents, scenery = _Placed(), _Placed()
     for (own, piece), kind in zip(placed.units.each(), placed.kinds, strict=True):
         if piece.still and not kind:
-            is_scenery = halo.scenery and not _is_figure(piece, halo)
+            is_scenery = halo.scenery and not is_figure(piece, halo)
             (scenery if is_scenery else of_agents).add(own, piece)
             continue
         made = (piece,) if piece.still else fill(Scene((piece,)), shown).pieces
         for each in made:
-            if halo.scenery and not _is_figure(each, halo):
+            if halo.scenery and not halo.everywhere and not is_figure(each, halo):
                 raise WorldStopped(
                     f"regions: halo = true: {kind or 'an agent'} shows"
                     f" {next(walk(Scene((each,))))[1].symbol} for {event_type} without"
                     f" {halo.x}, {halo.y} and its id as {halo.who}; show these, or use halo = false"
+                )
+            missing = composition.first_missing(figures_in(each, halo).who) if halo.kept else None
+            if missing is not None:
+                raise WorldStopped(
+                    f"regions: halo = true: {kind or 'an agent'} shows {halo.figure} of {missing!r}"
+                    f" for {event_type}, which is no agent of its region; give figures the id of"
+                    f" their agent as {halo.who}, or use halo = false"
                 )
             # A slot, or a transformation around some, is a single node.
             of_agents.add(own if piece.still else [own[0]] * each.count, each)
@@ -213,23 +166,6 @@ class _Placed:
     @property
     def units(self) -> Units:
         return Units(self._places, tuple(self._pieces))
-
-
-def _is_figure(piece: Piece, halo: Halo) -> bool:
-    """Whether all nodes of a piece have coordinates and an id."""
-    needed = halo.x, halo.y, halo.who
-    if not isinstance(piece, Columns):
-        values = dict(_values(piece))
-        return values.keys() >= {*needed} and bool(values[halo.who])
-    columns = {
-        name: column
-        for level in piece.levels()
-        for name, column in zip(level.names, level.columns, strict=True)
-    }
-    if not columns.keys() >= {*needed}:
-        return False
-    who = columns[halo.who]
-    return who.ids is not None or all(who.list())
 
 
 def _bounds(cell: Cell, halo: Halo) -> Iterator[tuple[str, float, float, float]]:

@@ -72,6 +72,12 @@ def parted(
     return (with_texts(saved, stay) if AGENTS in saved else saved), away
 
 
+def kept_by(saved: Mapping[str, m.Saved], services: Iterable[str]) -> dict[str, str]:
+    """The lines that these services have saved of agents, by the name of the service."""
+    parts = {name: saved.get(name) or {} for name in services}
+    return {name: part[AGENTS] for name, part in sorted(parts.items()) if part.get(AGENTS)}
+
+
 def joined_parts(parts: Sequence[m.Saved]) -> m.Saved:
     """What all regions have saved, as one coordinator's service has; None if none has."""
     present = [part for part in parts if part is not None]

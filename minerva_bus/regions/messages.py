@@ -15,6 +15,7 @@ from minerva_bus.grammar.batch import AnyEvent, Events
 from minerva_bus.grammar.delta import Delta
 from minerva_bus.grammar.scene import AgentNode, Scene
 from minerva_bus.regions.attached import Replies
+from minerva_bus.regions.halo_part import HaloPart
 from minerva_bus.regions.kept import checked_texts
 from minerva_bus.regions.merging import PlacedEvent, Units
 from minerva_bus.regions.norms import NormPart
@@ -82,6 +83,10 @@ class ParcelMessage:
         ),
     ] = field(default_factory=dict[str, Scene])
     halo_places: Annotated[bytes, Note("of the outermost nodes of `halo`, of all types")] = b""
+    halo_kept: Annotated[
+        m.Figures,
+        Note("by service that asks for it, as text, what it has saved of the sender's agents"),
+    ] = field(default_factory=dict[str, bool | int | float | str])
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,7 +127,7 @@ def to_message(parcel: Parcel | Replies) -> ParcelMessage | RepliesMessage:
     """The message of a parcel, or of replies."""
     if isinstance(parcel, Replies):
         return RepliesMessage(parcel.frame, parcel.events, dict(parcel.kept))
-    units, views = parcel.units, parcel.views
+    units, views, halo = parcel.units, parcel.views, parcel.halo
     layout = views.layout
     return ParcelMessage(
         parcel.frame,
@@ -135,15 +140,16 @@ def to_message(parcel: Parcel | Replies) -> ParcelMessage | RepliesMessage:
         None if layout is None else layout.skeleton,
         b"" if layout is None else np.array(layout.sizes, _COUNT).tobytes(),
         b"" if layout is None else packed_places(layout.places),
-        views.halted,
+        views.halted or halo.halted,  # They are equal if both are there.
         dict(parcel.norms.states),
         dict(parcel.norms.counts) or None,
         parcel.norms.sanctions,
         parcel.norms.later,
         tuple(each.event for each in parcel.postponed),
         _senders(parcel.postponed),
-        {name: of.scene for name, of in sorted(parcel.halo.items())},
-        packed_places([place for _, of in sorted(parcel.halo.items()) for place in of.places]),
+        {name: of.scene for name, of in sorted(halo.figures.items())},
+        packed_places([place for _, of in sorted(halo.figures.items()) for place in of.places]),
+        dict(halo.kept),
     )
 
 
@@ -172,14 +178,15 @@ def parcel_of(message: ParcelMessage, source: int, target: int) -> Parcel:
     return Parcel(message.frame, source, target, units, events, *parts)
 
 
-def _halo(message: ParcelMessage) -> dict[str, Units]:
+def _halo(message: ParcelMessage) -> HaloPart:
     sizes = {name: sum(piece.count for piece in of.pieces) for name, of in message.halo.items()}
     places, end = unpacked_places(message.halo_places, sum(sizes.values()), "halo_places"), 0
     halo: dict[str, Units] = {}
     for name, of in sorted(message.halo.items()):
         begin, end = end, end + sizes[name]
         halo[name] = Units(places[begin:end], of.pieces)
-    return halo
+    kept = {name: checked_texts(texts) for name, texts in message.halo_kept.items()}
+    return HaloPart(halo, kept, message.halted if halo else ())
 
 
 def check_given_up(given_up: m.Figures) -> None:

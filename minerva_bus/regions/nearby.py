@@ -23,8 +23,10 @@ from minerva_bus.frame.calling import restore
 from minerva_bus.frame.member import Member
 from minerva_bus.grammar.batch import AnyEvent, Events
 from minerva_bus.grammar.ids import Ids
-from minerva_bus.regions.halo import Figures, halo_of
-from minerva_bus.regions.kept import AGENTS, check_saved, parted, texts_of, with_texts
+from minerva_bus.regions.asking import answers_of
+from minerva_bus.regions.halo_part import HaloPart
+from minerva_bus.regions.halo_services import halo_services
+from minerva_bus.regions.kept import AGENTS, check_saved, kept_by, parted, texts_of, with_texts
 from minerva_bus.regions.merging import PlacedEvent, Units
 from minerva_bus.regions.nearby_views import NearbyViews
 from minerva_bus.regions.partition import Partition
@@ -34,6 +36,9 @@ from minerva_bus.world.services import Device
 
 LEFT: Final = "~left"
 """The name in the saved data of a region's checkpoint of agents that have left after a frame."""
+
+OF_ALL: Final = "~kept"
+"""The name of what services have saved of all agents, in the checkpoint of a run that continues."""
 
 
 class NearbyServices:
@@ -51,26 +56,35 @@ class NearbyServices:
         members: Iterable[Member],
         last: Sequence[m.ViewShown] = (),
         own: Units | None = None,
-        left: Iterable[str] = (),
+        saved: Mapping[str, m.Saved] | None = None,
     ) -> None:
         """`last` are the last views of a run that continues, with the region's `own` part.
 
-        `left` are the agents that have left it after the frame before, if a region continues.
+        `saved` are the data of the checkpoint with which a run, or a region, continues.
         """
+        saved = saved or {}
         self.send: Callable[[Sequence[Replies]], None] = lambda replies: None
         self.halos: dict[str, Halo] = {}
         self.answered: Mapping[str, Sequence[PlacedEvent]] = {}
         self.running: Member | None = None
         self.number = number
         self._members: dict[str, Member] = {}
+        self._asking: list[str] = []
+        members = [*members]
+        near = halo_services(partition, [member.service for member in members])
         for member in members:
-            halo = halo_of(partition, member.service)
-            if halo is not None:
-                self._members[member.name] = member
-                for drawn in member.hello().draws:
-                    self.halos[drawn] = self.halos.get(drawn, halo).joined(halo) or halo
-        self.views = NearbyViews(number, self.halos, last, own)
-        self._left = frozenset(left)
+            service = member.service
+            if service is None or service.halo is None or service not in near:
+                continue
+            self._members[member.name] = member
+            if service.halo.kept:
+                self._asking.append(member.name)
+            for drawn in member.hello().draws:
+                halo = self.halos.get(drawn, service.halo)
+                self.halos[drawn] = halo.joined(service.halo) or halo
+        kept = saved.get(OF_ALL) or kept_by(saved, self._asking)
+        self.views = NearbyViews(number, self.halos, last, own, kept)
+        self._left = frozenset(saved.get(LEFT) or ())
         self._movers: frozenset[int] | None = None
         self._moving: Mapping[str, int] = {}
         self._replies: dict[tuple[int, int], Replies] = {}
@@ -81,13 +95,19 @@ class NearbyServices:
         """The names of the services."""
         return frozenset(self._members)
 
+    @property
+    def kept(self) -> dict[str, str]:
+        """What services have saved of the region's agents, for others that are shown these."""
+        saved = {name: reply.saved for name, reply in self._ready.items()}
+        return kept_by(saved, self._asking)
+
     def moved(self, moving: Mapping[str, int]) -> None:
         """Note the regions of agents that leave this one after a frame."""
         self._moving = moving if self._members else {}
         self._left = frozenset(self._moving)
 
-    def take(self, frame: int, shown: Mapping[int, Figures], movers: Iterable[int] | None) -> None:
-        """Assemble the views of a frame from the figures of each region.
+    def take(self, frame: int, shown: Mapping[int, HaloPart], movers: Iterable[int] | None) -> None:
+        """Assemble the views of a frame from what each region shows.
 
         `movers` are the regions that have sent agents to this one, whose replies the next frame
         needs; None if they have arrived. Raises ProtocolError for replies of others.
@@ -132,9 +152,9 @@ class NearbyServices:
         answered: dict[str, list[PlacedEvent]] = {}
         targets = sorted({*self._moving.values()})
         events, kept = ({to: dict[str, Any]() for to in targets} for _ in range(2))
-        for name, member in sorted(self._members.items()):
-            self.running = member
-            reply = self._reply(member, frame)
+        replies = answers_of(self._members, lambda member: self._asked(member, frame))
+        for name, reply in sorted(replies.items()):
+            self.running = self._members[name]
             check_saved(name, reply.saved)
             answered[name] = [self._placed(name, event) for event in reply.events]
             here, away = self._divided(answered[name])
@@ -150,19 +170,22 @@ class NearbyServices:
         if targets:
             self.send([Replies(frame, self.number, to, events[to], kept[to]) for to in targets])
 
-    def _reply(self, member: Member, frame: int) -> m.TickReply:
+    def _asked(self, member: Member, frame: int) -> Sequence[Answer]:
+        self.running = member
         for view, own in self.views.unseen(member.hello().draws):
             assert isinstance(member.service, Device)
             member.service.own = own
+            member.service.others = self.views.kept(member.name)
             received(member, view)
-        answers = received(member, m.TickRequest(frame))
-        (reply,) = [each for each in answers if isinstance(each, m.TickReply)]
-        return reply
+        return received(member, m.TickRequest(frame))
 
     @property
-    def left(self) -> dict[str, dict[str, int]]:
-        """The agents that have left, as saved data of a checkpoint."""
-        return {LEFT: dict.fromkeys(self._left, 0)} if self._members else {}
+    def left(self) -> dict[str, Any]:
+        """The agents that have left, as saved data of a checkpoint, and what is kept of all."""
+        if not self._members:
+            return {}
+        of_all = {OF_ALL: dict(kept)} if (kept := self.views.kept_of_all) else {}
+        return {LEFT: dict.fromkeys(self._left, 0), **of_all}
 
     def figures(self) -> dict[str, int | float]:
         """The numbers that the services report, which are added up over all regions."""

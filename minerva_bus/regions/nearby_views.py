@@ -3,31 +3,41 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from minerva_bus.frame import messages as m
 from minerva_bus.grammar.scene import EMPTY
 from minerva_bus.grammar.slots import fill
-from minerva_bus.regions.halo import Figures, scenery_of
+from minerva_bus.regions.halo import scenery_of
+from minerva_bus.regions.halo_part import NO_HALO, Figures, HaloPart
+from minerva_bus.regions.kept import texts_of
 from minerva_bus.regions.merging import Units, merged
 from minerva_bus.regions.showing import NOBODY, figures_of, showing, within
-from minerva_bus.world.halo import Halo, OwnFigures
+from minerva_bus.world.halo import AGENTS, Halo, OwnFigures
 
 
 class NearbyViews:
     """What the services of a region see: its agents, and those of others near its cell.
 
     `frame` is that of the latest views, -1 before any. `own` are the agents of the region for which
-    services answer; None if no view shows any.
+    services answer; None if no view shows any. `kept_of_all` is what services had saved of all
+    agents, until a run that continues has views of its own.
     """
 
     def __init__(
-        self, number: int, halos: Mapping[str, Halo], last: Sequence[m.ViewShown], own: Units | None
+        self,
+        number: int,
+        halos: Mapping[str, Halo],
+        last: Sequence[m.ViewShown],
+        own: Units | None,
+        kept: Mapping[str, str],
     ) -> None:
         """`halos` are those of the services, by visual event type.
 
-        `last` are the last views of a run that continues, with the region's `own` part.
+        `last` are the last views of a run that continues, with the region's `own` part, and `kept`
+        is what services had saved of all agents then.
         """
         self.frame: int = -1
         self._number, self._halos = number, halos
@@ -36,11 +46,13 @@ class NearbyViews:
         # Views that no region has divided show all agents; those of this region are its own.
         self.own = within(own) if own is not None and self._unseen else None
         self._scenery: dict[int, dict[str, Units]] = {}
-        self._shown: Mapping[int, Figures] = {}
+        self._shown: Mapping[int, HaloPart] = {}
+        self.kept_of_all: Mapping[str, str] = kept if self._unseen else {}
 
-    def take(self, frame: int, shown: Mapping[int, Figures]) -> None:
-        """Assemble the views of a frame from the figures of each region."""
-        self.frame, self._shown = frame, shown
+    def take(self, frame: int, parts: Mapping[int, HaloPart]) -> None:
+        """Assemble the views of a frame from what each region shows."""
+        self.frame, self._shown = frame, parts
+        shown = {source: part.figures for source, part in parts.items()}
         own = shown.get(self._number)
         if own is None:
             self.own = self.own if self._unseen else None
@@ -49,10 +61,12 @@ class NearbyViews:
             changed = {name: of for name, of in figures.items() if name not in self._halos}
             self._scenery.setdefault(source, {}).update(changed)
         self.own = showing(own, self._halos)
-        self._unseen = [*self._assembled(shown, own.keys() & self._halos.keys())]
+        self.kept_of_all = {}
+        halted = tuple(sorted({who for part in parts.values() for who in part.halted}))
+        self._unseen = [*self._assembled(shown, own.keys() & self._halos.keys(), halted)]
 
     def _assembled(
-        self, shown: Mapping[int, Figures], event_types: Collection[str]
+        self, shown: Mapping[int, Figures], event_types: Collection[str], halted: tuple[str, ...]
     ) -> Iterator[m.ViewShown]:
         scenery = [of for _, of in sorted(self._scenery.items())]
         for event_type in sorted(event_types):
@@ -61,13 +75,20 @@ class NearbyViews:
             parts += [of[name] for of in scenery if name in of]
             self._sequence += 1
             scene = merged(parts).scene
-            yield m.ViewShown(event_type, self.frame, self._sequence, {}, scene)
+            yield m.ViewShown(event_type, self.frame, self._sequence, {}, scene, halted=halted)
 
     def unseen(self, event_types: Collection[str]) -> Iterator[tuple[m.ViewShown, OwnFigures]]:
         """The views of these types that no service has seen, with the figures to answer for."""
         for view in self._unseen:
             if view.event_type in event_types:
                 yield view, self._own_figures(view)
+
+    def kept(self, service: str) -> dict[str, str]:
+        """What a service had saved, by agent, before it sees these views; as far as is known."""
+        texts: dict[str, str] = {}
+        for kept in (self.kept_of_all, *(part.kept for part in self._shown.values())):
+            texts |= texts_of({AGENTS: kept.get(service, "")})
+        return texts
 
     def all_seen(self) -> None:
         """Note that the services have seen their views."""
@@ -84,9 +105,13 @@ class NearbyViews:
         return OwnFigures(every.ids.take(rows), every.x[rows], every.y[rows])
 
     @property
-    def latest(self) -> Mapping[int, Mapping[int, Figures]]:
+    def latest(self) -> Mapping[int, Mapping[int, HaloPart]]:
         """The latest figures by frame and region: `take` continues with them elsewhere."""
         shown = self._shown
         sources = shown.keys() | self._scenery.keys() if shown else set[int]()
-        whole = {n: {**self._scenery.get(n, {}), **shown.get(n, {})} for n in sorted(sources)}
+        parts = {source: shown.get(source, NO_HALO) for source in sorted(sources)}
+        whole = {
+            source: replace(part, figures={**self._scenery.get(source, {}), **part.figures})
+            for source, part in parts.items()
+        }
         return {self.frame: whole} if whole else {}

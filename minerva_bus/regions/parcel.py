@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
+from minerva_bus.regions.halo_part import NO_HALO, HaloPart
 from minerva_bus.regions.merging import PlacedEvent, Units
 from minerva_bus.regions.norms import NO_NORMS, NormPart
 from minerva_bus.regions.views import NO_VIEWS, ViewPart
@@ -16,8 +16,8 @@ class Parcel:
 
     `units` become part of the receiver's string, and `events` belong to the next frame and
     `postponed` ones, with a lag, to a later one, unless the world ends before. `views` are only for
-    the region of attached services. `halo` are figures near the receiver's cell, by visual event
-    type; in the parcel of a region to itself all of its agents' figures.
+    the region of attached services. `halo` has the figures near the receiver's cell; in the parcel
+    of a region to itself all of its agents' figures.
     """
 
     frame: int
@@ -28,7 +28,7 @@ class Parcel:
     views: ViewPart = NO_VIEWS
     norms: NormPart = NO_NORMS
     postponed: tuple[PlacedEvent, ...] = ()
-    halo: Mapping[str, Units] = field(default_factory=dict[str, Units])
+    halo: HaloPart = NO_HALO
 
     def __bool__(self) -> bool:
         """Whether it is not empty."""

@@ -24,6 +24,7 @@ from minerva_bus.regions.attached import HOME, AttachedServices, Replies
 from minerva_bus.regions.balancing import moved
 from minerva_bus.regions.dividing import NOTHING, Border, cut
 from minerva_bus.regions.halo import HaloViews
+from minerva_bus.regions.halo_part import NO_HALO
 from minerva_bus.regions.inbox import ParcelInbox
 from minerva_bus.regions.kept import own_parts
 from minerva_bus.regions.merging import PlacedEvent, Units, in_order, merged
@@ -67,7 +68,7 @@ class Region:
         self.partition = partition
         members = [*members]
         saved = world.past.saved
-        nearby = NearbyServices(number, partition, members, world.shown, own, saved.get(LEFT, ()))
+        nearby = NearbyServices(number, partition, members, world.shown, own, saved)
         self.services = AttachedServices(partition.count, nearby, members, world.shown)
         # The region itself delays events, as it alone knows which of them come from others.
         saved = saved if LEFT in saved else own_parts(saved, nearby.names, own, number)
@@ -250,7 +251,8 @@ class Region:
         routed = self._routed(routing, near)
         self.services.nearby.moved(moving)
         views = {HOME: self._source.shown} if self._source.shown else {}
-        shown = {} if self._halo is None else self._halo.by_region(self._cells)
+        kept = self.services.nearby.kept
+        shown = {} if self._halo is None else self._halo.by_region(self._cells, kept)
         self._cells = self.partition
         norms = self._norm_parts(routing, moving)
         targets = {self.number, *leaving, *routed, *late, *views, *shown, *norms}
@@ -264,7 +266,7 @@ class Region:
                 views.get(to, NO_VIEWS),
                 norms.get(to, NO_NORMS),
                 tuple(late.get(to, ())),
-                shown.get(to, {}),
+                shown.get(to, NO_HALO),
             )
             for to in sorted(targets)
         ]

@@ -10,7 +10,8 @@ import numpy as np
 
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.scene import Piece, Scene, agents
-from minerva_bus.regions.halo import Figures, PieceFigures, figures_in
+from minerva_bus.regions.figures import PieceFigures, figures_in
+from minerva_bus.regions.halo_part import Figures
 from minerva_bus.regions.merging import Units
 from minerva_bus.regions.places import Place
 from minerva_bus.world.halo import Halo, OwnFigures
@@ -37,7 +38,9 @@ def showing(shown: Figures, halos: Mapping[str, Halo]) -> Answered:
         each = [figures_in(piece, halos[event_type]) for piece in units.pieces]
         figures[event_type] = _joined(each, halos[event_type])
         for (own, _), of in zip(units.each(), each, strict=True):
-            places += own[: len(of.who)]
+            # A node may have several figures, if their positions do not matter.
+            several = len(of.who) // len(own) if own else 1
+            places += own[: len(of.who)] if several < 2 else [*own] * several
     ids = [each.ids for each in figures.values()]
     return Answered(Ids.concatenated(ids), places, figures) if ids else NOBODY
 

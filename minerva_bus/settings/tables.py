@@ -484,8 +484,8 @@ class RegionSettings:
     halo: bool = setting(
         "regions",
         False,
-        "Run services that look around agents within a radius, such as `neighbours`, in each region"
-        " of a grid or tree, with the agents near its borders; otherwise they run in region 0.",
+        "Run services that look around agents, such as `neighbours`, and `physics` with its sensors"
+        " in each region of a grid or tree; otherwise they run in region 0.",
         BOOLEAN,
     )
     hosts: tuple[str, ...] = setting(

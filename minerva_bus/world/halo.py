@@ -1,10 +1,11 @@
-"""Halo: how far a device looks around the figures in its views, and what it saves of agents."""
+"""Halo: how far a service looks around the figures in its views, and what it saves of agents."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from math import inf
+from typing import Any, Final
 
 from numpy.typing import NDArray
 
@@ -13,24 +14,32 @@ from minerva_bus.grammar.ids import Ids
 
 @dataclass(frozen=True, slots=True)
 class Halo:
-    """What a device sends an agent depends on figures within a radius of that agent's figure only.
+    """What a service sends an agent depends on figures within a radius of that agent's figure only.
 
     Its events have one receiver each, an agent with a figure in the view. So a world in regions may
-    show each instance of the device a part of the view: the agents of its region, and others that
-    are near them.
+    show each instance of the service a part of the view: the agents of its region, and others that
+    are near them. With the radius `inf`, each region sees all figures, wherever they are, and their
+    coordinates do not matter; what is divided is the work for each agent.
+
+    Readings that it publishes about an agent stay in the region, for generators that have a halo,
+    too: `OWN_READINGS`, if what they send an agent depends on its own readings only.
 
     A device that saves data saves `{"agents": agent_lines({id: text}), NAME: NUMBER, ...}`. The
     text of an agent moves with the agent to another region, by `save` and `restore`; numbers belong
     to all regions together, which add them up.
 
     Args:
-        radius: of the circle, or half of a side of the square, in the units of the coordinates.
+        radius: of the circle, or half of a side of the square, in the units of the coordinates;
+            `inf` for all figures.
         x: name of the x coordinate in the view.
         y: name of the y coordinate in the view.
         who: name of the agent's id in the view.
         size: width and height of a plane whose opposite edges are connected, or None.
         scenery: whether figures outside of agents count, which all regions then see, wherever they
             are; without it, figures without an id do not count.
+        figure: the primitive that has the id; "": any. For the radius `inf` only.
+        kept: whether the device also needs what other instances have saved of the agents that it
+            only sees; it then finds that in `others`, by id.
 
     """
 
@@ -40,12 +49,24 @@ class Halo:
     who: str = "who"
     size: tuple[float, float] | None = None
     scenery: bool = False
+    figure: str = ""
+    kept: bool = False
+
+    @property
+    def everywhere(self) -> bool:
+        """Whether all figures count, wherever they are."""
+        return self.radius == inf
 
     def joined(self, other: Halo) -> Halo | None:
         """The halo of both devices, if they draw the same views; None if their planes differ."""
-        same = replace(self, radius=other.radius, scenery=other.scenery) == other
-        radius = max(self.radius, other.radius)
-        return replace(self, radius=radius, scenery=self.scenery or other.scenery) if same else None
+        radius, scenery = max(self.radius, other.radius), self.scenery or other.scenery
+        both = replace(self, radius=radius, scenery=scenery, kept=self.kept or other.kept)
+        same = replace(other, radius=radius, scenery=scenery, kept=both.kept) == both
+        return both if same else None
+
+
+OWN_READINGS: Final = Halo(inf)
+"""The halo of a generator without views that sends each agent what its own readings show."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -17,6 +17,7 @@ from __future__ import annotations
 import threading
 from abc import abstractmethod
 from collections.abc import Iterable, Mapping
+from types import MappingProxyType
 from typing import Any, ClassVar, Final, cast
 
 from minerva_bus.errors import MisuseError
@@ -55,6 +56,9 @@ class Service:
 
     interactive: bool = False
     """Whether it has a user interface; a world with it as a view runs in real time, without end."""
+
+    halo: Halo | None = None
+    """With it, a generator in step runs in each region of a world with `halo = true`."""
 
     pulse_every: float = 0.0
     """Seconds between calls of `pulse`; 0 disables it."""
@@ -190,9 +194,10 @@ class Device(Service):
 
     draws: tuple[str, ...] = ()
     coupled: bool = False
-    halo: Halo | None = None
     own: OwnFigures | None = None
     """In a region, the agents of the view to show for which it answers; others are near them."""
+    others: Mapping[str, str] = MappingProxyType({})
+    """In a region, what is saved of these others, by id, if its halo asks for it."""
     every: int = 0
     rate: float = 0.0
 

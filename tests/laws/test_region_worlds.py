@@ -60,6 +60,7 @@ def test_services_know_the_kinds_of_agents_in_columns_of_other_regions():
     regions = Regions(file.world, FRAMES, GRIDS[2], Random(0), lambda: members_of(file))
     regions.digests()
     collisions = regions.processes[0].runner.direct.members["collisions"].service
+    assert collisions is not None
     assert collisions.report() == {"collisions": 0}
 
 
@@ -87,6 +88,31 @@ def test_services_with_a_halo_have_the_digests_of_one_coordinator(name, partitio
     events = [each.event for of in nearby for each in of.answered["neighbours"]]
     answered = [name for event in events for name in event.receivers]
     assert len(answered) == len(set(answered)) > 0
+
+
+def rows(*borders):
+    return ByPosition(borders, (13.0,), names=("row", "column"), halo=True)
+
+
+@pytest.mark.parametrize(
+    ("name", "partitions", "checkpoints"),
+    [
+        # The borders move in each frame, so robots change their regions.
+        ("robots", [rows(12.0), rows(17.0)], True),
+        ("robots", [rows(11.0, 15.0, 18.0, 30.0)], False),
+        ("robot", [rows(90.0), rows(5.0)], False),
+    ],
+)
+def test_physics_and_its_sensors_run_in_each_region(name, partitions, checkpoints):
+    path = find_world(name)
+    file = read_world_file(path, Overrides())
+    frames, kills = [[]] * 12, 0.0 if checkpoints else 0.02
+    of = file.world, frames, partitions, Random(6), lambda: members_of(file)
+    regions = Regions(*of, kills=kills, checkpoints=checkpoints)
+    assert regions.digests() == digests_of_one(file.world, frames, of[-1])
+    for process in regions.processes:
+        assert process.region.services.nearby.names == {"physics", "gLaser", "gCamera"}
+        assert not process.region.services.drawn, "no view goes to region 0"
 
 
 @pytest.mark.slow

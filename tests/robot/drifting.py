@@ -13,6 +13,7 @@ from minerva_agents.robot.world import scene, vocabulary
 from minerva_bus import Frame, Tick, View, WorldInfo, evolve, visualize
 from minerva_bus.grammar.scene import agents
 from minerva_bus.world.order import Order, collect
+from minerva_services.physics.kept import kept_bodies
 from minerva_services.physics.service import Physics
 from minerva_services.sensors.camera import Camera
 from minerva_services.sensors.laser import Laser
@@ -60,9 +61,9 @@ class House:
         self.frame += 1
 
     def _compare(self):
-        bodies = self.physics.save()["arena"]["bodies"]
+        bodies = kept_bodies(self.physics.save())
         if "r1" not in bodies:
             return  # it has no action yet, so its body has not been placed
-        (x, y, angle), robot = bodies["r1"][:3], self.robot
-        dist = math.dist((x, y), robot.metres(robot.position))
-        self.errors.append((dist, abs(math.remainder(angle - robot.angle, 360.0))))
+        at, robot = bodies["r1"].body.pose, self.robot
+        dist = math.dist((at.x, at.y), robot.metres(robot.position))
+        self.errors.append((dist, abs(math.remainder(at.angle - robot.angle, 360.0))))

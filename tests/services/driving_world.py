@@ -37,6 +37,7 @@ from minerva_bus.world.order import Order
 from minerva_bus.world.readings import Reading
 from minerva_bus.world.services import Service
 from minerva_services.input.each import Each
+from minerva_services.physics.kept import kept_bodies
 from minerva_services.physics.service import Physics
 from minerva_services.sensors.camera import Camera
 from minerva_services.sensors.laser import Laser
@@ -238,7 +239,8 @@ class Yard(InProcessRunner):
 
     def pose(self, name: str) -> tuple[float, ...]:
         """The pose of a body in the physics world: x, y in metres, angle in degrees."""
-        return tuple(self.mortal.service.save()["arena"]["bodies"][name][:3])
+        at = kept_bodies(self.mortal.service.save())[name].body.pose
+        return at.x, at.y, at.angle
 
     def belief(self, frame: int, name: str) -> Any:
         """The state of an agent in the string at the beginning of a frame."""

@@ -8,19 +8,28 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from minerva_bus.errors import ProtocolError, WorldFileError, WorldStopped
+from minerva_bus.frame.member import Member
 from minerva_bus.grammar.scene import AgentNode, Scene
 from minerva_bus.grammar.symbols import Primitive, Transformation
 from minerva_bus.launch.in_process import members_of
 from minerva_bus.launch.installed import find_world
 from minerva_bus.launch.reading import read_world_text
 from minerva_bus.launch.regions.settings import check_region_run, check_regions
-from minerva_bus.regions.halo import HaloViews, figures_in, near_cells
+from minerva_bus.regions.asking import answers_of
+from minerva_bus.regions.figures import figures_in
+from minerva_bus.regions.halo import HaloViews, near_cells
+from minerva_bus.regions.halo_services import halo_services
 from minerva_bus.regions.kept import check_saved, joined_parts, own_parts
 from minerva_bus.regions.merging import Units
-from minerva_bus.regions.messages import RepliesMessage, from_message
+from minerva_bus.regions.messages import ParcelMessage, RepliesMessage, from_message
 from minerva_bus.regions.partition import ByPosition
 from minerva_bus.settings.overrides import Overrides
 from minerva_bus.world.halo import Halo, agent_lines
+from minerva_bus.world.services import Device, Generator
+from minerva_services.physics.neighbours import Neighbours
+from minerva_services.physics.service import Physics
+from minerva_services.sensors.camera import Camera
+from minerva_services.sensors.laser import Laser
 
 PSpot = Primitive("PSpot", who=str)
 PTree = Primitive("PTree", age=float)
@@ -38,7 +47,9 @@ def shown(points, number, size=None, radius=1.0):
     pieces = Scene((*nodes, scenery)).pieces
     views._shown = {"eWhere": Units([(n,) for n in range(len(pieces))], pieces)}
     return {
-        region: [name for piece in of["eWhere"].pieces for name in figures_in(piece, halo).who]
+        region: [
+            name for piece in of.figures["eWhere"].pieces for name in figures_in(piece, halo).who
+        ]
         for region, of in views.by_region(GRID).items()
     }
 
@@ -152,6 +163,51 @@ def test_a_service_with_a_halo_saves_lines_of_agents_and_numbers(saved):
 def test_invalid_texts_of_agents_are_refused(kept):
     with pytest.raises(ProtocolError, match="saved no lines of agents"):
         from_message(RepliesMessage(1, {}, {"collisions": kept}), 0, 1)
+
+
+@pytest.mark.parametrize("kept", [3, "no tab", "a\tb\n"])
+def test_invalid_texts_of_agents_near_a_border_are_refused(kept):
+    message = ParcelMessage(1, None, b"", (), b"", halo_kept={"physics": kept})
+    with pytest.raises(ProtocolError, match="saved no lines of agents"):
+        from_message(message, 0, 1)
+
+
+class Recorder(Device, draws=("ePicture",)):
+    topics = ("scan",)
+
+    def show(self, view): ...
+
+
+class Filter(Generator, events=("eLaser",)):
+    """A generator that reads what the laser reads, and may remember it for all robots."""
+
+    topics = ("scan",)
+
+
+@pytest.mark.parametrize(
+    ("services", "near"),
+    [
+        ([Physics(), Laser(), Camera()], [0, 1, 2]),
+        # What publishes scans and what reads them is in the same region.
+        ([Physics(), Laser(), Recorder(), Camera(), Neighbours()], [4]),
+        ([Physics(), Laser(), Filter(), Camera()], []),
+        ([Laser(topic="other"), Neighbours(), None], [1]),
+        ([Physics(), Laser(topic="other")], [0]),
+    ],
+)
+def test_services_that_exchange_readings_run_in_each_region_together(services, near):
+    grid = ByPosition((0.0,), halo=True)
+    assert halo_services(grid, services) == [services[number] for number in near]
+    assert halo_services(ByPosition((0.0,)), services) == []
+
+
+def test_services_that_wait_for_each_other_stop_the_world():
+    first, second = Filter(), Filter()
+    first.topics, first.publishes = ("one",), ("two",)
+    second.topics, second.publishes = ("two",), ("one",)
+    members = {"a": Member("a", first), "b": Member("b", second)}
+    with pytest.raises(WorldStopped, match="a, b wait for each other's readings"):
+        answers_of(members, lambda member: [])
 
 
 def test_what_regions_have_saved_is_that_of_one_coordinator():

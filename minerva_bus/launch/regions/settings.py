@@ -16,7 +16,7 @@ from minerva_bus.launch.specs import load
 from minerva_bus.launch.table import Table
 from minerva_bus.launch.worldfile import Process, WorldFile
 from minerva_bus.regions.attached import beside, is_attached
-from minerva_bus.regions.halo import halo_services
+from minerva_bus.regions.halo_services import halo_services
 from minerva_bus.regions.lag import RegionLag
 from minerva_bus.regions.partition import ByFunction, ById, ByPosition, Partition
 from minerva_bus.regions.tree import ByTree, Split
@@ -211,11 +211,12 @@ def _check_attributes(file: WorldFile) -> None:
             )
 
 
-def _check_halos(file: WorldFile, services: Sequence[Device]) -> None:
+def _check_halos(file: WorldFile, services: Sequence[Service]) -> None:
     """Raise WorldFileError if services with a halo need other coordinates than regions have."""
     partition = file.partition
     by_view: dict[str, Halo] = {}
-    for drawn, halo in [(n, each.halo) for each in services if each.halo for n in each.draws]:
+    devices = [each for each in services if isinstance(each, Device)]
+    for drawn, halo in [(n, each.halo) for each in devices if each.halo for n in each.draws]:
         joined = by_view.setdefault(drawn, halo).joined(halo)
         if joined is None:
             raise WorldFileError(
@@ -223,7 +224,8 @@ def _check_halos(file: WorldFile, services: Sequence[Device]) -> None:
                 f" view, {drawn}, by other coordinates or on other planes; give them views of their"
                 " own, or remove halo"
             )
-    for halo in [service.halo for service in services if service.halo is not None]:
+    halos = [service.halo for service in services if service.halo is not None]
+    for halo in [each for each in halos if not each.everywhere]:
         assert isinstance(partition, ByPosition | ByTree)
         other = sorted({*partition.attributes} - {halo.x, halo.y})
         if other:

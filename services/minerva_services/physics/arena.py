@@ -1,8 +1,8 @@
 """A flat world of walls, markers and round bodies that drive, collide and sense.
 
 Driving is kinematic: a body goes exactly where its command leads, or stops exactly where it
-touches. Dead reckoning by an agent therefore never drifts from this world, and the whole state is
-what `save` returns.
+touches. Dead reckoning by an agent therefore never drifts from this world, and its bodies are the
+whole state between two steps.
 """
 
 from __future__ import annotations
@@ -17,9 +17,6 @@ from minerva_services.physics.body import (
     DriveCommand,
     DriveOutcome,
     Odometer,
-    SavedArena,
-    restored,
-    saved,
 )
 from minerva_services.physics.encounters import Contact, MovingDisc, contacts, settle
 from minerva_services.physics.errors import PhysicsError, finite, positive
@@ -41,12 +38,6 @@ class Arena:
         self._markers: dict[str, Point] = {}
         self._bodies: dict[str, Body] = {}
         self._commands: dict[str, DriveCommand] = {}
-        self._seconds = 0.0
-
-    @property
-    def seconds(self) -> float:
-        """Simulated time: the sum of all steps."""
-        return self._seconds
 
     @property
     def bodies(self) -> tuple[str, ...]:
@@ -121,6 +112,15 @@ class Arena:
         self._bodies[name] = body
         self._obstacles.put_disc(name, body.centre, body.radius)
 
+    def put_body(self, name: str, body: Body) -> None:
+        """Add a body where another arena had it, without checks."""
+        self._bodies[name] = body
+        self._obstacles.put_disc(name, body.centre, body.radius)
+
+    def body(self, name: str) -> Body:
+        """A body as it is now."""
+        return self._body(name)
+
     def remove_body(self, name: str) -> None:
         """Remove a body together with its pending command."""
         self._body(name)
@@ -168,7 +168,7 @@ class Arena:
         """Carry out all commands at the same time, each at a constant speed.
 
         Args:
-            dt: the step's duration in seconds. Commands are distances, so it moves the clock only.
+            dt: the step's duration in seconds. Commands are distances, so it has no effect.
 
         Returns:
             One outcome for each commanded body, sorted by name. The new pose of a body is what
@@ -186,7 +186,6 @@ class Arena:
         for name, command in commands.items():
             self._bodies[name] = self._bodies[name].turned(command.turn_deg)
         ends, touched = self._ends(commands)
-        self._seconds += dt
         return tuple(
             self._carry_out(name, commands[name], ends[name], touched.get(name))
             for name in sorted(commands)
@@ -235,25 +234,6 @@ class Arena:
         positive("camera, field of view in degrees", fov_deg)
         positive("camera, range in metres", range_max)
         return camera(pose, self._markers, fov_deg, range_max, self._obstacles.ray_of(name))
-
-    def save(self) -> SavedArena:
-        """The mutable state as plain values; walls and markers are not part of it."""
-        return saved(self._seconds, self._bodies, self._commands)
-
-    def restore(self, value: SavedArena) -> None:
-        """Replace all bodies by saved ones; the continuation is bit-identical to the original.
-
-        Raises:
-            PhysicsError: the value was not produced by `save`; the arena is unchanged.
-
-        """
-        # Decode everything first: an invalid value must leave the arena unchanged.
-        seconds, bodies, commands = restored(value)
-        for name in self._bodies:
-            self._obstacles.remove_disc(name)
-        for name, body in bodies.items():
-            self._obstacles.put_disc(name, body.centre, body.radius)
-        self._seconds, self._bodies, self._commands = seconds, bodies, commands
 
     def _body(self, name: str) -> Body:
         if name not in self._bodies:

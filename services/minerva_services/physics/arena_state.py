@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 from minerva_services.physics.arena import Arena
-from minerva_services.physics.body import Odometer
+from minerva_services.physics.body import Body, Odometer
 from minerva_services.physics.errors import PhysicsError
 from minerva_services.physics.geometry import FloorPlan, PhysicalGeometry, Robot
 from minerva_services.physics.sweep import Point
@@ -19,18 +19,38 @@ class ArenaState:
 
     Attributes:
         arena: the arena.
-        retired: totals of bodies that were removed.
+        others: bodies for which another arena answers; this one has them for one view only.
+        retired_um: metres driven by bodies that were removed, in whole micrometres, so that the
+            order in which they are added up does not matter.
+        retired_collisions: their collisions.
 
     """
 
     def __init__(self) -> None:
         self.arena = Arena()
-        self.retired = Odometer()
+        self.others = frozenset[str]()
+        self.retired_um = 0
+        self.retired_collisions = 0
         self._floors: tuple[FloorPlan, ...] = ()
         self._markers: dict[str, Point] = {}
 
-    def set(self, seen: PhysicalGeometry) -> None:
+    @property
+    def own(self) -> list[str]:
+        """The names of the bodies for which this arena answers, sorted."""
+        return [name for name in self.arena.bodies if name not in self.others]
+
+    def set(
+        self,
+        seen: PhysicalGeometry,
+        others: Collection[str] = (),
+        known: Mapping[str, Body] | None = None,
+    ) -> None:
         """Update the arena to the contents of a view.
+
+        Args:
+            seen: the contents.
+            others: names of bodies for which another arena answers.
+            known: those of them that it had before this view, as it had them.
 
         Raises:
             PhysicsError: something cannot stand where the view shows it.
@@ -39,14 +59,31 @@ class ArenaState:
         # Walls first, because new bodies are checked against the walls of this view.
         self._set_floors(seen.floors)
         self._set_markers(seen.markers)
+        self._forget_others()
+        for name, body in sorted((known or {}).items()):
+            self.arena.put_body(name, body)
+        self.others = frozenset(others)
         self._set_bodies(seen.robots)
 
+    def restore(self, bodies: Mapping[str, Body]) -> None:
+        """Replace all bodies."""
+        for name in self.arena.bodies:
+            self.arena.remove_body(name)
+        for name, body in sorted(bodies.items()):
+            self.arena.put_body(name, body)
+        self.others = frozenset()
+
+    def _forget_others(self) -> None:
+        for name in self.others:
+            self.arena.remove_body(name)
+        self.others = frozenset()
+
     def total(self) -> Odometer:
-        """Totals over all bodies, including removed ones."""
-        odometers = [self.arena.odometer(name) for name in self.arena.bodies]
-        driven = self.retired.driven_m + sum(odometer.driven_m for odometer in odometers)
+        """Totals over the bodies for which it answers, including removed ones."""
+        odometers = [self.arena.odometer(name) for name in self.own]
+        driven = self.retired_um + sum(_micrometres(each) for each in odometers)
         collisions = sum(odometer.collisions for odometer in odometers)
-        return Odometer(driven, self.retired.collisions + collisions)
+        return Odometer(driven / 1e6, self.retired_collisions + collisions)
 
     def _set_floors(self, floors: Sequence[FloorPlan]) -> None:
         # Building the outlines and their index again for each view would cost far more than this
@@ -73,8 +110,9 @@ class ArenaState:
         for name in self.arena.bodies:
             if name not in robots:
                 self._retire(name)
+        present = frozenset(self.arena.bodies)
         for name, robot in sorted(robots.items()):
-            if name not in self.arena.bodies:
+            if name not in present:
                 at = robot.believed
                 self.arena.add_body(name, at.x, at.y, at.angle, robot.radius)
             elif self.arena.radius(name) != robot.radius:
@@ -85,7 +123,10 @@ class ArenaState:
 
     def _retire(self, name: str) -> None:
         done = self.arena.odometer(name)
-        self.retired = Odometer(
-            self.retired.driven_m + done.driven_m, self.retired.collisions + done.collisions
-        )
+        self.retired_um += _micrometres(done)
+        self.retired_collisions += done.collisions
         self.arena.remove_body(name)
+
+
+def _micrometres(odometer: Odometer) -> int:
+    return round(odometer.driven_m * 1e6)

@@ -1,16 +1,14 @@
-"""A round body: pose, command, outcome, odometer, and its state as plain values for msgpack."""
+"""A round body: pose, command, outcome, odometer, and its state as plain numbers."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TypedDict
 
 from minerva_bus import portable
 from minerva_bus.semantics.poses import Pose
 from minerva_services.physics.encounters import Contact, MovingDisc
-from minerva_services.physics.errors import PhysicsError, finite, positive
+from minerva_services.physics.errors import finite, positive
 from minerva_services.physics.sweep import Point
 
 
@@ -108,66 +106,15 @@ class Body:
         return Body(Pose(x, y, self.pose.angle), self.radius, odometer)
 
 
-class SavedArena(TypedDict):
-    """Numbers only, keyed by the bodies' names.
-
-    `bodies`: x, y (m), angle (deg), radius (m), driven (m), collisions. `commands`: turn (deg) and
-    forward (m) of pending commands. `seconds`: simulated time.
-    """
-
-    seconds: float
-    bodies: dict[str, list[float]]
-    commands: dict[str, list[float]]
-
-
-def saved(
-    seconds: float, bodies: Mapping[str, Body], commands: Mapping[str, DriveCommand]
-) -> SavedArena:
-    """The plain values of a state, sorted by name."""
-    return {
-        "seconds": seconds,
-        "bodies": {name: _row(bodies[name]) for name in sorted(bodies)},
-        "commands": {
-            name: [commands[name].turn_deg, commands[name].forward_m] for name in sorted(commands)
-        },
-    }
-
-
-def restored(value: SavedArena) -> tuple[float, dict[str, Body], dict[str, DriveCommand]]:
-    """Inverse of `saved`: seconds, bodies and commands.
-
-    Raises:
-        PhysicsError: the value was not written by `saved`.
-
-    """
-    try:
-        bodies = {name: _body(row) for name, row in sorted(value["bodies"].items())}
-        commands = {name: _command(row) for name, row in sorted(value["commands"].items())}
-        seconds = float(value["seconds"])
-    # A PhysicsError is a ValueError, too, but its message is already the better one.
-    except PhysicsError:
-        raise
-    except (AttributeError, KeyError, TypeError, ValueError) as error:
-        raise PhysicsError(f"not the saved state of an arena: {error!r}") from error
-    finite("saved state, seconds", seconds)
-    if unknown := sorted(commands.keys() - bodies.keys()):
-        raise PhysicsError(f"saved state: commands for unknown bodies: {unknown}")
-    return seconds, bodies, commands
-
-
-def _row(body: Body) -> list[float]:
+def row_of(body: Body) -> list[float]:
+    """x, y (m), angle (deg), radius (m), driven (m), collisions."""
     pose, odometer = body.pose, body.odometer
     return [pose.x, pose.y, pose.angle, body.radius, odometer.driven_m, odometer.collisions]
 
 
-def _body(row: list[float]) -> Body:
+def body_of(row: list[float]) -> Body:
+    """Inverse of `row_of`. Raises PhysicsError, TypeError or ValueError for other values."""
     x, y, angle, radius, driven, collisions = map(float, row)
     finite("saved state, a body", x, y, angle, driven, collisions)
     positive("saved state, a radius in metres", radius)
     return Body(Pose(x, y, angle), radius, Odometer(driven, int(collisions)))
-
-
-def _command(row: list[float]) -> DriveCommand:
-    turn, forward = map(float, row)
-    finite("saved state, a command", turn, forward)
-    return DriveCommand(turn, forward)

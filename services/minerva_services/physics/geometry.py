@@ -97,6 +97,8 @@ class PhysicalGeometry(Geometry):
 
     def PRobot(self, name: str, radius: float) -> None:
         """α: a body and its command."""
+        if not name or "\n" in name or "\t" in name:
+            raise PhysicsError(f"a body is called {name!r}; give it the id of its agent")
         if name in self.robots:
             raise PhysicsError(f"body {name!r} appears twice in the view; make the names unique")
         # Not at `_here()`: moves around a body are its command, not its position.

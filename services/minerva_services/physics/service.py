@@ -7,21 +7,24 @@ same.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from math import inf
 from typing import Any
 
 import numpy as np
 
 from minerva_bus.grammar.events import Event
 from minerva_bus.semantics.geometry import interpret
+from minerva_bus.world.halo import AGENTS, Halo, agent_lines
 from minerva_bus.world.readings import Scan, Sightings
 from minerva_bus.world.service_inputs import Tick, View, WorldInfo
 from minerva_bus.world.services import Device, Generator
 from minerva_services.physics.arena_state import ArenaState
-from minerva_services.physics.body import DriveCommand, DriveOutcome, Odometer
+from minerva_services.physics.body import DriveCommand, DriveOutcome
 from minerva_services.physics.collision_events import Collision, CollisionEvents
 from minerva_services.physics.error_models import BeamModel, ErrorModels, MotionModel, SightingModel
 from minerva_services.physics.errors import PhysicsError, positive
 from minerva_services.physics.geometry import PhysicalGeometry
+from minerva_services.physics.kept import KeptBody, kept_bodies
 from minerva_services.physics.noise import Noise
 
 
@@ -57,6 +60,9 @@ class Physics(Device, Generator, draws=("eRepresent",), coupled=True, events=("e
     """
 
     publishes = ("scan", "sightings")
+    # Bodies have poses that the string lacks, and one that is stopped may stop the next one in the
+    # same step, so no radius contains all that a body depends on.
+    halo = Halo(inf, who="name", scenery=True, figure="PRobot", kept=True)
 
     def __init__(
         self,
@@ -105,7 +111,8 @@ class Physics(Device, Generator, draws=("eRepresent",), coupled=True, events=("e
         self._stage = ArenaState()
         self._commands: dict[str, DriveCommand] = {}
         self._shown: int | None = None
-        self._carried_out = -1
+        self._answers: tuple[str, ...] = ()
+        self._carried_out: dict[str, int] = {}
         self._stopped: dict[str, str] = {}
 
     def joined(self, world: WorldInfo) -> None:
@@ -123,40 +130,64 @@ class Physics(Device, Generator, draws=("eRepresent",), coupled=True, events=("e
         """
         seen = PhysicalGeometry()
         interpret(view.scene, seen)
-        self._stage.set(seen)
+        others, known = self._of_others(seen)
+        self._stage.set(seen, others, {name: each.body for name, each in known.items()})
         self._shown = view.frame
+        self._answers = tuple([name for name in seen.robots if name not in others])
+        carried_out = {name: each.carried_out for name, each in known.items()}
+        carried_out |= self._carried_out
         # A successor receives the last view again, which its predecessor may have executed.
-        new = view.frame > self._carried_out
-        moving = {name for name in seen.robots if name not in view.halted} if new else set[str]()
-        self._commands = {name: seen.robots[name].command for name in moving}
+        self._commands = {
+            name: robot.command
+            for name, robot in seen.robots.items()
+            if name not in view.halted and view.frame > carried_out.get(name, -1)
+        }
+
+    def _of_others(self, seen: PhysicalGeometry) -> tuple[set[str], dict[str, KeptBody]]:
+        """The bodies for which other regions answer, and what these had saved of them."""
+        if self.own is None:
+            return set(), {}
+        others = {*seen.robots}.difference(self.own.ids)
+        if len(others) == len(seen.robots):  # There is nobody to answer for.
+            seen.robots.clear()
+            return set(), {}
+        known = self.others.items()
+        return others, {name: KeptBody.of(text) for name, text in known if name in others}
 
     def generate(self, tick: Tick) -> Iterable[Event]:
         """Drive, then measure; nothing before the first view."""
         if self._shown is None:
             return ()
         outcomes = self._drive(tick)
-        for name in self._stage.arena.bodies:
+        # In the order of the string, which is that of the events.
+        own = dict.fromkeys(self._stage.own, self._shown)
+        answers = [name for name in self._answers if name in own]
+        for name in answers:
             tick.publish("scan", self._scan(name, tick))
-        for name in self._stage.arena.bodies:
+        for name in answers:
             tick.publish("sightings", self._sightings(name, tick))
-        self._carried_out, commands = self._shown, self._commands
-        self._commands = {}
+        commands, self._commands = self._commands, {}
         stopped, self._stopped = self._stopped, {}
+        self._carried_out = own
         return [
-            self._collision(commands[outcome.name], outcome, stopped)
-            for outcome in outcomes
-            if outcome.collided
+            self._collision(commands[name], outcomes[name], stopped)
+            for name in answers
+            if name in outcomes and outcomes[name].collided
         ]
 
     def save(self) -> Mapping[str, Any]:
         """State that views do not contain: poses of bodies, and the last executed view."""
-        retired = self._stage.retired
+        stage = self._stage
+        lines = {name: self._kept(name).text for name in stage.own}
         return {
-            "arena": self._stage.arena.save(),
-            "retired": [retired.driven_m, retired.collisions],
-            "carried_out": self._carried_out,
-            "stopped": self._stopped,
+            AGENTS: agent_lines(lines),
+            "retired_um": stage.retired_um,
+            "retired_collisions": stage.retired_collisions,
         }
+
+    def _kept(self, name: str) -> KeptBody:
+        body = self._stage.arena.body(name)
+        return KeptBody(body, self._carried_out.get(name, -1), self._stopped.get(name))
 
     def restore(self, saved: Mapping[str, Any]) -> None:
         """Continue from a saved state; walls and markers come with the next view.
@@ -165,24 +196,25 @@ class Physics(Device, Generator, draws=("eRepresent",), coupled=True, events=("e
             PhysicsError: the value was not produced by `save`.
 
         """
+        kept = kept_bodies(saved)
         try:
-            driven, collisions = saved["retired"]
-            self._stage.arena.restore(saved["arena"])
-            self._stage.retired = Odometer(float(driven), int(collisions))
-            self._carried_out = int(saved["carried_out"])
-            stopped = dict(saved.get("stopped", {}))
-            self._stopped = {str(name): str(by) for name, by in stopped.items()}
-        except PhysicsError:
-            raise
+            retired = int(saved["retired_um"]), int(saved["retired_collisions"])
         except (KeyError, TypeError, ValueError) as error:
             raise PhysicsError(f"not the saved state of a physics world: {error!r}") from error
+        stage = self._stage
+        stage.restore({name: each.body for name, each in kept.items()})
+        stage.retired_um, stage.retired_collisions = retired
+        self._carried_out = {name: each.carried_out for name, each in kept.items()}
+        stopped = {name: each.stopped_by for name, each in kept.items()}
+        self._stopped = {name: by for name, by in stopped.items() if by is not None}
 
     def report(self) -> Mapping[str, bool | int | float | str]:
         """Distance driven and stopped moves, over all robots."""
         total = self._stage.total()
         return {"distance_driven": round(total.driven_m, 6), "collisions": total.collisions}
 
-    def _drive(self, tick: Tick) -> tuple[DriveOutcome, ...]:
+    def _drive(self, tick: Tick) -> Mapping[str, DriveOutcome]:
+        """Drive all bodies, also those of others, which may stop each other; outcomes by name."""
         arena, after = self._stage.arena, dict[str, float]()
         for name, command in sorted(self._commands.items()):
             step = self._errors.drive(name, command.turn_deg, command.forward_m, tick)
@@ -192,7 +224,7 @@ class Physics(Device, Generator, draws=("eRepresent",), coupled=True, events=("e
         # The second turn of the motion model follows the move, so it cannot be part of the command.
         for name, turn in after.items():
             arena.turn(name, turn)
-        return outcomes
+        return {outcome.name: outcome for outcome in outcomes}
 
     def _collision(
         self, command: DriveCommand, outcome: DriveOutcome, before: Mapping[str, str]

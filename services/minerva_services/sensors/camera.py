@@ -8,6 +8,7 @@ from collections.abc import Iterable
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.types import Degrees, Metres
+from minerva_bus.world.halo import OWN_READINGS
 from minerva_bus.world.readings import Sightings
 from minerva_bus.world.service_inputs import Tick, WorldInfo
 from minerva_bus.world.services import Generator
@@ -30,6 +31,7 @@ class Camera(Generator, events=("eCamera",)):
     """
 
     topics = ("sightings",)
+    halo = OWN_READINGS
 
     def __init__(
         self,
