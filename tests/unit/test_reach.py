@@ -14,6 +14,7 @@ GRID = ByPosition((0.0, 1.0), (0.5,))
 TREE = ByTree(Split("x", 0.0, Split("y", 0.5), Split("x", 1.0, above=Split("y", 0.0))))
 ROW = ByPosition((0.0, 1.0, 2.0))
 SQUARES = ByPosition((0.0, 1.0), (0.0, 1.0))
+OBLONGS = ByPosition((0.0, 1.0, 2.0), (0.0, 0.5))
 
 EDGES = [0.0, -0.0, 0.5, 1.0, 2.0, 5e-324, 2**53 + 1, float("inf"), float("nan"), True, "a", None]
 values = st.one_of(st.sampled_from(EDGES), st.floats(-1, 3), st.integers(-1, 3))
@@ -28,10 +29,18 @@ comparisons = st.one_of(
     st.builds(
         "distance({}) {} {}".format,
         st.sampled_from(
-            ["x, y, 0, 0.5", "1.5, 0, x, y", "x, 0.5, y, 0", "x, y, x, 9", "z, 0, 0, y"]
+            [
+                "x, y, 0, 0.5",
+                "1.5, 0, x, y",
+                "x, 0.5, y, 0",
+                "y, 0, x, 0",
+                "x, y, x, 9",
+                "z, 0, 0, y",
+                "x, y, 1e999, 0",
+            ]
         ),
         st.sampled_from(["<", "<=", ">", ">=", "==", "!="]),
-        st.sampled_from(["0", "0.5", "1", "1e200", "z"]),
+        st.sampled_from(["0", "0.5", "1", "1.8", "1e200", "z"]),
     ),
 )
 conditions = st.recursive(
@@ -52,7 +61,7 @@ def test_the_region_of_each_receiver_is_reached(condition, x, y, z):
     if not holds(condition, state):
         return
     agent = AgentNode("ARabbit", "r", tuple(state), tuple(state.values()))
-    for partition in (GRID, TREE, ROW):
+    for partition in (GRID, TREE, ROW, SQUARES, OBLONGS):
         assert partition.region_of(agent) in Reach(partition).regions_for(condition)
 
 
@@ -63,6 +72,7 @@ def test_the_region_of_each_receiver_is_reached(condition, x, y, z):
         (ROW, "not (x <= 1.5)", [2, 3]),
         (ROW, "x < 0 or x > 2", [0, 3]),
         (ROW, "x == 1.5", [2]),
+        (ROW, "x == 1", [2]),
         (ROW, "y > 3", [0, 1, 2, 3]),
         (ROW, "distance(x, y, 1.5, 0) < 0.6", [1, 2, 3]),
         (ROW, "0.4 >= distance(x, y, 1.5, 0)", [2]),
@@ -84,6 +94,9 @@ def test_the_region_of_each_receiver_is_reached(condition, x, y, z):
             "distance(x, y, 0.5, 0.5) > 0.8",
             [0, 1, 2, 3, 5, 6, 7, 8],
         ),
+        (SQUARES, "distance(x, y, 0, 0) > 1.4142135623730951", [0, 1, 2, 3, 5, 6, 7, 8]),
+        (SQUARES, "not (distance(x, y, 0, 0) == 9)", range(9)),
+        (OBLONGS, "distance(y, 0, x, 0) > 1.8", [0, 1, 2, 3, 4, 6, 7, 8, 9, 10, 11]),
         (ROW, "x == true", [0, 1, 2, 3]),
         (ROW, "", [0, 1, 2, 3]),
         (GRID, "x > 0.2 and x < 0.8", range(6)),

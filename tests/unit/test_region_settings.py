@@ -178,6 +178,7 @@ class Rabbit(Agent, symbol="ARabbit"):
 
 
 def test_what_needs_the_whole_world_keeps_regions_in_step():
+    Eye.made = 0
     file = read("count = 2\nlag = 3\nmove_every = 9")
     norms = Norm("far", when="x > 3"), Norm("near", when="x > 3", where="#rabbit0.x < x")
     own, judged = (replace(file, world=replace(file.world, norms=norms[:n])) for n in (1, 2))
