@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from minerva_bus.api.world import World
-from minerva_bus.errors import WorldFileError
+from minerva_bus.errors import MinervaError, WorldFileError
 from minerva_bus.grammar.parser import parse
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.traversal import walk
@@ -16,7 +16,10 @@ from minerva_bus.launch.installed import file_text, find_world
 from minerva_bus.launch.restless import restless
 from minerva_bus.launch.specs import load
 from minerva_bus.launch.structure import structure_of
+from minerva_bus.launch.unplaced import unplaced
+from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.wording import counted
+from minerva_bus.world.service_inputs import WorldInfo
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +48,9 @@ def check(world: World | str | Path, *, vocabulary: str = "", code: bool = True)
     """
     if isinstance(world, World):
         file = world.read()
-        return Checked(_world_shown(len(file.processes), file.world.scene), restless(file))
+        _check_services(file)
+        warnings = [*restless(file), *unplaced(file)]
+        return Checked(_world_shown(len(file.processes), file.world.scene), warnings)
     path = Path(world)
     # Neither a file nor a name with a suffix: an installed world.
     if not path.suffix and not path.exists():
@@ -59,6 +64,28 @@ def check(world: World | str | Path, *, vocabulary: str = "", code: bool = True)
     processes = counted(len(structure.processes), "process")
     shown = f"a world of {processes}, {string}; no code was run"
     return Checked(shown, code=list(structure.code))
+
+
+def _check_services(file: WorldFile) -> None:
+    """Let services whose `joined` has no effects compare their options with the world.
+
+    Raises WorldFileError.
+    """
+    world, tables = file.world, set[str]()
+    info = WorldInfo(world.name, world.vocabulary, world.seed, world.dt)
+    for process in file.processes:
+        if process.make_service is None or process.table in tables - {""}:
+            continue
+        tables.add(process.table)
+        service = process.participant().service
+        if service is None or not service.checked:
+            continue
+        try:
+            service.joined(info)
+        except MinervaError as error:
+            raise WorldFileError(f"{file.path}: [process.{process.name}]: {error}") from None
+        finally:
+            service.close()
 
 
 def _world_shown(processes: int, scene: Scene) -> str:

@@ -21,6 +21,7 @@ from minerva_bus.launch.regions.settings import check_regions, read_hosts, read_
 from minerva_bus.launch.specs import called
 from minerva_bus.launch.table import Table
 from minerva_bus.launch.toml import TomlError, read_toml
+from minerva_bus.launch.unplaced import unplaced
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.settings.kinds import TEXT, TOPICS
 from minerva_bus.settings.overrides import AS_WRITTEN, Overrides
@@ -140,6 +141,7 @@ def _read(top: Table, text: str, path: Path) -> WorldFile:
     )
     check_regions(file, members)
     file = distributed(file)
+    file = replace(file, notes=(*file.notes, *unplaced(file)))
     interactive = any(each.service is not None and each.service.interactive for each in members)
     return _interactive(file, overrides) if interactive else file
 

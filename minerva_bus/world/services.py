@@ -63,6 +63,9 @@ class Service:
     pulse_every: float = 0.0
     """Seconds between calls of `pulse`; 0 disables it."""
 
+    checked: ClassVar[bool] = False
+    """Whether `joined` only reads and checks; `minerva check` then calls it, and `close`."""
+
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
         # Here, and not when a frame calls them: a wrong signature then names the class, not a

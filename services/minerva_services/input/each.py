@@ -20,6 +20,8 @@ class Each(Generator, ahead=True):
 
     """
 
+    checked = True
+
     def __init__(self, event: str, every: int = 1) -> None:
         if every < 1:
             raise MisuseError(f"each: every is {every}; expected an integer >= 1 (frames)")

@@ -22,6 +22,8 @@ class Orders(Generator):
 
     """
 
+    checked = True
+
     def __init__(self, event: str, first: Mapping[str, Any] | None = None) -> None:
         self._type = event
         self._data = first

@@ -30,6 +30,8 @@ class RecordedEvents(Generator):
 
     """
 
+    checked = True
+
     def __init__(self, file: str, events: str, begin: int = 0) -> None:
         if begin < 0:
             raise MisuseError(f"recorded: begin is {begin}; expected a frame from 0")

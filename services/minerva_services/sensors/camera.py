@@ -33,6 +33,8 @@ class Camera(Generator, events=("eCamera",)):
     topics = ("sightings",)
     halo = OWN_READINGS
 
+    checked = True
+
     def __init__(
         self,
         topic: str = "sightings",

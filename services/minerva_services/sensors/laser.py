@@ -58,6 +58,8 @@ class Laser(Generator, events=("eLaser",)):
     topics = ("scan",)
     halo = OWN_READINGS
 
+    checked = True
+
     def __init__(
         self,
         topic: str = "scan",

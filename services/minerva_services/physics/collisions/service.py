@@ -105,6 +105,8 @@ class Collisions(Device, Generator, coupled=True):
 
     """
 
+    checked = True
+
     def __init__(
         self,
         event: str = "eCollision",

@@ -60,6 +60,8 @@ class Neighbours(Device, Generator, coupled=True):
 
     """
 
+    checked = True
+
     def __init__(
         self,
         event: str = "eNear",

@@ -1,0 +1,103 @@
+"""`check` compares the options of services, and the rules of `[placement]`, with the world."""
+
+import pytest
+
+from minerva_bus import check
+from minerva_bus.errors import WorldFileError
+from tests.runtime.running import here
+
+CODE = """\
+from minerva_bus import Agent, EventType, Generator, Vocabulary, on
+
+eHonk = EventType("eHonk", loud=float)
+
+
+class Car(Agent, symbol="ACar"):
+    heard: float = 0.0
+
+    @on("eHonk")
+    def hear(self, honk, moment):
+        self.heard += honk.loud
+
+
+class Loud(Generator, events=("eHonk",)):
+    def joined(self, world):
+        raise AssertionError("its `joined` may have effects")
+
+
+vocabulary = Vocabulary.of(eHonk, Car)
+"""
+WORLD = """\
+[world]
+string = "ACar#a · ACar#b"
+vocabulary = "hall:vocabulary"
+frames = 5
+
+[process.cars]
+agents = "hall:Car"
+processes = 2
+"""
+
+
+def world(folder, more):
+    (folder / "hall.py").write_text(CODE)
+    path = folder / "hall.toml"
+    path.write_text(WORLD + more)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("service", "problem"),
+    [
+        ('service = "each"\nevent = "eHonk"', "each: eHonk needs loud (real)"),
+        ('service = "each"\nevent = "eHank"', "eHank; did you mean 'eHonk'?"),
+        ('service = "orders"\nevent = "eHonk"\nfirst = { lowd = 1.0 }', "did you mean 'loud'?"),
+        (
+            'service = "recorded"\nevents = "eHonk"\nfile = "missing.mcap"',
+            "missing.mcap: No such file or directory",
+        ),
+        ('service = "laser"\nevent = "eHonk"', "laser: eHonk has no dist"),
+        ("service = 'camera'\nevent = 'eHonk'", "camera: eHonk has no marker"),
+    ],
+)
+def test_options_that_do_not_fit_the_world_are_reported(service, problem, tmp_path):
+    path = world(tmp_path, f"[process.source]\n{service}\n")
+    with pytest.raises(WorldFileError) as caught:
+        check(path)
+    assert problem in str(caught.value)
+    assert str(caught.value).startswith(f"{path}: [process.source]: ")
+
+
+def test_only_services_that_declare_it_are_asked(tmp_path):
+    check(world(tmp_path, '[process.source]\nservice = "hall:Loud"\n'))
+
+
+@pytest.mark.parametrize(
+    ("rule", "warning"),
+    [
+        ('"car-1"', "the name 'car-1'; did you mean 'cars-1'?"),
+        ('["gpu-*", "tpu"]', "the name 'gpu-*' or 'tpu'; there are cars-1, cars-2"),
+        ('{ near = "camera" }', "near: there is no process 'camera'; there are cars-1, cars-2"),
+        ('{ only = ["x"], near = "cars-1" }', "the name 'x'; there are"),
+        ('"cars-*"', ""),
+        ('{ only = ["cars-2"], near = "cars-1" }', ""),
+    ],
+)
+def test_placement_that_no_process_of_the_file_fits_is_warned_of(rule, warning, tmp_path):
+    path = world(tmp_path, f"[placement]\nACar = {rule}\n")
+    warnings = check(path).warnings
+    assert len(warnings) == bool(warning)
+    for text in warnings:
+        assert text.startswith("placement.ACar: ")
+        assert warning in text
+
+
+def test_a_program_may_have_any_agents(tmp_path):
+    more = '[process.host]\ncommand = ["true"]\n[placement]\nACar = "host"\n'
+    assert check(world(tmp_path, more)).warnings == []
+
+
+def test_a_run_prints_the_warning(tmp_path):
+    path = world(tmp_path, '[placement]\nACar = "nowhere"\n')
+    done = here(tmp_path, "run", path.name, "--in-process", "--frames", "2")
+    assert "placement.ACar: no process that may have such agents" in done.stderr
