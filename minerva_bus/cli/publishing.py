@@ -60,6 +60,8 @@ def publish(order: OrderToSend, waiting: Waiting, target: WorldTarget, as_json: 
             sender = f" by {answer['by']}" if answer["by"] else ""
             sent = f"sent{sender}{through}, after frame {answer['frame']} began"
             print_result(f"{answer['event']} {sent}")
+            if "note" in answer:
+                print_message(f"warning: {answer['note']}")
         fate = _fate(world, int(answer["number"]), waiting) if waiting.fate else None
     if as_json:
         print_json({**answer, "order": None if fate is None else asdict(fate)})

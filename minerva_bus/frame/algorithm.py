@@ -31,6 +31,7 @@ from minerva_bus.frame.norms import BROKEN, Norms
 from minerva_bus.frame.phases import TRANSITIONS, Awaited, Phase
 from minerva_bus.frame.placement import Placement
 from minerva_bus.frame.shutdown import Shutdown
+from minerva_bus.frame.unknown_receivers import EVENTS
 from minerva_bus.frame.views import Views, due_views
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.fitting import Unfit
@@ -109,6 +110,7 @@ class FrameAlgorithm:
         # generator and no host has to answer runs through all of its steps here.
         if self.phase is Phase.TICK and not in_flight.pending:
             source.collect()  # 2: e* = E(G*, t); 3: e^v of views; 4: e^u of evolution
+            self._report_unknown_receivers()
             self._enter(Awaited.EVENTS)
             source.evolve()  # 5: w_next = η(w, e^u); 6: v = π(w, e^v)
         # `settle` is the last condition because it has effects: it applies the norms, and may
@@ -194,6 +196,13 @@ class FrameAlgorithm:
             counts = sorted(self.norms.broken.items())
             self.shutdown.add_figures(SOURCE, {BROKEN + name: count for name, count in counts})
         self.out.add(s.Ended(self.shutdown.reason, self.shutdown.total()))
+
+    def _report_unknown_receivers(self) -> None:
+        # Repeated frames have reported theirs.
+        if self.source.has_all_agents and self.in_flight.logged is None:
+            events = self.in_flight.events.ordered
+            for problem in self.inbox.unknown.problems(events, self.composition):
+                self.out.log(EVENTS, problem)
 
     def _enter(self, awaited: Awaited) -> None:
         self.phase = TRANSITIONS[self.phase, awaited]

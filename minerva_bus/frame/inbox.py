@@ -13,6 +13,7 @@ from minerva_bus.frame import messages as m
 from minerva_bus.frame.checkpoint import Checkpoint
 from minerva_bus.frame.event_sources import AGENTS, is_people, person_of, postponed_to, source_of
 from minerva_bus.frame.lag import Homes, saved_strays
+from minerva_bus.frame.unknown_receivers import UnknownReceivers
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.scene import Scene
@@ -110,7 +111,8 @@ class FrameInbox:
     """Events that wait for the next frame, by source.
 
     `emitted`: events that agents have sent for the next frame; `postpone` queues those for later
-    ones, and with a lag depends on the `homes` of agents. `sanctions`: events from norms.
+    ones, and with a lag depends on the `homes` of agents. `sanctions`: events from norms. `unknown`
+    finds events for agents that have never been in the string.
     """
 
     def __init__(self, past: Checkpoint, scene: Scene) -> None:
@@ -130,6 +132,7 @@ class FrameInbox:
         self.max_single_events: int = MAX_SINGLE_EVENTS
         self.max_waiting: int = MAX_WAITING
         self.homes = Homes(scene, saved_strays(past.saved))
+        self.unknown = UnknownReceivers(scene)
         self._counts: dict[str, int] = {}
 
     def __bool__(self) -> bool:

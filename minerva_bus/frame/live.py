@@ -26,10 +26,12 @@ class FrameSource:
     """The steps of Table 2 whose inputs are from members or from a record.
 
     This base class is a source without members: it ignores their messages. `admits_at_once`: a
-    member that joins during a frame does not wait for the next one.
+    member that joins during a frame does not wait for the next one. `has_all_agents`: its string is
+    that of the world, and not a part.
     """
 
     admits_at_once: bool = False
+    has_all_agents: bool = True
 
     def __init__(self, algorithm: FrameAlgorithm) -> None:
         self._algorithm = algorithm

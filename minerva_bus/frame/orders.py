@@ -42,6 +42,20 @@ def refusal_of_order(world: FrameAlgorithm, event_type: str) -> str:
     return ""
 
 
+def without_effect(world: FrameAlgorithm, event: Event) -> str:
+    """Why an order can change nothing, or an empty string: none of its receivers responds to it."""
+    vocabulary = world.world.vocabulary
+    if vocabulary.events[event.type].visual or world.members.takers(event.type):
+        return ""
+    kinds = {world.composition.kind(receiver) for receiver in event.receivers} - {""}
+    responding = [name for name, kind in vocabulary.kinds.items() if event.type in kind.subscribes]
+    if not (kinds or {*vocabulary.kinds}).isdisjoint(responding):
+        return ""
+    if not responding:
+        return f"no agent kind of this world responds to {event.type}"
+    return f"no {' or '.join(sorted(kinds))} responds to {event.type}; {listed(responding)} does"
+
+
 def unknown_value(
     world: FrameAlgorithm, event: Event, known_by: dict[Of, set[str]] | None = None
 ) -> str:

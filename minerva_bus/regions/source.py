@@ -25,6 +25,8 @@ class RegionSource(LiveSource):
     actions devices must not execute.
     """
 
+    has_all_agents = False
+
     def __init__(self, algorithm: FrameAlgorithm) -> None:
         super().__init__(algorithm)
         self.places: Sequence[Place] = ()

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from itertools import islice
 from typing import Any, Final
 
-from minerva_bus.errors import ProtocolError, SceneError, nearest
+from minerva_bus.errors import ProtocolError, SceneError
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.inbox import MAX_SINGLE_EVENTS
-from minerva_bus.frame.orders import listed, refusal_of_order, unknown_value
+from minerva_bus.frame.orders import listed, refusal_of_order, unknown_value, without_effect
+from minerva_bus.frame.unknown_receivers import MAX_NAMES, unknown_agent
 from minerva_bus.grammar.batch import Events
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.fitting import Unfit
@@ -22,9 +22,6 @@ from minerva_bus.wire.reader import Reader
 
 MAX_CHARS: Final = 16_384
 """Characters of the data and the condition of an event, which the main thread parses."""
-
-MAX_NAMES: Final = 10_000
-"""Agents up to which an error compares their ids with an unknown one."""
 
 
 def order(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
@@ -65,10 +62,9 @@ def _send_batch(running: Operated, batch: Events, person: str) -> dict[str, Any]
 
 def _no_agent(running: Operated, receiver: str) -> str:
     composition = running.algorithm.composition
-    known = sorted(islice(composition.agents(), MAX_NAMES))
-    several = listed(known) if composition.count <= MAX_NAMES else f"{composition.count} agents"
-    hint = nearest(receiver, known) or f"; there are {several}"
-    return f"there is no agent #{receiver[:64]}{hint}"
+    few = composition.count <= MAX_NAMES
+    several = listed(sorted(composition.agents())) if few else f"{composition.count} agents"
+    return f"there is no agent {unknown_agent(composition, receiver, f'there are {several}')}"
 
 
 def _send(
@@ -86,6 +82,7 @@ def _send(
     if refusal:
         raise ProtocolError(refusal)
     takers = [member.name for member in algorithm.members.takers(event.type)]
+    note = without_effect(algorithm, event)
     number = running.orders.arrive(event, person, algorithm.frame)
     running.runner.handle(s.Publish(event, person))
     return {
@@ -94,6 +91,7 @@ def _send(
         "through": takers,
         "by": person,
         "number": number,
+        **({"note": note} if note else {}),
     }
 
 

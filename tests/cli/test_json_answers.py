@@ -96,6 +96,9 @@ def test_members(world):
 def test_events(world):
     sent = answer(world.folder, "pub", "eWish", "x=1", "name=n")
     assert sent["event"].startswith("eWish")
+    assert "note" not in sent
+    ignored = answer(world.folder, "pub", "eNoise")
+    assert ignored["note"] == "no agent kind of this world responds to eNoise"
 
 
 def test_metrics_name_their_address(world):
