@@ -5,6 +5,7 @@ certificates.py describes their contents.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -108,6 +109,21 @@ def read_issued(path: Path, authority: x509.Certificate, revoked: frozenset[int]
     key = path.with_suffix(".key").exists()
     begins, ends = made.not_valid_before_utc, made.not_valid_after_utc
     return Issued(rights, hosts, made.serial_number, begins, ends, key)
+
+
+def write_file(path: Path, data: bytes, mode: int) -> None:
+    """Write a file atomically, with its mode from the first byte on. Raises KeysError."""
+    beside = path.with_suffix(f".{os.getpid()}.new")
+    try:
+        # May be left from a killed process with the same id, which is always 1 in a container.
+        beside.unlink(missing_ok=True)
+        # O_EXCL, so that a link at this path is not followed.
+        descriptor = os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode)
+        with os.fdopen(descriptor, "wb") as file:
+            file.write(data)
+        beside.replace(path)
+    except OSError as error:
+        raise KeysError(f"{path} cannot be written: {error.strerror}") from None
 
 
 def _content(path: Path) -> bytes:

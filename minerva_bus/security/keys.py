@@ -16,7 +16,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Final
 
-from minerva_bus.errors import KeysError, MisuseError, nearest
+from minerva_bus.errors import KeysError, nearest
 from minerva_bus.security.certificate_files import (
     certificate_pem,
     check_pair,
@@ -25,24 +25,27 @@ from minerva_bus.security.certificate_files import (
     read_issued,
     read_key,
     read_revoked,
+    write_file,
 )
 from minerva_bus.security.certificates import Authority, Issued, Wanted, now
 from minerva_bus.security.credentials import (
     FAMILY,
     HUB,
-    REGION,
-    ROLES,
-    SERVERS,
     Credentials,
     Rights,
     covers,
     family_start,
-    overlap,
 )
-from minerva_bus.wire.keys import COORDINATOR, checked_name, is_name, number_of_region
+from minerva_bus.security.wanted_names import (
+    AUTHORITY,
+    REVOKED,
+    check_alone,
+    check_case,
+    check_wanted,
+)
+from minerva_bus.wire.keys import COORDINATOR
 
 AUTHORITY_DAYS: Final = 3650
-_AUTHORITY, _REVOKED = "ca", "crl"
 _STAGED: Final = "key.new"
 
 
@@ -57,7 +60,7 @@ class KeyFolder:
 
     def init(self, hosts: Iterable[str] = (), days: int = AUTHORITY_DAYS) -> Issued:
         """Create the authority and the coordinator's certificate. Raises KeysError."""
-        if self._has(_AUTHORITY):
+        if self._has(AUTHORITY):
             raise KeysError(f"{self.folder} has an authority already (minerva keys list)")
         if days < 1:
             raise KeysError(f"--days must be a whole number from 1, not {days}")
@@ -69,17 +72,21 @@ class KeyFolder:
         except OSError as error:
             raise KeysError(f"{self.folder}: {error.strerror}") from None
         # ca.pem is written last, because its presence means that the folder is complete. Without
-        # it, the next `init` replaces everything else.
-        _put(self._path(_AUTHORITY, "key"), key_pem(made.key), 0o600)
-        _put(self._path(_REVOKED, "pem"), made.revocations((), self.now), 0o644)
-        _put(self._path(COORDINATOR, "key"), key_pem(key), 0o600)
-        _put(self._path(COORDINATOR, "pem"), certificate_pem(certificate), 0o644)
-        _put(self._path(_AUTHORITY, "pem"), certificate_pem(made.certificate), 0o644)
+        # it, the next `init` replaces everything else; crl.pem, the first one, shows that an
+        # `init` has written it.
+        if not self._has(REVOKED):
+            for name in (AUTHORITY, COORDINATOR):
+                self._check_free(name)
+        write_file(self._path(REVOKED, "pem"), made.revocations((), self.now), 0o644)
+        write_file(self._path(AUTHORITY, "key"), key_pem(made.key), 0o600)
+        write_file(self._path(COORDINATOR, "key"), key_pem(key), 0o600)
+        write_file(self._path(COORDINATOR, "pem"), certificate_pem(certificate), 0o644)
+        write_file(self._path(AUTHORITY, "pem"), certificate_pem(made.certificate), 0o644)
         return self.issued()[COORDINATOR]
 
     def issue(self, name: str, wanted: Wanted, *, renew: bool = False) -> Issued:
         """Issue a certificate with its key; `renew` replaces an existing one. Raises KeysError."""
-        self._check(name, wanted)
+        check_wanted(name, wanted)
         common, issued = name + FAMILY * wanted.family, self.issued()
         there = issued.get(name)
         # Access rules contain names only: a new certificate of this name would admit the
@@ -95,14 +102,17 @@ class KeyFolder:
         if there is not None and there.rights.name != common:
             given = "with" if family_start(there.rights.name) else "without"
             raise KeysError(f"{there.rights.name} is renewed {given} --family")
+        if there is None:
+            self._check_free(name)
+            check_case(name, (*issued, AUTHORITY, REVOKED, COORDINATOR))
         # A name in two certificates would have two sets of rights.
         others = [other.rights.name for other in issued.values() if other is not there]
-        _check_alone(common, others, "choose another name")
+        check_alone(common, others, "choose another name")
         certificate, key = self._authority().issue(common, wanted, self.now)
         # Two files cannot change at once. The new key is stored beside the former pair, the
         # certificate commits the change, and the next reader, here `issued`, completes it.
-        _put(self._path(name, _STAGED), key_pem(key), 0o600)
-        _put(self._path(name, "pem"), certificate_pem(certificate), 0o644)
+        write_file(self._path(name, _STAGED), key_pem(key), 0o600)
+        write_file(self._path(name, "pem"), certificate_pem(certificate), 0o644)
         return self.issued()[name]
 
     def revoke(self, name: str) -> Issued:
@@ -110,26 +120,26 @@ class KeyFolder:
         issued = self._named(name)
         if issued.rights.revoked:
             raise KeysError(f"{name} has been revoked already")
-        authority, path = self._authority(), self._path(_REVOKED, "pem")
+        authority, path = self._authority(), self._path(REVOKED, "pem")
         # The former list is verified first: a damaged one must not be replaced by a shorter one.
         serials = read_revoked(path, authority.certificate) | {issued.serial}
-        _put(path, authority.revocations(serials, self.now), 0o644)
+        write_file(path, authority.revocations(serials, self.now), 0o644)
         return self._named(name)
 
     # --- reading ---
 
     def issued(self) -> Mapping[str, Issued]:
         """All certificates of the folder except the authority's, by file. Raises KeysError."""
-        if not self._has(_AUTHORITY):
+        if not self._has(AUTHORITY):
             raise KeysError(
                 f"{self.folder} has no authority (ca.pem); create one with minerva keys init, or"
                 " copy it together with the keys"
             )
-        authority, revoked = read_certificate(self._path(_AUTHORITY, "pem")), frozenset[int]()
-        if self._has(_REVOKED):  # Only the world needs the list; members may lack it.
-            revoked = read_revoked(self._path(_REVOKED, "pem"), authority)
+        authority, revoked = read_certificate(self._path(AUTHORITY, "pem")), frozenset[int]()
+        if self._has(REVOKED):  # Only the world needs the list; members may lack it.
+            revoked = read_revoked(self._path(REVOKED, "pem"), authority)
         files = sorted(self.folder.glob("*.pem"))
-        members = [file for file in files if file.stem not in (_AUTHORITY, _REVOKED)]
+        members = [file for file in files if file.stem not in (AUTHORITY, REVOKED)]
         for file in members:
             self._complete(file.stem)
         return {file.stem: read_issued(file, authority, revoked) for file in members}
@@ -140,12 +150,12 @@ class KeyFolder:
         Raises KeysError, also without a revocation list and for overlapping names.
         """
         # For the coordinator a missing list is an error, not an empty list.
-        if not self._has(_REVOKED):
+        if not self._has(REVOKED):
             raise KeysError(f"{self.folder} lacks crl.pem: without it, revoked members could join")
         rights = {issued.rights.name: issued.rights for issued in self.issued().values()}
         valid = [name for name, holder in rights.items() if not holder.revoked]
         for place, name in enumerate(valid):
-            _check_alone(name, valid[:place], "revoke one of them")
+            check_alone(name, valid[:place], "revoke one of them")
         return rights
 
     def credentials(self, name: str = "", bearer: str = "") -> Credentials:
@@ -167,7 +177,7 @@ class KeyFolder:
             )
         check_pair(pem, key)
         own = (name or f"{start}{os.getpid()}") if start else bearer
-        return Credentials(own, self._path(_AUTHORITY, "pem"), pem, key, issued.rights.roles)
+        return Credentials(own, self._path(AUTHORITY, "pem"), pem, key, issued.rights.roles)
 
     def stamp(self) -> tuple[tuple[str, int], ...]:
         """A value that changes when a certificate is issued or revoked. Raises OSError."""
@@ -212,12 +222,21 @@ class KeyFolder:
                 " search the folder and to read its files"
             ) from None
 
+    def _check_free(self, name: str) -> None:
+        """Raises KeysError if there is a key without its certificate, made by something else."""
+        key = self._path(name, "key")
+        if key.is_symlink() or key.exists():
+            raise KeysError(
+                f"{key} exists, but not {name}.pem; move the key away, or choose another name or"
+                " folder"
+            )
+
     def _path(self, name: str, kind: str) -> Path:
         return self.folder / f"{name}.{kind}"
 
     def _authority(self) -> Authority:
-        certificate = read_certificate(self._path(_AUTHORITY, "pem"))
-        authority = Authority(certificate, read_key(self._path(_AUTHORITY, "key")))
+        certificate = read_certificate(self._path(AUTHORITY, "pem"))
+        authority = Authority(certificate, read_key(self._path(AUTHORITY, "key")))
         if self.now > authority.ends:
             raise KeysError(
                 f"the authority of {self.folder} expired on {authority.ends:%Y-%m-%d}, and all"
@@ -257,50 +276,3 @@ class KeyFolder:
             hint = nearest(name, list(issued), f"there are {there}")
             raise KeysError(f"{self.folder} has no certificate of {name!r}{hint}")
         return issued[name]
-
-    def _check(self, name: str, wanted: Wanted) -> None:
-        try:
-            checked_name(name, "a certificate")
-        except MisuseError as error:
-            raise KeysError(str(error)) from None
-        for role in wanted.roles:
-            if role not in ROLES:
-                hint = nearest(role, list(ROLES), f"there are {', '.join(ROLES)}")
-                raise KeysError(f"--role: there is no role {role!r}{hint}")
-        if not wanted.roles:
-            raise KeysError(f"--role is missing; roles are {', '.join(ROLES)}")
-        if (name == COORDINATOR) != (HUB in wanted.roles) or name in (_AUTHORITY, _REVOKED):
-            raise KeysError(f"{name} cannot be {', '.join(wanted.roles)}: choose another name")
-        if REGION in wanted.roles and number_of_region(name) is None:
-            raise KeysError(
-                f"{name} cannot be a {REGION}: certificates of regions are named"
-                " region-0, region-1 and so on"
-            )
-        if wanted.family and not SERVERS.isdisjoint(wanted.roles):
-            raise KeysError(f"{', '.join(wanted.roles)}: this role cannot have a family")
-        if wanted.family and not is_name(f"{name}-a"):
-            raise KeysError(f"{name} is too long for a family, whose members' names begin with it")
-        if wanted.days < 1:
-            raise KeysError(f"--days must be a whole number from 1, not {wanted.days}")
-
-
-def _check_alone(name: str, others: Iterable[str], otherwise: str) -> None:
-    """Raises KeysError if two certificates are valid for the same member."""
-    for other in others:
-        if overlap(name, other):
-            raise KeysError(f"{name} and {other} have names in common: {otherwise}")
-
-
-def _put(path: Path, data: bytes, mode: int) -> None:
-    """Write a file atomically, with its mode from the first byte on."""
-    beside = path.with_suffix(f".{os.getpid()}.new")
-    try:
-        # May be left from a killed process with the same id, which is always 1 in a container.
-        beside.unlink(missing_ok=True)
-        # O_EXCL, so that a link at this path is not followed.
-        descriptor = os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode)
-        with os.fdopen(descriptor, "wb") as file:
-            file.write(data)
-        beside.replace(path)
-    except OSError as error:
-        raise KeysError(f"{path} cannot be written: {error.strerror}") from None
