@@ -9,7 +9,8 @@ from minerva_bus.api.live import Live
 from minerva_bus.cli.options import WorldTarget
 from minerva_bus.cli.output import Done, print_message, print_report
 from minerva_bus.cli.places import client
-from minerva_bus.errors import MinervaError
+from minerva_bus.errors import BusError, MinervaError
+from minerva_bus.launch.registry import find
 from minerva_bus.mcp.permissions import checked_permissions
 from minerva_bus.settings.kinds import address
 from minerva_bus.wording import install
@@ -28,6 +29,12 @@ def serve_assistants(
 
     if not folder.is_dir():
         raise MinervaError(f"--folder: there is no folder {folder}")
+    if not target.connect:
+        try:
+            find(target.world)
+        except BusError as error:
+            # No error, because an assistant's configuration starts the server at any time.
+            print_message(f"warning: {error}; the tools look for it at each call")
     link = WorldConnection(lambda: _connected(target, code))
     world = WorldServer(link, checked_permissions(allow), folder, print_message)
     try:
