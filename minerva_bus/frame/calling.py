@@ -91,7 +91,13 @@ def figures_by(service: Service) -> dict[str, bool | int | float | str]:
     Numbers that are not finite are omitted: the protocol forbids them.
     """
     with blamed(service.report):
-        reported = cast("Mapping[Any, Any]", service.report() or {})
+        returned: Any = service.report()
+        if not isinstance(returned, Mapping | None):
+            raise MisuseError(
+                f"it returns {returned!r:.60}; figures are a mapping of names to values, such as"
+                ' {"distance": 1.5}'
+            )
+        reported = cast("Mapping[Any, Any]", returned or {})
         named = [(name, _figure(name, value)) for name, value in reported.items()]
     return {
         name: value for name, value in named if not isinstance(value, float) or math.isfinite(value)

@@ -10,6 +10,7 @@ from math import isfinite
 from typing import Any, Final
 
 from minerva_bus.frame.description import World
+from minerva_bus.wire.plain import on_screen
 from minerva_bus.wording import counted
 
 Profile = Mapping[str, Mapping[str, float]]
@@ -145,7 +146,9 @@ class RunSummary:
         ]
         for name, value in self.figures.items():
             text = f"{value:.2f}" if isinstance(value, float) else str(value)
-            shown.append(f"  {name.replace('_', ' ')}: {text}")
+            # A member in any language may report any characters.
+            line = " ".join(f"{name.replace('_', ' ')}: {text}".split("\n"))
+            shown.append(f"  {on_screen(line)}")
         digest = f"  digest {self.digest}  (seed {self.seed})"
         return [*shown, digest, *_profile_lines(self.profile)]
 
