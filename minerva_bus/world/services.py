@@ -20,7 +20,7 @@ from collections.abc import Iterable, Mapping
 from types import MappingProxyType
 from typing import Any, ClassVar, Final, cast
 
-from minerva_bus.errors import MisuseError
+from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.world.halo import Halo, OwnFigures
 from minerva_bus.world.readings import Reading
@@ -67,6 +67,8 @@ class Service:
     """Whether `joined` only reads and checks; `minerva check` then calls it, and `close`."""
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
+        if kwargs and cls.__mro__[cls.__mro__.index(Service) + 1] is object:
+            raise MisuseError(_unknown_arguments(cls, [*kwargs]))
         super().__init_subclass__(**kwargs)
         # Here, and not when a frame calls them: a wrong signature then names the class, not a
         # frame.
@@ -103,6 +105,15 @@ class Service:
 
     def close(self) -> None:
         """Called once, at the end."""
+
+
+def _unknown_arguments(cls: type, names: list[str]) -> str:
+    known = [
+        *(("events", "lockstep", "ahead") if issubclass(cls, Generator) else ()),
+        *(("draws", "coupled") if issubclass(cls, Device) else ()),
+    ]
+    hint = nearest(names[0], known, f"it may have {', '.join(known) or 'none'}")
+    return f"{cls.__name__} has the unknown class argument {names[0]}{hint}"
 
 
 def _several(cls: type, what: str, event_types: tuple[str, ...] | str) -> tuple[str, ...]:
