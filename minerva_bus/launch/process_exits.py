@@ -75,7 +75,7 @@ class ProcessExits:
         unready = code == UNREADY
         how = "failed" if process.cause else process.blocked or how_ended(code)
         how = CANNOT_TAKE_PART if unready else how
-        delay = process.fail(run.coordinator.frame)
+        delay = process.fail(run.coordinator.frame, killed=code < 0)
         if delay is not None and run.log.failures.repeated(spec, code, process.cause):
             # `fail` has set the time of a restart.
             process.restart_at = None

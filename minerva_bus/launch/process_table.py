@@ -100,10 +100,17 @@ class SupervisedProcess:
         if self.joined_at is None:
             return False
         worked = now - self.joined_at - self.waited
-        return worked > HEALTHY_SECONDS and frame - self.joined_in >= HEALTHY_FRAMES
+        return worked > HEALTHY_SECONDS and self._has_worked(frame)
 
-    def fail(self, frame: int) -> float | None:
-        """Count a failure; returns the seconds until its restart, None if there is none."""
+    def _has_worked(self, frame: int) -> bool:
+        return self.joined_at is not None and frame - self.joined_in >= HEALTHY_FRAMES
+
+    def fail(self, frame: int, *, killed: bool = False) -> float | None:
+        """Count a failure; returns the seconds until its restart, None if there is none.
+
+        A process that was `killed` in the middle of its work has not failed itself, so nothing is
+        gained by a delay, for which others would wait.
+        """
         now = self.machine.monotonic()
         if self.was_healthy(now, frame):
             self.failures = 0
@@ -112,6 +119,8 @@ class SupervisedProcess:
         if self.spec.on_failure != "restart" or self.failures > self.spec.restarts:
             return None
         delay = min(MAX_RESTART_SECONDS, MIN_RESTART_SECONDS * 2 ** (self.failures - 1))
+        if killed and not self.waited and self._has_worked(frame):
+            delay = 0.0
         self.restart_at = now + delay
         return delay
 

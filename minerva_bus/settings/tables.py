@@ -347,8 +347,9 @@ class ProcessSettings:
     restarts: int = _process(
         5,
         "Consecutive failures after which the world stops.",
-        more="The delay before each restart grows (0.05 s, 0.1 s, ... 5 s). The count starts again"
-        " after 30 s without a failure.",
+        more="The delay before each restart grows (0.05 s, 0.1 s, ... 5 s); a process that is"
+        " killed after ten frames of work is restarted at once. The count starts again after 30 s"
+        " without a failure.",
     )
     speaks_for: tuple[str, ...] = _process(
         (),

@@ -94,6 +94,23 @@ def test_a_healthy_process_starts_with_no_failures_counted():
     assert process.failures == 1
 
 
+@pytest.mark.parametrize(("frames", "waited", "killed", "delay"), [
+    (HEALTHY_FRAMES, 0.0, True, 0.0),
+    (HEALTHY_FRAMES - 1, 0.0, True, 2 * MIN_RESTART_SECONDS),
+    (HEALTHY_FRAMES, 0.5, True, 2 * MIN_RESTART_SECONDS),
+    (HEALTHY_FRAMES, 0.0, False, 2 * MIN_RESTART_SECONDS),
+])  # fmt: skip
+def test_a_process_that_is_killed_while_it_works_is_restarted_at_once(
+    frames, waited, killed, delay
+):
+    process = SupervisedProcess(Process("a"), Clock(), failures=1)
+    process.started(ChildProcess(1, -1))
+    process.joined(7)
+    process.waited = waited
+    assert process.fail(7 + frames, killed=killed) == delay
+    assert process.failures == 2
+
+
 @pytest.mark.parametrize(("seconds", "frames", "waited"), [
     (HEALTHY_SECONDS - 1, 1000, 0.0),
     (1000.0, HEALTHY_FRAMES - 1, 0.0),
