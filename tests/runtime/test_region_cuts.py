@@ -94,7 +94,7 @@ def test_orders_count_once_whatever_dies_or_is_cut(
     A region has a file for its journal, or the coordinator keeps it: then the region also lacks
     what the report of its last frame had.
     """
-    monkeypatch.setattr(region_journal, "CHECKPOINT_FRAMES", frames)
+    monkeypatch.setattr(region_journal, "MIN_CHECKPOINT_FRAMES", frames)
     chance, orders = Random(seed), []
     file = replace(file, bus=replace(file.bus, journal=str(tmp_path) if kept else ""))
     delay = RegionLag(lag, file.partition, every) if lag else None

@@ -473,6 +473,16 @@ def test_an_error_in_code_stops_all_regions(path, fault, reported):
     assert re.search(f"region-[01] │ {reported}", done.stderr)
 
 
+@pytest.mark.parametrize(("size", "frames"), [(100, 10), (20 << 16, 20), (14 << 20, 200)])
+def test_a_process_repeats_few_frames_unless_checkpoints_are_large(tmp_path, size, frames):
+    """A checkpoint is never due more often than it takes 64 KiB of a frame."""
+    journal = FileJournal(tmp_path / "0.journal")
+    journal.open()
+    journal.begin_again(bytes(size))
+    due = [journal.is_due() for _ in range(frames + 1)]
+    assert due == [False] * frames + [True]
+
+
 def test_a_journal_omits_an_entry_that_was_cut_off(tmp_path):
     path, parcels = tmp_path / "journal", [ParcelArrived(n, bytes(n)) for n in (2, 0, 1)]
     journal = FileJournal(path)

@@ -15,8 +15,15 @@ from minerva_bus.regions.journal import CHECKPOINT, encoded, entries
 from minerva_bus.runtime.region_links import ParcelArrived
 
 CHECKPOINT_BYTES: Final = 4 << 20
-CHECKPOINT_FRAMES: Final = 200
-"""Bytes and frames of a journal after which a checkpoint replaces it: repeating them takes time."""
+"""Bytes of a journal, beyond the size of a checkpoint, after which a checkpoint replaces it."""
+
+MIN_CHECKPOINT_FRAMES: Final = 10
+MAX_CHECKPOINT_FRAMES: Final = 200
+"""Frames of a journal after which a checkpoint replaces it, at least and at most.
+
+While a process repeats them, other regions wait. A checkpoint of some ten thousand bytes takes a
+tenth of the time of a frame, so for ten frames it costs a hundredth.
+"""
 
 MAX_BYTES: Final = 64 << 20
 """Bytes after which a journal without checkpoints is given up: a world without an end would fill
@@ -24,7 +31,12 @@ the disk, and repeating its frames would take as long as the run."""
 
 
 class RegionJournal(ABC):
-    """The messages of a region since its last checkpoint, or since frame 0."""
+    """The messages of a region since its last checkpoint, or since frame 0.
+
+    `bytes_per_frame`: those of checkpoints, so that large ones are rare.
+    """
+
+    bytes_per_frame: int
 
     def __init__(self) -> None:
         self._frames = self._size = self._checkpoint_size = 0
@@ -69,7 +81,8 @@ class RegionJournal(ABC):
         self._frames += 1
         # A checkpoint that is longer than what it replaces would take more time than it saves.
         is_long = self._size > CHECKPOINT_BYTES + self._checkpoint_size
-        return is_long or self._frames > CHECKPOINT_FRAMES
+        frames = max(MIN_CHECKPOINT_FRAMES, self._checkpoint_size // self.bytes_per_frame)
+        return is_long or self._frames > min(frames, MAX_CHECKPOINT_FRAMES)
 
     def _note_checkpoint(self, checkpoint: bytes) -> None:
         self._checkpoint_size, self._frames, self._size = len(checkpoint), 0, 0
@@ -77,6 +90,8 @@ class RegionJournal(ABC):
 
 class FileJournal(RegionJournal):
     """A journal in a file, which does not exist any more once it has been given up."""
+
+    bytes_per_frame = 64 << 10
 
     def __init__(self, path: Path) -> None:
         super().__init__()
@@ -132,8 +147,11 @@ class FileJournal(RegionJournal):
 class ReportedJournal(RegionJournal):
     """A journal that travels to the coordinator of the world with the reports of the region.
 
-    A process on any machine can continue from it.
+    A process on any machine can continue from it. A checkpoint takes its share of a line between
+    machines.
     """
+
+    bytes_per_frame = 4 << 10
 
     def __init__(self) -> None:
         super().__init__()
