@@ -4,6 +4,7 @@ import os
 import subprocess
 import sys
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 from running import PATIENCE, write_world
@@ -203,7 +204,8 @@ def test_the_reason_of_a_coordinator_is_the_first_line_of_its_last_error():
     shown = []
     console = SimpleNamespace(log=lambda _, line: shown.append(line))
     context = SimpleNamespace(endpoint="tcp/127.0.0.1:1")
-    reports = CoordinatorReports(SimpleNamespace(console=console, context=context))
+    run: Any = SimpleNamespace(console=console, context=context)
+    reports = CoordinatorReports(run)
     lines = ["at first", "Goat.picture: ZeroDivisionError", "  goat.py:28", "    1 / 0"]
     for line in lines:
         reports.receive_line(line)
