@@ -4,10 +4,11 @@
 
 Coordinator and regions are hosts of their own (benchmarks/ip_lines.py, which needs root), as in
 docs/howto/regions.md, with the `delay` of their lines in ms. One after the other, lines between
-hosts lose everything for some seconds, region 1 is killed and started again, the coordinator is
-killed, and the host of region 1 disappears, while a process on another host stands by. `stands
-still` is the longest time between two frames from the begin of a failure on, in seconds. At the end
-the digest must be that of an undisturbed run; the exit code is 0 if so, otherwise 1.
+hosts lose everything for some seconds, region 1 is killed and started again, and the coordinator is
+killed. Then a process on another host stands by, first while region 1 is killed, and again while
+its host disappears. `stands still` is the longest time between two frames from the begin of a
+failure on, in seconds. At the end the digest must be that of an undisturbed run; the exit code is 0
+if so, otherwise 1.
 """
 
 from __future__ import annotations
@@ -43,7 +44,7 @@ class Failures:
 
     def __init__(self, running: RunningWorld) -> None:
         self._running = running
-        self._last = running.processes["region-1"]
+        self._last = self._former = running.processes["region-1"]
 
     def cut(self, hosts: tuple[int, int], seconds: float) -> None:
         """Lose everything between two hosts for some seconds."""
@@ -64,10 +65,21 @@ class Failures:
         children = Path(f"/proc/{launcher}/task/{launcher}/children").read_text().split()
         os.kill(int(children[0]), signal.SIGKILL)
 
+    def stand_by(self, host: int) -> None:
+        """Let a process on a host stand by for region 1, which is killed or lost next."""
+        standby = self._running.attach("region-1", host, "--standby")
+        time.sleep(PATIENCE / 10)
+        self._last, self._former = standby, self._last
+
+    def kill_for_standby(self) -> None:
+        """Kill region 1, while another process stands by."""
+        self._former.kill()
+        self._former.wait()
+
     def remove_host(self) -> None:
-        """Lose everything from and to the host of region 1 until the end."""
+        """Lose everything from and to the spare host, where region 1 is by then, until the end."""
         lines = self._running.lines
-        lines.cuts |= {frozenset((host, LAST)) for host in (COORDINATOR, FIRST, SPARE)}
+        lines.cuts |= {frozenset((host, SPARE)) for host in (COORDINATOR, FIRST, LAST)}
 
 
 def stands_still(running: RunningWorld, fail: Callable[[], None]) -> float:
@@ -116,10 +128,13 @@ def main() -> None:
         for what, fail in failing.items():
             still = stands_still(running, fail)
             table.row({"lag": given.lag, "failure": what, "stands still, s": still})
-        running.attach("region-1", SPARE, "--standby")
-        time.sleep(PATIENCE / 10)
-        still = stands_still(running, failures.remove_host)
-        table.row({"lag": given.lag, "failure": "host of region 1 gone", "stands still, s": still})
+        for host, what, fail in (
+            (SPARE, "region 1 killed, another one stands by", failures.kill_for_standby),
+            (LAST, "host of region 1 gone, another one stands by", failures.remove_host),
+        ):
+            failures.stand_by(host)
+            still = stands_still(running, fail)
+            table.row({"lag": given.lag, "failure": what, "stands still, s": still})
         digest, frames = running.ended()
         alone = "run", str(path), "--in-process", "--regions", "0", "--rate", "0", "--json"
         same = digest_of((*alone, "--frames", str(frames)))[0] == digest

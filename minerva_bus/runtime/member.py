@@ -22,6 +22,7 @@ from minerva_bus.runtime.diagnosis import not_let_in
 from minerva_bus.runtime.inbox import Inbox, KeyedSample, keyed_sample
 from minerva_bus.runtime.memory import keep_freed_memory
 from minerva_bus.runtime.own_threads import Leave, OwnThreads, Published, Pulse, ReportFigures
+from minerva_bus.runtime.predecessor import Predecessor
 from minerva_bus.runtime.reconnect import CheckConnection, Diagnosed, ReconnectMonitor
 from minerva_bus.runtime.rejoin import ReclaimName, Rejoin
 from minerva_bus.runtime.system import REAL, System, run_through
@@ -194,7 +195,8 @@ class MemberProcess:
         within = self._connect.arrival.named
         if self._connect.arrival.standby:
             self._notify(f"{self.member.name}: stands by until the member of this name has gone")
-            yield from self._rejoin.stand_by(session)
+            predecessor = Predecessor(self.member.name, self.link.keys, self._system)
+            yield from self._rejoin.stand_by(session, predecessor)
         yield from self._rejoin.name.until_free(session, self._system.monotonic, within)
 
     def _find_world(self, session: zenoh.Session) -> Iterator[None]:

@@ -12,6 +12,7 @@ from typing import Any, Final
 import zenoh
 
 from minerva_bus.errors import BusError
+from minerva_bus.runtime.predecessor import Predecessor
 from minerva_bus.runtime.reconnect import ReconnectMonitor
 from minerva_bus.runtime.system import System
 from minerva_bus.runtime.world_link import WorldLink
@@ -27,6 +28,9 @@ RECLAIM_SECONDS: Final = 0.1
 STANDBY_SECONDS: Final = 5.0
 """Seconds after which a standby takes a name that nobody has: a member that has lost its link for a
 moment, or is restarted, comes first."""
+
+SPREAD_SECONDS: Final = 0.5
+"""Further seconds, drawn by each standby: so that only one of several takes the name."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,20 +114,24 @@ class Rejoin:
             self.name.release()
             self._link.lost()
 
-    def stand_by(self, session: zenoh.Session) -> Iterator[None]:
+    def stand_by(self, session: zenoh.Session, predecessor: Predecessor) -> Iterator[None]:
         """Wait until the member of this name has gone; yields before each further check.
 
+        A predecessor that is known to have ended does not return, so its name is taken at once.
         Raises BusError if the world is unreachable for longer than a member waits for it.
         """
         clock, world = self._system.monotonic, self._link.keys.alive(COORDINATOR)
         present = free = clock()
-        # Different for each standby of a name, so that only one of them takes it.
-        absence = STANDBY_SECONDS + secrets.randbelow(1000) / 1000
-        while clock() < free + absence:
+        spread = SPREAD_SECONDS * secrets.randbelow(1000) / 1000
+        has_ended = False
+        while clock() < free + spread + (0.0 if has_ended else STANDBY_SECONDS):
             is_there = bool(list(session.liveliness().get(world, timeout=1.0)))
             # While a successor of the coordinator begins, no member has its name.
             if not is_there or self.name.is_taken(session):
-                free = clock()
+                free, has_ended = clock(), False
+                predecessor.note(session)
+            else:
+                has_ended = has_ended or predecessor.has_ended
             if is_there:
                 present = clock()
             elif clock() > present + self.monitor.patience:
