@@ -16,6 +16,7 @@ from minerva_bus.regions.dividing import cut
 from minerva_bus.regions.merging import Merger, in_order, merged
 from minerva_bus.regions.messages import from_message, packed_pairs, sources_in, to_message
 from minerva_bus.regions.outbox import Outbox
+from minerva_bus.regions.parcel import Parcel
 from minerva_bus.regions.part import PartReceiver, PartSender
 from minerva_bus.regions.progress import RegionsGoal
 from minerva_bus.regions.region import Region
@@ -88,6 +89,7 @@ class Process:
             copy.receive(message)
 
     def send(self, messages):
+        self.regions.check_sanctions(messages)
         self.outbox.keep(messages)
         self.sent += messages
 
@@ -153,6 +155,7 @@ class Regions:
     for_all: dict = field(default_factory=lambda: defaultdict(list))
     schedule: Schedule = field(default_factory=Schedule)
     parcels: int = 0
+    sanctions: int = 0
     end: tuple = ()
 
     def digests(self):
@@ -237,6 +240,13 @@ class Regions:
             self.processes[message.target].receive(arrived)
         if chance.random() < 0.2:  # A link that was cut is there again.
             self.send_again(chance.choice(self.processes), chance.choice(self.processes))
+
+    def check_sanctions(self, messages):
+        """Sanctions are for agents, which stay in their region unless agents can move."""
+        for message in messages:
+            if isinstance(message, Parcel) and not self.schedule.waits(message.frame + 1):
+                assert message.target == message.source or not message.norms.sanctions
+                self.sanctions += len(message.norms.sanctions)
 
     def send_again(self, source, target):
         kept = source.outbox.kept_for(target.region.number)

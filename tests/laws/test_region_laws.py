@@ -305,6 +305,7 @@ def test_regions_run_ahead_under_norms_on_what_agents_are(checkpoints):
     assert regions.ahead > 1
     assert broken_in(regions) == broken_in_one(world, LAG_FRAMES)
     assert set(broken_in(regions)) == {"far", "below"}
+    assert regions.sanctions
 
 
 @pytest.mark.parametrize("count", [2, 16])
