@@ -1,0 +1,54 @@
+"""Large reports of a region that runs ahead wait for the thread that decodes them."""
+
+from types import SimpleNamespace
+from typing import Any, cast
+
+import pytest
+
+from minerva_bus.frame import messages as m
+from minerva_bus.frame import stimuli as s
+from minerva_bus.frame.algorithm import FrameAlgorithm
+from minerva_bus.frame.compatibility import PROTOCOL_VERSION
+from minerva_bus.frame.description import World
+from minerva_bus.grammar.symbols import EventType, Primitive
+from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.runtime.large import IN_COLUMNS, MAX_BEHIND
+from minerva_bus.runtime.receiver import Receiver
+from minerva_bus.runtime.system import REAL
+from minerva_bus.wire.limits import DEFAULT
+from minerva_bus.wire.plain import pack
+
+PStone, eDrop = Primitive("PStone"), EventType("eDrop")
+
+
+def receiver_of(algorithm: FrameAlgorithm, put: Any) -> Receiver:
+    rules = SimpleNamespace(has_room=lambda *_: True, objection=lambda hello: "")
+    coordinator: Any = SimpleNamespace(
+        algorithm=algorithm, system=REAL, runner=SimpleNamespace(handle=None), log=print,
+        transport=SimpleNamespace(stamp=b"", empty_reply=b"", evolving_since=0.0),
+        admission=SimpleNamespace(keeps_out=lambda member: False, rules=rules),
+        metrics=SimpleNamespace(on=False), inbox=SimpleNamespace(put=put),
+    )  # fmt: skip
+    return Receiver(coordinator, DEFAULT, lambda member: None)
+
+
+@pytest.mark.parametrize("ahead", [0, 3])
+def test_as_many_more_large_reports_wait_as_a_region_runs_ahead(
+    ahead: int, monkeypatch: pytest.MonkeyPatch
+):
+    algorithm = FrameAlgorithm(World("w", PStone(), Vocabulary.of(PStone, eDrop)))
+    algorithm.receive(s.Appeared("region-0"))
+    hello = m.Hello("region-0", PROTOCOL_VERSION, generates=("eDrop",), lockstep=True)
+    algorithm.receive(hello)
+    algorithm.receive(s.Begin())
+    assert algorithm.awaits("region-0")
+    receiver, waiting, dropped = receiver_of(algorithm, None), list[Any](), list[str]()
+    large = SimpleNamespace(add=waiting.append, behind=lambda member: len(waiting))
+    monkeypatch.setattr(receiver, "_large", large)
+    monkeypatch.setattr(receiver, "_drop", dropped.append)
+    monkeypatch.setattr(cast("Any", algorithm.source), "early_replies", lambda member: ahead)
+    report = pack(["ticked", 0, [], {"part": b"0" * 2 * IN_COLUMNS}])
+    for _ in range(MAX_BEHIND + ahead + 2):
+        receiver.receive(("region-0", report))
+    assert len(waiting) == MAX_BEHIND + ahead
+    assert dropped == ["region-0"] * 2
