@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from minerva_bus.errors import UserCodeError
+from minerva_bus.testing.simulation import trying
 from minerva_bus.testing.simulation.history import Fault, History, drawn
 from minerva_bus.testing.simulation.trying import report, tried, tried_seed
 from minerva_bus.testing.simulation.writing import read_back, written
@@ -51,6 +53,22 @@ def test_histories_that_failed_once_go_well(line):
 
 def test_a_history_is_read_back_as_it_was_written():
     assert read_back(written(drawn(3), "why")) == (drawn(3), "why")
+
+
+class Interruption(BaseException):
+    """As pytest-timeout raises it, anywhere in the code."""
+
+
+def test_an_interruption_is_no_failure_of_a_history(monkeypatch):
+    def interrupted(history, folder):
+        try:
+            raise Interruption
+        except BaseException as error:
+            raise UserCodeError("Goat.picture", interrupted) from error
+
+    monkeypatch.setattr(trying, "play", interrupted)
+    with pytest.raises(Interruption):
+        tried(drawn(0))
 
 
 TRACES = """

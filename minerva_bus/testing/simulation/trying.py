@@ -58,8 +58,21 @@ def tried(history: History) -> Tried:
             played = play(history, Path(name))
         # The launcher runs in this process, so its errors would end the search.
         except Exception as error:
+            _pass_interruption(error)
             return Tried(None, (f"{type(error).__name__}: {error}",), history)
     return Tried(played, tuple(wrong(played)), history)
+
+
+def _pass_interruption(error: BaseException) -> None:
+    """Raise what has interrupted the play, such as a time-out of pytest, if it caused this error.
+
+    Code that calls a member takes every exception for one of the member, so it wraps that, too.
+    """
+    cause = error.__cause__ or error.__context__
+    while cause is not None:
+        if not isinstance(cause, Exception | SystemExit):
+            raise cause
+        cause = cause.__cause__ or cause.__context__
 
 
 def tried_seed(seed: int, *, regions: bool = False) -> Tried:
