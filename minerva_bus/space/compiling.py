@@ -126,6 +126,8 @@ class RuleLoop:
         what = next((line for line in reasons if line and not line.startswith(_HEADS)), _TYPES)
         what = next((line for line in reasons if line.startswith(_REASON)), what)
         what = what.removeprefix(_REASON)
+        if "tuple length" in what:
+            what = "a tuple of another length; write lattice.width for the width of a lattice"
         if "UndefinedType" in what:
             what = "a name that is not defined"
         rule = self.scope.get("rule")

@@ -14,6 +14,7 @@ from minerva_bus.space.draws import Draws
 from minerva_bus.space.edges import Edges, opened_edges
 from minerva_bus.space.kernels import interpreted, interpreting
 from minerva_bus.space.lattice import CellGrid
+from minerva_bus.space.matrices import Matrices
 from minerva_bus.space.occupancy import ROWS
 from minerva_bus.space.opened import Opened
 from minerva_bus.space.parameters import BEFORE, RuleParameter
@@ -77,9 +78,8 @@ class OpenedSpace:
         self._draws: Draws = np.array([moment.chance.word], np.uint64)
         self._tables: dict[str, Opened] = {}
         self._edges: dict[str, Edges] = {}
-        self._originals: dict[str, NDArray[Any]] = {}
         self._progress = np.zeros(1, np.int64)
-        self._matrices: dict[str, NDArray[Any]] = {}
+        self._matrices = Matrices(space)
         self._python = interpreting()
 
     def failure(self) -> Failure | None:
@@ -116,8 +116,7 @@ class OpenedSpace:
 
     def reset(self) -> None:
         """Give the space the matrices that it had before the rules."""
-        for name, matrix in self._originals.items():
-            setattr(self._space, name, matrix)
+        self._matrices.reset()
 
     def _apply(self, rule: SpaceRule, end: int | None) -> _Started:
         """Run a rule for the rows that exist at its start, or for those before a place."""
@@ -149,7 +148,7 @@ class OpenedSpace:
             self._table(subject).moved = True
 
     def _start(self, rule: SpaceRule) -> _Started:
-        before = self._snapshot(rule.subject) if rule.sees_before else []
+        before = self._snapshot(rule) if rule.sees_before else []
         count = self._count(rule.subject)
         rows = np.arange(count if rule.order is SHUFFLED else 0)
         return _Started(rule, count, rows, before)
@@ -175,10 +174,14 @@ class OpenedSpace:
             return int(self._table(subject).arrays["counts"][ROWS])
         return self._attribute(subject).size
 
-    def _snapshot(self, subject: RuleParameter) -> Opened | list[Any]:
+    def _snapshot(self, rule: SpaceRule) -> Opened | list[Any]:
+        subject = rule.subject
         if subject.table is not None:
             return self._table(subject).snapshot()
-        return [argument.copy() for argument in self._arguments(subject)]
+        self._attribute(subject)
+        if BEFORE in rule.only_read:
+            return [self._matrices.as_it_is(subject.name)]
+        return [self._matrices.to_change(subject.name).copy()]
 
     def _all_arguments(self, started: _Started, *, shared: bool = False) -> list[Any]:
         """The arguments of a rule after its draws; `shared` for a thread of an independent one."""
@@ -195,10 +198,10 @@ class OpenedSpace:
                     table.enlist()
                 arguments += table.arguments(shared=shared)
             else:
-                arguments += self._arguments(parameter)
+                arguments += self._arguments(parameter, started.rule)
         return arguments
 
-    def _arguments(self, parameter: RuleParameter) -> list[Any]:
+    def _arguments(self, parameter: RuleParameter, rule: SpaceRule) -> list[Any]:
         """The arguments for a parameter that is not a table."""
         if parameter.draws:
             return [self._draws]
@@ -207,7 +210,10 @@ class OpenedSpace:
         if parameter.type is Edges:
             return [*self._opened_edges(parameter)]
         if parameter.matrix:
-            return [self._matrix(parameter)]
+            self._attribute(parameter)
+            only_read = parameter.name in rule.only_read
+            matrices = self._matrices
+            return [(matrices.to_read if only_read else matrices.to_change)(parameter.name)]
         if parameter.name in self._data:
             return [self._number(parameter, self._data[parameter.name])]
         return [self._number(parameter, self._attribute(parameter))]
@@ -224,15 +230,6 @@ class OpenedSpace:
                 f" the rule declares, not {number!r}"
             )
         return made
-
-    def _matrix(self, parameter: RuleParameter) -> NDArray[Any]:
-        """The cells of a matrix, writable and in one dimension."""
-        cells = self._matrices.get(parameter.name)
-        if cells is None:
-            name, matrix = parameter.name, self._attribute(parameter)
-            self._originals[name] = matrix.copy() if matrix.flags.writeable else matrix
-            cells = self._matrices[name] = self._space.writable(name).reshape(-1)
-        return cells
 
     def _opened_edges(self, parameter: RuleParameter) -> Edges:
         name = parameter.name

@@ -15,6 +15,7 @@ from minerva_bus.space.kernels import Kernel
 from minerva_bus.space.occupancy import random_free
 from minerva_bus.space.opened import loops_of_table
 from minerva_bus.space.parameters import BEFORE, RuleParameter, parameters_of
+from minerva_bus.space.read_only import only_read
 from minerva_bus.space.simultaneous import check_simultaneous
 
 
@@ -50,6 +51,9 @@ class SpaceRule:
         checked = {p.name: known for p in self.parameters if (known := p.checked) is not None}
         self._check_uses = partial(check_rule, self.kernel.function, checked)
         self._check()
+        matrices = [p.name for p in self.parameters if p.matrix]
+        self.only_read = only_read(self.kernel.function, matrices)
+        """The matrices that it does not change."""
         driver = RuleDriver(self.kernel, self.parameters, order is SHUFFLED, births)
         self.drive = driver.loop(self.name, self._check)
 

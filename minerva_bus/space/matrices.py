@@ -1,0 +1,75 @@
+"""The matrices of a space while rules are applied to it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from minerva_bus.space.space import Space
+
+
+class Matrices:
+    """Cells of matrices in one dimension, writable, as rules are compiled for them.
+
+    A matrix is copied when the first rule that changes it starts. Rules that only read it before
+    that get the memory of the string.
+    """
+
+    def __init__(self, space: Space) -> None:
+        self._space = space
+        self._originals: dict[str, NDArray[Any]] = {}
+        self._changing: dict[str, NDArray[Any]] = {}
+        self._unchanged: dict[str, NDArray[Any]] = {}
+
+    def to_change(self, name: str) -> NDArray[Any]:
+        """The cells of a matrix, for rules that change it."""
+        cells = self._changing.get(name)
+        if cells is None:
+            matrix: NDArray[Any] = getattr(self._space, name)
+            writable: NDArray[Any] = self._space.writable(name)
+            # The method may have written to the same array before its rules.
+            self._originals[name] = matrix.copy() if writable is matrix else matrix
+            cells = self._changing[name] = writable.reshape(-1)
+        return cells
+
+    def to_read(self, name: str) -> NDArray[Any]:
+        """The cells of a matrix, for rules that only read it."""
+        cells = self._changing.get(name)
+        if cells is None:
+            cells = self._unchanged.get(name)
+        if cells is None:
+            matrix: NDArray[Any] = getattr(self._space, name)
+            if not _owned(matrix):
+                return self.to_change(name)
+            cells = self._unchanged[name] = _cells(matrix)
+        return cells
+
+    def as_it_is(self, name: str) -> NDArray[Any]:
+        """Cells that stay as they are while rules change the matrix, for rules that read them."""
+        matrix: NDArray[Any] = getattr(self._space, name)
+        if name in self._changing or not _owned(matrix):
+            return self.to_change(name).copy()
+        return self.to_read(name)
+
+    def reset(self) -> None:
+        """Give the space the matrices that it had before the rules."""
+        for name, matrix in self._originals.items():
+            setattr(self._space, name, matrix)
+
+
+def _owned(matrix: NDArray[Any]) -> bool:
+    """Whether an array is a matrix of the string that owns its memory."""
+    plain = type(matrix) is np.ndarray and matrix.flags.c_contiguous
+    return plain and matrix.base is None and not matrix.flags.writeable
+
+
+def _cells(matrix: NDArray[Any]) -> NDArray[Any]:
+    """The cells of a read-only matrix as an array that machine code for writable ones takes."""
+    matrix.flags.writeable = True
+    try:
+        return matrix.reshape(-1)
+    finally:
+        matrix.flags.writeable = False
