@@ -20,7 +20,7 @@ from minerva_bus import (
 )
 from minerva_bus.errors import MisuseError
 from minerva_bus.semantics.bounds import bounds
-from minerva_bus.semantics.plane import PlaneGeometry
+from minerva_bus.semantics.plane import PlaneGeometry, raster_corner
 from minerva_bus.semantics.poses import Pose
 
 PDisc = Primitive("PDisc", Disc("r"), r=Metres)
@@ -69,3 +69,9 @@ def test_a_pose_is_restored_after_every_scope():
 def test_it_is_for_strings_without_agents():
     with pytest.raises(MisuseError, match="AFox#a"):
         bounds(parse("TMove<dist=1>(AFox#a)"), VOCABULARY)
+
+
+def test_the_corner_of_a_raster_is_moved_and_turned():
+    raster = Raster("cells", 0.5, x=1.0, y="up", turn=90.0)
+    corner = raster_corner(raster, {"up": 2.0}, Pose(3.0, 4.0, 0.0))
+    assert (corner.x, corner.y, corner.angle) == (4.0, 6.0, 90.0)
