@@ -16,7 +16,7 @@ from minerva_bus.grammar.scene import Piece, Scene, agents
 from minerva_bus.regions.attached import HOME
 from minerva_bus.regions.merging import Units
 from minerva_bus.regions.partition import Partition, regions_of
-from minerva_bus.regions.places import Place
+from minerva_bus.regions.place_table import Place, PlaceTable, joined, taken
 
 NOTHING: Final = Units((), ())
 NOBODY: Final[Mapping[str, int]] = MappingProxyType({})
@@ -27,7 +27,7 @@ def cut(scene: Scene, partition: Partition, strays: Mapping[str, int] = NOBODY) 
 
     The regions of `strays` are not those where they are.
     """
-    places = [(number,) for number in range(sum(piece.count for piece in scene.pieces))]
+    places = PlaceTable.numbered(sum(piece.count for piece in scene.pieces))
     regions: list[NDArray[np.intp]] = []
     for piece in scene.pieces:
         of_agents = regions_of(partition, piece)
@@ -54,20 +54,22 @@ def _at_home(
 
 def divided(units: Units, regions: Sequence[NDArray[np.intp]]) -> dict[int, Units]:
     """Units by region; `regions` has the region of each node of each piece."""
-    places: dict[int, list[Place]] = {}
+    places: dict[int, list[Sequence[Place]]] = {}
     pieces: dict[int, list[Piece]] = {}
     for (own, piece), each in zip(units.each(), regions, strict=True):
         if piece.count == 1:  # Most pieces: a shorter way to the same parts.
-            places.setdefault(int(each[0]), []).append(own[0])
+            places.setdefault(int(each[0]), []).append(own)
             pieces.setdefault(int(each[0]), []).append(piece)
             continue
         for region in np.unique(each).tolist():
             rows = np.flatnonzero(each == region)
             whole = len(rows) == piece.count
-            places.setdefault(region, []).extend(own[row] for row in rows.tolist())
+            places.setdefault(region, []).append(own if whole else taken(own, rows))
             part = piece if whole or not isinstance(piece, Columns) else piece.take(rows)
             pieces.setdefault(region, []).append(part)
-    return {region: Units(places[region], tuple(pieces[region])) for region in sorted(places)}
+    return {
+        region: Units(joined(places[region]), tuple(pieces[region])) for region in sorted(places)
+    }
 
 
 class Border:

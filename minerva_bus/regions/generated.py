@@ -17,6 +17,7 @@ from minerva_bus.frame.inputs import FrameInputs
 from minerva_bus.grammar.batch import Events
 from minerva_bus.regions.kept import joined_parts, texts_of
 from minerva_bus.regions.merging import PlacedEvent, in_order
+from minerva_bus.regions.place_table import joined
 from minerva_bus.regions.places import packed_places, unpacked_places
 
 
@@ -41,7 +42,7 @@ def reported(
 def packed_answers(answered: Mapping[str, Sequence[PlacedEvent]]) -> m.Saved:
     """The places of the receivers of these events, by service; None without services."""
     return {
-        name: packed_places([place for each in events for place in each.places])
+        name: packed_places(joined(each.places for each in events))
         for name, events in answered.items()
     } or None
 

@@ -27,7 +27,7 @@ from minerva_bus.regions.figures import PieceFigures, figures_in, is_figure
 from minerva_bus.regions.halo_part import HaloPart
 from minerva_bus.regions.merging import Units
 from minerva_bus.regions.partition import ByPosition, Cell, Partition
-from minerva_bus.regions.places import Place
+from minerva_bus.regions.place_table import Place, joined, taken
 from minerva_bus.regions.tree import ByTree
 from minerva_bus.regions.views import PartialViews, RegionViews, placed_views
 from minerva_bus.world.halo import Halo
@@ -148,7 +148,7 @@ def _filled(
                     f" their agent as {halo.who}, or use halo = false"
                 )
             # A slot, or a transformation around some, is a single node.
-            of_agents.add(own if piece.still else [own[0]] * each.count, each)
+            of_agents.add(own if piece.still else taken(own, np.zeros(each.count, np.intp)), each)
     return of_agents.units, scenery.units
 
 
@@ -156,16 +156,16 @@ class _Placed:
     """Pieces that are added one after another."""
 
     def __init__(self) -> None:
-        self._places: list[Place] = []
+        self._places: list[Sequence[Place]] = []
         self._pieces: list[Piece] = []
 
     def add(self, places: Sequence[Place], piece: Piece) -> None:
-        self._places += places
+        self._places.append(places)
         self._pieces.append(piece)
 
     @property
     def units(self) -> Units:
-        return Units(self._places, tuple(self._pieces))
+        return Units(joined(self._places), tuple(self._pieces))
 
 
 def _bounds(cell: Cell, halo: Halo) -> Iterator[tuple[str, float, float, float]]:
@@ -208,7 +208,7 @@ def near_cells(cells: Sequence[Cell], own: int, halo: Halo) -> list[int]:
 
 def _near(units: Units, figures: Sequence[PieceFigures], cell: Cell, halo: Halo) -> Units | None:
     """The figures within the radius of a cell, along each axis; None if there are none."""
-    places: list[Place] = []
+    places: list[Sequence[Place]] = []
     pieces: list[Piece] = []
     for (own, piece), each in zip(units.each(), figures, strict=True):
         near = np.ones(len(each.who), np.bool_)
@@ -217,9 +217,9 @@ def _near(units: Units, figures: Sequence[PieceFigures], cell: Cell, halo: Halo)
         rows = np.flatnonzero(near)
         if not len(rows):
             continue
-        places += [own[row] for row in rows.tolist()]
+        places.append(taken(own, rows))
         pieces.append(piece.take(rows) if isinstance(piece, Columns) else piece)
-    return Units(places, tuple(pieces)) if pieces else None
+    return Units(joined(places), tuple(pieces)) if pieces else None
 
 
 def _within(

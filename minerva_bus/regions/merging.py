@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from itertools import chain, groupby, repeat
-from operator import is_, itemgetter
-from typing import Final, TypeAlias, cast
+from itertools import chain, pairwise
+from operator import is_
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,7 @@ from minerva_bus.grammar.column import Rows
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.scene import EMPTY, Piece, Scene
-from minerva_bus.regions.places import Place
+from minerva_bus.regions.place_table import Place, joined, numbers_in, order_of, taken
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +56,7 @@ def agents_in(parts: Callable[[], Iterable[Units]]) -> OwnAgents:
         return chain.from_iterable(each.pieces for each in parts())
 
     def places() -> int:
-        return sum(sum(map(len, each.places)) for each in parts())
+        return sum(numbers_in(each.places) for each in parts())
 
     return OwnAgents(pieces, places)
 
@@ -70,10 +70,8 @@ class PlacedEvent:
 
     def take(self, rows: Rows) -> PlacedEvent:
         """The events of these rows of a batch; of a single event, all rows or none."""
-        batch, numbers = self.event, cast("list[int]", rows.tolist())
-        if isinstance(batch, Event):
-            return PlacedEvent([self.places[row] for row in numbers], batch)
-        return PlacedEvent([self.places[row] for row in numbers], batch.take(rows))
+        batch, places = self.event, taken(self.places, rows)
+        return PlacedEvent(places, batch if isinstance(batch, Event) else batch.take(rows))
 
 
 class Merger:
@@ -87,7 +85,7 @@ class Merger:
         self._places: list[Sequence[Place]] = []
         self._forms: list[_Form] = []
         self._kinds: list[str] = []
-        self._order: list[Place] = []
+        self._order: Sequence[Place] = ()
         self._runs: list[tuple[_Shape | None, NDArray[np.intp]]] = []
 
     def merge(self, parts: Iterable[Units], kinds: Iterable[str] = ()) -> Units:
@@ -126,23 +124,27 @@ class Merger:
 
     def _sort(self, parts: Iterable[Units]) -> None:
         """Note the order of all nodes: runs of numbers of pieces, or of rows of one shape."""
+        holders: dict[_Shape | None, int] = {None: 0}
         filled: dict[_Shape, int] = {}
-        # (place, shape, row) of each node in columns, and (place, None, piece) of each other one.
-        entries: list[_Entry] = []
-        each = (each for part in parts for each in part.each())
-        for number, ((places, _), (shape, count)) in enumerate(zip(each, self._forms, strict=True)):
-            if shape is None:
-                entries.append((places[0], None, number))
-                continue
-            first = filled.get(shape, 0)
-            entries += zip(places, repeat(shape), range(first, first + count), strict=False)
-            filled[shape] = first + count
-        entries.sort(key=_PLACE)
-        self._order = [*map(_PLACE, entries)]
-        self._runs = [
-            (shape, np.fromiter(map(_NUMBER, run), np.intp))
-            for shape, run in groupby(entries, _HELD_IN)
-        ]
+        numbers: list[NDArray[np.intp]] = []
+        for number, (shape, count) in enumerate(self._forms):
+            first = number if shape is None else filled.get(shape, 0)
+            numbers.append(np.arange(first, first + count))
+            if shape is not None:
+                filled[shape] = first + count
+                holders.setdefault(shape, len(holders))
+        places = joined(part.places for part in parts)
+        order = order_of(places)
+        self._order, self._runs = taken(places, order), []
+        if not len(order):
+            return
+        held_in = [holders[shape] for shape, _ in self._forms]
+        holder = np.repeat(held_in, [count for _, count in self._forms])[order]
+        shapes: list[_Shape | None] = [*holders]
+        all_numbers: NDArray[np.intp] = np.concatenate(numbers)[order]
+        ends = [*(np.flatnonzero(np.diff(holder)) + 1).tolist(), len(order)]
+        for begin, end in pairwise([0, *ends]):
+            self._runs.append((shapes[int(holder[begin])], all_numbers[begin:end]))
 
 
 def merged(parts: Iterable[Units]) -> Units:
@@ -152,13 +154,6 @@ def merged(parts: Iterable[Units]) -> Units:
 
 _Shape: TypeAlias = tuple[str, tuple[object, ...]]
 """A kind, and what columns must have in common to be joined."""
-
-_Entry: TypeAlias = tuple[Place, _Shape | None, int]
-
-# In C, because a frame in which agents move sorts all of them.
-_PLACE: Final = cast("Callable[[_Entry], Place]", itemgetter(0))
-_HELD_IN: Final = cast("Callable[[_Entry], _Shape | None]", itemgetter(1))
-_NUMBER: Final = cast("Callable[[_Entry], int]", itemgetter(2))
 
 _Form: TypeAlias = tuple[_Shape | None, int]
 """The shape of a piece in columns, or None, and the number of its nodes."""
@@ -193,11 +188,11 @@ def in_order(placed: Iterable[PlacedEvent]) -> list[AnyEvent]:
 
 
 def _of_one_type(group: Sequence[PlacedEvent]) -> Sequence[AnyEvent]:
-    places = [place for each in group for place in each.places]
-    order = sorted(range(len(places)), key=places.__getitem__)
+    order = order_of(joined(each.places for each in group))
     batches = [each.event for each in group if isinstance(each.event, Events)]
     batch = Events.concatenated(batches) if len(batches) == len(group) else None
     if batch is not None:
-        return [batch.take(np.array(order, np.intp))]
+        return [batch.take(order)]
     events: list[Event] = list(single(each.event for each in group))
-    return [events[row] for row in order]
+    rows: list[int] = order.tolist()
+    return [events[row] for row in rows]

@@ -20,6 +20,7 @@ from minerva_bus.regions.kept import checked_texts
 from minerva_bus.regions.merging import PlacedEvent, Units
 from minerva_bus.regions.norms import NormPart
 from minerva_bus.regions.parcel import Parcel
+from minerva_bus.regions.place_table import joined
 from minerva_bus.regions.places import packed_places, unpacked_places
 from minerva_bus.regions.schedule import Schedule
 from minerva_bus.regions.views import PlacedSkeleton, ViewPart
@@ -148,13 +149,13 @@ def to_message(parcel: Parcel | Replies) -> ParcelMessage | RepliesMessage:
         tuple(each.event for each in parcel.postponed),
         _senders(parcel.postponed),
         {name: of.scene for name, of in sorted(halo.figures.items())},
-        packed_places([place for _, of in sorted(halo.figures.items()) for place in of.places]),
+        packed_places(joined(of.places for _, of in sorted(halo.figures.items()))),
         dict(halo.kept),
     )
 
 
 def _senders(events: Iterable[PlacedEvent]) -> bytes:
-    return packed_places([place for each in events for place in each.places])
+    return packed_places(joined(each.places for each in events))
 
 
 def from_message(message: RegionMessage, source: int, target: int) -> Parcel | Replies:

@@ -30,6 +30,7 @@ from minerva_bus.regions.kept import AGENTS, check_saved, kept_by, parted, texts
 from minerva_bus.regions.merging import PlacedEvent, Units
 from minerva_bus.regions.nearby_views import NearbyViews
 from minerva_bus.regions.partition import Partition
+from minerva_bus.regions.place_table import taken
 from minerva_bus.regions.replies import Answer, Replies, received
 from minerva_bus.world.halo import Halo, agent_lines
 from minerva_bus.world.services import Device
@@ -206,8 +207,7 @@ class NearbyServices:
         rows: NDArray[np.intp] = own_agents.ids.rows_of(receivers)
         own = np.flatnonzero(rows >= 0)
         event = event.take(own) if isinstance(event, Events) and len(own) < len(rows) else event
-        numbers: list[int] = rows[own].tolist()
-        return PlacedEvent([places[row] for row in numbers], event)
+        return PlacedEvent(taken(places, rows[own]), event)
 
     def _divided(
         self, placed: Iterable[PlacedEvent]

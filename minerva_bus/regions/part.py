@@ -22,7 +22,8 @@ from minerva_bus.grammar.scene import Piece, Scene
 from minerva_bus.regions.merging import PlacedEvent, Units
 from minerva_bus.regions.messages import checked_counts, placed_events
 from minerva_bus.regions.norms import NO_REPORT, NormReport
-from minerva_bus.regions.places import Place, packed_places, unpacked_places
+from minerva_bus.regions.place_table import Place, joined
+from minerva_bus.regions.places import packed_places, unpacked_places
 from minerva_bus.regions.progress import Progress
 
 _INDEX: Final = np.dtype("<i4")
@@ -137,7 +138,7 @@ class PartSender:
             patches,
             places,
             tuple(each.event for each in sent),
-            packed_places([place for each in sent for place in each.places]),
+            packed_places(joined(each.places for each in sent)),
             progress.resting,
             tuple(sorted(progress.reached)),
             dict(progress.given_up),

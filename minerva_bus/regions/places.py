@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import chain, pairwise
-from typing import Final, TypeAlias
+from typing import Final
 
 import numpy as np
 
@@ -25,9 +25,8 @@ from minerva_bus.grammar.batch import AnyEvent, Events
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.scene import AgentNode, Piece, Scene, agents
+from minerva_bus.regions.place_table import Place, PlaceTable, joined, taken
 from minerva_bus.world.lineage import parents_of
-
-Place: TypeAlias = tuple[int, ...]
 
 _COUNT: Final = np.dtype("<u4")
 _NUMBER: Final = np.dtype("<i8")
@@ -40,7 +39,7 @@ def heirs(place: Place, count: int, frame: int) -> list[Place]:
 
 def after_frame(
     places: Sequence[Place], composition: Composition, changed: Mapping[str, Scene], frame: int
-) -> list[Place]:
+) -> Sequence[Place]:
     """The places of the nodes of the next string.
 
     Args:
@@ -53,18 +52,24 @@ def after_frame(
         WorldStopped: agents in columns leave nodes beside themselves.
 
     """
-    made: list[Place] = []
+    made: list[Sequence[Place]] = []
+    same = True
     for _, name, begin, end in spans(composition):
-        result = changed.get(name)
-        if result is None:
-            made += places[begin:end]
-            continue
-        old = composition.fragments[name]
-        if old.ids is None:
-            made += heirs(places[begin], _size(result), frame)
-        else:
-            made += _of_rows(places[begin:end], old, result, frame)
-    return made
+        own, result = places[begin:end], changed.get(name)
+        made.append(own if result is None else _of_result(own, composition, name, result, frame))
+        same = same and made[-1] is own
+    return places if same else joined(made)
+
+
+def _of_result(
+    own: Sequence[Place], composition: Composition, name: str, result: Scene, frame: int
+) -> Sequence[Place]:
+    """The places of the nodes that replace a fragment; its `own` ones if these are theirs."""
+    old = composition.fragments[name]
+    if old.ids is not None:
+        return _of_rows(own, old, result, frame)
+    count = _size(result)
+    return own if count == len(own) == 1 else heirs(own[0], count, frame)
 
 
 class SenderPlaces:
@@ -80,7 +85,7 @@ class SenderPlaces:
             names = [name] if name else [slot.id for slot in inside]
             self._begins.update(dict.fromkeys(names, begin))
 
-    def of(self, event: AnyEvent) -> list[Place]:
+    def of(self, event: AnyEvent) -> Sequence[Place]:
         """The place of the sender, or of each sender of a batch."""
         senders = event.senders if isinstance(event, Events) else Ids.of([event.sender])
         assert senders is not None  # Agents always send in their own name.
@@ -90,7 +95,7 @@ class SenderPlaces:
             nodes = np.where(rows >= 0, rows + self._begins[name], nodes)
         for row in np.flatnonzero(nodes < 0).tolist():
             nodes[row] = self._begins[self._composition.home(senders[row]) or ""]
-        return [self._places[node] for node in nodes.tolist()]
+        return taken(self._places, nodes)
 
 
 def spans(composition: Composition) -> Iterator[tuple[Piece, str, int, int]]:
@@ -196,11 +201,14 @@ def packed_places(places: Sequence[Place]) -> bytes:
     """The length of each place as uint32, then all numbers as int64, little-endian."""
     if not places:
         return b""
+    if isinstance(places, PlaceTable):
+        count, length = places.table.shape
+        return np.full(count, length, _COUNT).tobytes() + places.table.astype(_NUMBER).tobytes()
     lengths = np.fromiter(map(len, places), _COUNT, len(places))
     return lengths.tobytes() + np.fromiter(chain.from_iterable(places), _NUMBER).tobytes()
 
 
-def unpacked_places(data: bytes, count: int, what: str) -> list[Place]:
+def unpacked_places(data: bytes, count: int, what: str) -> Sequence[Place]:
     """The places of `count` nodes or senders. Raises ProtocolError for other data."""
     if not (data or count):
         return []
@@ -212,9 +220,8 @@ def unpacked_places(data: bytes, count: int, what: str) -> list[Place]:
         raise ProtocolError(f"parcel: {what} has {len(data)} bytes, which are not {count} places")
     if (lengths % 2 == 0).any():
         raise ProtocolError(f"parcel: {what}: a place must have an odd number of numbers")
-    if count and (lengths == lengths[0]).all():  # As usual; built in C.
-        table = np.frombuffer(data[begin:], _NUMBER).reshape(count, -1)
-        return [*zip(*table.T.tolist(), strict=True)]
+    if count and (lengths == lengths[0]).all():
+        return PlaceTable(np.frombuffer(data[begin:], _NUMBER).reshape(count, -1))
     numbers: list[int] = np.frombuffer(data[begin:], _NUMBER).tolist()
     ends = [0, *np.cumsum(lengths, dtype=np.int64).tolist()]
     return [tuple(numbers[first:last]) for first, last in pairwise(ends)]

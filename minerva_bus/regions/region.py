@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
-from itertools import chain, pairwise
+from itertools import chain
 
 from minerva_bus.errors import ProtocolError
 from minerva_bus.frame import messages as m
@@ -32,6 +32,7 @@ from minerva_bus.regions.nearby import LEFT, NearbyServices
 from minerva_bus.regions.norms import NO_NORMS, NO_REPORT, NormPart, NormReport, RegionNorms
 from minerva_bus.regions.parcel import Parcel
 from minerva_bus.regions.partition import Partition
+from minerva_bus.regions.place_table import repeats
 from minerva_bus.regions.postponing import PostponedEvents
 from minerva_bus.regions.progress import Progress
 from minerva_bus.regions.reach import check_reach
@@ -220,7 +221,7 @@ class Region:
         if remaining is None and not any(arriving):
             return
         units = merged([self.units if remaining is None else remaining, *arriving])
-        if any(place == following for place, following in pairwise(units.places)):
+        if repeats(units.places):
             raise ProtocolError("two nodes have the same place")
         self.algorithm.composition.become(units.scene)
         self.algorithm.placement.outdated = True

@@ -13,7 +13,7 @@ from minerva_bus.grammar.scene import Piece, Scene, agents
 from minerva_bus.regions.figures import PieceFigures, figures_in
 from minerva_bus.regions.halo_part import Figures
 from minerva_bus.regions.merging import Units
-from minerva_bus.regions.places import Place
+from minerva_bus.regions.place_table import Place, joined
 from minerva_bus.world.halo import Halo, OwnFigures
 
 
@@ -32,7 +32,7 @@ NOBODY: Final = Answered(Ids.of([]), ())
 def showing(shown: Figures, halos: Mapping[str, Halo]) -> Answered:
     """The agents with a figure, and their places."""
     figures: dict[str, OwnFigures] = {}
-    places: list[Place] = []
+    places: list[Sequence[Place]] = []
     for event_type in sorted(shown.keys() & halos.keys()):
         units = shown[event_type]
         each = [figures_in(piece, halos[event_type]) for piece in units.pieces]
@@ -40,9 +40,9 @@ def showing(shown: Figures, halos: Mapping[str, Halo]) -> Answered:
         for (own, _), of in zip(units.each(), each, strict=True):
             # A node may have several figures, if their positions do not matter.
             several = len(of.who) // len(own) if own else 1
-            places += own[: len(of.who)] if several < 2 else [*own] * several
+            places += [own[: len(of.who)]] if several < 2 else [own] * several
     ids = [each.ids for each in figures.values()]
-    return Answered(Ids.concatenated(ids), places, figures) if ids else NOBODY
+    return Answered(Ids.concatenated(ids), joined(places), figures) if ids else NOBODY
 
 
 def figures_of(pieces: Iterable[Piece], halo: Halo) -> OwnFigures:
@@ -61,9 +61,9 @@ def _joined(figures: Iterable[PieceFigures], halo: Halo) -> OwnFigures:
 def within(units: Units) -> Answered:
     """The agents of a string, and the places of the nodes around them."""
     ids: list[str] = []
-    places: list[Place] = []
+    places: list[Sequence[Place]] = []
     for own, piece in units.each():
         inside = [agent.id for agent in agents(Scene((piece,)))]
         ids += inside
-        places += own if piece.ids is not None else [own[0]] * len(inside)
-    return Answered(Ids.of(ids), places)
+        places.append(own if piece.ids is not None else [own[0]] * len(inside))
+    return Answered(Ids.of(ids), joined(places))

@@ -11,7 +11,8 @@ from minerva_bus.frame.live import LiveSource
 from minerva_bus.regions.halo import HaloViews
 from minerva_bus.regions.merging import PlacedEvent
 from minerva_bus.regions.norms import Judged
-from minerva_bus.regions.places import Place, SenderPlaces, after_frame
+from minerva_bus.regions.place_table import Place
+from minerva_bus.regions.places import SenderPlaces, after_frame
 from minerva_bus.regions.views import NO_VIEWS, PartialViews
 
 Judge: TypeAlias = Callable[[int, Sequence[PlacedEvent]], Judged]

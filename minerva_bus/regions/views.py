@@ -14,7 +14,8 @@ from minerva_bus.frame.views import patch_all
 from minerva_bus.grammar.packing import size
 from minerva_bus.grammar.scene import EMPTY, AgentNode, Piece, Scene, agents
 from minerva_bus.regions.merging import Merger, Units
-from minerva_bus.regions.places import Place, spans
+from minerva_bus.regions.place_table import Place, joined
+from minerva_bus.regions.places import spans
 
 
 @dataclass(frozen=True, slots=True)
@@ -206,11 +207,12 @@ class PlacedViews:
 
 def placed_views(region: RegionViews, event_type: str) -> PlacedViews:
     """What a region shows for an event type, by place."""
-    views, places, pieces = region.views.get(event_type, {}), list[Place](), list[Piece]()
+    views, pieces = region.views.get(event_type, {}), list[Piece]()
+    places = list[Sequence[Place]]()
     kinds: list[str] = []
     for piece, own in region.layout.each():
         if not (isinstance(piece, AgentNode) and piece.id.startswith(PART)):
-            places += own
+            places.append(own)
             pieces.append(piece)
             kinds.append("")
             continue
@@ -221,7 +223,7 @@ def placed_views(region: RegionViews, event_type: str) -> PlacedViews:
                 f" {size(shown)} nodes for {event_type}; expected one node of each agent, or run"
                 " this world without regions"
             )
-        places += own if shown else ()
+        places.append(own if shown else ())
         pieces += shown
         kinds += [piece.symbol] * len(shown)
-    return PlacedViews(Units(places, tuple(pieces)), kinds)
+    return PlacedViews(Units(joined(places), tuple(pieces)), kinds)

@@ -4,6 +4,7 @@ from collections import Counter
 from dataclasses import replace
 from functools import cache
 from random import Random
+from typing import Any
 from zlib import crc32
 
 import hypothesis.strategies as st
@@ -346,7 +347,10 @@ def test_a_region_without_agents_goes_on_until_all_are_empty():
     assert regions.end == ("the string is empty", False, 1)
 
 
-@settings(max_examples=20, deadline=None, suppress_health_check=[*HealthCheck.__members__.values()])
+CHECKS: Any = list(HealthCheck)
+
+
+@settings(max_examples=20, deadline=None, suppress_health_check=CHECKS)
 @given(
     strings.flatmap(
         lambda w: st.tuples(st.just(w), st.lists(family_events(w), min_size=2, max_size=4))
