@@ -27,6 +27,14 @@ from minerva_bus.world.norms import SOURCE
 
 FRAMES = 25
 
+GRID = """
+[regions]
+grid = { x = [0.5, 2.5] }
+"""
+"""Regions between which agents move, in parcels: regions by id send what all need in reports."""
+
+WALKERS = " · ".join(f"AWalker#w{n}<x={n % 4}>" for n in range(24))
+
 
 @pytest.fixture
 def file(tmp_path):
@@ -62,7 +70,10 @@ def digests_of_one(file, orders):
 
 
 @pytest.mark.parametrize("seconds", [1, 10])
-def test_a_cut_link_delays_regions_and_nothing_else(file, seconds):
+def test_a_cut_link_delays_regions_and_nothing_else(tmp_path, seconds):
+    path = write_world(tmp_path, MEMBERS + GRID, WALKERS, frames=FRAMES)
+    file = read_world_file(path, Overrides())
+
     def disturb(cluster):
         if cluster.seconds == seconds:
             cluster.restore()
@@ -138,8 +149,8 @@ def test_orders_count_once_whatever_dies_or_is_cut(
 @pytest.mark.parametrize("always", [False, True])
 def test_nobody_waits_forever_for_what_came_with_an_earlier_frame(tmp_path, name, always):
     """It is ignored as a repetition; its sender then does not know that it is still needed."""
-    members = MEMBERS + '[process.water]\nservice = "yard:Water"\n'
-    file = read_world_file(write_world(tmp_path, members, frames=12), Overrides(regions=3))
+    members = MEMBERS + '[process.water]\nservice = "yard:Water"\n' + GRID
+    file = read_world_file(write_world(tmp_path, members, WALKERS, frames=12), Overrides())
     wrong = []
 
     def forge(sender, target, data):
@@ -163,21 +174,24 @@ def test_nobody_waits_forever_for_what_came_with_an_earlier_frame(tmp_path, name
     assert len(wrong) == 1
 
 
-def test_nobody_waits_forever_if_each_region_waits_for_the_one_before(tmp_path):
-    """All have finished the same frame, so no parcel shows by itself that its receiver lacks one."""
+def test_nobody_waits_forever_if_two_regions_wait_for_each_other(tmp_path):
+    """Both have finished the same frame, so no parcel shows by itself that its receiver lacks one."""
+    forged = set()
 
     def forge(sender, target, data):
         message = msgpack.unpackb(data, ext_hook=msgpack.ExtType)
-        if message[:2] == ["parcel", 7] and target == (sender + 1) % 3:
+        if message[:2] == ["parcel", 7] and {sender, target} == {1, 2}:
             message[1] = 5
+            forged.add((sender, target))
         return msgpack.packb(message)
 
-    file = read_world_file(write_world(tmp_path, frames=12), Overrides(regions=3))
-    with in_regions(file) as regions:
+    path = write_world(tmp_path, MEMBERS + GRID, WALKERS, frames=12)
+    with in_regions(read_world_file(path, Overrides())) as regions:
         cluster = Cluster(regions, Random(1))
         cluster.links.forge = forge
         with pytest.raises(WorldStopped, match=r"region . has sent no valid parcel for frame 8"):
             cluster.run()
+    assert forged == {(1, 2), (2, 1)}
 
 
 NORMS = """
