@@ -160,16 +160,14 @@ class Meter:
             self.sent.clear()
 
 
-def measured(agents: int, regions: int, halo: str, frames: int) -> dict[str, float]:
-    """The figures of one run."""
-    with tempfile.TemporaryDirectory() as folder:
-        path = world(Path(folder), agents, regions, halo)
-        file = read_world_file(path, Overrides(frames=frames + WARM_UP))
-        compile_agents(file.processes, no_progress)
-        with in_regions(file) as processes:
-            cluster = Cluster(processes, Random(1))
-            meter = Meter(cluster)
-            cluster.run(meter.begin)
+def measured(path: Path, agents: int, regions: int, frames: int) -> dict[str, float]:
+    """The figures of one run of a world file with so many agents."""
+    file = read_world_file(path, Overrides(frames=frames + WARM_UP))
+    compile_agents(file.processes, no_progress)
+    with in_regions(file) as processes:
+        cluster = Cluster(processes, Random(1))
+        meter = Meter(cluster)
+        cluster.run(meter.begin)
     used = {name: 1e6 * seconds / frames for name, seconds in meter.seconds.items()}
     coordinator = used.pop("coordinator") / agents
     each = [used[name] * regions / agents for name in sorted(used)]
@@ -195,8 +193,10 @@ def main() -> None:
     for count in given.regions:
         agents = given.total or count * given.agents
         for halo in given.halo if count > 1 else given.halo[:1]:
-            run = partial(measured, agents, count, halo, given.frames)
-            turns = [run() for _ in range(given.turns)]
+            with tempfile.TemporaryDirectory() as folder:
+                path = world(Path(folder), agents, count, halo)
+                run = partial(measured, path, agents, count, given.frames)
+                turns = [run() for _ in range(given.turns)]
             best = {name: min(turn[name] for turn in turns) for name in turns[0]}
             table.row({"regions": count, "halo": halo, "agents": agents, **best})
 
