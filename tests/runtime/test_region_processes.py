@@ -277,24 +277,31 @@ def test_links_that_are_cut_delay_a_world_and_nothing_else(path, monkeypatch):
             assert world.summary()["digest"] == alone(path, 100)["digest"]
 
 
-def test_a_region_with_halos_that_is_killed_is_followed(tmp_path):
+@pytest.mark.parametrize(
+    ("name", "grid", "given", "frames", "same"),
+    [
+        ("crowd", "x = [12]", ("--people", 60), 30, ("digest", "collisions", "inside")),
+        # Robots cross the border, with true poses that the string does not have.
+        ("robots", "row = [14]", ("--alpha", 0.01), 60, ("digest", "collisions")),
+    ],
+)
+def test_a_region_with_halos_that_is_killed_is_followed(tmp_path, name, grid, given, frames, same):
     """People near the border are shown to both regions, and contacts move along with them."""
-    source = find_world("crowd")
+    source = find_world(name)
     for file in source.parent.iterdir():
         if file.is_file():
             (tmp_path / file.name).write_bytes(file.read_bytes())
     path = tmp_path / source.name
     text = path.read_text(encoding="utf-8")
-    path.write_text(f"{text}\n[regions]\ngrid = {{ x = [12] }}\nhalo = true\n", encoding="utf-8")
-    words = "--rate", 50, "--frames", 30, "--people", 60, "--record", "run.mcap", "--json"
+    path.write_text(f"{text}\n[regions]\ngrid = {{ {grid} }}\nhalo = true\n", encoding="utf-8")
+    words = "--rate", 50, "--frames", frames, *given, "--record", "run.mcap", "--json"
     with World(path, *words) as world:
         pids = world.runs("region-0", "region-1")
         eventually(lambda: world.members() and world.frame > 5, "frames")
         os.kill(pids["region-1"], signal.SIGKILL)
         world.says("region-1", "was killed by SIGKILL")
         ended = world.summary()
-    single = alone(path, 30, "--people", 60, "--regions", 0, "--record", "one.mcap")
-    same = "digest", "collisions", "inside"
+    single = alone(path, frames, *given, "--regions", 0, "--record", "one.mcap")
     assert {name: ended[name] for name in same} == {name: single[name] for name in same}
     with Record(tmp_path / "run.mcap") as a, Record(tmp_path / "one.mcap") as b:
         assert compare(a, b).frame is None
