@@ -59,8 +59,10 @@ class ArenaState:
         # Walls first, because new bodies are checked against the walls of this view.
         self._set_floors(seen.floors)
         self._set_markers(seen.markers)
-        self._forget_others()
-        for name, body in sorted((known or {}).items()):
+        known = known or {}
+        for name in sorted(self.others.difference(known)):
+            self.arena.remove_body(name)
+        for name, body in sorted(known.items()):
             self.arena.put_body(name, body)
         self.others = frozenset(others)
         self._set_bodies(seen.robots)
@@ -68,14 +70,10 @@ class ArenaState:
     def restore(self, bodies: Mapping[str, Body]) -> None:
         """Replace all bodies."""
         for name in self.arena.bodies:
-            self.arena.remove_body(name)
+            if name not in bodies:
+                self.arena.remove_body(name)
         for name, body in sorted(bodies.items()):
             self.arena.put_body(name, body)
-        self.others = frozenset()
-
-    def _forget_others(self) -> None:
-        for name in self.others:
-            self.arena.remove_body(name)
         self.others = frozenset()
 
     def total(self) -> Odometer:
