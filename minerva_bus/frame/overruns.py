@@ -32,16 +32,27 @@ class Overruns:
         self._period: float = 0.0
         self._began: float = 0.0
         self._parts: dict[str, tuple[str, float]] = {}
+        self._took: dict[str, float] = {}
         self._next_report: int = _FIRST_REPORT
 
     def began(self, period: float, now: float) -> None:
         """Note the beginning of a frame that should take `period` seconds."""
-        self._period, self._began, self._parts = period, now, {}
+        self._period, self._began = period, now
+        self._parts, self._took = {}, {}
 
     def answered(self, part: str, member: str, now: float) -> None:
         """Note that a member has answered in a part of the frame."""
         if self._period:
             self._parts[part] = member, now
+
+    @property
+    def measures(self) -> bool:
+        """Whether the frame has a period, so that times count."""
+        return self._period > 0
+
+    def took(self, member: str, seconds: float) -> None:
+        """Note that a member has run for this time, if members run one after the other."""
+        self._took[member] = self._took.get(member, 0.0) + seconds
 
     def done(self, frame: int, now: float) -> str:
         """Note the end of a frame; returns a report, with back-off, or an empty string."""
@@ -66,10 +77,16 @@ class Overruns:
         return {"late_frames": self.count, "seconds_behind": round(self.behind, 3)}
 
     def _lasts(self) -> str:
-        """The last member in each part of the frame, and the duration of the part."""
+        """The last member in each part of the frame, and the duration of the part.
+
+        If members run one after the other, the last one may not be the slow one.
+        """
         shown: list[str] = []
         since = self._began
         for part, (member, at) in self._parts.items():
             shown.append(f"{part} {at - since:.3f} s, {member} the last")
             since = at
+        if self._took:
+            longest = max(self._took, key=lambda member: self._took[member])
+            shown.append(f"{longest} took the longest, {self._took[longest]:.3f} s")
         return f" ({'; '.join(shown)})" if shown else ""

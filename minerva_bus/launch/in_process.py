@@ -30,7 +30,7 @@ from minerva_bus.launch.slow_frames import slow_frames_reported
 from minerva_bus.launch.summary import RunSummary
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.runtime.asking import AskingOperator
-from minerva_bus.runtime.direct import InProcessRunner
+from minerva_bus.runtime.direct import InProcessRunner, timed
 from minerva_bus.runtime.metrics import Metrics
 from minerva_bus.runtime.operated import Operated
 from minerva_bus.runtime.runner import Notice, Sink
@@ -184,6 +184,7 @@ class InProcessRun:
             self._progress,
             *self._sinks,
             on_readings=record.sensed if record.topics else None,
+            deliver=timed(self._schedule.overruns, time.monotonic),
         )
         self._questions.world = Operated(
             runner,

@@ -10,6 +10,7 @@ from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.member import Member
+from minerva_bus.frame.overruns import Overruns
 from minerva_bus.runtime.runner import Notice, Runner, Sink, Transport
 
 Deliver: TypeAlias = Callable[
@@ -42,6 +43,22 @@ def deliver(
     # On the bus an observer draws when its inbox is empty, which it always is here.
     member.show()
     return answers
+
+
+def timed(overruns: Overruns, clock: Callable[[], float]) -> Deliver:
+    """As `deliver`; notes how long each member runs in frames with a given duration."""
+
+    def deliver_timed(
+        member: Member, message: m.ToMember | m.Readings
+    ) -> Iterable[m.FromMember | m.Readings]:
+        if not overruns.measures:
+            return deliver(member, message)
+        began = clock()
+        answers = deliver(member, message)
+        overruns.took(member.name, clock() - began)
+        return answers
+
+    return deliver_timed
 
 
 class DirectTransport:

@@ -49,3 +49,14 @@ def test_the_first_frame_of_a_world_does_not_count():
     overruns = Overruns()
     run(overruns, 5.0, frames=1, first=0)
     assert overruns.count == 0
+
+
+def test_it_names_the_member_that_took_the_longest_if_they_take_turns():
+    overruns, text = Overruns(), ""
+    for frame in range(1, 6):
+        overruns.began(0.1, 100.0)
+        overruns.answered("events", "clock", 100.01)
+        for member, seconds in (("clock", 0.01), ("film", 0.08), ("log", 0.02), ("film", 0.08)):
+            overruns.took(member, seconds)
+        text = overruns.done(frame, 100.19)
+    assert "(events 0.010 s, clock the last; film took the longest, 0.160 s)" in text
