@@ -159,10 +159,16 @@ class MemberLifecycle:
         return waits or "; no other host can take its agents over"
 
     def leaving(self, leaving: m.Leaving) -> None:
-        """Continue without a member that leaves voluntarily."""
+        """Continue without a member that leaves voluntarily, or wait for another process of it."""
         algorithm = self._algorithm
         member = algorithm.members.get(leaving.member)
-        if member.state is not MemberState.LEFT:
+        over = algorithm.phase in (Phase.STOPPING, Phase.ENDED)
+        if member.expected and algorithm.source.awaits_leavers and not over:
+            if member.state is not MemberState.LOST:
+                algorithm.members.change(member, MemberChange.VANISHED)
+                algorithm.out.log(member.name, f"has left{self._outlook_without(member)}")
+                self._lose(member)
+        elif member.state is not MemberState.LEFT:
             algorithm.members.change(member, MemberChange.WENT)
             algorithm.out.log(member.name, "has left")
             self._continue_without(member)

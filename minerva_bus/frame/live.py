@@ -27,11 +27,13 @@ class FrameSource:
 
     This base class is a source without members: it ignores their messages. `admits_at_once`: a
     member that joins during a frame does not wait for the next one. `has_all_agents`: its string is
-    that of the world, and not a part.
+    that of the world, and not a part. `awaits_leavers`: an expected member that leaves is awaited
+    like one that has vanished.
     """
 
     admits_at_once: bool = False
     has_all_agents: bool = True
+    awaits_leavers: bool = False
 
     def __init__(self, algorithm: FrameAlgorithm) -> None:
         self._algorithm = algorithm

@@ -27,6 +27,8 @@ class RegionSource(LiveSource):
     """
 
     has_all_agents = False
+    # Without its only host, agents would not evolve, and the string would be that of no other run.
+    awaits_leavers = True
 
     def __init__(self, algorithm: FrameAlgorithm) -> None:
         super().__init__(algorithm)

@@ -77,7 +77,9 @@ def same_as_one_coordinator(folder, path, ended):
 WORDS = "--rate", 30, "--coordinator-only", "--record", "run.mcap", "--json", "--frames", 0
 
 
-def test_awaited_hosts_and_their_regions_may_die(tmp_path):
+@pytest.mark.parametrize("end", [signal.SIGKILL, signal.SIGTERM])
+def test_awaited_hosts_and_their_regions_may_die(tmp_path, end):
+    """A host that leaves is awaited, too: without it, its agents would not evolve."""
     hosts = [f"{name}.walkers" for name in REGIONS]
     path = keyed_world(tmp_path, certificates(*hosts), members=MEMBERS + HOSTS)[0]
     with World(path, *WORDS) as world:
@@ -89,7 +91,7 @@ def test_awaited_hosts_and_their_regions_may_die(tmp_path):
                 there.attach(hosts[1], doors[1]) as host,
             ):
                 there.advances()
-                lost.kill()
+                lost.process.send_signal(end)
                 there.shows(hosts[0], "lost")
                 with there.attach(hosts[0], doors[0]):
                     there.advances()

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections import defaultdict, deque
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from random import Random
@@ -20,7 +20,7 @@ from minerva_bus.grammar.events import Event
 from minerva_bus.launch.journaling import journal_path
 from minerva_bus.launch.regions.layout import RegionSpec, source_of
 from minerva_bus.launch.regions.member import RegionMember
-from minerva_bus.launch.worldfile import WorldFile
+from minerva_bus.launch.worldfile import Process, WorldFile
 from minerva_bus.log.journal import Journal
 from minerva_bus.log.journaled import read_journal, resume_from
 from minerva_bus.runtime.direct import InProcessRunner
@@ -72,7 +72,8 @@ class Cluster(Sink):
     the frames in which a region's process, or the coordinator's, died.
     """
 
-    def __init__(self, file: WorldFile, chance: Random) -> None:
+    def __init__(self, file: WorldFile, chance: Random, guests: Iterable[Process] = ()) -> None:
+        """`guests` are hosts in each region of agents that it also evolves itself."""
         self.chance = chance
         self.links = SimulatedLinks()
         self.seconds: int = 0
@@ -85,7 +86,10 @@ class Cluster(Sink):
         self._members: dict[str, RegionMember] = {}
         outside = [each for each in file.processes if not each.hub]
         others = [each for each in outside if each.name not in self.specs]
-        self._hosts = {name: SimulatedHosts(spec.hosts) for name, spec in self.specs.items()}
+        extra = [replace(each, name=f"guest-{each.name}") for each in guests]
+        self._hosts = {
+            name: SimulatedHosts([*spec.hosts, *extra]) for name, spec in self.specs.items()
+        }
         self._hubs: dict[str, SimulatedHub] = {}
         self._outside = {each.name: each.participant() for each in others}
         self._coordinate(FrameAlgorithm(file.world, source_of(file)))
@@ -150,7 +154,7 @@ class Cluster(Sink):
         self.links.up[name].clear()
         self.links.parcels = [parcel for parcel in self.links.parcels if parcel[1] != spec.number]
         send = partial(self._send_parcel, spec.number)
-        make = partial(self._make_hub, name) if spec.hosts else InProcessRunner
+        make = partial(self._make_hub, name) if self._hosts[name].members else InProcessRunner
         self._members[name] = RegionMember(spec, send, lambda about, text, details: None, make)
         self.runner.handle(s.Appeared(name))
         for other in self._members.values():

@@ -16,7 +16,10 @@ from minerva_bus.runtime.direct import Deliver, DirectTransport, JointTransport
 from minerva_bus.runtime.runner import Notice, Runner
 
 DIES: Final = 0.01
-"""How often a host dies before one of its messages arrives."""
+"""How often a host ends before one of its messages arrives."""
+
+LEAVES: Final = 0.3
+"""How often a host that ends says so."""
 
 
 class SimulatedHosts:
@@ -75,12 +78,13 @@ class SimulatedHub:
         return [name for name in self._hosts.members if self._down[name] or self._up[name]]
 
     def pass_on(self, name: str) -> None:
-        """Let a message to a host or from it arrive, or let the host die and return."""
+        """Let a message to a host or from it arrive, or let the host end and return."""
         if self._chance.random() < DIES:
             self._down[name].clear()
             self._up[name].clear()
             self._hosts.restart(name)
-            self.handle(s.Vanished(name))
+            left = self._chance.random() < LEAVES
+            self.handle(m.Leaving(name) if left else s.Vanished(name))
             self.handle(s.Appeared(name))
         elif self._down[name]:
             for answer in self._hosts.members[name].receive(self._down[name].popleft()):

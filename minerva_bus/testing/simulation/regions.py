@@ -38,7 +38,9 @@ MOVES: Final = 1, 2, 5
 """Every third history has a lag; agents move before the frames that are multiples of a number."""
 
 HOSTS: Final = (), ("birds",), ("birds", "marsh"), (), ()
-"""The agents that have processes of their own in each region, in histories by their seeds."""
+GUESTS: Final = (), (), (), (), ("birds", "marsh")
+"""The agents that have processes of their own in each region, or also have hosts that come and go,
+in histories by their seeds."""
 
 BORDERS: Final = 0.0, 1.0, 2.0
 """Borders between regions along x; herons stride across them."""
@@ -191,9 +193,11 @@ def play_regions(history: RegionHistory, folder: Path) -> PlayedRegions:
     names = file.world.expected - {ABSENT}
     processes = tuple(replace(p, table=p.name) for p in file.processes if p.name in names)
     file = replace(file, processes=processes, hosts=HOSTS[history.seed % len(HOSTS)])
+    guests = [p for p in processes if p.name in GUESTS[history.seed % len(GUESTS)]]
     script, failure = RegionScript(history), ""
     with in_regions(replace(file, partition=partition)) as regions:
-        cluster = Cluster(regions, Random(f"deliveries {history.seed}"))  # noqa: S311
+        chance = Random(f"deliveries {history.seed}")  # noqa: S311
+        cluster = Cluster(regions, chance, guests)
         try:
             cluster.run(script)
         except MinervaError as error:
