@@ -10,6 +10,7 @@ from running import MEMBERS, here, write_world
 
 from minerva_bus import EventType, Metres
 from minerva_bus.errors import WorldStopped
+from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.launch.in_process import members_of
@@ -366,3 +367,27 @@ def test_a_record_continues_in_regions(tmp_path, frames, elsewhere):
 
 def wish(number, receiver):
     return EventType("eWish", x=Metres, name=str)(x=number, name="hill", receivers=[receiver])
+
+
+def test_requests_may_overtake_each_other(file):
+    """Those to all regions and those to one that has just joined come on different ways."""
+    lag = RegionLag(3, file.partition, 9)
+    file = replace(file, world=replace(file.world, lag=lag))
+    swapped = []
+
+    def disturb(cluster):
+        for name, queue in sorted(cluster.links.down.items()):
+            requests = [each for each in queue if isinstance(each, m.RegionRequest)]
+            if len(queue) == len(requests) > 1 and requests == sorted(requests, key=frame_of):
+                queue.reverse()
+                swapped.append(name)
+
+    with in_regions(file) as regions:
+        cluster = Cluster(regions, Random(1))
+        cluster.run(disturb)
+    assert digests(cluster) == digests_of_one(file, {})
+    assert len(swapped) > 3
+
+
+def frame_of(request):
+    return request.frame

@@ -157,6 +157,11 @@ class RegionFrames:
     def _needed_by_all(self, request: m.RegionRequest) -> Sequence[PlacedEvent]:
         return needed_by_all(self.decoder, request, self._known_agents())
 
+    def is_new(self, request: m.RegionRequest) -> bool:
+        """Whether a request is for a frame that has not begun, and has not been noted."""
+        begun = self.region.frame + self.is_busy
+        return request.frame >= begun and self.requests.of(request.frame) is None
+
     def note(self, request: m.RegionRequest) -> None:
         """Accept the request of a frame."""
         self.requests.note(request)

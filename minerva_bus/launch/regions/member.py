@@ -143,7 +143,8 @@ class RegionMember(Member):
             return []
         if request.frame in self._frames.requests.reports:
             return [self._frames.requests.reports[request.frame], *self._frames.advance()]
-        if request.frame > self._frames.requests.last:
+        # A request to this region may arrive after a later one to all regions.
+        if self._frames.is_new(request):
             self._frames.journal.write(ParcelArrived(COORDINATOR, encode(request)))
             self._frames.note(request)
         return [*self._frames.advance()]

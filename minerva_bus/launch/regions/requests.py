@@ -15,14 +15,13 @@ the frames that it may wait for."""
 class RegionRequests:
     """Frames that the coordinator has requested, and the reports that it may miss.
 
-    `ahead` is the number of frames that the region may run ahead, and `last` the number of the last
-    requested frame. `reports` are those of the last frames, which the `sender` encodes as changes
-    since the one before, and `lines` of the world's log wait for the next one.
+    `ahead` is the number of frames that the region may run ahead. `reports` are those of the last
+    frames, which the `sender` encodes as changes since the one before, and `lines` of the world's
+    log wait for the next one.
     """
 
     def __init__(self, ahead: int) -> None:
         self.ahead = ahead
-        self.last = -1
         self.reports: dict[int, m.TickReply] = {}
         self.sender = PartSender()
         self.lines: list[str] = []
@@ -31,7 +30,6 @@ class RegionRequests:
     def note(self, request: m.RegionRequest) -> None:
         """Note the request to run a frame."""
         self._requests[request.frame] = request
-        self.last = request.frame
 
     def take_lines(self) -> list[str]:
         """Remove and return the lines that wait for a report."""
