@@ -154,9 +154,11 @@ class Inbox:
         Beyond MAX_WAKE_UPS items no further wake-up is sent yet: the channel would be full, and
         the calling thread of Zenoh would block.
         """
-        self._side.put(item)
-        if self._side.qsize() <= MAX_WAKE_UPS:
-            with self._waking:
+        # Together: a wake-up of another thread's item would take this one, whose own comes later,
+        # perhaps after a message of the channel that was sent after this item.
+        with self._waking:
+            self._side.put(item)
+            if self._side.qsize() <= MAX_WAKE_UPS:
                 self._wake(WAKE_UP)
 
     def handler(self, read: Callable[[Any], Any] = _as_it_is) -> Callback[Any]:
