@@ -29,6 +29,7 @@ from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.scene import Piece
 from minerva_bus.log.entries import encode_inputs, part_codec
 from minerva_bus.regions.attached import Replies
+from minerva_bus.regions.journal import PROCESS
 from minerva_bus.regions.merging import PlacedEvent, Units, agents_in
 from minerva_bus.regions.messages import from_message, to_message
 from minerva_bus.regions.parcel import Parcel
@@ -97,10 +98,11 @@ def reported(units: Units, events: Sequence[PlacedEvent] = ()) -> Measured:
     first = PartSender().message(
         0, Units([(n,) for n in range(AGENTS)], WORLD.scene.pieces), (), NO_PROGRESS, (), inputs
     )
-    algorithm.receive(m.TickReply(NAMES[0], 0, (), {PART: encode(first)}))
+    algorithm.receive(m.TickReply(NAMES[0], 0, (), {PART: encode(first), PROCESS: 1}))
     data = encode(PartSender().message(0, units, events, NO_PROGRESS, (), b""))
     decoding, _ = timed(lambda: codec.decode(data, algorithm.source.agents_of(NAMES[1])))
-    took, done = timed(lambda: list(algorithm.receive(m.TickReply(NAMES[1], 0, (), {PART: data}))))
+    report = m.TickReply(NAMES[1], 0, (), {PART: data, PROCESS: 1})
+    took, done = timed(lambda: list(algorithm.receive(report)))
     if not any(isinstance(item, s.FrameDone) for item in done):
         raise SystemExit(f"the frame is not done: {done!r:.300}")
     return len(data), decoding, took - decoding

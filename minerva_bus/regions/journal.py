@@ -21,6 +21,10 @@ JOURNAL: Final = "journal"
 """Key in the saved data of a region's `ticked` and `welcome`: the entries since the last report,
 and all of them."""
 
+PROCESS: Final = "process"
+"""Key in the saved data of a region's `welcome` and `ticked`: the number of the region's process,
+which tells its reports from those that a former process had sent before it ended."""
+
 _HEAD: Final = struct.Struct("<II")
 
 Entry: TypeAlias = tuple[int, bytes]

@@ -23,10 +23,11 @@ from minerva_bus.frame.own_agents import NO_AGENTS, OwnAgents
 from minerva_bus.frame.replaying import RecordedSource
 from minerva_bus.frame.views import due_views
 from minerva_bus.grammar.batch import AnyEvent
+from minerva_bus.regions import beside
 from minerva_bus.regions.dividing import cut
 from minerva_bus.regions.emissions import take_events
 from minerva_bus.regions.generated import GeneratedEvents
-from minerva_bus.regions.journal import JOURNAL, KeptJournals
+from minerva_bus.regions.journal import JOURNAL, PROCESS, KeptJournals
 from minerva_bus.regions.judging import log_violations, permitted_events
 from minerva_bus.regions.merging import agents_in
 from minerva_bus.regions.messages import check_given_up
@@ -112,8 +113,9 @@ class WholeSource(RecordedSource):
         if member not in self._names:
             return super().saved_for(member)
         self._requests.forget(member)
-        journal = self._journals.of(member)
-        return {**self._terms, **({} if journal is None else {JOURNAL: journal})}
+        journal, process = self._journals.of(member), self._algorithm.members.get(member).joins
+        kept = {} if journal is None else {JOURNAL: journal}
+        return {**self._terms, PROCESS: process, **kept}
 
     # --- a frame ---
 
@@ -161,19 +163,8 @@ class WholeSource(RecordedSource):
 
     def objection(self, hello: m.Hello) -> str:
         """Reason why a member, which is not a region, cannot take part; or an empty string."""
-        if hello.member in self._names:
-            return ""
-        if hello.draws and not self._all_kinds:
-            return "it shows views, for which this coordinator lacks the code of agents in commands"
-        if not (hello.kinds or hello.ticks):
-            return ""
-        what = "hosts agents" if hello.kinds else "runs in step with the frames"
-        join = "connect it to a region (attach --process region-0 --listen ENDPOINT), "
-        join = join if hello.kinds else ""
-        return (
-            f"it {what}, which only regions do in this world; {join}run the world with one"
-            " coordinator (--regions 0), or send events freely"
-        )
+        is_region = hello.member in self._names
+        return "" if is_region else beside.objection(hello, makes_all_views=self._all_kinds)
 
     def early_replies(self, member: str) -> int:
         """The frames ahead that a region has not reported."""
@@ -183,11 +174,15 @@ class WholeSource(RecordedSource):
         """Accept the report of a region, or keep that of a later frame."""
         algorithm = self._algorithm
         member = algorithm.members.get(reply.member)
-        if member.active and reply.member in self._names and self._requests.is_early(reply.frame):
+        # A report of a former process may arrive after the next one has joined, whose journal lacks
+        # that frame: the next process repeats it, and reports it itself.
+        is_own = (reply.saved or {}).get(PROCESS) == member.joins
+        reports = member.active and reply.member in self._names and is_own
+        if reports and self._requests.is_early(reply.frame):
             self._requests.keep(reply)
             return
         awaited = algorithm.awaits_tick(reply.member) and reply.frame == algorithm.frame
-        if not member.active or not awaited or reply.member not in self._names:
+        if not (reports and awaited):
             member.late += 1
             return
         try:

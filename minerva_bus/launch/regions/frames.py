@@ -27,7 +27,7 @@ from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.log.entries import encode_inputs
 from minerva_bus.regions.generated import packed_answers, reported
 from minerva_bus.regions.hosts import host_figures
-from minerva_bus.regions.journal import JOURNAL
+from minerva_bus.regions.journal import JOURNAL, PROCESS
 from minerva_bus.regions.judging import LINES
 from minerva_bus.regions.merging import PlacedEvent, Units, agents_in
 from minerva_bus.regions.messages import AgainMessage, expected_sources, from_message
@@ -232,6 +232,7 @@ class RegionFrames:
         saved: dict[str, Any] = {
             PART: encode(message(entry)),
             JOURNAL: self.journal.unreported(),
+            PROCESS: self.requests.process,
         }
         if lines := self.requests.take_lines():
             saved[LINES] = lines

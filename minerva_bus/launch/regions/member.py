@@ -15,7 +15,7 @@ from minerva_bus.launch.regions.layout import RegionSpec
 from minerva_bus.launch.regions.past import RegionPast
 from minerva_bus.launch.regions.runner import MakeRunner
 from minerva_bus.launch.regions.terms import agreed
-from minerva_bus.regions.journal import COORDINATOR, JOURNAL
+from minerva_bus.regions.journal import COORDINATOR, JOURNAL, PROCESS
 from minerva_bus.regions.region import Region
 from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.runtime.region_links import ParcelArrived
@@ -76,6 +76,7 @@ class RegionMember(Member):
         if file is not frames.file:
             frames.adopt(file)
         super()._on_welcome(welcome)
+        frames.requests.process = saved.get(PROCESS, 0)
         if not joins:
             return
         frames.journal.continue_from(saved.get(JOURNAL))
@@ -141,8 +142,8 @@ class RegionMember(Member):
         if self._past is not None:
             self._past.early.append(request)
             return []
-        if request.frame in self._frames.requests.reports:
-            return [self._frames.requests.reports[request.frame], *self._frames.advance()]
+        if (report := self._frames.requests.report(request.frame)) is not None:
+            return [report, *self._frames.advance()]
         # A request to this region may arrive after a later one to all regions.
         if self._frames.is_new(request):
             self._frames.journal.write(ParcelArrived(COORDINATOR, encode(request)))

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Final
 
 from minerva_bus.frame import messages as m
+from minerva_bus.regions.journal import PROCESS
 from minerva_bus.regions.part import PartSender
 
 REPORTS_KEPT: Final = 2
@@ -17,11 +19,12 @@ class RegionRequests:
 
     `ahead` is the number of frames that the region may run ahead. `reports` are those of the last
     frames, which the `sender` encodes as changes since the one before, and `lines` of the world's
-    log wait for the next one.
+    log wait for the next one. `process` is the number that the coordinator has given this process.
     """
 
     def __init__(self, ahead: int) -> None:
         self.ahead = ahead
+        self.process = 0
         self.reports: dict[int, m.TickReply] = {}
         self.sender = PartSender()
         self.lines: list[str] = []
@@ -48,6 +51,11 @@ class RegionRequests:
     def take(self, frame: int) -> m.RegionRequest:
         """Remove and return the request for a frame."""
         return self._requests.pop(frame)
+
+    def report(self, frame: int) -> m.TickReply | None:
+        """The report of a frame, as one of this process; None if it is not kept."""
+        report = self.reports.get(frame)
+        return report and replace(report, saved={**(report.saved or {}), PROCESS: self.process})
 
     def keep(self, report: m.TickReply) -> None:
         """Keep the report of a frame, instead of an earlier one."""
