@@ -53,13 +53,14 @@ class NearbyViews:
         """Assemble the views of a frame from what each region shows."""
         self.frame, self._shown = frame, parts
         shown = {source: part.figures for source, part in parts.items()}
-        own = shown.get(self._number)
-        if own is None:
-            self.own = self.own if self._unseen else None
-            return
         for source, figures in shown.items():
             changed = {name: of for name, of in figures.items() if name not in self._halos}
             self._scenery.setdefault(source, {}).update(changed)
+        own = shown.get(self._number, {})
+        # A process may continue from a frame in which no view was due, with the scenery alone.
+        if own.keys().isdisjoint(self._halos):
+            self.own = self.own if self._unseen else None
+            return
         self.own = showing(own, self._halos)
         self.kept_of_all = {}
         halted = tuple(sorted({who for part in parts.values() for who in part.halted}))
@@ -108,7 +109,7 @@ class NearbyViews:
     def latest(self) -> Mapping[int, Mapping[int, HaloPart]]:
         """The latest figures by frame and region: `take` continues with them elsewhere."""
         shown = self._shown
-        sources = shown.keys() | self._scenery.keys() if shown else set[int]()
+        sources = shown.keys() | self._scenery.keys()
         parts = {source: shown.get(source, NO_HALO) for source in sorted(sources)}
         whole = {
             source: replace(part, figures={**self._scenery.get(source, {}), **part.figures})

@@ -186,11 +186,12 @@ class Region:
             # Counts have changed since the last frame, by judging and by agents that have moved.
             self.algorithm.members.saved[SOURCE] = self._norms.saved()
 
-    def give(self, request: m.RegionRequest) -> None:
-        """Begin a frame with events from outside of all regions, and perhaps with new borders.
+    def give(self, request: m.RegionRequest, *, again: bool = False) -> None:
+        """Begin a frame, perhaps `again`, with events from outside and perhaps with new borders.
 
         Raises ProtocolError for borders of other regions.
         """
+        self._source.views.repeats = again
         self.partition = moved(self.partition, request.borders)
         self.algorithm.inbox.replace(request.events)
         if self._norms is not None:

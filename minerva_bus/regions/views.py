@@ -65,32 +65,6 @@ class ViewPart:
 NO_VIEWS = ViewPart()
 
 
-class PartialViews:
-    """The views that a region sends to the region of its devices: those of some event types."""
-
-    def __init__(self, drawn: Collection[str] = ()) -> None:
-        self._drawn = drawn
-        self._sent: PlacedSkeleton | None = None
-
-    def part(
-        self, in_flight: FrameInFlight, composition: Composition, places: Sequence[Place]
-    ) -> ViewPart:
-        """The part of a frame whose results are final, before they replace the string."""
-        visual = {event.type for event in in_flight.events.visual}
-        types = sorted(visual.intersection(self._drawn))
-        if not types:
-            return NO_VIEWS
-        layout, result = PlacedSkeleton.of(composition, places), in_flight.result
-        changed = self._sent != layout
-        self._sent = layout
-        return ViewPart(
-            {name: result.views.get(name, {}) for name in types},
-            {name: result.view_patches[name] for name in types if name in result.view_patches},
-            layout if changed else None,
-            result.halted,
-        )
-
-
 @dataclass(slots=True)
 class RegionViews:
     """The latest views of a region, by event type and fragment."""
@@ -119,6 +93,47 @@ class RegionViews:
             of = self.views.setdefault(event_type, {})
             of.update(changed)
             patch_all(of, part.patches.get(event_type, {}))
+
+
+class PartialViews:
+    """The views that a region sends to the region of its devices: those of some event types.
+
+    While it `repeats` the frames of a former process, and in the first view of each type that it
+    sends itself, views are whole: agents in columns may have other fragments than in the former
+    process, whose views others have.
+    """
+
+    def __init__(self, drawn: Collection[str] = ()) -> None:
+        self.repeats = False
+        self._drawn = drawn
+        self._layout: PlacedSkeleton | None = None
+        self._unsent = {*drawn}
+        self._views = RegionViews()
+
+    def part(
+        self, in_flight: FrameInFlight, composition: Composition, places: Sequence[Place]
+    ) -> ViewPart:
+        """The part of a frame whose results are final, before they replace the string."""
+        visual = {event.type for event in in_flight.events.visual}
+        types = sorted(visual.intersection(self._drawn))
+        if not types:
+            return NO_VIEWS
+        layout, result = PlacedSkeleton.of(composition, places), in_flight.result
+        changed = self._layout != layout
+        self._layout = layout
+        changes = ViewPart(
+            {name: result.views.get(name, {}) for name in types},
+            {name: result.view_patches[name] for name in types if name in result.view_patches},
+            layout if changed else None,
+            result.halted,
+        )
+        if not self._unsent:
+            return changes
+        self._views.take(changes)
+        part = changes if self._unsent.isdisjoint(types) else self._views.part(types)
+        if not self.repeats:
+            self._unsent.difference_update(types)
+        return part
 
 
 class ViewAssembly:

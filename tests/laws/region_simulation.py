@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from itertools import chain
 from random import Random
 
+from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.composition import Composition
@@ -52,11 +53,17 @@ def state(scene, emitted):
 
 
 class Process:
-    """A region with its members, which can be killed: then its journal is all that remains."""
+    """A region with its members, which can be killed: then its journal is all that remains.
 
-    def __init__(self, regions, number, journal=()):
+    That is its last checkpoint, if it has `saved` one, and what has arrived since then.
+    """
+
+    def __init__(self, regions, number, journal=(), saved=None):
         self.regions = regions
         self.journal = list(journal)
+        self.saved = saved
+        # Others have what the former process has sent, or request it.
+        self.repeats = bool(journal or saved)
         members = regions.members()
         first = regions.partitions[0]
         region = Region(regions.world, number, first, members, ahead=regions.schedule.ahead)
@@ -64,11 +71,14 @@ class Process:
         self.sent = []
         self.parts = PartSender()
         self.begin(region, members)
+        if saved is not None:
+            self.restore(saved)
         for message in journal:
             self.advance_all()
-            region.receive(message)
-        if journal:
+            self.region.receive(message)
+        if self.repeats:
             self.advance_all()
+            self.repeats = False
 
     def begin(self, region, members):
         self.region = region
@@ -77,21 +87,29 @@ class Process:
         self.runner = InProcessRunner(region.algorithm, members, deliver=deliver)
         self.runner.start()
 
-    def continue_from_checkpoint(self):
-        """Continue as another process does from what this one has saved before a frame."""
-        region, members = self.region, self.regions.members()
-        checkpoint = RegionCheckpoint.decoded(RegionCheckpoint.of(region, []).encoded())
-        copy = checkpoint.region(
-            self.regions.world, region.number, region.partition, members, region.schedule.ahead
-        )
-        self.begin(copy, members)
-        for message in region.arrived:
-            copy.receive(message)
+    def save(self):
+        """Replace the journal by what another process needs to continue before this frame."""
+        region = self.region
+        checkpoint = RegionCheckpoint.of(region, []).encoded()
+        kept = [each for to in range(region.partition.count) for each in self.outbox.kept_for(to)]
+        self.saved, self.journal = (checkpoint, region.partition, region.arrived, kept), []
+
+    def restore(self, saved):
+        checkpoint, partition, arrived, kept = saved
+        regions, members = self.regions, self.regions.members()
+        number, ahead = self.region.number, regions.schedule.ahead
+        decoded = RegionCheckpoint.decoded(checkpoint)
+        self.begin(decoded.region(regions.world, number, partition, members, ahead), members)
+        self.outbox = Outbox()
+        self.outbox.keep(kept)
+        for message in arrived:
+            self.region.receive(message)
 
     def send(self, messages):
         self.regions.check_sanctions(messages)
         self.outbox.keep(messages)
-        self.sent += messages
+        if not self.repeats:
+            self.sent += messages
 
     def receive(self, message):
         if self.region.receive(message):
@@ -114,10 +132,14 @@ class Process:
         region.enter(lambda: regions.for_all[frame - 1])
         if region.missing:
             return False
-        if regions.checkpoints:
-            self.continue_from_checkpoint()
-            region = self.region
-        begin(self.runner, regions.frames[frame])
+        if not self.repeats and regions.chance.random() < regions.checkpoints:
+            self.save()
+            if not regions.kills or regions.chance.random() < 0.5:
+                self.restore(self.saved)
+                region = self.region
+        events = {"generator": tuple(regions.frames[frame])} if regions.frames[frame] else {}
+        region.give(m.RegionRequest(frame, (), events), again=self.repeats)
+        self.runner.handle(s.Begin())
         units, sent, progress = region.units, region.sent, region.progress()
         region.partition = regions.partitions[(frame + 1) % len(regions.partitions)]
         parcels = region.leave()
@@ -133,7 +155,8 @@ class Process:
 class Regions:
     """`members` makes the members of one region; `kills` is the probability of a kill per turn.
 
-    With `checkpoints`, each frame runs in a region that continues from a checkpoint before it.
+    `checkpoints` is the probability of a checkpoint before a frame, with which the region itself
+    continues, too: always without kills, and else in half of the cases.
     """
 
     world: World
@@ -142,7 +165,7 @@ class Regions:
     chance: Random
     members: object
     kills: float = 0.0
-    checkpoints: bool = False
+    checkpoints: float = 0.0
     ahead: int = 0
     killed: int = 0
     messages: list = field(default_factory=list)
@@ -168,7 +191,8 @@ class Regions:
             number = chance.randrange(count)
             if chance.random() < self.kills:
                 self.killed += 1
-                self.processes[number] = Process(self, number, self.processes[number].journal)
+                killed = self.processes[number]
+                self.processes[number] = Process(self, number, killed.journal, killed.saved)
             self.processes[number].advance()
             frames = [process.region.frame for process in self.processes]
             self.ahead = max(self.ahead, max(frames) - min(frames))

@@ -90,6 +90,26 @@ def test_services_with_a_halo_have_the_digests_of_one_coordinator(name, partitio
     assert len(answered) == len(set(answered)) > 0
 
 
+@cache
+def large_crowd():
+    file = read_world_file(find_world("crowd"), Overrides(options={"people": "70"}))
+    frames = [[]] * 24
+    return file, frames, digests_of_one(file.world, frames, lambda: members_of(file))
+
+
+@pytest.mark.parametrize(
+    "seed", [5, 6, 7, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(8, 40))]
+)
+def test_regions_that_continue_from_a_checkpoint_are_seen_as_before(seed):
+    """People in columns have other fragments then, and walls are not shown again."""
+    file, frames, single = large_crowd()
+    grid = [ByPosition((12.0,), halo=bool(seed % 2))]
+    of = file.world, frames, grid, Random(seed), lambda: members_of(file)
+    regions = Regions(*of, kills=0.08, checkpoints=0.12)
+    assert regions.digests() == single
+    assert regions.killed > 10
+
+
 def rows(*borders):
     return ByPosition(borders, (13.0,), names=("row", "column"), halo=True)
 

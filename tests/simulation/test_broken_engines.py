@@ -114,10 +114,10 @@ def obey_repeated_orders(patch):
     """Let orders of the frame before count again."""
     whole, last = Region.give, {}
 
-    def give(region, request):
+    def give(region, request, **more):
         events = {**last.get(region.number, {}), **request.events}
         last[region.number] = request.events
-        whole(region, replace(request, events=events))
+        whole(region, replace(request, events=events), **more)
 
     patch.setattr(Region, "give", give)
 

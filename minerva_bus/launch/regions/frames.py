@@ -201,7 +201,7 @@ class RegionFrames:
         region, frame = self.region, self.region.frame
         self._begins(frame)
         self.parcels.frame_begun()
-        region.give(self.requests.take(frame))
+        region.give(self.requests.take(frame), again=self.parcels.repeats)
         self._runner.handle(s.Begin())
 
     def _end_frame(self, done: s.FrameDone) -> m.TickReply:
