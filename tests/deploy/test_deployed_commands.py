@@ -24,7 +24,7 @@ def commands():
         yield line.split()
     for args in re.findall(r"^.*MINERVA_ARGS=(--listen.*?)'? >", README, re.M):
         yield ["run", *args.split()]
-    for args in re.findall(r"^MINERVA_ARGS=(--process region.*)$", README, re.M):
+    for args in re.findall(r"^MINERVA_ARGS=(--process .*)$", README, re.M):
         yield ["attach", "meadow", *args.split()]
 
 

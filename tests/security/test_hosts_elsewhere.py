@@ -16,6 +16,14 @@ from secured import keyed_world, secured_endpoint
 from minerva_bus.log.reader import Record
 
 REGIONS = "region-0", "region-1"
+
+
+@pytest.fixture
+def tmp_path(tmp_path_factory):
+    """A short path: sockets of regions are below it, and their names have at most 100 bytes."""
+    return tmp_path_factory.mktemp("h")
+
+
 HOSTS = '\n[regions]\ncount = 2\nhosts = ["walkers"]\n'
 
 
