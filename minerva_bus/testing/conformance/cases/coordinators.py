@@ -129,7 +129,7 @@ def _takes_result(stage: Stage) -> None:
     host.send("evolved", frame, part, {"a": [1, ["ACounter", "a", [total, "é", 3], 0]]}, {}, {})
     generator.tick()
     text = stage.ask({"ask": "fragment", "agent": "a"})["fragment"]
-    check(f'ACounter#a<total={total:g}, name="é", births=3>()', text)
+    check(f'ACounter#a<total={total}, name="é", births=3>()', text)
 
 
 def _passes_emitted_on(stage: Stage) -> None:
