@@ -107,8 +107,8 @@ def test_rules_change_no_string_but_the_next(as_python, written):
         (new,) = agents(scene)
         for name, matrix in was.items():
             assert (old.state[name] == matrix).all()
-        found = [new.state[name].ravel().tolist() for name in was]
-        assert found == expected(was["total"], was["ground"], was["heat"], written)
+        matrices = [new.state[name].ravel().tolist() for name in was]
+        assert matrices == expected(was["total"], was["ground"], was["heat"], written)
         assert not any(new.state[name].flags.writeable for name in was)
 
 
