@@ -27,7 +27,7 @@ from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.log.entries import encode_inputs
 from minerva_bus.regions.generated import packed_answers, reported
 from minerva_bus.regions.hosts import host_figures
-from minerva_bus.regions.journal import JOURNAL, PROCESS
+from minerva_bus.regions.journal import JOURNAL
 from minerva_bus.regions.judging import LINES
 from minerva_bus.regions.merging import PlacedEvent, Units, agents_in
 from minerva_bus.regions.messages import AgainMessage, expected_sources, from_message
@@ -222,8 +222,7 @@ class RegionFrames:
             for_all=packed_for_all(region),
         )
         report = self._report(message, done)
-        self.requests.keep(report)
-        return report
+        return self.requests.keep(report)
 
     def _report(self, message: Callable[[bytes], PartMessage], done: s.FrameDone) -> m.TickReply:
         answered, first = self.region.services.nearby.answered, self.region.number == FIRST
@@ -232,7 +231,6 @@ class RegionFrames:
         saved: dict[str, Any] = {
             PART: encode(message(entry)),
             JOURNAL: self.journal.unreported(),
-            PROCESS: self.requests.process,
         }
         if lines := self.requests.take_lines():
             saved[LINES] = lines

@@ -57,7 +57,8 @@ class RegionRequests:
         report = self.reports.get(frame)
         return report and replace(report, saved={**(report.saved or {}), PROCESS: self.process})
 
-    def keep(self, report: m.TickReply) -> None:
-        """Keep the report of a frame, instead of an earlier one."""
+    def keep(self, report: m.TickReply) -> m.TickReply:
+        """Keep the report of a frame, instead of an earlier one; returns it as `report` does."""
         self.reports[report.frame] = report
         self.reports.pop(report.frame - REPORTS_KEPT - self.ahead, None)
+        return self.report(report.frame) or report
