@@ -52,6 +52,18 @@ def state(scene, emitted):
     return scene.digest, [(str(event), event.sender) for event in events]
 
 
+def exchanged(regions):
+    """End a frame of regions that run one after another; returns the digest of their string."""
+    digest = merged([region.units for region in regions]).scene.digest
+    parcels = [parcel for region in regions for parcel in region.leave()]
+    for region in regions:
+        to_it = [parcel for parcel in parcels if parcel.target == region.number]
+        region.expect({region.frame - 1: [parcel.source for parcel in to_it]})
+    for parcel in parcels:
+        regions[parcel.target].receive(parcel)
+    return digest
+
+
 class Process:
     """A region with its members, which can be killed: then its journal is all that remains.
 
