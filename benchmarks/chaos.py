@@ -1,7 +1,7 @@
 """A world under random faults for some minutes gives the same string as without faults.
 
-    python -m benchmarks.chaos [--minutes 10] [--seed 1] [--rate 20] [--regions 0] [--lag 0]
-                               [--move-every 50] [--folder FOLDER]
+    python -m benchmarks.chaos [--minutes 10] [--seed 1] [--rate 20] [--regions 0] [--hosts 0]
+                               [--lag 0] [--move-every 50] [--folder FOLDER]
 
 Eight processes run 200 ants (benchmarks/models/colony.py), which are born and die. At random times,
 members and the coordinator are killed (SIGKILL) or frozen for a while (SIGSTOP, SIGCONT); external
@@ -11,8 +11,9 @@ delay. At the end the string must have the digest of an undisturbed run, and the
 have the same events in every frame. The exit code is 0 if so, otherwise 1.
 
 With --regions, the world runs as so many regions by position. They are killed and frozen like
-members; no hosts join, because agents evolve in regions. With --lag, they run ahead of each other
-between two moves of agents, so a generator without views takes the place of device and observer.
+members; no external hosts join. With --hosts, each region has so many hosts of its agents, which
+are killed and frozen, too. With --lag, regions run ahead of each other between two moves of agents,
+so a generator without views takes the place of device and observer.
 
 The seed determines the faults and their order; their exact times depend on the machine.
 """
@@ -26,7 +27,6 @@ import signal
 import subprocess
 import sys
 import tempfile
-import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
@@ -34,37 +34,14 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from random import Random
 
+from benchmarks.chaos_repeater import Repeater
+from benchmarks.chaos_world import HOSTS, NAME, Layout, world_text
 from minerva_bus.errors import MinervaError
 from minerva_bus.runtime.client import Client
-from minerva_bus.runtime.session import open_client
 from minerva_bus.testing.proxy import Proxy
 
 MINERVA = [sys.executable, "-m", "minerva_bus.cli.main"]
 HERE = Path(__file__).resolve().parent.parent
-NAME = "colony"
-ANTS = 200
-WORLD = """
-[world]
-name = "{name}"
-string = '''{string}'''
-vocabulary = "benchmarks.models.colony:vocabulary"
-seed = {seed}
-dt = 0.1
-
-[bus]
-soft = 3.0
-hard = 60.0
-"""
-PROCESSES = {
-    "steps": 'service = "benchmarks.models.colony:Steps"',
-    "weather": 'service = "benchmarks.models.colony:Weather"',
-    "ground": 'service = "benchmarks.models.colony:Ground"',
-    "screen": 'service = "benchmarks.models.colony:Screen"',
-    "seasons": 'service = "benchmarks.models.colony:Seasons"',
-    "ants": 'agents = "benchmarks.models.colony:Ant"\nprocesses = 4',
-}
-WIDTH = 50.0
-"""Of the ground, metres: regions have equal parts of it."""
 MAX_GUESTS = 3
 FAULTS = {"kill": 5, "freeze": 4, "pause": 1}
 """Methods of `Chaos`, with their weights."""
@@ -73,47 +50,16 @@ LAST_LINES = 60
 """Number of lines printed from the end of each log after a time-out."""
 
 
-class Repeater:
-    """Repeats messages on the bus after a short delay; `sent` is their number."""
-
-    def __init__(self, endpoint: str, random: Random) -> None:
-        self.sent = 0
-        self._session = open_client("repeater", endpoint)
-        self._random = random
-        keys = (f"minerva/{NAME}/from/*", f"minerva/{NAME}/tick", f"minerva/{NAME}/evolve")
-        self._own: Counter[bytes] = Counter()
-        self._subscribers = [self._session.declare_subscriber(key, self._receive) for key in keys]
-
-    def _receive(self, sample: object) -> None:
-        key, data = str(sample.key_expr), sample.payload.to_bytes()  # type: ignore[attr-defined]
-        if self._own[data] > 0:  # a repeated message
-            self._own[data] -= 1
-            return
-        if len(data) < 20000 and b"emitted" not in data[:16] and self._random.random() < 0.1:
-            self._own[data] += 1
-            threading.Timer(self._random.random() * 0.3, self._send, (key, data)).start()
-
-    def _send(self, key: str, data: bytes) -> None:
-        with suppress(Exception):
-            self._session.put(key, data)
-            self.sent += 1
-
-    def close(self) -> None:
-        self._session.close()
-
-
 class Chaos:
     """A running world, and the faults that are injected into it."""
 
-    def __init__(
-        self, folder: Path, seed: int, rate: float, regions: int = 0, lag: int = 0, every: int = 1
-    ) -> None:
+    def __init__(self, folder: Path, seed: int, rate: float, layout: Layout) -> None:
         self.folder = folder
         self.random = Random(seed)
-        self.faults = FAULTS if regions else FAULTS | FAULTS_OF_GUESTS
+        self.faults = FAULTS if layout.regions else FAULTS | FAULTS_OF_GUESTS
         self.done: Counter[str] = Counter()
         self.world = folder / f"{NAME}.toml"
-        self.world.write_text(_world(seed, regions, lag, every))
+        self.world.write_text(world_text(seed, layout))
         self.guests: dict[str, subprocess.Popen[bytes]] = {}
         self._joined = 0
         self._log = (folder / "chaos.log").open("w")
@@ -234,7 +180,7 @@ class Chaos:
         return name
 
     def drain(self, pick: float) -> str:
-        name = f"ants-{1 + int(4 * pick)}"
+        name = f"ants-{1 + int(HOSTS * pick)}"
         with self.client() as client:
             client.ask("drain", member=name)
         return name
@@ -287,23 +233,6 @@ class Chaos:
         self.proxy.close()
 
 
-def _world(seed: int, regions: int, lag: int, every: int) -> str:
-    ants = " · ".join(f"AAnt#a{n}<x={n % 50}, y={n // 5}>" for n in range(ANTS))
-    # A view that only an observer wants is not an event of frames without it.
-    absent = ("ground", "screen") if lag else ("seasons",)
-    parts = [
-        f"[process.{name}]\n{text}\nrestarts = 1000000\n"
-        for name, text in PROCESSES.items()
-        if name not in absent
-    ]
-    if regions:
-        borders = [WIDTH * number / regions for number in range(1, regions)]
-        parts.append(f"[regions]\ngrid = {{ x = {borders} }}\n")
-    if lag:
-        parts.append(f"lag = {lag}\nmove_every = {every}\n")
-    return WORLD.format(name=NAME, string=ants, seed=seed) + "\n" + "\n".join(parts)
-
-
 def _pick(pids: dict[str, int], pick: float) -> tuple[str, int]:
     names = sorted(pids)
     name = names[int(pick * len(names))] if names else ""
@@ -347,7 +276,8 @@ def same_events(chaos: Chaos) -> str:
 
 def run(folder: Path, given: argparse.Namespace) -> bool:
     minutes, seed = given.minutes, given.seed
-    chaos = Chaos(folder, seed, given.rate, given.regions, given.lag, given.move_every)
+    layout = Layout(given.regions, given.lag, given.move_every, given.hosts)
+    chaos = Chaos(folder, seed, given.rate, layout)
     try:
         chaos.start()
         end = time.monotonic() + 60.0 * minutes
@@ -380,12 +310,15 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--rate", type=float, default=20.0)
     parser.add_argument("--regions", type=int, default=0, help="0: one coordinator")
+    parser.add_argument("--hosts", type=int, default=0, help="hosts of agents in each region")
     parser.add_argument("--lag", type=int, default=0, help="frames that regions run ahead")
     parser.add_argument("--move-every", type=int, default=50, help="frames between moves of agents")
     parser.add_argument("--folder", type=Path, help="where logs and records stay")
     given = parser.parse_args()
     if given.lag and not given.regions:
         parser.error("--lag is between regions: add --regions")
+    if given.hosts and not given.regions:
+        parser.error("--hosts are those of regions: add --regions")
     with tempfile.TemporaryDirectory() as temporary:
         folder = given.folder or Path(temporary)
         folder.mkdir(parents=True, exist_ok=True)
