@@ -13,8 +13,11 @@ from typing import Final
 from minerva_bus.errors import MisuseError
 from minerva_bus.wording import counted
 
+FILES_PER_PROCESS: Final = 2
+"""Open files of the launcher for each process: the pipes with its output and its reports."""
+
 BASE_FILES: Final = 256
-"""Maximum number of open files of the launcher and coordinator, besides one per process."""
+"""Maximum number of open files of the launcher and coordinator, besides those per process."""
 
 LEAST_FILES: Final = 24
 """The same for few processes; 21 were measured with a record, a journal and a picture."""
@@ -45,7 +48,8 @@ class Headroom:
 
 def shortage(processes: int, free: Headroom, base_files: int = BASE_FILES) -> str:
     """Missing resource for this number of processes, with advice; empty if they fit."""
-    files, threads = processes + base_files, processes * THREADS_PER_PROCESS
+    files = processes * FILES_PER_PROCESS + base_files
+    threads = processes * THREADS_PER_PROCESS
     if free.files is not None and files > free.files:
         return (
             f"{files} open files in one process, and {free.files} are allowed:"
@@ -77,7 +81,7 @@ def check_capacity(processes: int) -> None:
             " Or use fewer processes for the same agents (processes = N)"
         )
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
-    needed = processes + BASE_FILES
+    needed = processes * FILES_PER_PROCESS + BASE_FILES
     if soft != resource.RLIM_INFINITY and soft < needed:
         # The hard limit suffices by `shortage`, but may leave few processes less than this.
         most = needed if hard == resource.RLIM_INFINITY else min(needed, hard)

@@ -1,4 +1,4 @@
-"""Reports of a world's coordinator and of regions, as the launcher handles them."""
+"""Reports of a world's coordinator and of its members, as the launcher handles them."""
 
 from __future__ import annotations
 
@@ -17,7 +17,8 @@ from minerva_bus.wording import counted, duration
 class CoordinatorReports:
     """Handles each kind of report of `_Reporter` (coordinator_process.py) in a method of its name.
 
-    A region is the coordinator of its hosts, and reports about them in the same way. `publish`
+    A region is the coordinator of its hosts, and reports about them in the same way; a member
+    reports why this world does not suit it. `publish`
     receives the endpoint of the coordinator. `last_line`: the last line that it has printed and
     that has not been shown.
     """
@@ -77,6 +78,14 @@ class CoordinatorReports:
             self._run.log.failures.explained.add(member)
             process.cause = text
         self._run.log.reported(member, text, details, keep=keep)
+
+    def _on_unready(self, member: str, reason: str) -> None:
+        """Note why a process cannot take part; it ends. Further ones for this reason are known."""
+        process = self._run.processes.get(member)
+        if process is not None:
+            process.cause = reason
+        if self._run.log.failures.is_new(f"{member} {reason}"):
+            self._run.log.add(member, reason, "info")
 
     def _on_note(self, text: str) -> None:
         self._run.log.note(text)

@@ -18,7 +18,6 @@ from typing import Final
 
 from minerva_bus.blame import report
 from minerva_bus.errors import MinervaError, UserCodeError
-from minerva_bus.frame.member import Unready
 from minerva_bus.launch import traces
 from minerva_bus.uncaught import report_threads
 
@@ -26,7 +25,7 @@ FAILED: Final = os.EX_SOFTWARE
 """The exit code of a child that ended by an exception that is not a MinervaError."""
 
 UNREADY: Final = os.EX_CONFIG
-"""The exit code of a child whose service cannot run in its world, as the child has printed."""
+"""The exit code of a child whose service cannot run in its world, as the child has reported."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +71,6 @@ def fork(body: Callable[[], int], keep: Collection[int], lifeline: int) -> Child
     except MinervaError as error:
         # Of the world's own code, the reader needs the line.
         print(report(error) if isinstance(error, UserCodeError) else error, file=sys.stderr)  # noqa: T201
-        code = UNREADY if isinstance(error, Unready) else code
     except BaseException:
         import traceback
 

@@ -18,7 +18,6 @@ from minerva_bus.launch.forking import ChildProcess
 from minerva_bus.launch.member_process import MemberStart, run_member
 from minerva_bus.launch.pipes import Pipes, ReportPipe
 from minerva_bus.launch.profiling import Profiling
-from minerva_bus.launch.regions.layout import RegionSpec
 from minerva_bus.launch.worldfile import WorldFile
 
 
@@ -81,8 +80,6 @@ class Machine:
                 "MINERVA_NAME": process.name,
             }
             return forking.command(process.command, environment, process.folder, lifeline)
-        if not isinstance(process, RegionSpec):
-            return forking.fork(partial(run_member, start), (), lifeline)
         read, write = os.pipe()
         child = forking.fork(partial(run_member, start, ReportPipe(write)), (write,), lifeline)
         os.close(write)

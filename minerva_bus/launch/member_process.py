@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from minerva_bus.frame.member import Unready
+from minerva_bus.launch.forking import UNREADY
 from minerva_bus.launch.pipes import ReportPipe
 from minerva_bus.launch.profiling import Profiling, profile_path, sampled
 from minerva_bus.launch.regions.layout import RegionSpec
@@ -24,11 +26,20 @@ class MemberStart:
     profiling: Profiling
 
 
-def run_member(start: MemberStart, reports: ReportPipe | None = None) -> int:
+def run_member(start: MemberStart, reports: ReportPipe) -> int:
     """Run a member of a world to its end; returns the exit code.
 
-    A region sends `reports` about its hosts.
+    It sends `reports` if it cannot take part, and a region about its hosts.
     """
+    try:
+        return _run(start, reports)
+    except Unready as error:
+        name = start.process.name
+        reports.send("unready", member=name, reason=str(error).removeprefix(f"{name} "))
+        return UNREADY
+
+
+def _run(start: MemberStart, reports: ReportPipe) -> int:
     process, world = start.process, start.world
 
     def log(line: str) -> None:

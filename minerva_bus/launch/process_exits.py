@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 from minerva_bus.launch.coordinator_reports import CoordinatorReports
 from minerva_bus.launch.forking import FAILED, UNREADY, how_ended
 from minerva_bus.launch.process_log import FAILURE_REPORT
-from minerva_bus.launch.process_table import CANNOT_TAKE_PART, REPORT_SECONDS, SupervisedProcess
+from minerva_bus.launch.process_table import REPORT_SECONDS, SupervisedProcess
 from minerva_bus.launch.succession import MAX_SUCCESSIONS
 from minerva_bus.launch.supervised_run import SupervisedRun
 from minerva_bus.runtime.member import RAISED, RAISED_BY_CHANCE
 from minerva_bus.wire.keys import COORDINATOR
+
+CANNOT_TAKE_PART: Final = "cannot take part"
+"""What is logged about a process that this world does not suit; its report has the reason."""
 
 
 class ProcessExits:
@@ -34,7 +39,7 @@ class ProcessExits:
         if process is None:
             return
         if run.ending.begun:
-            if code == UNREADY:  # Its output says why.
+            if code == UNREADY:  # Its report says why.
                 run.ending.fail(f"{process.name} {process.cause or CANNOT_TAKE_PART}")
             # A successor must not wait for it; the first coordinator was notified that it left.
             if run.coordinator.count:

@@ -30,9 +30,6 @@ STACK_GAP_SECONDS: Final = 0.2
 MIN_RESTART_SECONDS: Final = 0.05
 MAX_RESTART_SECONDS: Final = 5.0
 
-CANNOT_TAKE_PART: Final = "cannot take part"
-"""Beginning, after its name, of the last line of a process that this world does not suit."""
-
 
 @dataclass(slots=True)
 class SupervisedProcess:
@@ -128,7 +125,7 @@ class SupervisedProcess:
 class ProcessTable:
     """All local processes of a world, by name; `log` receives what they print.
 
-    `on_report` receives what regions report about their hosts.
+    `on_report` receives what these processes report.
     """
 
     def __init__(
@@ -206,13 +203,7 @@ class ProcessTable:
         if stacks is not None and (is_stack(line) or separates):
             stacks.append(line)
             return
-        refusal = line.removeprefix(f"{process.name} ")
-        if refusal.startswith(CANNOT_TAKE_PART):
-            process.cause = refusal
-            if self._log.failures.is_new(line):
-                self._log.add(process.name, refusal, "info")
-        else:
-            self._log.add(process.name, line, "info")
+        self._log.add(process.name, line, "info")
 
     def ended(self, pid: int) -> SupervisedProcess | None:
         """The process that has ended, after its last lines; kills what it has started."""

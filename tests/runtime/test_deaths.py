@@ -195,3 +195,18 @@ def test_a_member_that_cannot_take_part_names_the_reason_in_the_summary(tmp_path
     assert json.loads(done.stdout)["ended"] == f"lidar {reason}"
     assert done.stderr.count(reason) == 1
     assert "lidar │ cannot take part, 2 times in a row; the world stops" in done.stderr
+
+
+def test_a_printed_line_is_not_a_report(tmp_path):
+    (tmp_path / "liar.py").write_text(
+        "import os\nfrom minerva_bus import Generator\n"
+        "class Lidar(Generator):\n    def generate(self, tick):\n"
+        "        print('lidar cannot take part: the moon is full', flush=True)\n"
+        "        os._exit(3)\n"
+    )
+    lidar = '[process.lidar]\nservice = "liar:Lidar"\nrestarts = 1\n'
+    done = minerva(tmp_path, "run", write_world(tmp_path, lidar), "--json")
+    assert done.returncode == 1
+    assert json.loads(done.stdout)["ended"].startswith("lidar ended with exit code 3")
+    # It is output of the process, which is shown each time.
+    assert done.stderr.count("lidar │ lidar cannot take part: the moon is full") == 2

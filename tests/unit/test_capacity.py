@@ -8,6 +8,7 @@ from minerva_bus.errors import MisuseError
 from minerva_bus.launch.capacity import (
     BASE_FILES,
     BYTES_PER_PROCESS,
+    FILES_PER_PROCESS,
     THREADS_PER_PROCESS,
     Headroom,
     check_capacity,
@@ -21,7 +22,7 @@ def test_without_limits_everything_fits():
 
 
 @pytest.mark.parametrize(("name", "enough", "said"), [
-    ("files", 500 + BASE_FILES, "open files in one process"),
+    ("files", 500 * FILES_PER_PROCESS + BASE_FILES, "open files in one process"),
     ("threads", 500 * THREADS_PER_PROCESS, "threads"),
     ("bytes", 500 * BYTES_PER_PROCESS, "MiB of memory"),
 ])  # fmt: skip
