@@ -18,7 +18,7 @@ from minerva_bus.errors import nearest
 from minerva_bus.space import draws
 from minerva_bus.space.callable import called, check_called
 from minerva_bus.space.definite import check_values
-from minerva_bus.space.guarded import MIXED
+from minerva_bus.space.guarded import MIXED, READ_ONLY
 from minerva_bus.space.kernels import Kernel, helpers
 
 _POSSIBLE: Final = (ast.List, ast.Tuple, ast.Slice)
@@ -29,6 +29,11 @@ _BITS: Final = 2**63
 _ITEMS: Final = (np.bool_, np.float64, np.int64)
 """Types of the items of constant arrays, which are those of Python's numbers."""
 _REMEDY: Final = "use numbers, if, for, while and the functions for rules"
+_REMEDIES: Final = {
+    MIXED: REAL_EVERYWHERE,
+    READ_ONLY: "change the subject of the rule, or another matrix, by the name of its parameter",
+}
+"""Instead of what the compiler refuses."""
 _MOVES: Final = {
     "cell": "move_to({table}, i, cell)",
     "x": "go_to({table}, i, x, y)",
@@ -86,7 +91,7 @@ def uncompilable(rule: Kernel[..., Any], file: str, line: int, what: str) -> Not
         what: numba's reason.
 
     """
-    instead = REAL_EVERYWHERE if what == MIXED else _REMEDY
+    instead = _REMEDIES.get(what, _REMEDY)
     for each in (rule, *rule.called):
         origin = _origin(each.function) if each.function.__code__.co_filename == file else None
         for node in ast.walk(origin.tree) if origin is not None else ():

@@ -27,6 +27,7 @@ class RuleDriver:
         parameters: those after the row; the first is the subject.
         shuffled: whether the loop puts the rows into a random order.
         births: the most copies that one activation may make in a table.
+        only_read: the names of the matrices that it must not change.
 
     """
 
@@ -34,6 +35,7 @@ class RuleDriver:
     parameters: Sequence[RuleParameter]
     shuffled: bool
     births: int
+    only_read: frozenset[str]
 
     def loop(self, name: str, check: Callable[[], None]) -> RuleLoop:
         """A loop over the rows at `begin` to `end`; `progress` has the place of the current one.
@@ -62,9 +64,10 @@ class RuleDriver:
         """Arguments of the driver with their types, and the parameters that they form."""
         heads, types, calls, scope = list[str](), list[str](), list[str](), dict[str, Any]()
         for number, parameter in enumerate(self.parameters):
-            names = [f"a{number}_{part}" for part in range(len(parameter.types))]
+            arguments = parameter.types(only_read=parameter.name in self.only_read)
+            names = [f"a{number}_{part}" for part in range(len(arguments))]
             heads += names
-            types += parameter.types
+            types += arguments
             calls.append(_built(parameter, names, number, scope))
         scope |= {"rule": self.kernel, "shuffle": shuffle, "surrounded": surrounded}
         return heads, types, calls, scope

@@ -24,6 +24,7 @@ UNCHECKED: Final = -2
 NO_INT: Final = "a rule has one int as index; write int(...) for a real"
 FAULT: Final = "machine code has no result for these numbers"
 MIXED: Final = "a number here is an int in one case and a real in another"
+READ_ONLY: Final = "an assignment to a matrix that stays as it is, such as `before`"
 REAL_IN_CELLS: Final = "Cells are ints, and this is a real: write int(...), or use Reals"
 
 
@@ -49,6 +50,8 @@ class Guarded:
 
     def __setitem__(self, index: int, value: float) -> None:
         place = self._checked(index)
+        if not self._values.flags.writeable:
+            raise TypeError(f"{self._name}[{index}]: {READ_ONLY}")
         if self._values.dtype.kind == "i":
             if isinstance(value, float):
                 raise TypeError(REAL_IN_CELLS)

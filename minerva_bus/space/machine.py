@@ -33,7 +33,7 @@ from numba.extending import (
     types,
 )
 
-from minerva_bus.space.guarded import ALL, NO_INT, REAL_IN_CELLS, UNCHECKED
+from minerva_bus.space.guarded import ALL, NO_INT, READ_ONLY, REAL_IN_CELLS, UNCHECKED
 
 _OUTSIDE: Final = "an index of a rule is outside of its array"
 _TOO_LARGE: Final = "a number is too large for a cell"
@@ -112,6 +112,8 @@ class _Write(AbstractTemplate):
         if not isinstance(array, GuardedType):
             return None
         _check_index(index)
+        if not array.array.mutable:
+            raise errors.TypingError(READ_ONLY)
         if self.context.can_convert(number, array.array.dtype) is None:
             return None
         if isinstance(number, types.Float) and isinstance(array.array.dtype, types.Integer):

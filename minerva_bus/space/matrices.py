@@ -12,10 +12,11 @@ if TYPE_CHECKING:
 
 
 class Matrices:
-    """Cells of matrices in one dimension, writable, as rules are compiled for them.
+    """Cells of matrices in one dimension.
 
     A matrix is copied when the first rule that changes it starts. Rules that only read it before
-    that get the memory of the string.
+    that get the memory of the string, as read-only arrays: for those, nothing that changes cells
+    can be compiled.
     """
 
     def __init__(self, space: Space) -> None:
@@ -42,17 +43,19 @@ class Matrices:
             cells = self._unchanged.get(name)
         if cells is None:
             matrix: NDArray[Any] = getattr(self._space, name)
-            if not _owned(matrix):
+            if not _constant(matrix):
                 return self.to_change(name)
-            cells = self._unchanged[name] = _cells(matrix)
+            cells = self._unchanged[name] = matrix.reshape(-1)
         return cells
 
     def as_it_is(self, name: str) -> NDArray[Any]:
         """Cells that stay as they are while rules change the matrix, for rules that read them."""
         matrix: NDArray[Any] = getattr(self._space, name)
-        if name in self._changing or not _owned(matrix):
-            return self.to_change(name).copy()
-        return self.to_read(name)
+        if name not in self._changing and _constant(matrix):
+            return self.to_read(name)
+        cells = self.to_change(name).copy()
+        cells.flags.writeable = False
+        return cells
 
     def reset(self) -> None:
         """Give the space the matrices that it had before the rules."""
@@ -60,16 +63,7 @@ class Matrices:
             setattr(self._space, name, matrix)
 
 
-def _owned(matrix: NDArray[Any]) -> bool:
-    """Whether an array is a matrix of the string that owns its memory."""
-    plain = type(matrix) is np.ndarray and matrix.flags.c_contiguous
-    return plain and matrix.base is None and not matrix.flags.writeable
-
-
-def _cells(matrix: NDArray[Any]) -> NDArray[Any]:
-    """The cells of a read-only matrix as an array that machine code for writable ones takes."""
-    matrix.flags.writeable = True
-    try:
-        return matrix.reshape(-1)
-    finally:
-        matrix.flags.writeable = False
+def _constant(matrix: NDArray[Any]) -> bool:
+    """Whether an array is a matrix of the string, with the layout that machine code takes."""
+    plain = type(matrix) is np.ndarray and matrix.flags.c_contiguous and matrix.flags.aligned
+    return plain and not matrix.flags.writeable

@@ -179,9 +179,7 @@ class OpenedSpace:
         if subject.table is not None:
             return self._table(subject).snapshot()
         self._attribute(subject)
-        if BEFORE in rule.only_read:
-            return [self._matrices.as_it_is(subject.name)]
-        return [self._matrices.to_change(subject.name).copy()]
+        return [self._matrices.as_it_is(subject.name)]
 
     def _all_arguments(self, started: _Started, *, shared: bool = False) -> list[Any]:
         """The arguments of a rule after its draws; `shared` for a thread of an independent one."""

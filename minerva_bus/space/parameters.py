@@ -20,7 +20,7 @@ from minerva_bus.space.tables import InField, Inhabitants, columns_of
 BEFORE: Final = "before"
 
 _NUMBERS: Final = {int: "int64", float: "float64", bool: "boolean"}
-_MATRICES: Final = ((Cells, "int16[::1]"), (Reals, "float64[::1]"))
+_MATRICES: Final = ((Cells, "int16"), (Reals, "float64"))
 _INDEX_TYPES: Final = (
     "float64[:, ::1]", "int64[:, ::1]", "int64[:, ::1]", "int64[::1]", "int64[::1]", "int64[::1]",
 )  # fmt: skip
@@ -79,9 +79,14 @@ class RuleParameter:
             return ParameterAccess(draws=True)
         return ParameterAccess(before=before) if self.matrix else None
 
-    @property
-    def types(self) -> list[str]:
-        """The numba types of the arguments that it consists of."""
+    def types(self, *, only_read: bool = False) -> list[str]:
+        """The numba types of the arguments that it consists of.
+
+        Args:
+            only_read: whether it is a matrix of which machine code must change no cell, so that
+                it may have the memory of the string.
+
+        """
         if self.table is not None:
             columns = ["float64[::1]"] * len(columns_of(self.table))
             field = issubclass(self.table, InField)
@@ -92,9 +97,10 @@ class RuleParameter:
             return ["uint64[::1]"]
         if self.type is CellGrid or self.type is Edges:
             return [*SHAPES[self.type]]
-        return [
-            next((t for matrix, t in _MATRICES if self.type == matrix), "") or _NUMBERS[self.type]
-        ]
+        for matrix, item in _MATRICES:
+            if self.type == matrix:
+                return [f"Array({item}, 1, 'C', readonly=True)" if only_read else f"{item}[::1]"]
+        return [_NUMBERS[self.type]]
 
 
 def parameters_of(function: Callable[..., None], name: str) -> tuple[RuleParameter, ...]:

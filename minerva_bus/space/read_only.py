@@ -1,7 +1,8 @@
 """Which matrices a rule changes: those of which it does more than read items are taken as changed.
 
 A rule gets the memory of the string for a matrix that it only reads, so what this check does not
-recognize counts as a change.
+recognize counts as a change. If it takes a change for reading, the compiler refuses the rule,
+because such an array is read-only there.
 """
 
 from __future__ import annotations
