@@ -107,7 +107,7 @@ def _attached(
     within = join.keep_trying
     if within is None:
         within = BACK_WITHIN if there.local else RECONNECT_SECONDS
-    arrival = replace(ARRIVAL, standby=standby)
+    arrival = replace(ARRIVAL, standby=standby, claims=True)
     member = (
         MemberProcess(
             participant,

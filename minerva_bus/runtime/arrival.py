@@ -15,7 +15,7 @@ class Arrival:
     """Time-outs in seconds: to find the world, to get a free name, to be greeted.
 
     A busy coordinator has `greeted_at_most` seconds to greet. A `standby` first waits until the
-    member of its name has gone.
+    member of its name has gone. With `claims`, other processes may take the name at the same time.
     """
 
     seen: float = 1.0
@@ -23,6 +23,7 @@ class Arrival:
     greeted: float = 10.0
     greeted_at_most: float = 60.0
     standby: bool = False
+    claims: bool = False
 
 
 ARRIVAL: Final = Arrival()

@@ -117,7 +117,9 @@ class MemberProcess:
             self.inbox.put,
             system,
         )
-        self._rejoin = Rejoin(name, monitor, self.link, notify, self.inbox.put, system)
+        self._rejoin = Rejoin(
+            name, monitor, self.link, notify, self.inbox.put, system, claims=arrival.claims
+        )
         self._handlers: dict[type, Callable[[Any], bool | None]] = {
             bytes: self._on_message,
             KeyedSample: self._on_sample,

@@ -4,7 +4,6 @@
 # pyright: reportUnknownMemberType=false
 from __future__ import annotations
 
-import secrets
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any, Final
@@ -12,11 +11,12 @@ from typing import Any, Final
 import zenoh
 
 from minerva_bus.errors import BusError
+from minerva_bus.runtime.name_claim import NameClaim
 from minerva_bus.runtime.predecessor import Predecessor
 from minerva_bus.runtime.reconnect import ReconnectMonitor
 from minerva_bus.runtime.system import System
 from minerva_bus.runtime.world_link import WorldLink
-from minerva_bus.wire.keys import COORDINATOR
+from minerva_bus.wire.keys import COORDINATOR, Keys
 
 NAME_FREE_AGAIN: Final = 4.0
 """Seconds within which the name of a member that has reconnected is free again."""
@@ -29,9 +29,6 @@ STANDBY_SECONDS: Final = 5.0
 """Seconds after which a standby takes a name that nobody has: a member that has lost its link for a
 moment, or is restarted, comes first."""
 
-SPREAD_SECONDS: Final = 0.5
-"""Further seconds, drawn by each standby: so that only one of several takes the name."""
-
 
 @dataclass(frozen=True, slots=True)
 class ReclaimName:
@@ -39,11 +36,15 @@ class ReclaimName:
 
 
 class NameToken:
-    """The liveliness token that reserves a member's name; `key` is its key."""
+    """The liveliness token that reserves a member's name.
 
-    def __init__(self, name: str, key: str) -> None:
+    With `claims`, other processes may take the same name at the same time.
+    """
+
+    def __init__(self, name: str, keys: Keys, *, claims: bool = False) -> None:
         self._name = name
-        self._key = key
+        self._key = keys.alive(name)
+        self._claim = NameClaim(keys, name) if claims else None
         self._token: zenoh.LivelinessToken | None = None
 
     def until_free(
@@ -55,13 +56,19 @@ class NameToken:
         that has died is free after some milliseconds.
         """
         until = clock() + seconds
-        while self.is_taken(session):
+        while not self.is_ours(session):
             if clock() > until:
                 raise BusError(
                     f"there is a member {self._name!r} in the world already;"
                     " choose another name (--name)"
                 )
             yield
+
+    def is_ours(self, session: zenoh.Session) -> bool:
+        """Whether this process may reserve the name: nobody holds it, nor claims it before."""
+        # In this order: a process that no longer claims the name holds it.
+        granted = self._claim is None or self._claim.granted(session)
+        return granted and not self.is_taken(session)
 
     def is_taken(self, session: zenoh.Session) -> bool:
         """Whether any session holds the name."""
@@ -70,9 +77,16 @@ class NameToken:
     def declare(self, session: zenoh.Session) -> None:
         """Reserve the name."""
         self._token = session.liveliness().declare_token(self._key)
+        self.withdraw()
+
+    def withdraw(self) -> None:
+        """Claim the name no more."""
+        if self._claim is not None:
+            self._claim.withdraw()
 
     def release(self) -> None:
         """Give up the name."""
+        self.withdraw()
         if self._token is not None:
             self._token.undeclare()
             self._token = None
@@ -89,8 +103,10 @@ class Rejoin:
         notify: Callable[[str], None],
         put: Callable[[Any], None],
         system: System,
+        *,
+        claims: bool = False,
     ) -> None:
-        self.name = NameToken(member, link.keys.alive(member))
+        self.name = NameToken(member, link.keys, claims=claims)
         self.monitor = monitor
         self._member = member
         self._link = link
@@ -117,21 +133,25 @@ class Rejoin:
     def stand_by(self, session: zenoh.Session, predecessor: Predecessor) -> Iterator[None]:
         """Wait until the member of this name has gone; yields before each further check.
 
-        A predecessor that is known to have ended does not return, so its name is taken at once.
-        Raises BusError if the world is unreachable for longer than a member waits for it.
+        A predecessor that is known to have ended does not return, so its name is taken at once; of
+        several that stand by, one takes it, and the others wait until that has gone. Raises
+        BusError if the world is unreachable for longer than a member waits for it.
         """
         clock, world = self._system.monotonic, self._link.keys.alive(COORDINATOR)
         present = free = clock()
-        spread = SPREAD_SECONDS * secrets.randbelow(1000) / 1000
         has_ended = False
-        while clock() < free + spread + (0.0 if has_ended else STANDBY_SECONDS):
+        while True:
             is_there = bool(list(session.liveliness().get(world, timeout=1.0)))
             # While a successor of the coordinator begins, no member has its name.
             if not is_there or self.name.is_taken(session):
                 free, has_ended = clock(), False
+                self.name.withdraw()
                 predecessor.note(session)
             else:
                 has_ended = has_ended or predecessor.has_ended
+                due = free + (0.0 if has_ended else STANDBY_SECONDS)
+                if clock() >= due and self.name.is_ours(session):
+                    return
             if is_there:
                 present = clock()
             elif clock() > present + self.monitor.patience:
@@ -152,7 +172,7 @@ class Rejoin:
             return
         # The hub may still hold the member's own former token, whose
         # link has not timed out there yet.
-        if not self.name.is_taken(session):
+        if self.name.is_ours(session):
             self.name.declare(session)
             self.monitor.restored()
             # Events have no recipient while the link is lost, and a

@@ -87,9 +87,10 @@ def _rules(keys: Keys, holder: Rights) -> list[Rule]:
     received, asked = _received(keys, holder, own), [asking_key(ANY_WORLD, own)]
     if holder.may(OPERATOR):
         asked.append(control_key(ANY_WORLD, own))
-    # A member needs its own token to check that its name is free, and the coordinator's to detect
+    # A member needs its own tokens to check that its name is free, and the coordinator's to detect
     # that it is gone; the names of other members stay hidden.
-    tokens, declared = [keys.alive(COORDINATOR), keys.alive(own)], [keys.alive(own)]
+    declared = [keys.alive(own), keys.claim(own)]
+    tokens = [keys.alive(COORDINATOR), *declared]
     if holder.may(REGION):
         # Regions exchange the endpoints at which they receive parcels.
         tokens.append(keys.link())

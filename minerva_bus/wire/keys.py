@@ -8,6 +8,7 @@ minerva/<world>/from/<member>           member → coordinator
 minerva/<world>/view/<event type>       coordinator → observers
 minerva/<world>/topic/<topic>/<member>  sensor readings, member → members
 minerva/<world>/alive/<member>          liveliness tokens
+minerva/<world>/claim/<member>/<number> liveliness tokens of processes that are about to take a name
 minerva/<world>/epoch/<number>          liveliness tokens of coordinators
 minerva/<world>/record                  coordinator → watchers, one message per frame
 minerva/<world>/parcel/<from>/<to>      coordinator of a region → that of another one
@@ -34,8 +35,8 @@ COORDINATOR = "coordinator"
 ANY_WORLD = "*"
 LINK = "link"
 _KINDS = frozenset(
-    {"to", "all", "tick", "evolve", "from", "view", "topic", "alive", "epoch", "record", "control",
-     "ask", "parcel", LINK}
+    {"to", "all", "tick", "evolve", "from", "view", "topic", "alive", "claim", "epoch", "record",
+     "control", "ask", "parcel", LINK}
 )  # fmt: skip
 
 
@@ -111,6 +112,10 @@ class Keys:
     def alive(self, member: str) -> str:
         """The liveliness token of a member (`*`: of any)."""
         return f"{self.base}/alive/{member}"
+
+    def claim(self, member: str, number: str = "*") -> str:
+        """The liveliness token of a process (`*`: of any) that is about to take a name."""
+        return f"{self.base}/claim/{member}/{number}"
 
     def epoch(self, number: int | str) -> str:
         """The liveliness token of the coordinator of an epoch (`*`: of any)."""

@@ -57,6 +57,34 @@ def test_regions_that_are_killed_continue_in_other_processes(path):
     assert digests(folder / "run.mcap") == digests(folder / "one.mcap")
 
 
+def test_of_two_that_stand_by_one_takes_the_place(path):
+    """The other one waits, and takes it when that has gone, too."""
+    words = "--rate", 20, "--regions", 2, "--coordinator-only", "--frames", 0
+    with (
+        World(path, *words) as world, region(world, 1), region(world, 0) as first,
+        region(world, 0, "--standby") as left, region(world, 0, "--standby") as right,
+    ):  # fmt: skip
+        former, standbys = first.process.pid, {each.process.pid: each for each in (left, right)}
+        for each in standbys.values():
+            each.says("stands by")
+        eventually(lambda: world.members() and world.frame > 5, "frames")
+        first.kill()
+        for _ in range(2):
+
+            def successor(former=former):
+                member = world.members().get("region-0")
+                present = member and member["state"] == "present" and member["pid"] != former
+                return member["pid"] if present else 0
+
+            former = eventually(successor, "a successor")
+            at = world.frame
+            eventually(lambda at=at: world.members() and world.frame > at + 5, "more frames")
+            adopted = standbys.pop(former)
+            assert all(each.process.poll() is None for each in standbys.values())
+            if standbys:
+                adopted.kill()
+
+
 def test_a_region_with_other_settings_does_not_take_part(path):
     with World(path, "--regions", 2, "--coordinator-only") as world:
         with region(world, 1, count=3) as other:
