@@ -6,17 +6,24 @@ import threading
 import time
 from collections.abc import Callable, Iterable
 from queue import SimpleQueue
-from typing import Any, Protocol
+from typing import Any, Final, Protocol
 
 from minerva_bus.blame import blamed, report
 from minerva_bus.errors import UserCodeError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.member import Member
+from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.runtime.direct import DirectTransport
 from minerva_bus.runtime.own_threads import Outlet, Published
 from minerva_bus.source import handler_name
 from minerva_bus.world.services import Generator
+
+MAX_WAITING: Final = 256
+"""Most events and readings of a free-running generator that may wait for the main thread."""
+
+POLL_SECONDS: Final = 0.2
+"""Interval in seconds at which a blocked generator checks whether the world has ended."""
 
 
 def close_services(members: Iterable[Member], log: Callable[[str, str], None]) -> None:
@@ -47,6 +54,28 @@ class Receiving(Protocol):
         ...
 
 
+class WaitingOutput:
+    """Output of a free-running generator that waits for the main thread."""
+
+    def __init__(self, put: Callable[[Any], None], stop: threading.Event) -> None:
+        self._put = put
+        self._stop = stop
+        self._room = threading.Semaphore(MAX_WAITING)
+
+    def add(self, output: AnyEvent | Published) -> None:
+        """Queue an event or a reading, from the generator's thread."""
+        # A generator that is faster than the frames blocks here; otherwise memory would fill up.
+        while not self._room.acquire(timeout=POLL_SECONDS):
+            # Otherwise a generator's thread would block forever after the end.
+            if self._stop.is_set():
+                return
+        self._put(output)
+
+    def taken(self) -> None:
+        """The main thread has processed one item."""
+        self._room.release()
+
+
 class FreeRunning:
     """Runs each free-running generator in a thread, and passes its output to the main thread.
 
@@ -57,7 +86,7 @@ class FreeRunning:
         self._runner = runner
         self._members = tuple(members)
         self._queue: SimpleQueue[tuple[Member, Any]] = SimpleQueue()
-        self._outlets: dict[str, Outlet] = {}
+        self._waiting: dict[str, WaitingOutput] = {}
         self._pulsed: dict[str, float] = {}
         self._stop = threading.Event()
 
@@ -84,9 +113,7 @@ class FreeRunning:
                 self._runner.publish(member.published(output.topic, output.reading))
             else:
                 self._runner.handle(member.emitted(output))
-            # A generator that is faster than the frames blocks until its output is taken, so the
-            # queue stays short.
-            self._outlets[member.name].taken()
+            self._waiting[member.name].taken()
 
     def pulse(self) -> None:
         """Call `pulse` of the services that are due; a service that leaves ends the world."""
@@ -103,10 +130,10 @@ class FreeRunning:
 
     def _generate(self, member: Member, service: Generator) -> None:
         try:
-            outlet = Outlet(lambda output: self._queue.put((member, output)), self._stop)
-            self._outlets[member.name] = outlet
+            waiting = WaitingOutput(lambda output: self._queue.put((member, output)), self._stop)
+            self._waiting[member.name] = waiting
             # The main thread raises an error in `deliver`; in this thread it would be lost.
-            service.run(outlet, self._stop)
+            service.run(Outlet(waiting.add), self._stop)
         except BaseException as error:
             failure = UserCodeError(handler_name(service.run), service.run)
             failure.__cause__ = error

@@ -22,8 +22,11 @@ from zenoh.handlers import Callback, FifoChannel
 from minerva_bus.runtime.system import REAL, System, Timer
 
 CAPACITY = 512
-"""Messages that may wait for the main thread; a reply waits behind all of them."""
+"""Messages that may wait for the coordinator's main thread; a reply waits behind all of them."""
 MAX_WAKE_UPS = CAPACITY // 2
+MEMBER_CAPACITY = 1 << 20
+"""Messages that may wait for a member: if the channel of an observer that is busy drawing were full
+of views, the link would be, too, and the coordinator would wait for it."""
 WAKE_UP = b"\x00"
 WAKE_UP_SECONDS = 1.0
 
@@ -106,6 +109,7 @@ class Inbox:
     """
 
     indirect = False
+    capacity = MEMBER_CAPACITY
 
     def __init__(self) -> None:
         self._side: SimpleQueue[Any] = SimpleQueue()
@@ -119,7 +123,7 @@ class Inbox:
 
         `wake_key` carries the wake-ups if the key itself has wildcards.
         """
-        channel = session.declare_subscriber(key, FifoChannel(CAPACITY))
+        channel = session.declare_subscriber(key, FifoChannel(self.capacity))
         waker = session.declare_publisher(
             wake_key or key,
             congestion_control=zenoh.CongestionControl.BLOCK,
@@ -220,6 +224,7 @@ class HubInbox(Inbox):
     """
 
     indirect = True
+    capacity = CAPACITY
 
     def __init__(self, every: float, system: System = REAL) -> None:
         super().__init__()

@@ -14,8 +14,7 @@ from minerva_bus.blame import WORLD_CODE, blamed, report, whole
 from minerva_bus.errors import BusError, UserCodeError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame.member import Member, Refusal
-from minerva_bus.grammar.batch import AnyEvent, Events
-from minerva_bus.grammar.events import Event
+from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.runtime.arrival import ARRIVAL, Arrival, GreetingTimer, Ungreeted
 from minerva_bus.runtime.asking import AskingOperator, ask, question_key
 from minerva_bus.runtime.diagnosis import not_let_in
@@ -108,7 +107,7 @@ class MemberProcess:
         self._shown_at = 0.0
         self._figures: m.Figures = {}
         self._greeting = GreetingTimer(arrival, system, self.inbox.put)
-        self._threads = OwnThreads(name, self.inbox.put, notify, system, ends=ends)
+        self._threads = OwnThreads(name, self.inbox.put, self._send, notify, system, ends=ends)
         monitor = ReconnectMonitor(
             f"{name}: the world {world!r}",
             back_within,
@@ -123,9 +122,6 @@ class MemberProcess:
         self._handlers: dict[type, Callable[[Any], bool | None]] = {
             bytes: self._on_message,
             KeyedSample: self._on_sample,
-            Event: self._on_event,
-            Events: self._on_event,
-            Published: self._on_reading,
             Pulse: self._on_pulse,
             ReportFigures: self._on_figures,
             Leave: self._on_leave,
@@ -230,7 +226,7 @@ class MemberProcess:
         member, keys, service = self.member, self.link.keys, self.member.service
         subscriptions = [keys.to(member.name), keys.all, *map(keys.topic, member.topics)]
         if isinstance(service, Device) and not service.coupled:
-            subscriptions += map(keys.view, service.draws)
+            subscriptions[:0] = map(keys.view, service.draws)
         if member.host.kinds:
             subscriptions.insert(0, keys.evolve)
         hello = member.hello()
@@ -326,13 +322,12 @@ class MemberProcess:
                 " certificate was probably revoked (minerva keys list, where the world runs)"
             )
 
-    def _on_event(self, event: AnyEvent) -> None:
-        self.link.send(self.member.emitted(event))
-        self._threads.outlet.taken()
-
-    def _on_reading(self, item: Published) -> None:
-        self.link.send(self.member.published(item.topic, item.reading))
-        self._threads.outlet.taken()
+    def _send(self, output: AnyEvent | Published) -> None:
+        """Send an event or a reading of a free-running generator; called in its thread."""
+        if isinstance(output, Published):
+            self.link.send(self.member.published(output.topic, output.reading))
+        else:
+            self.link.send(self.member.emitted(output))
 
     def _on_leave(self, _: Leave) -> bool:
         self.link.send(m.Leaving(self.member.name))

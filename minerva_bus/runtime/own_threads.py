@@ -14,11 +14,8 @@ from minerva_bus.source import handler_name
 from minerva_bus.world.readings import Reading
 from minerva_bus.world.services import Generator, Service
 
-MAX_WAITING: Final = 256
-"""Most events and readings of a free-running generator that may wait for the main thread."""
-
-POLL_SECONDS: Final = 0.2
-"""Interval in seconds at which a blocked generator checks whether the member stops."""
+STOP_SECONDS: Final = 1.0
+"""Seconds that the end of a member waits for a message that another thread sends."""
 
 FIGURES_SECONDS: Final = 1.0
 """Interval in seconds between two reports of a member's metrics."""
@@ -48,45 +45,33 @@ class Pulse:
 
 
 class Outlet:
-    """Passes events and readings of a free-running generator to the member's main thread."""
+    """Accepts the events and readings of a free-running generator, in the generator's thread."""
 
-    def __init__(self, put: Callable[[Any], None], stop: threading.Event) -> None:
-        self._put = put
-        self._stop = stop
-        self._room = threading.Semaphore(MAX_WAITING)
+    def __init__(self, deliver: Callable[[AnyEvent | Published], None]) -> None:
+        self._deliver = deliver
 
     def __call__(self, event: AnyEvent) -> None:
         """Emit an event."""
-        self._add(event)
+        self._deliver(event)
 
     def publish(self, topic: str, reading: Reading) -> None:
         """Publish a reading on a sensor topic."""
-        self._add(Published(topic, reading))
-
-    def taken(self) -> None:
-        """The main thread has processed one item."""
-        self._room.release()
-
-    def _add(self, item: Any) -> None:
-        # A generator that is faster than the bus blocks here; otherwise memory would fill up.
-        while not self._room.acquire(timeout=POLL_SECONDS):
-            # Otherwise a generator's thread would block forever after the end.
-            if self._stop.is_set():
-                return
-        self._put(item)
+        self._deliver(Published(topic, reading))
 
 
 class OwnThreads:
     """Threads and timers of a service: free-running generation, metrics and pulses.
 
-    `put` adds items to the inbox of the member `name`. With `ends`, a service whose generation has
-    finished leaves the world, which `notify` reports.
+    `put` adds items to the inbox of the member `name`. `send` sends an event or a reading at once,
+    in the generator's thread: the main thread would take it only after another wake-up. With
+    `ends`, a service whose generation has finished leaves the world, which `notify` reports.
     """
 
     def __init__(
         self,
         name: str,
         put: Callable[[Any], None],
+        send: Callable[[AnyEvent | Published], None],
         notify: Callable[[str], None],
         system: System,
         *,
@@ -96,11 +81,12 @@ class OwnThreads:
         self._timers: list[Timer] = []
         self._name = name
         self._put = put
+        self._send = send
         self._notify = notify
         self._ends = ends
         self._stop = threading.Event()
+        self._sending = threading.Lock()
         self._pulse_pending = threading.Event()
-        self.outlet = Outlet(put, self._stop)
 
     def start(self, service: Service | None) -> None:
         """Start the threads of a service that has joined a world."""
@@ -115,10 +101,13 @@ class OwnThreads:
             self._timers.append(self._system.every(service.pulse_every, self._add_pulse))
 
     def stop(self) -> None:
-        """Request that all threads stop."""
+        """Request that all threads stop; from now on nothing is sent."""
         self._stop.set()
         for timer in self._timers:
             timer.cancel()
+        # A thread that returns from Zenoh while the interpreter shuts down would abort the process.
+        if self._sending.acquire(timeout=STOP_SECONDS):
+            self._sending.release()
 
     def pulsed(self) -> None:
         """The main thread has processed a pulse: the next one may be added."""
@@ -126,7 +115,7 @@ class OwnThreads:
 
     def _generate(self, service: Generator) -> None:
         try:
-            service.run(self.outlet, self._stop)
+            service.run(Outlet(self._deliver), self._stop)
             if self._ends and not self._stop.is_set():
                 self._notify(f"{self._name}: no more events; leaving the world")
                 # The last figures are sent before the member leaves.
@@ -140,6 +129,16 @@ class OwnThreads:
             failure = UserCodeError(handler_name(service.run), service.run)
             failure.__cause__ = error
             self._put(failure)
+
+    def _deliver(self, output: AnyEvent | Published) -> None:
+        try:
+            with self._sending:
+                if not self._stop.is_set():
+                    self._send(output)
+        # Raised in the main thread, which reports failures. A generator that catches exceptions
+        # of its own code would hide it.
+        except Exception as error:
+            self._put(error)
 
     def _add_pulse(self) -> None:
         # Pulses do not queue up behind a slow one.

@@ -1,16 +1,19 @@
 """Free-running sensors: readings arrive at most once, as requested; drops are counted."""
 
 import threading
+from contextlib import suppress
 
 import numpy as np
 import pytest
 from running import World, eventually, write_world
 
+from minerva_bus import Generator
 from minerva_bus.errors import MisuseError
 from minerva_bus.frame.messages import Readings
 from minerva_bus.frame.readings import MAX_READINGS, ReadingBuffer
-from minerva_bus.runtime.own_threads import MAX_WAITING as NOTICES
-from minerva_bus.runtime.own_threads import Outlet
+from minerva_bus.launch.free_running import MAX_WAITING, WaitingOutput
+from minerva_bus.runtime.own_threads import Outlet, OwnThreads
+from minerva_bus.runtime.system import REAL
 from minerva_bus.wire.readings import plain_reading, read_reading
 from minerva_bus.world.readings import Battery, Image, Mount, Odometry, Position, Scan
 
@@ -139,9 +142,50 @@ def test_readings_of_a_free_sensor_count_and_drops_are_reported(tmp_path):
         assert newest["read"] < reader["read"]
 
 
-def test_a_publisher_faster_than_the_bus_waits_and_is_released_at_the_end():
+class Careless(Generator, lockstep=False):
+    """Publishes until it is stopped, and ignores every exception."""
+
+    def run(self, emit, stop):
+        while not stop.is_set():
+            with suppress(Exception):
+                emit.publish("battery", BATTERIES[0])
+
+
+def test_output_that_cannot_be_sent_is_an_error_although_the_generator_ignores_exceptions():
+    items = []
+
+    def send(output):
+        raise MisuseError(f"wrong: {output.topic}")
+
+    threads = OwnThreads("careless", items.append, send, print, REAL, ends=False)
+    threads.start(Careless())
+    eventually(lambda: items, "the error is in the inbox of the main thread")
+    threads.stop()
+    assert str(items[0]) == "wrong: battery"
+
+
+class Kept(Generator, lockstep=False):
+    """Keeps its outlet."""
+
+    def run(self, emit, stop):
+        self.emit = emit
+
+
+def test_nothing_is_sent_after_the_end():
+    sent, kept = [], Kept()
+    threads = OwnThreads("kept", print, sent.append, print, REAL, ends=False)
+    threads.start(kept)
+    eventually(lambda: hasattr(kept, "emit"), "it runs")
+    kept.emit.publish("battery", BATTERIES[0])
+    threads.stop()
+    kept.emit.publish("battery", BATTERIES[1])
+    assert [output.reading for output in sent] == [BATTERIES[0]]
+
+
+def test_a_publisher_faster_than_the_frames_waits_and_is_released_at_the_end():
     said, stop = [], threading.Event()
-    outlet = Outlet(said.append, stop)
+    waiting = WaitingOutput(said.append, stop)
+    outlet = Outlet(waiting.add)
 
     def chatter():
         while not stop.is_set():
@@ -149,10 +193,10 @@ def test_a_publisher_faster_than_the_bus_waits_and_is_released_at_the_end():
 
     thread = threading.Thread(target=chatter, daemon=True)
     thread.start()
-    eventually(lambda: len(said) == NOTICES, "as many as may wait")
-    outlet.taken()
-    eventually(lambda: len(said) == NOTICES + 1, "one more")
+    eventually(lambda: len(said) == MAX_WAITING, "as many as may wait")
+    waiting.taken()
+    eventually(lambda: len(said) == MAX_WAITING + 1, "one more")
     stop.set()
     thread.join(10)
     assert not thread.is_alive()
-    assert len(said) == NOTICES + 1
+    assert len(said) == MAX_WAITING + 1

@@ -35,7 +35,7 @@ def test_messages_of_all_keys_arrive_in_sending_order():
 
 
 def test_very_many_from_the_side_neither_block_nor_get_lost(monkeypatch):
-    monkeypatch.setattr(inboxes, "CAPACITY", 16)
+    monkeypatch.setattr(Inbox, "capacity", 16)
     monkeypatch.setattr(inboxes, "MAX_WAKE_UPS", 8)
     hub, _ = open_hub("hub")
     with hub:
@@ -51,7 +51,7 @@ def test_very_many_from_the_side_neither_block_nor_get_lost(monkeypatch):
 
 @pytest.mark.timeout(60)
 def test_items_from_the_side_and_a_full_channel_do_not_block_each_other(monkeypatch):
-    monkeypatch.setattr(inboxes, "CAPACITY", 16)
+    monkeypatch.setattr(HubInbox, "capacity", 16)
     monkeypatch.setattr(inboxes, "MAX_WAKE_UPS", 8)
     hub, endpoint = open_hub("hub")
     with hub, open_client("a", endpoint) as session:
