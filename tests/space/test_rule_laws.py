@@ -122,7 +122,8 @@ OF_BOOLS = ["($r < $r)", "($r <= $r)", "($r == $r)", "($i != $r)", "($i < $r)", 
 DO = ["u += $r", "u = max(-1e6, min(1e6, $r))", "v = max(-1e6, min(1e6, $r))", "i = $i % 100",
       "i += $i % 50", "u, v = v, u", "counts[$i % 3] += $r", "scent[$i % 16] += $r",
       "scent[k] = max(-1e6, min(1e6, $r))", "assert i < 5000", "grass[$i % 16] = $i % 30"]  # fmt: skip
-HEADS = ["if $b:", "if $b:", "for i in range(3):", "for each in TABLE:", "while i < 5 and $b:"]
+HEADS = ["if $b:", "if $b:", "for i in range(3):", "for each in TABLE:",
+         "while i < 5 and turns < 9 and $b:"]  # fmt: skip
 
 
 class Writer:
@@ -151,7 +152,9 @@ class Writer:
         if not depth or self.random.random() < 0.6:
             return self.filled(self.random.choice(self.do), 2).split("\n")
         head = self.filled(self.random.choice(HEADS), 2)
-        lines = [head, *self.block(depth - 1), *["    i += 1"] * head.startswith("while")]
+        lines = [head, *self.block(depth - 1)]
+        if head.startswith("while"):  # which ends, even if its block assigns to i
+            lines += ["    i += 1", "    turns += 1"]
         if head.startswith("if") and self.random.random() < 0.5:
             lines += ["else:", *self.block(depth - 1)]
         return lines
@@ -165,7 +168,7 @@ class Writer:
         order = self.random.choice(["SIMULTANEOUS", "ORDERED", "SHUFFLED"])
         body = [line for _ in range(self.random.randint(3, 6)) for line in self.statement(2)]
         # Not each row reaches what fails.
-        start = ["i = 0", "u = 1.0", "v = share", "counts = [0.0] * 3"]
+        start = ["i = turns = 0", "u = 1.0", "v = share", "counts = [0.0] * 3"]
         start += [f"if k % {self.random.randint(1, 4)} == 0:", "    return"]
         rule = [f"@rule({order}, births=9)", RULES[self.kind]]
         lines = "\n".join(["    " + line for line in [*start, *body]])
