@@ -27,7 +27,7 @@ class RuleDriver:
         parameters: those after the row; the first is the subject.
         shuffled: whether the loop puts the rows into a random order.
         births: the most copies that one activation may make in a table.
-        only_read: the names of the matrices that it must not change.
+        only_read: the names of the matrices and tables that it must not change.
 
     """
 

@@ -43,7 +43,7 @@ class Matrices:
             cells = self._unchanged.get(name)
         if cells is None:
             matrix: NDArray[Any] = getattr(self._space, name)
-            if not _constant(matrix):
+            if not is_constant(matrix):
                 return self.to_change(name)
             cells = self._unchanged[name] = matrix.reshape(-1)
         return cells
@@ -51,7 +51,7 @@ class Matrices:
     def as_it_is(self, name: str) -> NDArray[Any]:
         """Cells that stay as they are while rules change the matrix, for rules that read them."""
         matrix: NDArray[Any] = getattr(self._space, name)
-        if name not in self._changing and _constant(matrix):
+        if name not in self._changing and is_constant(matrix):
             return self.to_read(name)
         cells = self.to_change(name).copy()
         cells.flags.writeable = False
@@ -63,7 +63,7 @@ class Matrices:
             setattr(self._space, name, matrix)
 
 
-def _constant(matrix: NDArray[Any]) -> bool:
+def is_constant(matrix: NDArray[Any]) -> bool:
     """Whether an array is a matrix of the string, with the layout that machine code takes."""
     plain = type(matrix) is np.ndarray and matrix.flags.c_contiguous and matrix.flags.aligned
     return plain and not matrix.flags.writeable

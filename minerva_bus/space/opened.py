@@ -28,6 +28,7 @@ from minerva_bus.space.cell_lists import (
 from minerva_bus.space.compiling import RuleLoop
 from minerva_bus.space.field import FieldGrid
 from minerva_bus.space.lattice import CellGrid
+from minerva_bus.space.matrices import is_constant
 from minerva_bus.space.occupancy import (
     ALIVE,
     LATER,
@@ -55,7 +56,8 @@ class Opened:
     """The arrays of one table during a frame; `old` is its matrix in the string.
 
     `listed` is whether its rows are in the lists of their cells, which many rules do not need, and
-    `moved` whether rows have moved since they were entered. `passed` are the arguments of rules.
+    `moved` whether rows have moved since they were entered. `passed` are the arguments of rules,
+    and `used` is whether rules have had them, and may have changed them.
     """
 
     kind: type[Inhabitants]
@@ -64,6 +66,7 @@ class Opened:
     shape: CellGrid | FieldGrid
     listed: bool = False
     moved: bool = False
+    used: bool = False
     passed: list[Any] = dataclass_field(default_factory=list[Any])
 
     @staticmethod
@@ -151,14 +154,21 @@ class Opened:
         self.passed = []
 
     def snapshot(self) -> Opened:
-        """A copy of the current state, which does not change."""
+        """The current state, which does not change, in read-only arrays of `values`."""
+        values = self.old
+        if self.used or not is_constant(values):
+            values = self.arrays["values"].copy()
+            values.flags.writeable = False
+        arrays = {"values": values}
         if isinstance(self.shape, CellGrid):
-            arrays = {name: array.copy() for name, array in self.arrays.items()}
-            return replace(self, arrays=arrays, passed=[])
-        arrays = {name: self.arrays[name].copy() for name in ("values", "cell", "counts", "births")}
-        # Its rows are sorted instead of in lists.
-        arrays |= {"links": np.empty((3, 0), np.int64), "places": np.empty((3, 0), np.int64)}
-        return replace(self, arrays=arrays | self._sorted(), passed=[])
+            copied = [name for name in self.arrays if name != "values"]
+        else:
+            # Its rows are sorted instead of in lists.
+            arrays |= {"links": np.empty((3, 0), np.int64), "places": np.empty((3, 0), np.int64)}
+            arrays |= self._sorted()
+            copied = ["cell", "counts", "births"]
+        arrays |= {name: self.arrays[name].copy() for name in copied}
+        return replace(self, arrays=arrays, passed=[])
 
     def _sorted(self) -> dict[str, NDArray[Any]]:
         """The rows of each cell in the order of its list."""
@@ -196,6 +206,7 @@ class Opened:
         With `shared`, for a thread, what searches write is its own, and rows that move are entered
         into lists by `enlist`.
         """
+        self.used = True
         if shared:
             counts = self.arrays["counts"].copy()
             counts[LATER] = 1

@@ -22,8 +22,9 @@ BEFORE: Final = "before"
 _NUMBERS: Final = {int: "int64", float: "float64", bool: "boolean"}
 _MATRICES: Final = ((Cells, "int16"), (Reals, "float64"))
 _INDEX_TYPES: Final = (
-    "float64[:, ::1]", "int64[:, ::1]", "int64[:, ::1]", "int64[::1]", "int64[::1]", "int64[::1]",
+    "int64[:, ::1]", "int64[:, ::1]", "int64[::1]", "int64[::1]", "int64[::1]",
 )  # fmt: skip
+"""Those of a table's index after `values`."""
 _ON_LATTICE: Final = ("int64[::1]",)
 _IN_FIELD: Final = (
     "int64[::1]", "float64[::1]", "float64[::1]",
@@ -83,24 +84,29 @@ class RuleParameter:
         """The numba types of the arguments that it consists of.
 
         Args:
-            only_read: whether it is a matrix of which machine code must change no cell, so that
-                it may have the memory of the string.
+            only_read: whether machine code must change no number of it, so that it may have the
+                memory of the string.
 
         """
         if self.table is not None:
-            columns = ["float64[::1]"] * len(columns_of(self.table))
+            values, column = [_array("float64", size, only_read) for size in (2, 1)]
+            columns = [column] * len(columns_of(self.table))
             field = issubclass(self.table, InField)
             extra = _IN_FIELD if field else _ON_LATTICE
             shape = SHAPES[FieldGrid if field else CellGrid]
-            return [*_INDEX_TYPES, *columns, *extra, *shape]
+            return [values, *_INDEX_TYPES, *columns, *extra, *shape]
         if self.draws:
             return ["uint64[::1]"]
         if self.type is CellGrid or self.type is Edges:
             return [*SHAPES[self.type]]
         for matrix, item in _MATRICES:
             if self.type == matrix:
-                return [f"Array({item}, 1, 'C', readonly=True)" if only_read else f"{item}[::1]"]
+                return [_array(item, 1, only_read)]
         return [_NUMBERS[self.type]]
+
+
+def _array(item: str, dimensions: int, only_read: bool) -> str:
+    return f"Array({item}, {dimensions}, 'C', readonly={only_read})"
 
 
 def parameters_of(function: Callable[..., None], name: str) -> tuple[RuleParameter, ...]:

@@ -52,9 +52,10 @@ class SpaceRule:
         self._check_uses = partial(check_rule, self.kernel.function, checked)
         self._check()
         matrices = [p.name for p in self.parameters if p.matrix]
-        unchanging = frozenset(name for name in matrices if name == BEFORE)
-        self.only_read = unchanging | only_read(self.kernel.function, matrices)
-        """The names of matrices that it does not change; machine code and Python refuse it."""
+        self.only_read = only_read(self.kernel.function, matrices)
+        """The matrices that it does not change, and `before`: the compiler and Python refuse it."""
+        if self.sees_before:
+            self.only_read |= {BEFORE}
         driver = RuleDriver(self.kernel, self.parameters, order is SHUFFLED, births, self.only_read)
         self.drive = driver.loop(self.name, self._check)
 
