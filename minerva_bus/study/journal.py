@@ -72,7 +72,7 @@ class StudyJournal:
         self.lines.append(dict(line))
 
     def _append(self, line: Mapping[str, Any]) -> None:
-        data = json.dumps(line, ensure_ascii=False).encode() + b"\n"
+        data = _encoded(line)
         while data:
             data = data[os.write(self._file, data) :]
         # Not for each line: a disk takes longer than a short run.
@@ -83,20 +83,22 @@ class StudyJournal:
     def _read(self, study: Mapping[str, Any]) -> list[dict[str, Any]]:
         data = self.path.read_bytes()
         whole = data.rfind(b"\n") + 1
-        os.ftruncate(self._file, whole)
-        os.lseek(self._file, whole, os.SEEK_SET)
         lines = [self._parsed(n, line) for n, line in enumerate(data[:whole].splitlines(), 1)]
-        if not lines:
-            # `add` appends to it; the description of the study is not a run and is not returned.
-            self.lines: list[dict[str, Any]] = []
-            self.add(study)
-            return []
-        differing = differences(lines[0], study)
+        if not (lines or _encoded(study).startswith(data)):
+            raise invalid_line(self.path, 1)
+        differing = differences(lines[0], study) if lines else []
         if differing:
             raise MisuseError(
                 f"{self.path}: its runs are of another study; different: {'; '.join(differing)};"
                 " remove it to run all again, or choose another output"
             )
+        # Not before: a file that is no journal of this study stays as it is.
+        os.ftruncate(self._file, whole)
+        os.lseek(self._file, whole, os.SEEK_SET)
+        if not lines:
+            # `add` appends to it; the description of the study is not a run and is not returned.
+            self.lines: list[dict[str, Any]] = []
+            self.add(study)
         return lines[1:]
 
     def _parsed(self, number: int, line: bytes) -> dict[str, Any]:
@@ -107,6 +109,10 @@ class StudyJournal:
         if not isinstance(entry, dict):
             raise invalid_line(self.path, number)
         return cast("dict[str, Any]", entry)
+
+
+def _encoded(line: Mapping[str, Any]) -> bytes:
+    return json.dumps(line, ensure_ascii=False).encode() + b"\n"
 
 
 def invalid_line(path: Path, number: int) -> MisuseError:

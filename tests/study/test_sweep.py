@@ -128,6 +128,29 @@ def test_a_journal_of_another_study_or_process_is_refused(tmp_path):
         StudyJournal(path, {"world": "w"})
 
 
+@pytest.mark.parametrize("content", [
+    b"notes", b"notes\nand more", b'{"world": "v"}\nan end', b'{"world": "w"}\nnotes\nan end', b"\0",
+    b'{"world": "w"} and more',
+])  # fmt: skip
+def test_a_file_that_no_sweep_has_written_stays_as_it_is(tmp_path, content):
+    path = tmp_path / "j"
+    path.write_bytes(content)
+    with pytest.raises(MisuseError, match=r"j(:1|:2)?: .*(not a line of a journal|another study)"):
+        StudyJournal(path, {"world": "w"})
+    assert path.read_bytes() == content
+
+
+def test_a_journal_whose_first_line_was_cut_off_begins_again(tmp_path):
+    path = tmp_path / "j"
+    StudyJournal(path, {"world": "w"}).__exit__(None, None, None)
+    whole = path.read_bytes()
+    for cut in range(len(whole)):
+        path.write_bytes(whole[:cut])
+        with StudyJournal(path, {"world": "w"}) as journal:
+            assert journal.lines == []
+        assert path.read_bytes() == whole
+
+
 def test_a_line_that_no_sweep_has_written_is_named(tmp_path):
     study, path = Sweep(pond(tmp_path), parse_grid(["seed=0:2"]), Overrides()), tmp_path / "j"
     good = {"set": ["0"], "error": "", "seconds": 1.0, "outcome": OUTCOME, "figures": {}}
