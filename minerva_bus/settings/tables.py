@@ -102,8 +102,8 @@ class WorldSettings:
         False,
         "An external process, such as a robot, makes each frame last `dt`.",
         more="Frames that take more than a tenth longer are late, as with a `rate`. Late frames are"
-        " logged with the member that answered last, with exponential back-off, and counted in the"
-        " summary, in `minerva top` and in the metrics.",
+        " logged with the member that answered last, after pauses of 1, 2, 4 and up to 60 s, and"
+        " counted in the summary, in `minerva top` and in the metrics.",
     )
     dt: float = _world(
         0.1,

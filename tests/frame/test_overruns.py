@@ -1,5 +1,7 @@
 """Frames that take longer than real time are counted, and logged with back-off."""
 
+from itertools import pairwise
+
 import pytest
 
 from minerva_bus.frame.overruns import Overruns
@@ -8,11 +10,12 @@ from minerva_bus.frame.overruns import Overruns
 def run(overruns, took, period=0.1, frames=1, first=1):
     said = []
     for frame in range(first, first + frames):
-        overruns.began(period, 100.0)
-        overruns.answered("events", "gLaser", 100.01)
-        overruns.answered("events", "robot", 100.0 + took / 2)
-        overruns.answered("evolution", "robots", 100.0 + took)
-        said.append(overruns.done(frame, 100.0 + took))
+        now = 100.0 + frame * took
+        overruns.began(period, now)
+        overruns.answered("events", "gLaser", now + 0.01)
+        overruns.answered("events", "robot", now + took / 2)
+        overruns.answered("evolution", "robots", now + took)
+        said.append(overruns.done(frame, now + took))
     return [(first + n, text) for n, text in enumerate(said) if text]
 
 
@@ -25,10 +28,20 @@ def test_frames_in_time_are_not_counted():
 def test_late_frames_are_reported_with_back_off():
     overruns = Overruns()
     said = run(overruns, 0.18, frames=50)
-    assert [frame for frame, _ in said] == [5, 10, 20, 40]
+    # After 1, 2 and 4 s.
+    assert [frame for frame, _ in said] == [5, 11, 23, 46]
     assert overruns.count == 50
     assert overruns.behind == pytest.approx(4.0)
     assert overruns.figures() == {"late_frames": 50, "seconds_behind": pytest.approx(4.0)}
+
+
+@pytest.mark.parametrize(("took", "period"), [(0.002, 0.001), (0.18, 0.1), (3.0, 2.0)])
+def test_reports_come_once_a_second_at_most_and_once_a_minute_at_least(took, period):
+    frames = [frame for frame, _ in run(Overruns(), took, period, frames=round(600 / took))]
+    pauses = [(after - before) * took for before, after in pairwise(frames)]
+    assert min(pauses) >= 1.0 - 1e-6
+    assert max(pauses) <= 60.0 + took
+    assert len(pauses) == pytest.approx(6 + (600 - 63) / 60, abs=3)
 
 
 def test_it_reports_the_delay_and_the_last_member():
