@@ -89,6 +89,9 @@ class Monitor:
         self._greet_again(now)
         self._log.report_omitted(now)
         algorithm = self._algorithm
+        active = {member.name for member in algorithm.members.active()}
+        for name in self._waits.overtaken(active, now):
+            self._watchers.came(name)
         waiting = algorithm.waiting_for()
         step = algorithm.frame, algorithm.phase
         waited = self._waits.update(step, algorithm.in_frame, waiting, now)

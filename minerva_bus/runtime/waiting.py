@@ -36,6 +36,9 @@ A busy machine slows down the start of all members.
 STARTS_SAID_EVERY: Final = 2.0
 """Interval in seconds between log lines about members that have not joined."""
 
+MISSED_AFTER: Final = 5.0
+"""Seconds after which a member whose process has ended takes part no more: longer than a lease."""
+
 MAX_NAMED: Final = 3
 """Awaited members that get a log line of their own."""
 
@@ -132,6 +135,18 @@ class Waits:
         self._slowest = max(self._slowest, now - since)
         self._waits.pop(member, None)  # The time of its start does not count for the frame.
         return True
+
+    def overtaken(self, active: Collection[str], now: float) -> list[str]:
+        """The members whose `hello` has overtaken the report of their start; they have arrived.
+
+        `active` are those that take part in frames.
+        """
+        starts = self._starting.items()
+        names = [name for name, at in starts if name in active and now >= at + MISSED_AFTER]
+        for name in names:
+            del self._starting[name]
+            self._waits.pop(name, None)
+        return names
 
     def update(self, step: object, in_frame: bool, waiting: Iterable[str], now: float) -> float:
         """Note which members a step waits for; returns the longest waiting time in seconds."""

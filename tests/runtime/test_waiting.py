@@ -3,6 +3,7 @@
 from itertools import pairwise
 
 from minerva_bus.runtime.waiting import (
+    MISSED_AFTER,
     START,
     STARTS_SAID_EVERY,
     TIMES_SLOWEST,
@@ -100,3 +101,19 @@ def test_starts_are_spoken_of_now_and_then_in_one_line():
         said += [(now, text) for _, text in waiting.describe(unsaid, (), now)] if unsaid else []
     assert said
     assert all(b[0] - a[0] >= STARTS_SAID_EVERY - 1e-9 for a, b in pairwise(said))
+
+
+def test_a_hello_that_overtakes_the_report_of_a_start_ends_it():
+    waiting = waits()
+    assert not waiting.arrived("a", 0.0)
+    waiting.started("a", 0.1)
+    waiting.started("b", 0.1)
+    # Until then, "a" may be a former process whose end is not yet noticed.
+    assert waiting.overtaken({"a"}, MISSED_AFTER) == []
+    assert waiting.overtaken({"a"}, MISSED_AFTER + 0.1) == ["a"]
+    assert waiting.overtaken({"a"}, 9.0) == []
+    for frame in range(100):
+        assert waiting.update(frame, True, ["a"], 10.0 + frame) == 0.0
+        assert not waiting.overdue(10.0 + frame)
+    waiting.update("frame 100", True, ["a", "b"], 200.0)
+    assert waiting.overdue(200.0) == [("b", "restart")]
