@@ -20,6 +20,7 @@ from minerva_bus.frame.event_sources import (
 from minerva_bus.frame.inbox import Orders, counting
 from minerva_bus.frame.inputs import FrameInputs
 from minerva_bus.frame.member_states import MemberChange, MemberEntry, MemberState
+from minerva_bus.frame.orders import refusal_of_guest
 from minerva_bus.frame.senders import SenderRights
 from minerva_bus.frame.views import due_views
 from minerva_bus.grammar.batch import AnyEvent
@@ -170,6 +171,8 @@ class CollectionStep:
             reason = f"it sent {undeclared[0]}, but its hello declares {events_declared}"
         else:
             reason = self._speaking.objection(member.name, events)
+            # The process that makes these events may have joined after the guest.
+            reason = reason or refusal_of_guest(self._algorithm, member, (e.type for e in events))
         if reason:
             self._algorithm.joining.violation(s.Violation(member.name, reason))
         return not reason

@@ -8,6 +8,7 @@ from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.compatibility import incompatibility
 from minerva_bus.frame.member_states import MemberChange, MemberEntry, MemberState
+from minerva_bus.frame.orders import refusal_of_guest
 from minerva_bus.frame.phases import Phase
 
 if TYPE_CHECKING:
@@ -45,6 +46,7 @@ class MemberLifecycle:
             return
         reason = incompatibility(hello, algorithm.world.vocabulary)
         reason = reason or algorithm.source.objection(hello)
+        reason = reason or refusal_of_guest(algorithm, member, hello.generates)
         if reason:
             self._refuse(member, reason)
             return

@@ -54,6 +54,8 @@ class Members:
         """The lockstep publishers of each sensor topic, as last announced to all members."""
         self.saved: dict[str, Mapping[str, Any]] = {}
         """Data saved by members in their last complete frame; ~names are the coordinator's."""
+        self.inside: tuple[Hello, ...] = ()
+        """The hellos of services that run in regions, which are members there and not here."""
         self.strangers: int = 0
         """Number of messages from senders that never appeared."""
 
@@ -227,21 +229,23 @@ class Members:
         return source not in self._named or (hello is not None and hello.people)
 
     def makers(self, event_type: str) -> list[str]:
-        """The generators, present or awaited, that make events of a type by themselves.
+        """The processes, present or awaited, that make events of a type by themselves.
 
-        Generators that represent people, or that take orders for the type, are not among them.
+        Those that represent people, as attached generators do, or that take orders for the type,
+        are not among them.
         """
-        hellos = [m.hello for m in self if m.hello is not None and (m.active or m.expected)]
+        there = [m for m in self if m.active or m.expected]
+        hellos = [m.hello for m in there if m.hello is not None and self.named(m)]
         return [
             hello.member
-            for hello in hellos
+            for hello in (*self.inside, *hellos)
             if event_type in hello.generates and event_type not in hello.orders and not hello.people
         ]
 
-    def takers(self, event_type: str) -> list[MemberEntry]:
+    def takers(self, event_type: str) -> list[str]:
         """The active generators that take people's orders for an event type."""
-        active = self.active()
-        return [m for m in active if m.hello is not None and event_type in m.hello.orders]
+        hellos = [m.hello for m in self.active() if m.hello is not None]
+        return [hello.member for hello in (*self.inside, *hellos) if event_type in hello.orders]
 
 
 def _rates(hellos: Iterable[Hello]) -> dict[str, float]:

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import cast
+from typing import TYPE_CHECKING, cast
 
 from minerva_bus.errors import nearest
-from minerva_bus.frame.algorithm import FrameAlgorithm
+from minerva_bus.frame.member_states import MemberEntry
 from minerva_bus.frame.phases import Phase
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.known import values_of
 from minerva_bus.grammar.limits import Of
+
+if TYPE_CHECKING:
+    from minerva_bus.frame.algorithm import FrameAlgorithm
 
 _MAX_LISTED = 12
 
@@ -22,24 +25,42 @@ def refusal_of_order(world: FrameAlgorithm, event_type: str) -> str:
     no generator makes. All other events are measured or computed; sent from a terminal they would
     be false statements about the world.
     """
-    members = world.members
-    if event_type in world.world.people or members.takers(event_type):
-        return ""
-    makers = members.makers(event_type)
-    if makers:
-        return (
-            f"{event_type} comes from {', '.join(makers)}, so people may not send it; to let them,"
-            f' write people = ["{event_type}"] under [world] in the world file, or give it a'
-            ' process with service = "orders"'
-        )
+    reserved, members = _reservation(world, event_type), world.members
+    if reserved:
+        return f'{reserved}, or give it a process with service = "orders"'
     unknown = [member.name for member in members if member.expected and member.hello is None]
+    allowed = event_type in world.world.people or members.takers(event_type)
     # A generator that joins later may make events of this type by itself.
-    if unknown and world.phase is Phase.WAITING:
+    if unknown and not allowed and world.phase is Phase.WAITING:
         return (
             f"whether people may send {event_type} depends on members that have not joined yet:"
             f" {', '.join(unknown[:5])}; send it when the world runs"
         )
     return ""
+
+
+def refusal_of_guest(world: FrameAlgorithm, member: MemberEntry, event_types: Iterable[str]) -> str:
+    """Reason for rejecting these event types of an attached generator, or an empty string.
+
+    Whoever attaches a generator that is not a process of the world file is a person.
+    """
+    if world.members.named(member):
+        return ""
+    reasons = (_reservation(world, event_type) for event_type in event_types)
+    reserved = next(filter(None, reasons), "")
+    return reserved and f"{reserved}, or make {member.name} a process of it"
+
+
+def _reservation(world: FrameAlgorithm, event_type: str) -> str:
+    """Why an event type is not for people, and how to allow it; or an empty string."""
+    members = world.members
+    if event_type in world.world.people or members.takers(event_type):
+        return ""
+    makers = ", ".join(members.makers(event_type))
+    return makers and (
+        f"{event_type} comes from {makers}, so people may not send it; to let them,"
+        f' write people = ["{event_type}"] under [world] in the world file'
+    )
 
 
 def without_effect(world: FrameAlgorithm, event: Event) -> str:

@@ -60,10 +60,9 @@ class WholeSource(RecordedSource):
     """The frames of a world whose agents evolve in regions.
 
     `names` are the members that are the regions, by number; `kinds` make the views, if they are
-    `all_kinds`, and not only those in Python; regions that join get the `terms` and their first
-    `journals`, as saved data; they run `ahead` by so many frames. A successor continues with the
-    parts in its journal instead of a `partition`, and repeats the frames that regions may have
-    begun.
+    `all_kinds`, not only those in Python; regions that join get the `terms` and their first
+    `journals`, as saved data; they run `ahead` by so many frames, with `services` in them. Instead
+    of a `partition`, a successor has the parts in its journal, and repeats the last requests.
     """
 
     # Other regions may wait for the parcels of one that has returned after its report.
@@ -81,6 +80,7 @@ class WholeSource(RecordedSource):
         terms: Mapping[str, Any] | None = None,
         journals: Mapping[str, bytes] | None = None,
         ahead: int = 0,
+        services: Sequence[m.Hello] = (),
     ) -> None:
         """Raises ProtocolError if the parts in the journal are damaged."""
         self._names = {name: number for number, name in enumerate(names)}
@@ -95,6 +95,7 @@ class WholeSource(RecordedSource):
             parts = cut(algorithm.world.scene, partition, saved_strays(saved))
             self._whole = WholeString(map(PartReceiver, parts))
         super().__init__(algorithm, cursor=self._whole, kinds=kinds)
+        algorithm.members.inside = tuple(services)
         parcels, schedule = saved.pop(PARCELS, None), Schedule.of(algorithm.world.lag, ahead)
         self._requests = FrameRequests(algorithm, schedule, partition, parcels)
         self._reports: dict[str, PartMessage] = {}
@@ -174,8 +175,7 @@ class WholeSource(RecordedSource):
         """Accept the report of a region, or keep that of a later frame."""
         algorithm = self._algorithm
         member = algorithm.members.get(reply.member)
-        # A report of a former process may arrive after the next one has joined, whose journal lacks
-        # that frame: the next process repeats it, and reports it itself.
+        # That of a former process may arrive after the next one has joined, and repeats its frame.
         is_own = (reply.saved or {}).get(PROCESS) == member.joins
         reports = member.active and reply.member in self._names and is_own
         if reports and self._requests.is_early(reply.frame):

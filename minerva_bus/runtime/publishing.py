@@ -39,7 +39,7 @@ def order(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
 def _send_batch(running: Operated, batch: Events, person: str) -> dict[str, Any]:
     """Send the events of a batch; their fates are not kept."""
     algorithm = running.algorithm
-    takers = [member.name for member in algorithm.members.takers(batch.type)]
+    takers = algorithm.members.takers(batch.type)
     types = algorithm.world.vocabulary.events[batch.type].fields.all
     # Generators take single orders, and values that the string has are compared one by one.
     if takers or any(field.type.source is not None for field in types):
@@ -81,7 +81,7 @@ def _send(
     refusal = refusal or unknown_value(algorithm, event, known)
     if refusal:
         raise ProtocolError(refusal)
-    takers = [member.name for member in algorithm.members.takers(event.type)]
+    takers = algorithm.members.takers(event.type)
     note = without_effect(algorithm, event)
     number = running.orders.arrive(event, person, algorithm.frame)
     running.runner.handle(s.Publish(event, person))

@@ -3,14 +3,23 @@
 from typing import Annotated
 
 import pytest
-from pond import Steps, counters, eAdd, service
+from pond import Add, Steps, counters, eAdd, service
 from test_orders import Taker, taking
 
 from minerva_bus import EventType, Of, Primitive, Vocabulary, parse
+from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.description import World
 from minerva_bus.frame.orders import refusal_of_order, unknown_value
+
+
+def undisturbed(frames):
+    """The digests of frames in which only the processes take part."""
+    bus = counters()
+    bus.start()
+    bus.run(frames)
+    return bus.digests
 
 
 def refusal(bus, event_type):
@@ -59,6 +68,56 @@ def test_before_all_members_are_present_no_result_is_known():
     bus = counters()
     assert "have not joined yet: add" in refusal(bus, "eAdd")
     assert refusal(counters(people=("eAdd",)), "eAdd") == ""
+
+
+def test_nor_are_they_for_generators_that_a_person_attaches():
+    """The reply to its hello says why, and it may still take part in worlds that allow it."""
+    bus = started(counters())
+    said, digests = attached(bus, Add)
+    assert said[:-1] == [
+        "guest: may not join: eAdd comes from add, so people may not send it; to let them, write"
+        ' people = ["eAdd"] under [world] in the world file, or make guest a process of it'
+    ]
+    assert digests == undisturbed(3)[1:]
+    assert attached(bus, Steps, "other") == ([], undisturbed(5)[3:])
+    allowed = started(counters(people=("eAdd",)))
+    assert attached(allowed, lambda: Add(2))[0] == []
+    assert "n=7" in str(allowed.algorithm.scene)
+
+
+@pytest.mark.parametrize("lockstep", [True, False])
+def test_a_guest_that_joins_before_the_process_may_not_send_them_either(lockstep):
+    class Early(Add, lockstep=lockstep):
+        pass
+
+    bus = counters()
+    bus.makers["guest"] = service("guest", Early)
+    for name in ("guest", "host", "add"):
+        bus.appear(name)
+        bus.settle()
+    assert bus.said == []
+    if not lockstep:
+        bus.put(m.Emitted("guest", (eAdd(30),)))
+    bus.run(2)
+    assert len(bus.said) == 1
+    assert "guest: broke the protocol: eAdd comes from add" in bus.said[0]
+    assert bus.digests == undisturbed(2)
+
+
+def test_a_guest_reserves_no_type_of_its_own():
+    bus = started(counters())
+    assert attached(bus, Steps)[0] == []
+    assert bus.algorithm.members.get("guest").active
+    assert refusal(bus, "eStep") == ""
+
+
+def attached(bus, generator, name="guest"):
+    """What a world says while a guest joins and takes part in two frames, and their digests."""
+    count = len(bus.said), len(bus.digests)
+    bus.makers[name] = service(name, generator)
+    bus.appear(name)
+    bus.run(2)
+    return bus.said[count[0] :], bus.digests[count[1] :]
 
 
 @pytest.mark.parametrize("hands", [True, False])

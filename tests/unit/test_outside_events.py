@@ -16,10 +16,12 @@ from minerva_bus.frame.checkpoint import Checkpoint
 from minerva_bus.frame.description import World
 from minerva_bus.frame.inbox import FrameInbox
 from minerva_bus.frame.member import Member
+from minerva_bus.frame.orders import refusal_of_order
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.symbols import EventType
 from minerva_bus.launch.console import Console
 from minerva_bus.launch.regions.division import outside_of
+from minerva_bus.launch.regions.layout import in_regions, source_of
 from minerva_bus.launch.regions.run import RegionRun
 from minerva_bus.launch.worldfile import Process, WorldFile
 from minerva_bus.log.entries import part_codec
@@ -124,6 +126,33 @@ def test_only_regions_have_agents_and_generators_in_step():
         assert isinstance(refused, m.Refused)
         assert what in refused.reason
         assert "--regions 0" in refused.reason
+
+
+@pytest.mark.parametrize("people", [(), ("eRing",)])
+def test_types_that_services_in_regions_make_are_not_for_people(people):
+    """The coordinator has no hello of these services."""
+
+    class Pedal(Bell, events=("eRing",), lockstep=False):
+        pass
+
+    class Order(Clock, events=("eHeard",)):
+        def takes_orders(self):
+            return self.events
+
+    of = {"clock": Clock, "order": Order}
+    processes = Process("guests", agents=(Guest,)), *(Process(name, of[name]) for name in of)
+    expected = frozenset(each.name for each in processes)
+    described = world(expected=expected, people=people)
+    with in_regions(
+        WorldFile(Path("w.toml"), described, 0.0, processes, partition=ById(2))
+    ) as file:
+        algorithm = FrameAlgorithm(file.world, source_of(file))
+    reason = "eRing comes from clock, so people may not send it" if not people else ""
+    assert refusal_of_order(algorithm, "eRing").partition(";")[0] == reason
+    (answer,) = answer_to(algorithm, Member("pedal", Pedal()))[:1]
+    assert isinstance(answer, m.Welcome if people else m.Refused)
+    assert algorithm.members.takers("eHeard") == ["order"]
+    assert "order" not in refusal_of_order(algorithm, "eHeard")
 
 
 def test_services_that_no_frame_waits_for_and_commands_are_outside():

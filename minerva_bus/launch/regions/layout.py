@@ -206,6 +206,11 @@ def source_of(file: WorldFile) -> Callable[[FrameAlgorithm], FrameSource] | None
         terms={TERMS: terms_of(regions[0].world_file, regions[0].ahead)},
         journals=_first_journals(file) if regions[0].elsewhere else {},
         ahead=regions[0].ahead,
+        services=[
+            each.participant().hello()
+            for each in regions[0].world_file.processes
+            if each.make_service is not None
+        ],
     )
 
 
