@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minerva_bus.frame.composition import Composition
-from minerva_bus.frame.event_sources import PEOPLE, is_people, person_of
+from minerva_bus.frame.event_sources import PEOPLE, is_people, person_of, source_of
 from minerva_bus.frame.inbox import FrameInbox
 from minerva_bus.frame.instructions import Instructions
 from minerva_bus.frame.trial import NormVerdict, Trial
@@ -195,7 +195,9 @@ class Norms:
 
     def _known_as(self, source: str) -> tuple[str, ...]:
         """The names under which norms may mention a source."""
-        return (source, PEOPLE) if is_people(source) or source in self._people else (source,)
+        if source in self._people:  # An attached generator is the person of its name.
+            return source, PEOPLE, source_of(source)
+        return (source, PEOPLE) if is_people(source) else (source,)
 
     def _many(self, norm: Norm, events: Events) -> dict[str, Any]:
         state: dict[str, Any] = {EVENT + name: events.data(name) for name in events.names}

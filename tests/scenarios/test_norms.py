@@ -371,8 +371,11 @@ def test_a_norm_for_people_covers_keys_and_attached_members():
 
     guest = {"keys": service("keys", Guest)}
     assert ordered(guest, [], emitted=orders)[0] == ["eShout<loud=1>", "eShout<loud=9>"]
-    attached = ordered(guest, [], emitted=orders, expected=("steps", "runners"))[0]
-    assert attached == ["eShout<loud=1>"]
+    attached = {"expected": ("steps", "runners"), "emitted": orders}
+    assert ordered(guest, [], **attached)[0] == ["eShout<loud=1>"]
+    of = {name: replace(HUSH, applies=(f"{PEOPLE}:{name}",)) for name in ("keys", "anna")}
+    assert ordered(guest, [], [of["keys"]], **attached)[0] == ["eShout<loud=1>"]
+    assert len(ordered(guest, [], [of["anna"]], **attached)[0]) == 2
 
 
 @pytest.mark.parametrize("end", [MemoryBus.leave, MemoryBus.vanish])
