@@ -5,9 +5,9 @@ Times are seconds of one monotonic clock; they are passed in, so that this modul
 
 from __future__ import annotations
 
-from math import inf
 from typing import Final
 
+from minerva_bus.frame.back_off import BackOff
 from minerva_bus.frame.description import World
 
 _TOLERANCE: Final = 1.1
@@ -15,10 +15,6 @@ _TOLERANCE: Final = 1.1
 
 _FIRST_REPORT: Final = 5
 """Late frames before the first report."""
-
-_MIN_SECONDS: Final = 1.0
-_MAX_SECONDS: Final = 60.0
-"""Time between two reports: it doubles with each one, up to the maximum."""
 
 
 def real_period(rate: float, world: World) -> float:
@@ -38,8 +34,7 @@ class Overruns:
         self._began: float = 0.0
         self._parts: dict[str, tuple[str, float]] = {}
         self._took: dict[str, float] = {}
-        self._reports_from: float = -inf
-        self._pause: float = _MIN_SECONDS
+        self._reports = BackOff()
 
     def began(self, period: float, now: float) -> None:
         """Note the beginning of a frame that should take `period` seconds."""
@@ -67,11 +62,8 @@ class Overruns:
             return ""
         self.count += 1
         self.behind += elapsed - self._period
-        if self.count < _FIRST_REPORT or now < self._reports_from:
+        if self.count < _FIRST_REPORT or not self._reports.is_due(now):
             return ""
-        # A world that is too slow is late in every frame, so the log must not have a line for each.
-        self._reports_from = now + self._pause
-        self._pause = min(2 * self._pause, _MAX_SECONDS)
         return (
             f"frame {frame} took {elapsed:.3f} s instead of {self._period:.3f} s{self._lasts()};"
             f" {self.count} frames were late so far, by {self.behind:.1f} s altogether"

@@ -11,7 +11,8 @@ import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final
+from math import inf
+from typing import Final, TypeAlias
 
 from minerva_bus.errors import ProtocolError
 from minerva_bus.frame.messages import Readings
@@ -26,6 +27,12 @@ WAITING: Final = 16
 
 PATIENCE: Final = 5.0
 """Seconds that a world waits for room in the queue before frames are dropped."""
+
+LOOK_SECONDS: Final = 0.5
+"""Interval in which a wait for the disk calls `waiting`, at most."""
+
+Waiting: TypeAlias = Callable[[float], None]
+"""Called during a wait for the disk with the seconds so far."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,20 +63,24 @@ class FrameQueue:
     def __len__(self) -> int:
         return len(self._items)
 
-    def put(self, pending: Pending) -> bool:
+    def put(self, pending: Pending, waiting: Waiting) -> bool:
         """Queue an item if there is room now or within `PATIENCE`; returns whether there was.
 
-        While the queue is stuck, that is after a drop, `put` does not wait.
+        `waiting` is called meanwhile. While the queue is stuck, that is after a drop, `put` does
+        not wait.
         """
         # After a drop the disk is known to be slow, so the world must
         # not wait so long for each frame.
-        until = 0.0 if self.is_stuck else time.monotonic() + PATIENCE
+        since = time.monotonic()
+        patience = 0.0 if self.is_stuck else PATIENCE
         while len(self._items) >= WAITING:
             self._wake.set()
-            if time.monotonic() >= until:
+            waited = time.monotonic() - since
+            if waited >= patience:
                 self.is_stuck = True
                 self.lost += pending.is_frame
                 return False
+            waiting(waited)
             time.sleep(0.001)  # Polling is cheaper than a lock for each frame.
         self._items.append(pending)
         self._put_count += 1
@@ -93,21 +104,22 @@ class FrameQueue:
         self._flushed_count = self._taken_count
         self._has_flushed.set()
 
-    def wait_until_flushed(self, within: float | None = None) -> None:
+    def wait_until_flushed(self, waiting: Waiting, within: float = inf) -> None:
         """Wait until all items put are on the disk; an interrupt ends the wait, not the write.
 
-        `within`: seconds after which the wait ends; None: never.
+        `waiting` is called meanwhile. `within`: seconds after which the wait ends.
         """
-        until = None if within is None else time.monotonic() + within
+        since = time.monotonic()
         while self._flushed_count < self._put_count:
             self._has_flushed.clear()
             self._wake.set()
-            rest = None if until is None else until - time.monotonic()
-            if rest is not None and rest <= 0:
+            waited = time.monotonic() - since
+            if waited >= within:
                 return
+            waiting(waited)
             # Checked again, because a flush may have ended just before the event was cleared.
             if self._flushed_count < self._put_count:
-                self._has_flushed.wait(rest)
+                self._has_flushed.wait(min(within - waited, LOOK_SECONDS))
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,11 +16,13 @@ If the disk is full, the world continues without a record; flushed data stay rea
 from __future__ import annotations
 
 import sys
+import time
 from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import IO, Final
 
+from minerva_bus.frame.back_off import BackOff
 from minerva_bus.frame.checkpoint import Checkpoint
 from minerva_bus.frame.messages import FrameRecord, Readings
 from minerva_bus.frame.stimuli import FrameDone
@@ -38,6 +40,8 @@ from minerva_bus.world.operator import PersonOperation
 HELPED_WITHIN: Final = 4
 """Queued frames that may wait for `idle` before the thread is woken."""
 
+SAID_AFTER: Final = 1.0
+"""Seconds of waiting for the disk after which it is reported."""
 
 TURN: Final = 0.001
 """Seconds after which the recorder's thread releases the interpreter's lock. Python's default of
@@ -75,6 +79,8 @@ class Recorder:
         self._durable = durable
         self._is_helped = False
         self._is_reported = False
+        self._is_saying = False
+        self._reports = BackOff()
         stream, self._writer = _opened(path, description, past, keep_old=keep_old)
         self._work = RecordingThread(stream, self._writer, flush_seconds, durable=durable)
         # The shorter of both, because the embedding program may have chosen its own.
@@ -154,14 +160,14 @@ class Recorder:
     def flush(self) -> None:
         """Wait until all frames are on the disk, or until it is too slow."""
         if self._work.is_open:
-            self._work.flush()
+            self._work.flush(self._waiting)
         self._report_failure()
 
     def close(self) -> None:
         """Write the remaining data and the index. Further calls do nothing."""
         if self._work.is_closed:
             return
-        self._work.close()
+        self._work.close(self._waiting)
         self._report_failure()
         # Reported at the end, because a message for each dropped frame would fill the log.
         if self.lost:
@@ -179,19 +185,37 @@ class Recorder:
         work = self._work
         if not work.is_open:
             return
+        if self._is_saying:
+            # This line of the log says that the queue is full: it must not wait for the queue.
+            if work.queue.has_room:
+                work.queue.put(pending, self._waiting)
+            return
         was_stuck = work.queue.is_stuck
-        if not work.queue.put(pending):
+        if not work.queue.put(pending, self._waiting):
             if not was_stuck:
                 self._say(
                     f"{self.path}: disk too slow; dropping frames from the record until it"
                     " catches up"
                 )
         elif self._durable:
-            work.queue.wait_until_flushed()
+            work.queue.wait_until_flushed(self._waiting)
         # A caller that helps encodes small frames itself; waking the
         # thread for each would cost more.
         elif not self._is_helped or len(work.queue) > HELPED_WITHIN:
             work.wake.set()
+
+    def _waiting(self, seconds: float) -> None:
+        """Report, with back-off, for how long the world has been waiting for the disk."""
+        if seconds < SAID_AFTER or self._is_saying or not self._reports.is_due(time.monotonic()):
+            return
+        self._is_saying = True
+        try:
+            self._say(
+                f"{self.path}: frame {self._work.frame} has been waiting for the disk for"
+                f" {seconds:.1f} s"
+            )
+        finally:
+            self._is_saying = False
 
     def _report_failure(self) -> None:
         if not self._work.failure or self._is_reported:

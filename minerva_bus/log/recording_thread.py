@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable
 from typing import IO, Final
 
-from minerva_bus.log.queues import PATIENCE, Backlog, FrameQueue
+from minerva_bus.log.queues import LOOK_SECONDS, PATIENCE, Backlog, FrameQueue, Waiting
 from minerva_bus.log.writer import RecordWriter
 
 CLOSING_WITHIN: Final = 30.0
@@ -74,16 +74,19 @@ class RecordingThread:
             finally:
                 self._writing.release()
 
-    def flush(self) -> None:
-        """Write all queued items, and wait until they are written."""
+    def flush(self, waiting: Waiting) -> None:
+        """Write all queued items, and wait until they are written; see `FrameQueue`."""
         self._is_urgent = True
-        self.queue.wait_until_flushed(PATIENCE)
+        self.queue.wait_until_flushed(waiting, PATIENCE)
 
-    def close(self) -> None:
+    def close(self, waiting: Waiting) -> None:
         """Write all queued items, and end."""
         self.is_closed = True
         self.wake.set()
-        self._thread.join(CLOSING_WITHIN)
+        since = time.monotonic()
+        while (waited := time.monotonic() - since) < CLOSING_WITHIN and self._thread.is_alive():
+            waiting(waited)
+            self._thread.join(min(CLOSING_WITHIN - waited, LOOK_SECONDS))
         if self._thread.is_alive():
             self.fail("the disk does not respond")
 

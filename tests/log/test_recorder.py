@@ -2,6 +2,7 @@
 
 import errno
 import io
+import re
 import signal
 import sys
 import threading
@@ -269,6 +270,41 @@ def test_the_world_waits_for_a_slow_disk_and_nothing_is_lost(tmp_path, monkeypat
     thread.join()
     recorder.close()
     assert not said
+    with record_of(disk.kept, tmp_path) as record:
+        assert len(list(record.frames())) == 60
+
+
+@pytest.mark.parametrize("durable", [False, True])
+@pytest.mark.parametrize("ends", [False, True])
+def test_a_world_that_waits_for_the_disk_says_so(durable, ends, tmp_path, monkeypatch):
+    monkeypatch.setattr(module, "SAID_AFTER", 0.01)
+    monkeypatch.setattr(queues, "LOOK_SECONDS", 0.01)
+    monkeypatch.setattr(recording_thread, "LOOK_SECONDS", 0.01)
+    disk, said = Disk(), []
+
+    def say(text):
+        said.append(text)
+        # As a world does, whose record has its log, too.
+        recorder.log("record", text, 0.0)
+        disk.free.set()
+
+    monkeypatch.setattr(module, "open_for_record", lambda path: disk)
+    file, frames = happened("meadow")
+    recorder = Recorder(
+        Path("run.mcap"), description(file), say=say, durable=durable, flush_seconds=0.0
+    )
+    if not ends:
+        disk.free.clear()
+    for record, string in frames:
+        recorder.frame(record, string, 0.0)
+    if ends:
+        recorder.flush()
+        disk.free.clear()
+    recorder.close()
+    assert re.fullmatch(
+        r"run\.mcap: frame \d+ has been waiting for the disk for \d+\.\d s", said[0]
+    )
+    assert recorder.lost == 0
     with record_of(disk.kept, tmp_path) as record:
         assert len(list(record.frames())) == 60
 
