@@ -42,7 +42,9 @@ def is_own(path: Path) -> bool:
             edges += file.read()
     except OSError:
         return False
-    return MARK.encode() in edges or _is_record(edges)
+    # Under another name, such as that of a link, it would be destroyed as a video or a table.
+    is_named_record = path.suffix.lower() == ".mcap"
+    return MARK.encode() in edges or (is_named_record and _is_record(edges))
 
 
 def _is_record(head: bytes) -> bool:

@@ -8,6 +8,7 @@ The rules apply per process; forked processes inherit the inputs and permissions
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 import secrets
 import stat
@@ -27,6 +28,7 @@ class _Policy:
     def __init__(self) -> None:
         self.read: set[_Identity] = set()
         self.forced = False
+        self.pipes: dict[Path, int] = {}
 
 
 _policy = _Policy()
@@ -66,8 +68,17 @@ def check_output(path: Path, kind: str = "output") -> None:
     """Raise MisuseError if writing `path` would destroy an input or a user's file.
 
     `kind` names the output in the message. A missing file, an empty file, a file with the
-    program's mark, a pipe and a device may be written.
+    program's mark, a pipe that a program reads and a device may be written.
     """
+    _check(path, kind, inputs=True)
+
+
+def check_file(path: Path, kind: str = "output") -> None:
+    """Like `check_output`, for a format that neither a pipe nor a device takes."""
+    if is_stream(path):
+        raise MisuseError(
+            f"{kind}: cannot write {path}: it is a pipe or a device; choose a file name"
+        )
     _check(path, kind, inputs=True)
 
 
@@ -89,12 +100,14 @@ def check_replaceable(path: Path, kind: str = "output") -> None:
 
 
 def _check(path: Path, kind: str, *, inputs: bool) -> None:
-    if _policy.forced:
-        return
     try:
         status = _status(path)
     except OSError:
         return  # It is missing, or the attempt to write it reports why it is unreachable.
+    if stat.S_ISFIFO(status.st_mode):
+        _check_read(path, kind)
+    if _policy.forced:
+        return
     if stat.S_ISDIR(status.st_mode):
         raise MisuseError(f"{kind}: cannot write {path}: it is a folder; choose a file name")
     if not stat.S_ISREG(status.st_mode):
@@ -109,6 +122,22 @@ def _check(path: Path, kind: str, *, inputs: bool) -> None:
             f"{kind}: {path} exists and was not written by Minerva Bus, or has been edited; choose"
             " another path, move the file, or overwrite it with --force"
         )
+
+
+def _check_read(pipe: Path, kind: str) -> None:
+    """Raise MisuseError if no program reads a pipe: to open it would wait for one."""
+    if pipe in _policy.pipes:
+        return
+    try:
+        # Kept open until the process ends, because the reader would end with the last writer.
+        _policy.pipes[pipe] = os.open(pipe, os.O_WRONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+    except OSError as error:
+        if error.errno != errno.ENXIO:
+            return  # The attempt to write it reports why it cannot be written.
+        raise MisuseError(
+            f"{kind}: no program reads the pipe {pipe}; start its reader first, or choose a file"
+            " name"
+        ) from None
 
 
 def _status(path: Path) -> os.stat_result:
@@ -154,9 +183,11 @@ def _replace(path: Path, content: bytes) -> None:
 def replacing(path: Path, *, mode: int = 0o666, durable: bool = False) -> Generator[IO[bytes]]:
     """A new file that is renamed to `path` at the end of the block, and removed on failure.
 
-    So readers of `path` never see a partial file. `mode` is as for `os.open`; `durable`: the
-    content is on disk before the file is renamed. Raises OSError with the name of a file.
+    A link stays, and names the new file. So readers of `path` never see a partial file. `mode` is
+    as for `os.open`; `durable`: the content is on disk before the file is renamed. Raises OSError
+    with the name of a file.
     """
+    path = target_of(path)
     # In the same folder, because a file is renamed atomically within one file system only. The name
     # is random, because several processes may write the same output.
     draft = path.with_name(f".{path.name}.{secrets.token_hex(4)}")
@@ -175,6 +206,11 @@ def replacing(path: Path, *, mode: int = 0o666, durable: bool = False) -> Genera
             draft.unlink()
         name_file(error, path)
         raise
+
+
+def target_of(path: Path) -> Path:
+    """The file that a link names, which may be missing; any other path as it is."""
+    return Path(os.path.realpath(path)) if path.is_symlink() else path
 
 
 def name_file(error: BaseException | None, path: Path) -> None:

@@ -10,7 +10,7 @@ from typing import Any, Self
 from minerva_bus.collect.plans import TablePlan
 from minerva_bus.collect.rows import Data
 from minerva_bus.collect.writers import Writer, check_ending, open_writer, path_of
-from minerva_bus.outputs import check_output, name_file
+from minerva_bus.outputs import check_output, name_file, target_of
 
 
 class TableFiles:
@@ -48,9 +48,10 @@ class TableFiles:
 
     def open(self, plan: TablePlan) -> Writer:
         """The writer of a table."""
-        final = path_of(self._path, plan.name, self._several)
+        path = path_of(self._path, plan.name, self._several)
         # Before the rows, which may take long.
-        check_output(final, f"the table {plan.name}")
+        check_output(path, f"the table {plan.name}")
+        final = target_of(path)
 
         def create() -> Writer:
             # A pipe or a device is written directly.
@@ -58,7 +59,7 @@ class TableFiles:
             hidden = f".{final.stem}.{secrets.token_hex(4)}{final.suffix}"
             draft = final if special else final.with_name(hidden)
             # Noted first, because a file that is made may lack room for its beginning.
-            self._drafts[final], self.files[plan.name] = draft, final
+            self._drafts[final], self.files[plan.name] = draft, path
             return open_writer(draft, plan.name, plan.columns)
 
         return _OnDemand(create) if self._sparse else create()

@@ -17,6 +17,7 @@ process was killed. Parts in the format Arrow IPC take less time to write.
 from __future__ import annotations
 
 import json
+import os
 import secrets
 import shutil
 from collections.abc import Mapping
@@ -31,7 +32,7 @@ from minerva_bus.collect.rows import Data
 from minerva_bus.collect.table import ARRAY_TYPES
 from minerva_bus.collect.writers import FileWriter, create_writer, path_of
 from minerva_bus.errors import MisuseError
-from minerva_bus.outputs import check_output, is_forced, replacing
+from minerva_bus.outputs import check_file, is_forced, replacing, target_of
 
 _ABOUT: Final = "tables.json"
 _DRAFT: Final = ".draft"
@@ -39,7 +40,8 @@ _DRAFT: Final = ".draft"
 
 def parts_of(path: Path) -> Path:
     """The folder of the parts of a table file."""
-    return path.with_name(f"{path.name}.parts")
+    target = target_of(path)
+    return target.with_name(f"{target.name}.parts")
 
 
 class TableParts:
@@ -63,15 +65,15 @@ class TableParts:
         self._again = again
         self._writers: dict[str, _PartWriter] = {}
         for name in tables:
-            check_output(self._final(name), f"the table {name}")
+            check_file(self._final(name), f"the table {name}")
         if not again:
             self._begin()
 
     def _begin(self) -> None:
         # The parts of an internal file belong to a run without a user, such as one of a sweep.
-        if is_forced() or self.path.suffix == ".columns":
-            shutil.rmtree(self.folder, ignore_errors=True)
-        check_no_parts(self.path)
+        if self.path.suffix != ".columns":
+            check_no_parts(self.path)
+        shutil.rmtree(self.folder, ignore_errors=True)
         try:
             self.folder.mkdir()
             # It marks a table that has begun, also if there is no part yet.
@@ -99,11 +101,14 @@ class TableParts:
         files = {name: self._final(name) for name in self._tables}
         try:
             for name, final in files.items():
-                self._join(name, final)
-        except OSError as error:
+                # A file may have appeared there during the run.
+                check_file(final, f"the table {name}")
+                self._join(name, target_of(final))
+        except (OSError, MisuseError) as error:
+            named = isinstance(error, OSError)
+            why = f"{error.filename or self.path}: {error.strerror or error}" if named else error
             raise MisuseError(
-                f"{error.filename or self.path}: {error.strerror or error}; the rows are in"
-                f" {self.folder}: `minerva recover {self.folder}` continues"
+                f"{why}; the rows are in {self.folder}: `minerva recover {self.folder}` continues"
             ) from None
         shutil.rmtree(self.folder, ignore_errors=True)
         return files
@@ -221,9 +226,15 @@ class _PartWriter(FileWriter):
 
 
 def check_no_parts(path: Path) -> None:
-    """Raise MisuseError if there are parts of another run for this file."""
+    """Raise MisuseError if there are parts of another run for this file, or a user's folder."""
     folder = parts_of(path)
-    if folder.exists() and not is_forced():
+    if not os.path.lexists(folder):
+        return
+    if _about(folder) is None:
+        raise MisuseError(
+            f"{folder} exists and is no folder of tables; choose another path, or move it"
+        )
+    if not is_forced():
         raise MisuseError(
             f"{folder} has the tables of a run that was killed, or still runs; make files of them"
             f" with `minerva recover {folder}`, or remove the folder"

@@ -1,12 +1,13 @@
 """Parts of tables: joined files equal those that are written at once, and damage is reported."""
 
 import json
+import os
 
 import numpy as np
 import pytest
 from frogs import Frog, pond
 
-from minerva_bus import count, data, run
+from minerva_bus import count, data, outputs, run
 from minerva_bus.collect.joining import JoinedPart, join_parts, part_ending
 from minerva_bus.collect.parts import TableParts, read_parts
 from minerva_bus.collect.plans import TablePlan
@@ -215,6 +216,52 @@ def test_parts_of_a_killed_run_are_not_overwritten(tmp_path):
     assert files["frames"].read_text() == "frame\n"
     with pytest.raises(MisuseError, match="not a folder with the parts of tables"):
         read_parts(tmp_path)
+
+
+@pytest.mark.parametrize("ending", [".csv", ".parquet"])
+def test_a_file_that_appears_during_a_run_stays_and_so_do_the_rows(tmp_path, ending):
+    path = tmp_path / f"frogs{ending}"
+    if ending == ".parquet":
+        pytest.importorskip("pyarrow")
+    parts = TableParts(path, {"AFrog": TYPES})
+    parts.open(PLAN).rows(rows(0))
+    path.write_text("of a user")
+    parts.save()
+    with pytest.raises(
+        MisuseError, match=r"frogs.* exists and was not .*; the rows are in .*parts"
+    ):
+        parts.join()
+    assert path.read_text() == "of a user"
+    path.unlink()
+    assert read_parts(parts.folder).join() == {"AFrog": path}
+    assert content(path) == content(written(tmp_path / f"whole{ending}", [rows(0)]))
+
+
+@pytest.mark.parametrize("forced", [False, True])
+def test_a_folder_of_a_user_is_no_folder_of_parts(tmp_path, monkeypatch, forced):
+    monkeypatch.setattr(outputs, "_policy", outputs._Policy())
+    outputs.force_overwriting(forced)
+    kept = tmp_path / "frogs.csv.parts" / "notes.txt"
+    kept.parent.mkdir()
+    kept.write_text("of a user")
+    with pytest.raises(MisuseError, match=r"frogs\.csv\.parts exists and is no folder of tables"):
+        TableParts(tmp_path / "frogs.csv", {"AFrog": TYPES})
+    assert kept.read_text() == "of a user"
+
+
+def test_a_table_of_parts_is_no_pipe_and_keeps_a_link(tmp_path):
+    pipe, link = tmp_path / "pipe.csv", tmp_path / "link.csv"
+    os.mkfifo(pipe)
+    with pytest.raises(MisuseError, match="it is a pipe or a device; choose a file name"):
+        TableParts(pipe, {"AFrog": TYPES})
+    (tmp_path / "elsewhere").mkdir()
+    link.symlink_to(tmp_path / "elsewhere" / "frogs.csv")
+    parts = TableParts(link, {"AFrog": TYPES})
+    parts.open(PLAN).rows(rows(0))
+    parts.save()
+    parts.join()
+    assert link.is_symlink()
+    assert content(link) == content(written(tmp_path / "whole.csv", [rows(0)]))
 
 
 def test_a_run_leaves_no_parts_and_tables_without_rows_have_a_file(tmp_path):

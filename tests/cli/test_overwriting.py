@@ -1,6 +1,9 @@
 """Commands do not overwrite files that the program did not write, including derived names."""
 
+import os
+import re
 import signal
+import stat
 import sys
 
 import pytest
@@ -100,3 +103,34 @@ def test_a_plot_does_not_overwrite_a_users_picture(house, capfd):
     assert "house.png exists" in capfd.readouterr().err
     assert (house / "house.png").read_bytes() == before
     assert minerva("plot", "house.mcap", "--force") == 0
+
+
+@pytest.mark.parametrize(("words", "name"), [
+    (("--record-video", "out.mp4"), "out.mp4"),
+    (("--view", "sound:path=out.wav,voice=PRobot"), "out.wav"),
+    (("--view", "svg:path=out.svg,every=1"), "out.svg"),
+    (("--record", "out.mcap"), "out.mcap"),
+    (("--collect", "robots=count(ARobot)", "--into", "out.csv"), "out.csv"),
+])  # fmt: skip
+def test_no_output_waits_for_a_pipe_without_a_reader(house, capfd, words, name):
+    os.mkfifo(house / name)
+    assert run(*words) == 2
+    errors = capfd.readouterr().err
+    assert re.search(
+        f"no program reads the pipe {name}|write {name}: it is a pipe or a dev", errors
+    )
+    assert len(errors.splitlines()) == 1
+    assert stat.S_ISFIFO((house / name).stat().st_mode)
+
+
+@pytest.mark.parametrize(("words", "name"), [
+    (("--record-video", "out.gif"), "out.gif"),
+    (("--collect", "robots=count(ARobot)", "--into", "out.parquet"), "out.parquet"),
+])  # fmt: skip
+def test_a_record_is_not_overwritten_under_another_name(house, capfd, words, name):
+    assert run("--record", "run.mcap") == 0
+    before = (house / "run.mcap").read_bytes()
+    (house / name).symlink_to("run.mcap")
+    assert run(*words) == 2
+    assert f"{name} exists and was not written" in capfd.readouterr().err
+    assert (house / "run.mcap").read_bytes() == before

@@ -1,5 +1,7 @@
 """No output overwrites an input, or a file that the program did not write."""
 
+import os
+
 import pytest
 
 from minerva_bus import outputs
@@ -9,7 +11,14 @@ from minerva_bus.collect.writers import CsvWriter
 from minerva_bus.errors import MisuseError
 from minerva_bus.file_marks import is_own
 from minerva_bus.log.exporting import new_folder
-from minerva_bus.outputs import check_output, check_replaceable, note_read, replacing, write_output
+from minerva_bus.outputs import (
+    check_file,
+    check_output,
+    check_replaceable,
+    note_read,
+    replacing,
+    write_output,
+)
 
 TEXTS = (".svg", ".html", ".yaml", ".toml", ".mnv", ".mmd")
 SVG = b"<svg xmlns='http://www.w3.org/2000/svg'/>\n"
@@ -126,6 +135,59 @@ def test_missing_and_empty_files_and_devices_may_be_written(tmp_path):
     device.symlink_to("/dev/null")
     write_output(device, SVG)
     assert device.is_symlink()
+
+
+def test_a_link_stays_and_names_the_new_file(tmp_path):
+    (tmp_path / "elsewhere").mkdir()
+    target, link = tmp_path / "elsewhere" / "house.svg", tmp_path / "house.svg"
+    link.symlink_to(target)
+    for content in (SVG, b"<svg/>"):
+        write_output(link, content)
+        assert link.is_symlink()
+        assert target.read_bytes().startswith(content)
+    table = tmp_path / "a.csv"
+    table.symlink_to(tmp_path / "elsewhere" / "b.csv")
+    with TableFiles(table, several=False, sparse=False) as files:
+        files.open(TablePlan("t", 1, {"n": "int64"})).close()
+    assert table.is_symlink()
+    assert table.read_text() == "n\n"
+    assert sorted(path.name for path in (tmp_path / "elsewhere").iterdir()) == [
+        "b.csv",
+        "house.svg",
+    ]
+
+
+@pytest.mark.parametrize("forced", [False, True])
+def test_a_pipe_without_a_reader_is_refused_and_waits_for_none(tmp_path, forced):
+    outputs.force_overwriting(forced)
+    pipe = tmp_path / "pipe.svg"
+    os.mkfifo(pipe)
+    with pytest.raises(
+        MisuseError, match=r"no program reads the pipe .*pipe\.svg; start its reader"
+    ):
+        write_output(pipe, SVG)
+    with pytest.raises(MisuseError, match="it is a pipe or a device; choose a file name"):
+        check_file(pipe)
+    reader = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
+    try:
+        write_output(pipe, SVG)
+        assert os.read(reader, 100) == SVG
+        # It is not at its end until the process is, as further pictures may follow.
+        with pytest.raises(BlockingIOError):
+            os.read(reader, 100)
+    finally:
+        os.close(reader)
+        for kept in outputs._policy.pipes.values():
+            os.close(kept)
+
+
+def test_a_record_is_the_programs_under_the_name_of_a_record_only(tmp_path):
+    record = tmp_path / "run.mcap"
+    record.write_bytes(b"\x89MCAP0\r\n....minerva-bus 0.5.0")
+    (tmp_path / "run.mp4").symlink_to(record)
+    check_output(record)
+    with pytest.raises(MisuseError, match="was not written by Minerva Bus"):
+        check_output(tmp_path / "run.mp4")
 
 
 def test_a_folder_is_no_output(tmp_path):

@@ -32,7 +32,7 @@ from minerva_bus.log.info import kinds_in
 from minerva_bus.log.places import Surveyor
 from minerva_bus.log.reader import Record
 from minerva_bus.log.record_frames import RecordFrames
-from minerva_bus.outputs import check_output
+from minerva_bus.outputs import check_file
 from minerva_bus.world.readings import Battery, Image, Odometry, Position, Reading, Scan
 from minerva_services.options import require
 from minerva_services.views.svg.files import prepare_folder
@@ -53,7 +53,7 @@ def write_rrd(
     path = only_record(records, FORM)
     if into.suffix != ".rrd":
         raise MisuseError(f"{into}: expected a file name that ends with .rrd")
-    check_output(into, FORM)
+    check_file(into, FORM)
     with Record(path) as record:
         frames = RecordFrames(record, choice.begin, choice.end)
         prepare_folder(into)

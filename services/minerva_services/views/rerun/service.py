@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from minerva_bus.errors import MisuseError
-from minerva_bus.outputs import check_output
+from minerva_bus.outputs import check_file
 from minerva_bus.world.service_inputs import View, WorldInfo
 from minerva_bus.world.services import Device
 from minerva_services.options import event_types, require
@@ -46,7 +46,7 @@ class RerunView(Device, draws=("ePicture",)):
         self.draws = event_types("rerun", draws)
         self._path = Path(path)
         self._file: RrdFile | None = None
-        check_output(self._path, "rerun")
+        check_file(self._path, "rerun")
 
     def joined(self, world: WorldInfo) -> None:
         # Imported here because Rerun takes a second to load.

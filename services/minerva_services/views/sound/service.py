@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 
 from minerva_bus.errors import MisuseError
+from minerva_bus.outputs import check_file
 from minerva_bus.world.service_inputs import View, WorldInfo
 from minerva_bus.world.services import Device
 from minerva_services.options import event_types, names_in
@@ -58,6 +59,8 @@ class Sound(Device, draws=("ePicture",)):
         self.every = every
         self.draws = event_types("sound", draws)
         self._path = wav_path(path)
+        # Also before the world starts, which may take long.
+        check_file(self._path, "sound")
         self._named = names_in(voice), names_in(aim)
         self._tuning = _tuning(high, low, octave, samples)
         self._samples = samples

@@ -15,7 +15,7 @@ import numpy as np
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.file_marks import MARK
-from minerva_bus.outputs import check_output
+from minerva_bus.outputs import check_file
 from minerva_services.views.sound.synthesis import Samples
 
 _CHANNELS, _WIDTH, _PCM = 2, 2, 1
@@ -38,11 +38,9 @@ class WavFile:
         self.path, self.rate = path, rate
         self._bytes = 0
         self._is_full = False
-        check_output(path, "sound")
+        check_file(path, "sound")
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            if path.exists() and not path.is_file():
-                raise self._unwritable("not a file")
             # Unbuffered, so that written samples survive any end of the process.
             self._file = path.open("wb", buffering=0)
             self._put(0, self._header())

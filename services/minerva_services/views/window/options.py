@@ -11,7 +11,7 @@ from enum import Enum
 from pathlib import Path
 
 from minerva_bus.errors import MisuseError
-from minerva_bus.outputs import check_output
+from minerva_bus.outputs import check_file, check_output
 from minerva_bus.wording import install
 
 _PIXELS = range(100, 7681)
@@ -128,9 +128,10 @@ class WindowOptions:
 
     def _check_output(self) -> None:
         """Reject an output file that must not be overwritten before the world runs."""
-        file = self.video or ("" if self.frames else self.path)
-        if file:
-            check_output(Path(file), self.service)
+        if self.video:
+            check_file(Path(self.video), self.service)
+        elif self.path and not self.frames:
+            check_output(Path(self.path), self.service)
 
     def _wrong(self, problem: str) -> MisuseError:
         return MisuseError(f"{self.service}: {problem}")

@@ -8,7 +8,7 @@ from typing import Any
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.file_marks import MARK, gif_comment
-from minerva_bus.outputs import check_output
+from minerva_bus.outputs import check_file
 from minerva_services.views.svg.files import prepare_folder
 from minerva_services.views.window.painter import Pixels
 
@@ -69,7 +69,7 @@ class VideoWriter:
         self._rate = Fraction(fps).limit_denominator(_MAX_RATIO)
         self._palette: Any = None
         prepare_folder(self._path)
-        check_output(self._path, "video")
+        check_file(self._path, "video")
         try:
             # Reports an unwritable path when the world begins, not with the first picture.
             self._path.write_bytes(b"")
