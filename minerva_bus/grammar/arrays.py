@@ -7,7 +7,7 @@ from typing import Any, Final, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from minerva_bus.grammar.column import Column
+from minerva_bus.grammar.column import Column, are_texts
 from minerva_bus.grammar.fitting import Unfit
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.types import Type
@@ -62,7 +62,7 @@ def _among(kind: Type, column: Column) -> Column:
 
 def _texts(array: NDArray[Any]) -> Column:
     texts = array.tolist()
-    if not all(type(text) is str for text in texts):
+    if not are_texts(texts):
         raise Unfit("an array of texts")
     plain = np.empty(len(texts), object)
     plain[:] = texts
@@ -85,11 +85,12 @@ def fits(kind: Type, column: Column) -> bool:
     array = column.array
     if kind.kind == "text":
         texts = array.tolist() if array.dtype == object else [None]
-        return all(type(text) is str for text in texts) and (
-            not kind.words or {*texts} <= {*kind.words}
-        )
+        return are_texts(texts) and (not kind.words or {*texts} <= {*kind.words})
     if kind.kind not in SCALARS or array.dtype != _DTYPES[kind.kind]:
         return False
-    if kind.range is not None and not all(map(kind.range.holds, array.tolist())):
-        return False
+    if kind.range is not None and array.size:
+        # If the extremes are in the range, all values are; nan is an extreme that is in none.
+        extremes = array.min().item(), array.max().item()
+        if not all(map(kind.range.holds, extremes)):
+            return False
     return kind.kind != "real" or bool(np.isfinite(array).all())

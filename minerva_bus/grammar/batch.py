@@ -15,7 +15,7 @@ from typing import Any, Final, TypeAlias, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from minerva_bus.grammar.column import Column, Rows, bits
+from minerva_bus.grammar.column import Column, Rows, are_texts, bits
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.scene import Value
@@ -113,7 +113,7 @@ class Events:
             return None
         columns = tuple(map(Column.of, zip(*[event.values for event in events], strict=True)))
         # Lists, matrices and strings cannot be columns.
-        if any(column.array.dtype == object and not _texts(column) for column in columns):
+        if any(column.array.dtype == object and not are_texts(column.list()) for column in columns):
             return None
         senders = Ids.of([event.sender for event in events]) if first.sender else None
         receivers = Ids.of([event.receivers[0] for event in events]) if first.receivers else None
@@ -271,10 +271,6 @@ def _repeated(order: Rows, sizes: Rows, begins: Rows) -> tuple[Rows, Rows, Rows]
         return order, sizes, begins
     kept = sizes[several]
     return order[np.repeat(several, sizes)], kept, np.cumsum(kept) - kept
-
-
-def _texts(column: Column) -> bool:
-    return all(type(value) is str for value in column.array.tolist())
 
 
 def _mixed(hashes: NDArray[np.uint64], word: NDArray[np.uint64]) -> NDArray[np.uint64]:

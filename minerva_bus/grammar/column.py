@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any, Final, TypeAlias, cast
 from weakref import ref
 
@@ -150,6 +150,11 @@ class Column(Joinable):
             # numpy would convert ints to floats, which may lose digits and change types.
             arrays = [array.astype(object) for array in arrays]
         return Column(np.concatenate(arrays))
+
+
+def are_texts(values: Iterable[object]) -> bool:
+    """Whether all values are texts, and of no subclass."""
+    return set(map(type, values)) <= {str}
 
 
 def bits(array: NDArray[Any]) -> NDArray[Any]:

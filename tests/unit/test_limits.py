@@ -48,6 +48,8 @@ def test_arrays_are_held_to_a_range_too():
     kind = eSpeed.fields.all[0].type
     assert fits(kind, Column(np.array([0.0, 2.0])))
     assert not fits(kind, Column(np.array([2.0, -0.5])))
+    assert not fits(kind, Column(np.array([2.0, np.nan, 1.0])))
+    assert fits(kind, Column(np.empty(0)))
 
 
 @given(st.floats(-1e9, 1e9), st.floats(-1e9, 1e9), st.floats(-2e9, 2e9))
