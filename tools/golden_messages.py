@@ -221,7 +221,7 @@ MESSAGES: Mapping[str, m.Message] = {
     "advance.empty": m.RegionRequest(0),
     "advance.full": m.RegionRequest(
         8, (b"", bytes(8)), {"gulls": EVENTS, "~order:anna": (MIXED,)}, NAMES, bytes(8),
-        (b"", bytes(9)),
+        (b"", bytes(9)), views=True, last=True,
     ),
     "repeat.empty": m.Repeat(""),
     "repeat.full": m.Repeat("scan"),

@@ -181,6 +181,7 @@ class FrameAlgorithm:
 
     def _stop(self, awaited: Awaited) -> None:
         """Request the reports of all members."""
+        self.source.stop(self.phase)
         self._enter(awaited)
         # The interrupted frame is never committed, so its replies are no longer needed.
         self.in_flight.pending = set()

@@ -73,6 +73,9 @@ class FrameSource:
         """Step 10: announce that the next frame may begin."""
         self._algorithm.out.add(s.Ready(self._algorithm.frame))
 
+    def stop(self, phase: Phase) -> None:
+        """Prepare the members for the end of the world, which was in `phase`."""
+
     def early_replies(self, member: str) -> int:
         """The replies of a member that are outstanding for frames that have not begun."""
         return 0

@@ -409,6 +409,12 @@ class RegionRequest:
             " if all are empty"
         ),
     ] = ()
+    views: Annotated[
+        bool, Note("the world is over: no agent evolves, and the frame makes the last views")
+    ] = False
+    last: Annotated[
+        bool, Note("the world ends: the frame does not begin, and services see what has arrived")
+    ] = False
 
 
 @dataclass(frozen=True, slots=True)

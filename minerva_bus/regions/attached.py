@@ -102,13 +102,21 @@ class AttachedServices:
                 self._show(shown)
 
     @property
+    def see(self) -> bool:
+        """Whether services of this region see views."""
+        return bool(self.nearby.halos or (self.at_home and self.drawn))
+
+    @property
     def at_home(self) -> bool:
         """Whether the services are in this region."""
         return self._number == HOME
 
-    def lacks(self, frame: int) -> list[int]:
-        """The regions whose replies for a frame have not arrived yet."""
-        waits = self._tickers and not self.at_home and frame not in self._replies
+    def lacks(self, frame: int, *, last: bool = False) -> list[int]:
+        """The regions whose replies for a frame have not arrived yet.
+
+        `last`: it only has views, to which services do not reply.
+        """
+        waits = self._tickers and not self.at_home and frame not in self._replies and not last
         return sorted({*self.nearby.lacks(frame), *([HOME] if waits else [])})
 
     def receive(self, replies: Replies) -> bool:

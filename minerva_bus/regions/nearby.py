@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from minerva_bus.errors import ProtocolError, WorldStopped
 from minerva_bus.frame import messages as m
-from minerva_bus.frame.calling import restore
+from minerva_bus.frame.calling import restore, saved_by
 from minerva_bus.frame.member import Member
 from minerva_bus.grammar.batch import AnyEvent, Events
 from minerva_bus.grammar.ids import Ids
@@ -144,8 +144,11 @@ class NearbyServices:
         """The regions whose replies for a frame have not arrived."""
         return [each for each in sorted(self._movers or ()) if (frame, each) not in self._replies]
 
-    def answer(self, frame: int) -> None:
-        """Let the services answer for a frame, before the replies of others are awaited."""
+    def answer(self, frame: int, *, last: bool = False) -> None:
+        """Let the services answer for a frame, before the replies of others are awaited.
+
+        `last`: they generate nothing any more, but agents that have moved take along what is saved.
+        """
         if any(member.world is None for member in self._members.values()):
             return  # The first frame: no agent has moved yet.
         if all(name in self._ready and self._ready[name].frame == frame for name in self._members):
@@ -153,7 +156,8 @@ class NearbyServices:
         answered: dict[str, list[PlacedEvent]] = {}
         targets = sorted({*self._moving.values()})
         events, kept = ({to: dict[str, Any]() for to in targets} for _ in range(2))
-        replies = answers_of(self._members, lambda member: self._asked(member, frame))
+        ask = self._saving if last else self._asked
+        replies = answers_of(self._members, lambda member: ask(member, frame))
         for name, reply in sorted(replies.items()):
             self.running = self._members[name]
             check_saved(name, reply.saved)
@@ -172,13 +176,30 @@ class NearbyServices:
             self.send([Replies(frame, self.number, to, events[to], kept[to]) for to in targets])
 
     def _asked(self, member: Member, frame: int) -> Sequence[Answer]:
+        self._see(member)
+        return received(member, m.TickRequest(frame))
+
+    def _saving(self, member: Member, frame: int) -> Sequence[Answer]:
+        self._see(member)
+        assert member.service is not None
+        return (m.TickReply(member.name, frame, (), saved_by(member.service)),)
+
+    def _see(self, member: Member) -> None:
         self.running = member
         for view, own in self.views.unseen(member.hello().draws):
             assert isinstance(member.service, Device)
             member.service.own = own
             member.service.others = self.views.kept(member.name)
             received(member, view)
-        return received(member, m.TickRequest(frame))
+
+    def settle(self, frame: int) -> None:
+        """Let the services know what others have saved of agents that arrive with a frame."""
+        for name, member in sorted(self._members.items()):
+            if name in self._ready:  # Otherwise no agent has moved yet.
+                self._ready[name] = self._with_arriving(member, self._arriving(frame))
+
+    def _arriving(self, frame: int) -> list[Replies]:
+        return [each for each in self.arrived if each.frame == frame]
 
     @property
     def left(self) -> dict[str, Any]:
@@ -239,10 +260,14 @@ class NearbyServices:
                 return ()
             case m.TickRequest(frame):
                 self.answer(frame)
-                others = [each for each in self.arrived if each.frame == frame]
+                others = self._arriving(frame)
                 ready = self._ready[member.name] = self._with_arriving(member, others)
                 events = [each.events[member.name] for each in others]
                 return (replace(ready, events=_joined(ready.events, *events)),)
+            case m.Stop():
+                self._see(member)
+                self.running = None
+                return received(member, message)
             case _:
                 return received(member, message)
 

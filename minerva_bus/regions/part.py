@@ -172,11 +172,9 @@ class PartReceiver:
 
     def apply(self, message: PartMessage) -> None:
         """Continue with the part after a frame. Raises ProtocolError if the message is invalid."""
-        before = self.units.pieces
+        before, targets = self.units.pieces, targets_of(message)
         if len(message.kept) % _INDEX.itemsize:
             raise ProtocolError("part: kept must be a list of int32")
-        if len(message.parcels) % _REGION.itemsize:
-            raise ProtocolError("part: parcels must be a list of uint16")
         numbers = np.frombuffer(message.kept, _INDEX)
         kept: list[int] = numbers.tolist()
         if kept and not NEW <= numbers.min() <= numbers.max() < len(before):
@@ -197,8 +195,15 @@ class PartReceiver:
         counts = self.norms.counts if message.counts is None else checked_counts(message.counts)
         self.norms = NormReport(tuple(rejected), counts, message.sanctions, message.halted)
         self.units, self.resting = Units(places, pieces), message.resting
-        self.targets = tuple(np.frombuffer(message.parcels, _REGION).tolist())
+        self.targets = targets
         self.for_all = message.for_all
+
+
+def targets_of(message: PartMessage) -> tuple[int, ...]:
+    """The regions to which one has sent parcels. Raises ProtocolError for other data."""
+    if len(message.parcels) % _REGION.itemsize:
+        raise ProtocolError("part: parcels must be a list of uint16")
+    return tuple(np.frombuffer(message.parcels, _REGION).tolist())
 
 
 def _rejected(message: PartMessage, events: int) -> Collection[int]:

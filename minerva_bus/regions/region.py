@@ -85,6 +85,7 @@ class Region:
         self._inbox = ParcelInbox(number, world.past.frame, self.schedule)
         self._source.views = PartialViews(self.services.drawn)
         self._halo = self._source.halo = HaloViews(number, nearby.halos) if nearby.names else None
+        self._last = False
         self._cells = partition
         self._remaining: Units | None = None
         self.algorithm.goal.forget()
@@ -158,22 +159,26 @@ class Region:
     def missing(self) -> list[int]:
         """The regions that have not sent what `enter` needs, or then the next frame."""
         if self._has_entered:
-            return self.services.lacks(self.frame)
+            return self.services.lacks(self.frame, last=self._last)
         return self._inbox.missing(self.frame)
 
-    def enter(self, for_all: Callable[[], Iterable[PlacedEvent]] = tuple) -> None:
+    def enter(
+        self, for_all: Callable[[], Iterable[PlacedEvent]] = tuple, *, last: bool = False
+    ) -> None:
         """Prepare the next frame, once, from the parcels: agents that arrive, and all events.
 
         `for_all` returns the events of the last frame that all regions need, from all of them.
-        Raises ProtocolError for agents that do not belong here, or a parcel that is not expected.
+        `last`: the world is over, so that services see views only, and `settle` follows. Raises
+        ProtocolError for agents that do not belong here, or a parcel that is not expected.
         """
+        self._last = last
         if self._has_entered:
             return
         arrived, inbox = self._inbox.enter(self.frame), self.algorithm.inbox
         parcels = arrived.present
         check_arriving(parcels, self.partition, self.algorithm.composition)
         self.services.take(self.frame - 1, parcels)
-        self.services.nearby.answer(self.frame)
+        self.services.nearby.answer(self.frame, last=last)
         self._join([parcel.units for parcel in parcels])
         self._postponed.enter(self.frame, self.algorithm.composition)
         self._postponed.queue(inbox, arrived.later)
@@ -192,10 +197,15 @@ class Region:
         Raises ProtocolError for borders of other regions.
         """
         self._source.views.repeats = again
+        self._source.views_only = request.views
         self.partition = moved(self.partition, request.borders)
         self.algorithm.inbox.replace(request.events)
         if self._norms is not None:
             self._norms.people = frozenset(request.people)
+
+    def settle(self) -> None:
+        """Let services know what others have saved of agents that arrive with the last frame."""
+        self.services.nearby.settle(self.frame)
 
     def end(self) -> None:
         """End the world before the next frame."""

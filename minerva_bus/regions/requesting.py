@@ -70,9 +70,26 @@ class FrameRequests:
         self._requests.pop(frame, None)
         self._last = max(self._last, frame)
         self.outside.current = {}
-        self._pairs[frame] = packed_pairs(targets)
+        self.note_parcels(frame, targets)
         needed = self._schedule.needs(frame)
         self._pairs = {past: pairs for past, pairs in self._pairs.items() if past >= needed}
+
+    def note_parcels(self, frame: int, targets: Iterable[Sequence[int]]) -> None:
+        """Note the regions to which each one has sent parcels in a frame."""
+        self._pairs[frame] = packed_pairs(targets)
+
+    @property
+    def runs_ahead(self) -> bool:
+        """Whether frames may be requested before they are due."""
+        return self._schedule.ahead > 0
+
+    def views_of(self, frame: int) -> m.RegionRequest:
+        """The request of a frame that only makes views, because the world is over."""
+        return m.RegionRequest(frame, self._parcels_for(frame), views=True)
+
+    def last(self, frame: int) -> m.RegionRequest:
+        """The request of a frame that does not begin, because the world ends before it."""
+        return m.RegionRequest(frame, self._parcels_for(frame), last=True)
 
     def __iter__(self) -> Iterator[m.RegionRequest]:
         return iter(self._requests.values())
@@ -115,13 +132,15 @@ class FrameRequests:
 
     def _request(self, frame: int, for_all: tuple[bytes, ...]) -> m.RegionRequest:
         """A function of complete frames and of fixed events, so a successor repeats it equally."""
-        algorithm, pairs = self._algorithm, self._pairs
-        parcels = tuple(pairs.get(past, b"") for past in self._schedule.new(frame))
+        algorithm, parcels = self._algorithm, self._parcels_for(frame)
         if frame > algorithm.frame:
             return m.RegionRequest(frame, parcels)
         events = {name: tuple(sent) for name, sent in sorted(self.outside.current.items())}
         borders, for_all = self._borders(frame), for_all if any(for_all) else ()
         return m.RegionRequest(frame, parcels, events, self.people, borders, for_all)
+
+    def _parcels_for(self, frame: int) -> tuple[bytes, ...]:
+        return tuple(self._pairs.get(past, b"") for past in self._schedule.new(frame))
 
     def _borders(self, frame: int) -> bytes:
         """The borders that begin with a frame, if they move: a function of the string."""

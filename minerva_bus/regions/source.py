@@ -7,7 +7,9 @@ from typing import TypeAlias
 
 from minerva_bus.frame import messages as m
 from minerva_bus.frame.algorithm import FrameAlgorithm
+from minerva_bus.frame.collection import visual_events
 from minerva_bus.frame.live import LiveSource
+from minerva_bus.frame.views import due_views
 from minerva_bus.regions.halo import HaloViews
 from minerva_bus.regions.merging import PlacedEvent
 from minerva_bus.regions.norms import Judged
@@ -23,7 +25,8 @@ class RegionSource(LiveSource):
 
     `own` are the members in its process; others may only be hosts of agents.
     `rejected` are the numbers of those `sent` that norms reject, and `halted` the agents whose
-    actions devices must not execute.
+    actions devices must not execute. `views_only`: the world is over, so the frame makes views
+    only, of all types that devices request.
     """
 
     has_all_agents = False
@@ -41,7 +44,8 @@ class RegionSource(LiveSource):
         self.shown = NO_VIEWS
         self.views = PartialViews()
         self.halo: HaloViews | None = None
-        self.commit = self._commit
+        self.views_only = False
+        self.begin, self.collect, self.commit = self._begin, self._collect, self._commit
 
     @property
     def permitted(self) -> Sequence[PlacedEvent]:
@@ -63,6 +67,25 @@ class RegionSource(LiveSource):
         """No reason: the region ends when all others do, which its algorithm does not know."""
         return ""
 
+    def _begin(self) -> None:
+        if not self.views_only:
+            self.collection.begin()
+
+    def _collect(self) -> None:
+        if not self.views_only:
+            self.collection.collect()
+            return
+        algorithm = self._algorithm
+        due = due_views(algorithm.members.index, algorithm.frame, (), closing=True)
+        algorithm.in_flight.events.visual = visual_events(algorithm, due)
+
+    def evolve(self) -> None:
+        """Steps 5 and 6; of the last views, step 6."""
+        if self.views_only:
+            self.evolution.request()
+        else:
+            super().evolve()
+
     def _commit(self) -> None:
         algorithm = self._algorithm
         composition, changed = algorithm.composition, algorithm.in_flight.result.changed
@@ -78,6 +101,6 @@ class RegionSource(LiveSource):
         if changed:
             self.places = after_frame(self.places, composition, changed, algorithm.frame)
         self.evolution.commit()
-        if self.judge is not None:
+        if self.judge is not None and not self.views_only:
             # In the string of the next frame, as with one coordinator, which has its number.
             self.sent, self.rejected = self.judge(algorithm.frame, self.sent)

@@ -20,6 +20,7 @@ from minerva_bus.frame.lag import note_homes, note_sent, saved_strays
 from minerva_bus.frame.live import why_over
 from minerva_bus.frame.member_states import MemberEntry
 from minerva_bus.frame.own_agents import NO_AGENTS, OwnAgents
+from minerva_bus.frame.phases import Phase
 from minerva_bus.frame.replaying import RecordedSource
 from minerva_bus.frame.views import due_views
 from minerva_bus.grammar.batch import AnyEvent
@@ -29,10 +30,11 @@ from minerva_bus.regions.emissions import take_events
 from minerva_bus.regions.generated import GeneratedEvents
 from minerva_bus.regions.journal import JOURNAL, PROCESS, KeptJournals
 from minerva_bus.regions.judging import log_violations, permitted_events
+from minerva_bus.regions.last_views import LastViews
 from minerva_bus.regions.merging import agents_in
 from minerva_bus.regions.messages import check_given_up
 from minerva_bus.regions.norms import judged
-from minerva_bus.regions.part import PartCodec, PartMessage, PartReceiver
+from minerva_bus.regions.part import PartCodec, PartMessage, PartReceiver, targets_of
 from minerva_bus.regions.partition import Partition
 from minerva_bus.regions.requesting import PARCELS, FrameRequests
 from minerva_bus.regions.schedule import Schedule
@@ -98,6 +100,7 @@ class WholeSource(RecordedSource):
         algorithm.members.inside = tuple(services)
         parcels, schedule = saved.pop(PARCELS, None), Schedule.of(algorithm.world.lag, ahead)
         self._requests = FrameRequests(algorithm, schedule, partition, parcels)
+        self._last_views = LastViews(algorithm, self._requests, self._names)
         self._reports: dict[str, PartMessage] = {}
         self._replies: list[m.TickReply] = []
         self._permitted = judged(algorithm.world)
@@ -152,6 +155,7 @@ class WholeSource(RecordedSource):
         super().members_changed(hello)
         if hello is None or self._algorithm.awaits_tick(hello.member):
             return
+        self._last_views.returned(hello.member)
         for request in self._requests:
             if hello.member in self._names and self._requests.is_early(request.frame):
                 self._algorithm.out.send(hello.member, request)
@@ -182,10 +186,14 @@ class WholeSource(RecordedSource):
             self._requests.keep(reply)
             return
         awaited = algorithm.awaits_tick(reply.member) and reply.frame == algorithm.frame
-        if not (reports and awaited):
+        is_last = self._last_views.awaits(reply)
+        if not (reports and (awaited or is_last)):
             member.late += 1
             return
         try:
+            if is_last:
+                self._last_views.accept(reply.member, targets_of(self._decoded(reply)))
+                return
             self._accept(reply)
         except (ProtocolError, SceneError) as error:
             algorithm.joining.violation(s.Violation(reply.member, str(error)))
@@ -194,12 +202,15 @@ class WholeSource(RecordedSource):
         note_answer(algorithm, member)
         algorithm.in_flight.pending.discard(reply.member)
 
-    def _accept(self, reply: m.TickReply) -> None:
-        """Continue with a region's report. Raises ProtocolError and SceneError."""
+    def _decoded(self, reply: m.TickReply) -> PartMessage:
         data = (reply.saved or {}).get(PART)
         if not isinstance(data, bytes) or reply.member not in self._names:
             raise ProtocolError(f"ticked: a region must report its {PART}")
-        message = self._codec.decode(data, self.agents_of(reply.member))
+        return self._codec.decode(data, self.agents_of(reply.member))
+
+    def _accept(self, reply: m.TickReply) -> None:
+        """Continue with a region's report. Raises ProtocolError and SceneError."""
+        message = self._decoded(reply)
         check_given_up(message.given_up)
         number = self._names[reply.member]
         first = number == FIRST
@@ -264,6 +275,19 @@ class WholeSource(RecordedSource):
         algorithm, clock = self._algorithm, self._algorithm.in_flight.clock_views
         due = due_views(algorithm.members.index, algorithm.frame, clock, closing=closing)
         return visual_events(algorithm, due)
+
+    def evolve(self) -> None:
+        """Steps 5 and 6: views here, and, when the world is over, in all regions."""
+        super().evolve()
+        self._last_views.request()
+
+    def ask_again(self, fragments: list[str]) -> None:
+        """Wait for regions that are gone before they have made the last views."""
+        self._last_views.again(fragments)
+
+    def stop(self, phase: Phase) -> None:
+        """Tell regions which of their parcels have the last views."""
+        self._last_views.stop(phase)
 
     def commit(self) -> None:
         """Step 8: continue with the string of all parts."""

@@ -46,7 +46,7 @@ class RegionFrames:
 
     `send` sends a parcel to another region. `log` is called with the name of a member, or "", a
     text about it, and details; `begins` with the number of each frame that begins. `journal` has
-    what has arrived.
+    what has arrived. `is_ending`: the members have to report.
     """
 
     def __init__(
@@ -69,6 +69,7 @@ class RegionFrames:
         self._begins = begins
         self._make_runner = make_runner
         self._done: s.FrameDone | None = None
+        self.is_ending = False
         self._reported = -1
         self._begin(Region(file.world, spec.number, file.partition, self.members, ahead=spec.ahead))
         self.decoder = Decoder(file.world.vocabulary, file.access.limits)
@@ -98,8 +99,19 @@ class RegionFrames:
         """Let the members join. Raises WorldStopped if one cannot."""
         self._runner.start()
 
+    def see(self) -> bool:
+        """Let services see the views of the last frame; False if something with them is missing.
+
+        The request for the frame after it tells which parcels there are.
+        """
+        request = self.requests.of(self.region.frame)
+        if self.is_busy or request is None or not self.region.services.see:
+            return True
+        return self._enter(request, last=True)
+
     def end(self, reason: str) -> None:
         """End the world before the next frame."""
+        self.is_ending = True
         self.region.end()
         self._runner.handle(s.End(reason))
 
@@ -179,22 +191,31 @@ class RegionFrames:
         if self._done is not None:
             yield self._end_frame(self._done)
         while not self.is_busy and (request := self.requests.of(region.frame)) is not None:
-            region.expect(expected_sources(region.schedule, request, region.number))
-            if region.missing:
+            if not self._enter(request, last=request.last or request.views) or request.last:
                 return
-            try:
-                region.enter(partial(self._needed_by_all, request))
-            except ProtocolError as error:
-                raise WorldStopped(f"region {region.number}: {error}") from None
-            # Services in another region may still have to answer for this frame.
-            if region.missing:
-                return
-            if self.journal.is_due():
+            if not request.views and self.journal.is_due():
                 checkpoint = RegionCheckpoint.at(region, self.parcels, self.requests)
                 self.journal.begin_again(checkpoint.encoded())
             self._begin_frame()
             if self._done is not None:
                 yield self._end_frame(self._done)
+
+    def _enter(self, request: m.RegionRequest, *, last: bool) -> bool:
+        """Enter a requested frame; False if something that it needs has not arrived."""
+        region = self.region
+        region.expect(expected_sources(region.schedule, request, region.number))
+        if region.missing:
+            return False
+        try:
+            region.enter(partial(self._needed_by_all, request), last=last)
+        except ProtocolError as error:
+            raise WorldStopped(f"region {region.number}: {error}") from None
+        # Services in another region may still have to answer for this frame.
+        if region.missing:
+            return False
+        if last:
+            region.settle()
+        return True
 
     @own_members()
     def _begin_frame(self) -> None:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import replace
+from typing import Final
 
 from minerva_bus.frame import messages as m
 from minerva_bus.frame.member import Member, Outgoing, WorldRestarted
@@ -20,6 +21,12 @@ from minerva_bus.regions.region import Region
 from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.runtime.region_links import ParcelArrived
 from minerva_bus.wire.codec import encode
+
+PATIENCE: Final = 5
+"""Seconds for which a region that ends waits for the last views of others.
+
+One that has ended before does not send a lost parcel again.
+"""
 
 
 class RegionMember(Member):
@@ -42,6 +49,7 @@ class RegionMember(Member):
         self._frames = RegionFrames(spec, send, log, self._begins, make_runner)
         self._past: RegionPast | None = RegionPast(self._frames)
         self._ending = ""
+        self._patience = PATIENCE
         self._handlers[m.RegionRequest] = self._on_request
 
     def _begins(self, frame: int) -> None:
@@ -65,10 +73,10 @@ class RegionMember(Member):
     # --- messages ---
 
     def _on_welcome(self, welcome: m.Welcome) -> None:
-        if self.stopped:  # It was on its way when the world ended.
+        joins, saved, frames = self.world is None, welcome.saved or {}, self._frames
+        if self.stopped:  # It was on its way when the world ended, or a successor ends it again.
+            frames.requests.process = saved.get(PROCESS, 0)
             return
-        joins, saved = self.world is None, welcome.saved or {}
-        frames = self._frames
         ahead = frames.requests.ahead
         file, present = agreed(frames.file, self.name, ahead, saved), welcome.frame + 1 + ahead
         if not joins and (file is not frames.file or present < frames.region.frame):
@@ -101,7 +109,7 @@ class RegionMember(Member):
                 else:
                     out += self._requested(arrived)
             self.send_again(range(self.region.partition.count))
-        return [*out, *self._frames.advance(), *self._last_report()]
+        return [*out, *self._frames_run()]
 
     # --- arrivals ---
 
@@ -116,23 +124,29 @@ class RegionMember(Member):
         if self._frames.accept(arrived):
             # Before the next parcel of this region acknowledges it.
             self._frames.journal.write(arrived)
-        return list(self._frames.advance())
+        return self._frames_run()
 
     def send_again(self, regions: Iterable[int]) -> None:
         """Send what these regions may not have."""
         self._frames.parcels.again(regions)
 
-    def a_second_later(self) -> None:
-        """Request what may have been lost. Raises WorldStopped if a region sends nothing valid.
+    def a_second_later(self) -> list[Outgoing]:
+        """Request what may have been lost; returns the messages to the coordinator.
 
-        Called once a second.
+        Called once a second. Raises WorldStopped if a region sends nothing valid.
         """
         self._frames.parcels.a_second_later(self.awaited, self.region.frame)
+        self._patience -= bool(self._ending)
+        return self._last_report() if self._ending else []
 
     @property
     def awaited(self) -> list[int]:
         """The regions whose messages a requested frame needs."""
         return self._frames.awaited
+
+    def _frames_run(self) -> list[Outgoing]:
+        """Run what can run now, or end; returns the messages to the coordinator."""
+        return self._last_report() if self._ending else [*self._frames.advance()]
 
     def _on_request(self, request: m.RegionRequest) -> None:
         self._out.extend(self._requested(request))
@@ -153,12 +167,18 @@ class RegionMember(Member):
     def _on_stop(self, stop: m.Stop) -> None:
         # A successor of the coordinator may ask again.
         self._ending, self.stopped = stop.reason or "the world has ended", ""
-        self._frames.end(stop.reason)
         self._out.extend(self._last_report())
 
-    def _last_report(self) -> list[m.Report]:
+    def _last_report(self) -> list[Outgoing]:
         """The report to the coordinator, once all members have reported after the end."""
-        if not self._ending or self.stopped or not self._frames.has_ended:
+        frames = self._frames
+        if self.stopped:
+            return []
+        if not frames.is_ending:
+            if self._past is None and self._patience > 0 and not frames.see():
+                return []
+            frames.end(self._ending)
+        if not frames.has_ended:
             return []
         self.stopped = self._ending
         self._frames.close()

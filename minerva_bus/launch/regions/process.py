@@ -76,7 +76,7 @@ class RegionProcess(MemberProcess):
         self._timer: Timer | None = None
         self._unreachable: dict[int, str | None] = {}
         make_runner = partial(self._make_hub, shared) if spec.hosts_at else InProcessRunner
-        self._region = RegionMember(spec, self._send, self._log, make_runner)
+        self._region = RegionMember(spec, self._send_parcel, self._log, make_runner)
         super().__init__(
             self._region,
             spec.world_file.world.name,
@@ -186,7 +186,7 @@ class RegionProcess(MemberProcess):
         if self._hub is not None:
             self._hub.close()
 
-    def _send(self, region: int, data: bytes) -> None:
+    def _send_parcel(self, region: int, data: bytes) -> None:
         if self._links is not None:
             self._links.send(region, data)
 
@@ -213,7 +213,8 @@ class RegionProcess(MemberProcess):
 
     def _on_send_again(self, _: _SendAgain) -> None:
         awaited, links = self._region.awaited, self._links
-        self._region.a_second_later()
+        for reply in self._region.a_second_later():
+            self.link.send(reply)
         if self._region.world is not None:
             # A successor of the coordinator, which has sent another welcome, knows no hosts.
             if self._region.world is not self._joined:

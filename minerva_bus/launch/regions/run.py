@@ -95,7 +95,7 @@ class RegionRun:
                             self._wait(pending)
                             self._advance()
             except KeyboardInterrupt:
-                self._reason = "interrupted"
+                self._end("interrupted")
             finally:
                 if self._services is not None:
                     self._services.stop()
@@ -192,11 +192,10 @@ class RegionRun:
         assert self._ending is not None
         over = self._ending.why_over(self._frame)
         if over:
+            self._show_last()
             self._end(over)
             return
-        for_all = [event for part in self._parts for event in part.region.for_all]
-        for part in self._parts:
-            part.region.enter(lambda: for_all)
+        self._enter(last=False)
         self._balance()
         for part in self._parts:
             part.runner.handle(s.Begin())
@@ -204,16 +203,34 @@ class RegionRun:
                 return
         units = [part.region.units for part in self._parts]
         self._ending.learn([part.region.progress() for part in self._parts])
+        self._exchange()
+        # Together, so that an interrupted frame does not count.
+        self._frame, self._units = self._parts[0].region.frame, units
+        self._last_at = time.monotonic()
+        self._first_at = self._last_at if self._first_at is None else self._first_at
+
+    def _show_last(self) -> None:
+        """Make the views of the last string."""
+        self._enter(last=True)
+        for part in self._parts:
+            part.region.settle()
+            part.region.give(m.RegionRequest(self._frame, views=True))
+            part.runner.handle(s.Begin())
+        self._exchange()
+
+    def _enter(self, *, last: bool) -> None:
+        for_all = [event for part in self._parts for event in part.region.for_all]
+        for part in self._parts:
+            part.region.enter(lambda: for_all, last=last)
+
+    def _exchange(self) -> None:
+        """Pass on the parcels of the frame that is over in all regions."""
         parcels = [parcel for part in self._parts for parcel in part.region.leave()]
         for number, part in enumerate(self._parts):
             sources = [each.source for each in parcels if each.target == number]
             part.region.expect({part.region.frame - 1: sources})
         for parcel in parcels:
             self._parts[parcel.target].region.receive(parcel)
-        # Together, so that an interrupted frame does not count.
-        self._frame, self._units = self._parts[0].region.frame, units
-        self._last_at = time.monotonic()
-        self._first_at = self._last_at if self._first_at is None else self._first_at
 
     def _balance(self) -> None:
         """Move the borders, if that is due before this frame."""
@@ -226,7 +243,11 @@ class RegionRun:
 
     def _end(self, reason: str) -> None:
         self._reason = reason
+        # An interrupted frame may have left some without parcels.
+        if not any(part.region.missing for part in self._parts):
+            self._enter(last=True)
         for part in self._parts:
+            part.region.settle()
             part.region.end()
             part.runner.handle(s.End(reason))
 

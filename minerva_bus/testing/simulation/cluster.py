@@ -266,8 +266,8 @@ class Cluster(Sink):
         if self.seconds > MAX_SECONDS:
             waits = {name: each.awaited for name, each in sorted(self._members.items())}
             raise Hangs(f"it hangs in frame {self.algorithm.frame}; awaited regions: {waits}")
-        for member in self._members.values():
-            member.a_second_later()
+        for name, member in self._members.items():
+            self.links.up[name] += member.a_second_later()
 
     # --- notices ---
 

@@ -22,11 +22,12 @@ Orders = tuple[tuple[int, tuple[tuple[str, int], ...]], ...]
 
 @dataclass(frozen=True, slots=True)
 class Undisturbed:
-    """Digest, events and drawing of each frame."""
+    """Digest, events and drawing of each frame, and what members have reported at the end."""
 
     digests: tuple[str, ...]
     events: tuple[tuple[str, ...], ...]
     shown: Mapping[int, str]
+    figures: m.Figures
 
 
 # Many histories have the same length and no orders.
@@ -57,7 +58,7 @@ def undisturbed(frames: int, orders: Orders, lag: RegionLag | None = None) -> Un
                 else s.Publish(ORDERS[event_type](number))
             )
         runner.handle(s.Begin())
-    return Undisturbed(tuple(digests), tuple(events), shown)
+    return Undisturbed(tuple(digests), tuple(events), shown, runner.ended.figures)
 
 
 def _members(shown: dict[int, str]) -> list[Member]:

@@ -14,6 +14,8 @@ from random import Random
 from typing import Final
 
 from minerva_bus.errors import MinervaError
+from minerva_bus.frame import messages as m
+from minerva_bus.frame.phases import Phase
 from minerva_bus.grammar.batch import single
 from minerva_bus.launch.regions.layout import in_regions
 from minerva_bus.regions.lag import RegionLag
@@ -116,6 +118,7 @@ class RegionScript:
     _delivered: int = 0
     _began: dict[int, int] = field(default_factory=dict[int, int])
     _happened: set[int] = field(default_factory=set[int])
+    too_late: bool = False
     _restore_at: int = 0
     _act_at: float = 0.0
     _acted: int = 0
@@ -137,6 +140,7 @@ class RegionScript:
     def _do(self, cluster: Cluster, fault: Fault) -> None:
         self._note(cluster, f"{fault.kind} {fault.target}")
         if fault.kind == "kill":
+            self.too_late |= cluster.algorithm.phase is Phase.STOPPING
             cluster.start(fault.target)
         elif fault.kind == "succeed":
             cluster.succeed()
@@ -165,13 +169,17 @@ class RegionScript:
 
 @dataclass(frozen=True, slots=True)
 class PlayedRegions:
-    """Result of a history: its frames, the confirmed orders and `failure`, if it did not end."""
+    """Result of a history: its frames, the confirmed orders and `failure`, if it did not end.
+
+    `figures` are those at the end; None if a process has died when it should have reported.
+    """
 
     history: RegionHistory
     done: tuple[DoneFrame, ...]
     confirmed: tuple[tuple[str, int], ...]
     failure: str
     trace: list[str]
+    figures: m.Figures | None
 
     @property
     def frames(self) -> int:
@@ -202,8 +210,9 @@ def play_regions(history: RegionHistory, folder: Path) -> PlayedRegions:
             cluster.run(script)
         except MinervaError as error:
             failure = f"{type(error).__name__}: {error}"
-    done = tuple(cluster.done)
-    return PlayedRegions(history, done, tuple(script.confirmed), failure, script.trace)
+    done, ended = tuple(cluster.done), cluster.runner.ended
+    figures = None if ended is None or script.too_late else ended.figures
+    return PlayedRegions(history, done, tuple(script.confirmed), failure, script.trace, figures)
 
 
 def wrong_regions(played: PlayedRegions) -> Iterator[str]:
@@ -226,8 +235,16 @@ def wrong_regions(played: PlayedRegions) -> Iterator[str]:
         if frame.digest != same.digests[number]:
             yield f"frame {number} has another digest, {frame.digest[:8]}"
             return  # All later frames would differ as a consequence.
+    yield from _wrong_figures(played.figures, same.figures)
     yield from _wrong_orders(played, [order for sent in orders for order in sent])
     yield from _repeated([cry for sent in cries for cry in sent])
+
+
+def _wrong_figures(figures: m.Figures | None, expected: m.Figures) -> Iterator[str]:
+    """Services have been shown the same views, and norms have counted the same acts."""
+    for name, value in expected.items() if figures is not None else ():
+        if (figures or {}).get(name) != value:
+            yield f"{name} is {(figures or {}).get(name)} at the end, not {value}"
 
 
 def _repeated(counted: list[tuple[str, int]]) -> Iterator[str]:

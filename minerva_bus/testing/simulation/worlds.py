@@ -147,7 +147,7 @@ class Tide(Generator, events=("eTide",)):
 
 
 class Water(Generator, Device, events=(), draws=("eShow",), coupled=True):
-    """Draws the view into its own state and publishes it."""
+    """Draws the view into its own state and publishes it; reports how much it has been shown."""
 
     every = 1
     publishes = ("sight",)
@@ -155,9 +155,12 @@ class Water(Generator, Device, events=(), draws=("eShow",), coupled=True):
     def __init__(self) -> None:
         self.figures = 0
         self.ripples = 0
+        self.last, self.shown = -1, 0
 
     def show(self, view: View) -> None:
         self.figures = sum(1 for opens, _ in walk(view.scene) if opens)
+        if view.frame > self.last:  # A successor is shown the last view again.
+            self.last, self.shown = view.frame, self.shown + self.figures
 
     def generate(self, tick: Tick) -> Iterable[Event]:
         self.ripples += self.figures
@@ -167,10 +170,13 @@ class Water(Generator, Device, events=(), draws=("eShow",), coupled=True):
         return ()
 
     def save(self) -> Mapping[str, Any]:
-        return {"ripples": self.ripples}
+        return {"ripples": self.ripples, "last": self.last, "shown": self.shown}
 
     def restore(self, saved: Mapping[str, Any]) -> None:
-        self.ripples = saved["ripples"]
+        self.ripples, self.last, self.shown = saved["ripples"], saved["last"], saved["shown"]
+
+    def report(self) -> Mapping[str, int]:
+        return {"last": self.last, "shown": self.shown}
 
 
 class Lookout(Generator, events=("eSeen",)):
