@@ -43,12 +43,14 @@ def main() -> None:
     open_standard_files()
     try:
         from minerva_bus.cli.main import main as run
+        from minerva_bus.process_end import ended_by_system
 
         if signal.getsignal(signal.SIGINT) is leave:
             signal.signal(signal.SIGINT, signal.default_int_handler)
     except KeyboardInterrupt:
         raise SystemExit(INTERRUPTED) from None
-    run()
+    with ended_by_system():
+        run()
 
 
 if __name__ == "__main__":

@@ -37,6 +37,7 @@ from minerva_bus.cli.shells import Group, adapted
 from minerva_bus.cli.world_first import WorldFirstCommand
 from minerva_bus.errors import MinervaError, MisuseError
 from minerva_bus.outputs import forget_inputs
+from minerva_bus.process_end import ended_by_system
 from minerva_bus.uncaught import report_threads
 
 GROUPS: Final = {
@@ -214,4 +215,5 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    with ended_by_system():
+        main()

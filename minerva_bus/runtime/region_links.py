@@ -25,6 +25,7 @@ from minerva_bus.runtime.session import (
     connecting,
     lease,
     listening_at,
+    open_session,
     session_config,
 )
 from minerva_bus.security.access import region_access
@@ -167,7 +168,8 @@ class RegionLinks:
             options["access_control"] = region_access(self._keys, self._number, self._others)
         name = name_of_region(self._number)
         try:
-            return zenoh.open(session_config("peer", name, options, shared=False, own=self._own))
+            config = session_config("peer", name, options, shared=False, own=self._own)
+            return open_session(config)
         except zenoh.ZError as error:
             where = ", ".join([*listen, *others])
             raise BusError(f"cannot link regions at {where}: {brief(error)}") from None

@@ -20,6 +20,7 @@ from typing import Any
 import zenoh
 
 from minerva_bus.errors import BusError
+from minerva_bus.process_end import session_opened
 from minerva_bus.runtime.diagnosis import check_reachable, why_unreachable
 from minerva_bus.runtime.endpoints import check_endpoint, check_port_free
 from minerva_bus.runtime.sockets import let_dead_links_go
@@ -147,7 +148,7 @@ def open_hub(
         # Zenoh reports a time-out only; this check names the reason.
         for router in routers:
             check_reachable(check_endpoint(router), CONNECT_SECONDS)
-        session = zenoh.open(session_config("router", name, options, shared, own))
+        session = open_session(session_config("router", name, options, shared, own))
     except BusError as error:
         raise BusError(f"no router can be joined: {error}") from None
     except zenoh.ZError as error:
@@ -195,7 +196,7 @@ def open_client(
     within = min(patience, _REFUSED_WITHIN) if asked.secured else patience
     os.environ.setdefault("ZENOH_RUNTIME", _CLIENT_THREADS)
     try:
-        session = zenoh.open(
+        session = open_session(
             session_config("client", name, connecting([connect], within) | _CLIENT, shared, own)
         )
     except zenoh.ZError:
@@ -226,8 +227,7 @@ def close_aside(session: zenoh.Session) -> threading.Thread:
     # A daemon, because a pending connection attempt must not keep the process.
     closing = threading.Thread(target=close, daemon=True)
     closing.start()
-    # `end_at_once` needs these threads: the process would wait for them, or end in the middle of a
-    # call of Zenoh, which aborts it.
+    # The process would wait for the thread of Zenoh that reports the links of this session.
     _still_closing.append(closing)
     return closing
 
@@ -238,6 +238,12 @@ def end_at_once(code: int) -> None:
         sys.stdout.flush()
         sys.stderr.flush()
         os._exit(code)
+
+
+def open_session(config: zenoh.Config) -> zenoh.Session:
+    """Open a session. Raises zenoh.ZError."""
+    session_opened()
+    return zenoh.open(config)
 
 
 def connecting(endpoints: list[str], within: float) -> dict[str, Any]:
