@@ -23,16 +23,19 @@ def test_compose_is_of_the_compose_specification(name):
     assert done.returncode == 0, done.stdout
 
 
-def test_references_of_containers_exist():
-    for name, container in COMPOSE["services"].items():
+@pytest.mark.parametrize("file", [COMPOSE, COMPOSED_REGIONS], ids=["compose", "regions"])
+def test_references_of_containers_exist(file):
+    for name, container in file["services"].items():
         for network in container["networks"]:
-            assert network in COMPOSE["networks"], name
+            assert network in file["networks"], name
+        for other in container.get("depends_on", ()):
+            assert other in file["services"], name
         for secret in container.get("secrets", []):
-            assert secret["source"] in COMPOSE["secrets"], name
+            assert secret["source"] in file["secrets"], name
             assert secret["target"].endswith(secret["source"])
         for volume in container.get("volumes", []):
             source = volume.partition(":")[0]
-            there = source in COMPOSE["volumes"] or source.startswith(("..", "${"))
+            there = source in file["volumes"] or source.startswith(("..", "${"))
             assert there, f"{name}: {volume}"
             if source.startswith(".."):
                 assert (DEPLOY / "docker" / source).exists(), source
@@ -41,11 +44,21 @@ def test_references_of_containers_exist():
 def test_each_member_has_its_own_key_and_no_other():
     for name, container in (COMPOSED_REGIONS["services"] | COMPOSE["services"]).items():
         if "attach" in container.get("command", ()):
-            assert [s["source"] for s in container["secrets"]] == [
-                "ca.pem",
-                f"{name}.pem",
-                f"{name}.key",
-            ]
+            own = "rabbits" if name.startswith("rabbits-") else name  # a family
+            files = {secret["source"] for secret in container["secrets"]}
+            # A region has the certificates of its hosts, but not their keys.
+            admits = {"crl.pem", "rabbits.pem"} if name.startswith("region-") else set()
+            assert files == {"ca.pem", f"{own}.pem", f"{own}.key"} | admits
+
+
+def test_each_region_in_a_container_has_a_host():
+    services = COMPOSED_REGIONS["services"]
+    for number in range(4):
+        region, host = services[f"region-{number}"], services[f"rabbits-{number}"]
+        (listens,) = [word for word in region["command"] if word.startswith("--listen=")]
+        port = listens.rpartition(":")[2]
+        assert f"--connect=tls/region-{number}:{port}" in host["command"]
+        assert f"--name=rabbits-{number}" in host["command"]
 
 
 @pytest.mark.parametrize("name", COMPOSED_REGIONS["services"] | COMPOSE["services"])

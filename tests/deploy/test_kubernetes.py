@@ -13,12 +13,13 @@ from minerva_bus.wire.keys import is_name
 from tests.deploy.commands import DEPLOY, in_markdown
 from tests.deploy.deployed import CONTAINERS, MANIFESTS, OF_REGIONS, PODS, README, SETS, manifests
 from tests.runtime.running import here
+from tools.region_hosts import HOSTS, MOST, main, manifest
 
 
 def test_manifests_are_of_their_schemas():
     validate = pytest.importorskip("kubernetes_validate")
-    for manifest in [*manifests(), *manifests("kubernetes/regions")]:
-        validate.validate(manifest, validate.latest_version(), strict=True)
+    for each in [*manifests(), *manifests("kubernetes/regions")]:
+        validate.validate(each, validate.latest_version(), strict=True)
 
 
 @pytest.mark.parametrize("container", CONTAINERS, ids=lambda container: container["name"])
@@ -69,7 +70,7 @@ def test_secrets_are_those_that_the_page_makes():
 
 
 def test_names_that_the_page_scales_exist():
-    scaled = re.findall(r"kubectl .*(?:scale|rollout status) (\w+) (\w+)", README)
+    scaled = re.findall(r"kubectl .*(?:scale|rollout status) (\w+) ([\w-]+)", README)
     assert ("deployment", "hosts") in scaled
     assert {(kind, SETS[name]["kind"].lower()) for kind, name in scaled} == {
         (kind, kind) for kind, _ in scaled
@@ -132,11 +133,47 @@ def test_pods_of_regions_are_named_like_regions_and_link_by_their_names():
     service = regions["spec"]["serviceName"]
     assert f"--link=tls/$({name['name']}).{service}:{link}" in region["args"]
     assert f"--listen=tls/0.0.0.0:{hub}" in region["args"]
-    (host,) = PODS["rabbits"]["containers"]
-    assert f"--connect=tls/{service}:{hub}" in host["args"]
+    for number in range(regions["spec"]["replicas"]):
+        (host,) = PODS[f"rabbits-{number}"]["containers"]
+        assert f"--connect=tls/region-{number}.{service}:{hub}" in host["args"]
     hosts = re.findall(r"keys issue (region-\d) --role region --host (\S+)", README)
     assert [host for host, _ in hosts] == [f"region-{n}" for n in range(4)]
     assert all({f"{host}.{service}", service} <= {*names.split(",")} for host, names in hosts)
+
+
+def test_each_region_has_hosts_with_an_autoscaler_of_their_own():
+    count = OF_REGIONS["StatefulSet", "region"]["spec"]["replicas"]
+    assert HOSTS.read_text(encoding="utf-8") == manifest(count, MOST)
+    policy = OF_REGIONS["NetworkPolicy", "rabbits"]["spec"]["podSelector"]["matchLabels"]
+    selectors = []
+    for number in range(count):
+        name = f"rabbits-{number}"
+        scaler = OF_REGIONS["HorizontalPodAutoscaler", name]["spec"]
+        assert scaler["scaleTargetRef"] == {
+            "apiVersion": "apps/v1",
+            "kind": "Deployment",
+            "name": name,
+        }
+        assert 1 <= scaler["minReplicas"] < scaler["maxReplicas"]
+        # Applying the file again must not undo what the autoscaler has chosen.
+        assert "replicas" not in SETS[name]["spec"]
+        # A share of what each container requests.
+        (host,) = PODS[name]["containers"]
+        (metric,) = scaler["metrics"]
+        assert metric["resource"]["name"] in host["resources"]["requests"]
+        selectors.append(SETS[name]["spec"]["selector"]["matchLabels"])
+        assert policy.items() <= SETS[name]["spec"]["template"]["metadata"]["labels"].items()
+        assert is_name(f"{name}-5d8c7b9f4-x2x7k")  # of the family rabbits
+    # A Deployment counts the pods that its selector finds, so they must differ.
+    assert all(selectors.count(selector) == 1 for selector in selectors)
+
+
+@pytest.mark.parametrize("words", [["--regions", "0"], ["--most", "0"]])
+def test_a_world_has_a_region_and_a_host(monkeypatch, words):
+    monkeypatch.setattr("sys.argv", ["region_hosts", *words])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 2
 
 
 def test_regions_may_link_to_each_other_and_to_the_coordinator():
