@@ -5,10 +5,13 @@ The coordinator of the world has no other knowledge of hosts, which are members 
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
+from collections import Counter
+from collections.abc import Iterable, Mapping
 from typing import Any, Final
 
 from minerva_bus.frame import messages as m
+from minerva_bus.frame.algorithm import FrameAlgorithm
+from minerva_bus.frame.capacity import agents_in
 from minerva_bus.frame.member_states import MemberState
 from minerva_bus.frame.members import Members
 from minerva_bus.world.operator import MemberStatus
@@ -19,18 +22,36 @@ _SEPARATOR: Final = "/"
 _WAITING: Final = "waiting"
 """What is reported of a host for which a frame of its region waits."""
 
-_TEXTS: Final = "state", "kinds", "host"
+_AGENTS: Final = "agents"
+"""What is reported of a host that evolves some: their number."""
+
+_TEXTS: Final = "state", "kinds", "host", "outlook"
 _NUMBERS: Final = "pid", "joins", "last_reply"
 
 
+def agents_of_hosts(algorithm: FrameAlgorithm) -> Mapping[str, int]:
+    """The number of agents that each host of a region evolves."""
+    counts = Counter[str]()
+    for name, fragment in algorithm.composition.fragments.items():
+        host = algorithm.placement.host_of(name)
+        if host is not None:
+            counts[host] += agents_in(fragment)
+    return counts
+
+
 def host_figures(
-    members: Members, own: Iterable[str], region: str = "", waiting: Collection[str] = ()
+    members: Members,
+    own: Iterable[str],
+    region: str = "",
+    waiting: Mapping[str, str] | None = None,
+    agents: Mapping[str, int] | None = None,
 ) -> m.Figures:
     """The metrics of a region about its hosts: its members but its `own`, which have no process.
 
     The name of the `region` begins that of each: a host that has attached may have any. `waiting`
-    are those for which a frame waits.
+    are those for which a frame waits, with what follows; `agents` are the numbers that each has.
     """
+    waiting, agents = waiting or {}, agents or {}
     names, figures = frozenset(own), dict[str, bool | int | float | str]()
     prefix = f"{region}." if region else ""
     for member in members:
@@ -40,7 +61,9 @@ def host_figures(
         of_host: dict[str, int | str] = {"state": member.state.value, "joins": member.joins}
         of_host["expected"] = member.expected
         if member.name in waiting:
-            of_host[_WAITING] = True
+            of_host |= {_WAITING: True, "outlook": waiting[member.name]}
+        if member.name in agents:
+            of_host[_AGENTS] = agents[member.name]
         of_host["last_reply"] = member.last_reply
         if hello is not None:
             kinds = " ".join(kind.name for kind in hello.kinds)
@@ -91,6 +114,8 @@ def _status(name: str, of_host: Mapping[str, Any]) -> MemberStatus:
         expected=of_host.get("expected") is True,
         joins=numbers["joins"],
         last_reply=numbers["last_reply"],
+        outlook=texts["outlook"],
+        figures={_AGENTS: _number(of_host[_AGENTS])} if _AGENTS in of_host else {},
     )
 
 

@@ -121,6 +121,10 @@ class Coordinator(Sink):
         )
         self._handlers = self._handlers_with(receiver)
 
+    def outlook(self, member: str) -> str:
+        """What the world does if a frame waits for a member any longer, and when."""
+        return self._monitor.outlook(member)
+
     def _operated(self) -> Operated:
         """What operators may ask for."""
         watchers = self.watchers
@@ -135,7 +139,7 @@ class Coordinator(Sink):
             watchers.restart,
             watchers.stack,
             watchers.collected,
-            self._monitor.outlook,
+            self.outlook,
             watchers.files,
             self._note_operation,
         )

@@ -161,6 +161,10 @@ class InProcessRunner(Runner):
         for name in sorted(self.direct.members):
             self.handle(s.Appeared(name))
 
+    def outlook(self, member: str) -> str:
+        """Nothing: a member in this process has no time-out."""
+        return ""
+
     def publish(self, readings: m.Readings) -> None:
         """Deliver the readings of a free-running publisher."""
         for stimulus in self.direct.publish(readings):

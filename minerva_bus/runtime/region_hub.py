@@ -121,6 +121,10 @@ class RegionHub:
         for name in self._names:
             self.handle(s.Appeared(name))
 
+    def outlook(self, member: str) -> str:
+        """What follows if a frame waits for a host any longer, and when; empty: nothing."""
+        return self._coordinator.outlook(member)
+
     def handle(self, stimulus: s.Stimulus) -> None:
         """Process a stimulus; hosts on the bus answer later."""
         self._coordinator.runner.handle(stimulus)

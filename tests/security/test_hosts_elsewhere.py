@@ -117,6 +117,33 @@ def test_awaited_hosts_and_their_regions_may_die(tmp_path, end):
     same_as_one_coordinator(tmp_path, path, ended)
 
 
+def test_hosts_divide_the_agents_of_their_region(tmp_path):
+    """As an autoscaler does: two join, one goes, and the other has all of the region's walkers."""
+    string = " · ".join(f"AWalker#w{number}" for number in range(40))
+    path = keyed_world(tmp_path, certificates(), members=MEMBERS, string=string)[0]
+    with World(path, *WORDS, "--regions", 2) as world:
+        there, names = Elsewhere(world), ("region-0.east-1", "region-0.east-2")
+
+        def agents():
+            members = world.members()
+            return [members[name]["figures"].get("agents", 0) for name in names if name in members]
+
+        with there.region(0) as first, there.region(1):
+            door = listens(first)
+            with (
+                there.attach("walkers", door, "--name", "east-1", keys="east") as left,
+                there.attach("walkers", door, "--name", "east-2", keys="east"),
+            ):
+                eventually(lambda: len(agents()) == 2 and all(agents()), world.text)
+                both = sum(eventually(lambda: sorted(agents()), world.text))
+                left.kill(signal.SIGTERM)
+                eventually(lambda: len(agents()) == 1 and agents()[0] > 0.9 * both, world.text)
+                there.advances()
+                here(tmp_path, "stop", world.name)
+                ended = world.summary()
+    same_as_one_coordinator(tmp_path, path, ended)
+
+
 def test_further_hosts_come_and_go(tmp_path):
     """Without `hosts` in the world file, the region evolves agents whenever nobody else does."""
     path = keyed_world(tmp_path, certificates(), members=MEMBERS)[0]

@@ -42,7 +42,17 @@ def test_guests_that_have_left_are_not_shown():
 
 def test_hosts_are_awaited_instead_of_their_region():
     members = region_with("extra")
-    whole = whole_with(host_figures(members, ["own"], "region-0", ["extra"]))
+    whole = whole_with(
+        host_figures(members, ["own"], "region-0", {"extra": "it will be removed in 9 s"})
+    )
     whole.get("region-1").figures = {"region-0.a/waiting": True}
     assert awaited(whole, ["region-0", "region-1"]) == ["region-0.extra", "region-1"]
     assert awaited(whole, []) == []
+    outlooks = {host.name: host.outlook for host in hosts_in(whole)}
+    assert outlooks == {"region-0.a": "", "region-0.extra": "it will be removed in 9 s"}
+
+
+def test_hosts_are_shown_with_the_number_of_their_agents():
+    whole = whole_with(host_figures(region_with("extra"), ["own"], "region-0", agents={"extra": 3}))
+    figures = {host.name: host.figures for host in hosts_in(whole)}
+    assert figures == {"region-0.a": {}, "region-0.extra": {"agents": 3}}

@@ -26,7 +26,7 @@ from minerva_bus.launch.regions.sending import ParcelSender
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.log.entries import encode_inputs
 from minerva_bus.regions.generated import packed_answers, reported
-from minerva_bus.regions.hosts import host_figures
+from minerva_bus.regions.hosts import agents_of_hosts, host_figures
 from minerva_bus.regions.journal import JOURNAL
 from minerva_bus.regions.judging import LINES
 from minerva_bus.regions.merging import PlacedEvent, Units, agents_in
@@ -278,7 +278,10 @@ class RegionFrames:
         waits = algorithm.phase is not Phase.READY and algorithm.frame == self._reported
         self._reported = algorithm.frame
         waiting = algorithm.waiting_for() if waits else ()
-        return host_figures(algorithm.members, own, self.name, waiting)
+        outlooks = {name: self._runner.outlook(name) for name in waiting}
+        has_hosts = any(member.name not in own for member in algorithm.members)
+        agents = agents_of_hosts(algorithm) if has_hosts else None
+        return host_figures(algorithm.members, own, self.name, outlooks, agents)
 
     def last_figures(self) -> m.Figures:
         """After the end of the world."""

@@ -24,6 +24,10 @@ class RegionRunner(Protocol):
         """Let members join."""
         ...
 
+    def outlook(self, member: str) -> str:
+        """What follows if a frame waits for a member any longer, and when; empty: nothing."""
+        ...
+
     def handle(self, stimulus: s.Stimulus) -> None:
         """Process a stimulus; members elsewhere answer later."""
         ...
