@@ -229,6 +229,10 @@ def _of_file(spec: str, part: FromFile, name: str, options: dict[str, str]) -> t
     known = {each.name: each for each in (*file.processes, *hosts_of_regions(file))}
     if process not in known:
         hint = nearest(process, list(known), f"there are {', '.join(known)}")
+        region, _, host = process.partition(".")
+        if number_of_region(region) is not None and host in known:
+            others = f"with another name: --process {host} --name NAME"
+            hint = f": a region has hosts of this name by `hosts` in [regions]; {others}"
         raise WorldFileError(f"{file.path}: there is no process {process!r}{hint}")
     if known[process].command:
         raise WorldFileError(f"{process} is a command: run it itself, with MINERVA_CONNECT set")

@@ -14,9 +14,14 @@ def objection(hello: m.Hello, *, makes_all_views: bool) -> str:
         return "it shows views, for which this coordinator lacks the code of agents in commands"
     if not (hello.kinds or hello.ticks):
         return ""
-    what = "hosts agents" if hello.kinds else "runs in step with the frames"
-    join = "connect it to a region (attach --process region-0 --listen ENDPOINT), "
+    if hello.kinds:
+        return (
+            "it hosts agents, which only regions do in this world; run the regions by themselves"
+            " (minerva run --coordinator-only) and connect it to one that listens for hosts"
+            " (minerva attach --process region-0 --listen ENDPOINT), or run the world with one"
+            " coordinator (--regions 0)"
+        )
     return (
-        f"it {what}, which only regions do in this world; {join if hello.kinds else ''}run the"
-        " world with one coordinator (--regions 0), or send events freely"
+        "it runs in step with the frames, which only regions do in this world; run the world with"
+        " one coordinator (--regions 0), or send events freely"
     )
