@@ -11,7 +11,7 @@ from minerva_bus.wording import duration, named_some
 THEN: Final = {
     "restart": "it will be restarted",
     "skip": "the frame continues without it",
-    "wait": "",
+    "wait": "the world waits for it without limit",
     "stop": "the world stops",
 }
 """The actions after a time-out, with their texts in log lines."""
@@ -174,17 +174,19 @@ class Waits:
         return self._deadlines.for_output(members)
 
     def outlook(self, member: str, waited: float, guest: bool) -> str:
-        """The next action for an awaited member and its time; empty without one."""
+        """What follows for an awaited member, and when."""
         patience, deadlines = self.patience(member), self._deadlines
         left = duration(max(0.0, patience.hard - waited))
         action = THEN[patience.then]
+        if patience.then in ("restart", "wait") and member in deadlines.elsewhere:
+            return "it runs on another machine, and may return from there"
+        if patience.then == "wait":
+            return action
         if patience.then == "restart":
-            if member in deadlines.elsewhere:
-                return "it runs on another machine, and may return from there"
             if guest:
                 return f"it will be removed in {left}; attach it again where it runs"
             action = FAILED[deadlines.on_failure.get(member, "restart")]
-        return f"{action} in {left}" if action else ""
+        return f"{action} in {left}"
 
     def since(self, member: str, now: float) -> float:
         """Seconds for which a member has been awaited; 0 if it is not."""
@@ -221,9 +223,8 @@ class Waits:
         yield "", f"{named_some(names, MAX_NAMED)} for {shown}"
 
     def _waited(self, name: str, waited: float, guests: Collection[str]) -> str:
-        """How long a member has been awaited, and the next action."""
-        outlook = self.outlook(name, waited, name in guests)
-        return f"{waited:.1f} s; {outlook}" if outlook else f"{waited:.1f} s"
+        """How long a member has been awaited, and what follows."""
+        return f"{waited:.1f} s; {self.outlook(name, waited, name in guests)}"
 
     def overdue(self, now: float) -> list[tuple[str, str]]:
         """Members after their time-out with the action to take, each once per step."""
