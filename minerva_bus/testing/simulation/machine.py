@@ -13,6 +13,7 @@ from minerva_bus.launch.forking import ChildProcess
 from minerva_bus.launch.machine import Machine
 from minerva_bus.launch.member_process import MemberStart
 from minerva_bus.launch.pipes import CLOSED, LineBuffer, Pipes, ReportPipe
+from minerva_bus.runtime.arrival import STARTED_HERE
 from minerva_bus.runtime.coordinator import Coordinator
 from minerva_bus.runtime.member import MemberProcess
 from minerva_bus.testing.simulation.network import Network
@@ -179,9 +180,15 @@ class SimulatedMachine(Machine):
         process, child = self._process(start.process.name, ())
 
         def life() -> Generator[None, None, int]:
-            participant, log = start.process.participant(), process.log
+            # With the time-outs of a member that the launcher starts: a coordinator that is frozen
+            # for seconds must not count as failures of members.
             member = MemberProcess(
-                participant, start.world, start.endpoint, log, system=process.system
+                start.process.participant(),
+                start.world,
+                start.endpoint,
+                process.log,
+                arrival=STARTED_HERE,
+                system=process.system,
             )
             return member.life()
 
