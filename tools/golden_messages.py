@@ -139,7 +139,7 @@ SAVED = {"=": None, "bytes": b"\0\xff", "list": [1, [2.5, {"deep": True}]], "é"
 NAMES = tuple(f"name{n}" for n in range(40))
 FULL_HELLO = m.Hello(
     "hosts", 6, "a service, é", kinds=(FOX, FISH, STONE), generates=NAMES, lockstep=True,
-    ahead=True, orders=("eNear",), draws=("eShow",), coupled=True, every=12, rate=0.1,
+    ahead=True, kept=9, orders=("eNear",), draws=("eShow",), coupled=True, every=12, rate=0.1,
     topics=("scan",), publishes=("scan", "image"), pid=1 << 31, host="machine", people=True,
     plain=True,
 )  # fmt: skip

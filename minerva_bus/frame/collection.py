@@ -34,6 +34,12 @@ if TYPE_CHECKING:
 ORDERS: Final = "orders"
 """Name under which orders are logged."""
 
+MAX_AHEAD: Final = 8
+"""Most frames for which a generator that is ahead is asked before they begin."""
+
+FEW_EVENTS: Final = 4
+"""Most events of a generator that is asked for more than one frame before they begin."""
+
 
 class CollectionStep:
     """Collects the events of frames from generators, agents, people and norms."""
@@ -48,7 +54,7 @@ class CollectionStep:
         """Request the events of a frame's generators, and send them people's orders."""
         algorithm, index = self._algorithm, self._algorithm.members.index
         in_flight = algorithm.in_flight
-        in_flight.ticked = algorithm.inbox.early.take()
+        in_flight.ticked = algorithm.inbox.early.take(algorithm.frame)
         # Orders precede the tick, because a generator derives events of this frame from them.
         if in_flight.logged is None:
             self._hand_over(algorithm.inbox.take_orders(self._has_taker))
@@ -58,7 +64,8 @@ class CollectionStep:
         in_flight.pending = set(index.tickers - in_flight.ticked.keys())
         if index.anyone_ticks:
             algorithm.out.send(s.TICKED, m.TickRequest(algorithm.frame))
-        self._ask_ahead(algorithm.frame)
+        for member in index.ahead:
+            self._ask_ahead(member, algorithm.frame, 1)
 
     def ask(self, member: MemberEntry) -> None:
         """Repeat the request to a generator that has returned while the frame waits for it."""
@@ -101,19 +108,32 @@ class CollectionStep:
             frame = max(algorithm.frame, algorithm.inbox.early.last_asked(member.name) + 1)
             algorithm.out.send(member.name, m.Orders(frame, orders))
 
-    def _ask_ahead(self, frame: int) -> None:
-        """Ask generators that do not depend on the world before the frame begins, once each."""
-        algorithm, members = self._algorithm, self._algorithm.members.index.ahead
-        for member in algorithm.inbox.early.ask(members, frame) if members else ():
-            # To each member by name: a generator that is ahead does
-            # not subscribe to the tick of all.
-            algorithm.out.send(member, m.TickRequest(frame))
+    def _ask_ahead(self, member: str, frame: int, frames: int) -> None:
+        """Ask a generator that does not depend on the world for these frames, once each."""
+        # By name: a generator that is ahead does not subscribe to the tick of all.
+        for number in self._algorithm.inbox.early.ask(member, frame, frames):
+            self._algorithm.out.send(member, m.TickRequest(number))
 
     def ask_for_next(self) -> None:
-        """Ask generators that are ahead for the next frame, while the hosts evolve this one."""
-        frame, last = self._algorithm.frame + 1, self._algorithm.world.frames
-        if not last or frame < last:
-            self._ask_ahead(frame)
+        """Ask generators that are ahead for the next frames, while the hosts evolve this one."""
+        algorithm = self._algorithm
+        frame, last = algorithm.frame + 1, algorithm.world.frames
+        left = last - frame if last else MAX_AHEAD
+        for member in algorithm.members.index.ahead:
+            frames = min(self._frames_ahead(member), left)
+            if frames > 0:
+                self._ask_ahead(member, frame, frames)
+
+    def _frames_ahead(self, name: str) -> int:
+        """The number of frames for which a generator may have been asked before they begin."""
+        # A world that pauses or keeps to a clock has no use for them, and events that are many
+        # take memory and more time than a wake-up.
+        in_flight, hello = self._algorithm.in_flight, self._algorithm.members.get(name).hello
+        reply = in_flight.ticked.get(name)
+        if not in_flight.at_once or hello is None or reply is None:
+            return 1
+        few = sum(map(len, reply.events)) <= FEW_EVENTS
+        return min(hello.kept - 1, MAX_AHEAD) if few else 1
 
     # --- replies ---
 
@@ -122,20 +142,21 @@ class CollectionStep:
         algorithm, early = self._algorithm, self._algorithm.inbox.early
         member = algorithm.members.get(reply.member)
         in_time = algorithm.awaits_tick(reply.member) and reply.frame == algorithm.frame
-        ahead = reply.frame == early.last_asked(reply.member)
+        ahead = algorithm.frame <= reply.frame <= early.last_asked(reply.member)
         # An answer to an early request that arrives after its frame has begun is one of that frame.
         is_early = ahead and not (algorithm.in_frame and reply.frame == algorithm.frame)
         # A reply of a skipped or replaced process, or a second one, must not count. It is no
         # violation: the reply may have been sent before the member was skipped.
-        if not member.active or not (in_time or is_early) or reply.member in early.replies:
+        if not member.active or not (in_time or is_early) or reply.member in early.of(reply.frame):
             member.late += 1
             return
         # Most replies have no events and need no check.
         if reply.events and not self._may_generate(member, reply.events):
             return
         note_answer(algorithm, member)
+        early.note(reply)
         if is_early:
-            early.replies[reply.member] = reply
+            early.add(reply)
             algorithm.source.evolve_ahead()
             return
         algorithm.in_flight.pending.discard(reply.member)

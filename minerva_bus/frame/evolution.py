@@ -80,6 +80,8 @@ class EvolutionStep:
         requests.outstanding[early.host, 0] = early.fragments
         requests.timed = False
         if early.reply is not None:
+            # Before the reply is checked, so that the host works meanwhile.
+            self.ahead.ask()
             self.reply(early.reply)
 
     def _ask_anew(self, early: EarlyEvolution, hosts: tuple[str, ...]) -> tuple[str, ...]:

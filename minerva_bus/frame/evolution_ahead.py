@@ -36,6 +36,8 @@ class EvolutionAhead:
     def ask(self) -> None:
         """Request the next frame, if all that it depends on is known."""
         algorithm = self._algorithm
+        if algorithm.inbox.early.evolution is not None:
+            return
         host = self._only_host()
         if host is None or not self._is_predictable():
             return
@@ -82,9 +84,8 @@ class EvolutionAhead:
 
     def _sources(self, frame: int) -> Mapping[str, Sequence[AnyEvent]]:
         """The events of a frame by generator; none before all have answered."""
-        replies = self._algorithm.inbox.early.replies
-        answered = {name for name, reply in replies.items() if reply.frame == frame}
-        if not self._algorithm.members.index.tickers <= answered:
+        replies = self._algorithm.inbox.early.of(frame)
+        if not self._algorithm.members.index.tickers <= replies.keys():
             return {}
         return {name: reply.events for name, reply in replies.items() if reply.events}
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from copy import deepcopy
-from typing import Any, TypeAlias
+from typing import Any, Final, TypeAlias
 
 from minerva_bus.blame import blamed
 from minerva_bus.errors import MisuseError
@@ -20,12 +20,18 @@ from minerva_bus.world.services import Device, Generator, Service
 
 Outgoing: TypeAlias = m.FromMember | m.Readings
 
+KEPT: Final = 2
+"""Answers that a generator keeps: a coordinator asks for frame t + 1 while frame t ends."""
+
+KEPT_AHEAD: Final = 9
+"""Answers that a generator keeps which is asked for several frames before they begin."""
+
 
 class GeneratorSide:
     """Answers the ticks of one member.
 
     A tick is answered once the readings of all lockstep publishers for its frame have arrived.
-    Answers are kept for two frames, because a coordinator or its successor may repeat a tick.
+    As many answers are `kept` as a coordinator or its successor may request again.
     `asked` is the frame whose tick is not answered yet, or None.
     """
 
@@ -39,6 +45,7 @@ class GeneratorSide:
         self._published: dict[str, m.Readings] = {}
         self._orders: dict[int, tuple[AnyEvent, ...]] = {}
         self._obeyed: dict[int, int] = {}
+        self.kept = KEPT_AHEAD if is_ahead(service) else KEPT
         self.asked: int | None = None
         self.buffer = (
             ReadingBuffer() if service is None else ReadingBuffer(service.takes, service.nth)
@@ -104,7 +111,8 @@ class GeneratorSide:
         """C^d(t): the events of a frame, and the readings that are published."""
         self.asked = None
         answer = tuple(self._answer(frame, vocabulary))
-        kept = {n: out for n, out in self._answers.items() if n >= frame.number - 1}
+        first = frame.number - self.kept + 1
+        kept = {n: out for n, out in self._answers.items() if n >= first}
         self._answers = {**kept, frame.number: answer}
         return answer
 
@@ -193,6 +201,11 @@ class GeneratorSide:
         assert self._service is not None
         self._check_topic(self._service, topic)
         return m.Readings(self._name, topic, -1, (reading,))
+
+
+def is_ahead(service: Service | None) -> bool:
+    """Whether a service is a generator that is asked ahead of the frame."""
+    return isinstance(service, Generator) and service.lockstep and service.ahead
 
 
 def generated_types(service: Service | None) -> tuple[str, ...]:

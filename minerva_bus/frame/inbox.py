@@ -70,39 +70,67 @@ def are_same(events: Sequence[AnyEvent], others: Sequence[AnyEvent]) -> bool:
 class EarlyAnswers:
     """Requests to members before a frame begins: to generators that do not depend on the world.
 
-    `evolution`: the request to a host, if there is one.
+    `replies`: those of generators, by frame and member. `evolution`: the request to a host, if
+    there is one.
     """
 
     def __init__(self) -> None:
         self._asked: dict[str, int] = {}
-        self.replies: dict[str, m.TickReply] = {}
+        self._answered: dict[str, int] = {}
+        self.replies: dict[int, dict[str, m.TickReply]] = {}
         self.evolution: EarlyEvolution | None = None
 
-    def ask(self, members: Iterable[str], frame: int) -> list[str]:
-        """The members without a request for this frame; from now on they count as requested."""
-        new = [member for member in members if self._asked.get(member, -1) < frame]
-        self._asked.update(dict.fromkeys(new, frame))
-        return new
+    def ask(self, member: str, frame: int, frames: int = 1) -> range:
+        """The frames for which a member is to be asked now; from now on they count as requested.
+
+        They end with this frame, or with as many `frames` from it on if half of them are missing:
+        a member that is asked for several frames at once wakes up once for all of them.
+        """
+        first = max(frame, self.last_asked(member) + 1)
+        if first > frame + frames // 2:
+            return range(0)
+        self._asked[member] = frame + frames - 1
+        self._answered.setdefault(member, first - 1)
+        return range(first, frame + frames)
 
     def last_asked(self, member: str) -> int:
         """The latest frame of an early request to a member, or -1."""
         return self._asked.get(member, -1)
 
+    def note(self, reply: m.TickReply) -> None:
+        """Note the reply of a member, which answers in the order of the frames."""
+        if reply.member in self._asked:
+            self._answered[reply.member] = reply.frame
+
+    def outstanding(self, member: str) -> int:
+        """The early replies of a generator that are outstanding."""
+        asked = self._asked.get(member)
+        return 0 if asked is None else asked - self._answered[member]
+
     def awaits(self, member: str) -> bool:
         """Whether an early reply of a member is outstanding."""
         if (early := self.evolution) is not None and early.host == member and early.reply is None:
             return True
-        return member in self._asked and member not in self.replies
+        return self.outstanding(member) > 0
 
-    def take(self) -> dict[str, m.TickReply]:
-        """The replies for the frame that begins."""
-        taken, self.replies = self.replies, {}
-        return taken
+    def of(self, frame: int) -> Mapping[str, m.TickReply]:
+        """The replies for a frame, by member."""
+        return self.replies.get(frame, {})
+
+    def add(self, reply: m.TickReply) -> None:
+        """Keep a reply until its frame begins."""
+        self.replies.setdefault(reply.frame, {})[reply.member] = reply
+
+    def take(self, frame: int) -> dict[str, m.TickReply]:
+        """Remove and return the replies for the frame that begins."""
+        return self.replies.pop(frame, {})
 
     def forget(self, member: str) -> None:
         """Forget the requests to a member, because its process has been replaced."""
-        self.replies.pop(member, None)
+        for replies in self.replies.values():
+            replies.pop(member, None)
         self._asked.pop(member, None)
+        self._answered.pop(member, None)
         if self.evolution is not None and self.evolution.host == member:
             self.evolution = None
 

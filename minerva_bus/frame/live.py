@@ -170,10 +170,12 @@ class LiveSource(FrameSource):
         self.settle, self.commit = evolution.settle, evolution.commit
         self.evolve_reply, self.ask_again = evolution.reply, evolution.ask_again
         self.evolve_ahead = evolution.ahead.ask
+        self.early_replies = algorithm.inbox.early.outstanding
 
     def evolve(self) -> None:
         """Steps 5 and 6: request the next string and the views, then early events."""
         self.evolution.request()
+        self.evolve_ahead()
         # After the hosts: a generator that wakes up first may take the processor that the frame's
         # slowest members need. None is asked when the world closes or repeats a logged frame.
         if self._algorithm.phase is Phase.EVOLVE:

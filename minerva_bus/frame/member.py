@@ -16,7 +16,7 @@ from minerva_bus.frame import messages as m
 from minerva_bus.frame.calling import figures_by, made_events
 from minerva_bus.frame.compatibility import PROTOCOL_VERSION
 from minerva_bus.frame.drawing import DeviceSide
-from minerva_bus.frame.generating import GeneratorSide, generated_types, ordered_types
+from minerva_bus.frame.generating import GeneratorSide, generated_types, is_ahead, ordered_types
 from minerva_bus.frame.hosting import Host
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.source import handler_name
@@ -114,7 +114,8 @@ class Member:
             kinds=tuple(cls.kind for _, cls in sorted(self.host.kinds.items())),
             generates=generated_types(generator),
             lockstep=generator is not None and generator.lockstep,
-            ahead=generator is not None and generator.lockstep and generator.ahead,
+            ahead=is_ahead(service),
+            kept=self._generating.kept,
             orders=ordered_types(generator),
             draws=tuple(device.draws) if device is not None else (),
             coupled=device is not None and device.coupled,
@@ -185,10 +186,10 @@ class Member:
         # A restarted world has the same name, so only the seed, the
         # step and the frame distinguish runs.
         same = (before.seed, before.dt) == (welcome.seed, welcome.dt)
-        # Answers are kept for two frames. From an earlier frame a service can continue only with
-        # the data saved then, but a host receives its agents: those of a region that has returned
-        # repeat the frames after its checkpoint.
-        earlier = welcome.frame + 1 < self.frame and welcome.saved is None
+        # From before the answers that are kept, a service can continue only with the data saved
+        # then, but a host receives its agents: those of a region that has returned repeat the
+        # frames after its checkpoint.
+        earlier = welcome.frame + self._generating.kept - 1 < self.frame and welcome.saved is None
         earlier = earlier and self.service is not None
         if not same or earlier:
             raise WorldRestarted(

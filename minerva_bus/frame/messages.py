@@ -62,10 +62,19 @@ class Hello:
         bool,
         Mark.OPTIONAL,
         Note(
-            "it depends neither on the world nor on readings or orders: it is asked a frame ahead,"
-            " and does not subscribe to `tick`"
+            "it depends neither on the world nor on readings or orders: it is asked ahead of the"
+            " frame, and does not subscribe to `tick`"
         ),
     ] = False
+    kept: Annotated[
+        int,
+        AtLeast(2),
+        Mark.OPTIONAL,
+        Note(
+            "the latest answers to ticks that it can repeat: a generator that is `ahead` is asked"
+            " at most this many frames ahead, less one"
+        ),
+    ] = 2
     orders: Annotated[Names, Note("the event types for which it takes people's orders")] = ()
     people: Annotated[
         bool, Mark.OPTIONAL, Note("norms treat the events that it generates as sent by people")

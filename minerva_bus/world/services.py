@@ -135,8 +135,8 @@ class Generator(Service):
     Class arguments: `events` are the event types that it generates. Lockstep (the default):
     `generate` is called once per frame. With `lockstep=False` the member runs freely: `run` emits
     at any time, and a frame has the events that arrived before it began. With `ahead=True`,
-    `generate` is called during the previous frame. This is for generators that depend neither on
-    the world nor on the time, nor on readings, views or orders.
+    `generate` is called before its frame begins, up to eight frames ahead. This is for generators
+    that depend neither on the world nor on the time, nor on readings, views or orders.
 
     Example:
         >>> class Rain(Generator, events=("eRain",)):
