@@ -3,12 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-
-from minerva_bus.regions.attached import Replies
-from minerva_bus.regions.parcel import Parcel
+from typing import Generic, Protocol, TypeVar
 
 
-class Outbox:
+class Sendable(Protocol):
+    """A parcel, or replies of services, as they are or as bytes."""
+
+    @property
+    def target(self) -> int:
+        """The region that receives it."""
+        ...
+
+    @property
+    def needed_in(self) -> int:
+        """The frame that cannot begin without it."""
+        ...
+
+
+K = TypeVar("K", bound=Sendable)
+
+
+class Outbox(Generic[K]):
     """The last messages for each other region.
 
     They are of at most three frames, because no region is further ahead; see `acknowledge`.
@@ -19,9 +34,9 @@ class Outbox:
     """
 
     def __init__(self) -> None:
-        self._kept: dict[int, list[Parcel | Replies]] = {}
+        self._kept: dict[int, list[K]] = {}
 
-    def keep(self, messages: Iterable[Parcel | Replies]) -> None:
+    def keep(self, messages: Iterable[K]) -> None:
         """Keep the parcels of a frame, or the replies of services."""
         for message in messages:
             self._kept.setdefault(message.target, []).append(message)
@@ -35,6 +50,6 @@ class Outbox:
         for region, kept in self._kept.items():
             self._kept[region] = [each for each in kept if each.needed_in >= frame]
 
-    def kept_for(self, region: int) -> tuple[Parcel | Replies, ...]:
+    def kept_for(self, region: int) -> tuple[K, ...]:
         """The messages that a region may not have, in the order of their frames."""
         return tuple(self._kept.get(region, ()))

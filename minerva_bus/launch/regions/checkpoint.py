@@ -83,7 +83,7 @@ class RegionCheckpoint:
         count = region.partition.count
         kept = [each for other in range(count) for each in parcels.outbox.kept_for(other)]
         messages = [
-            [[each.target, encode(to_message(each))] for each in kept],
+            [[each.target, each.data] for each in kept],
             [[each.source, encode(to_message(each))] for each in region.arrived],
             [encode(report) for _, report in sorted(requests.reports.items())],
             [encode(request) for request in requests.waiting],

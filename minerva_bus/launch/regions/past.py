@@ -11,6 +11,7 @@ from minerva_bus.launch.failures import own_members
 from minerva_bus.launch.regions.checkpoint import RegionCheckpoint
 from minerva_bus.launch.regions.frames import RegionFrames
 from minerva_bus.launch.regions.journal import MAX_BYTES
+from minerva_bus.launch.regions.sending import KeptMessage
 from minerva_bus.regions.journal import CHECKPOINT, COORDINATOR
 from minerva_bus.regions.messages import from_message
 from minerva_bus.runtime.region_links import ParcelArrived
@@ -87,7 +88,7 @@ class RegionPast:
         frames.parcels.sent_bytes = sent_bytes
         for target, data in kept:
             parcel = from_message(decoder.parcel(data), frames.region.number, target)
-            frames.parcels.outbox.keep([parcel])
+            frames.parcels.outbox.keep([KeptMessage.of(parcel, data)])
         for source, data in arrived:
             frames.accept(ParcelArrived(source, data))
         for data in reports:

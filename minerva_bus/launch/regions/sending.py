@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 
 from minerva_bus.launch.regions.repeats import RegionRepeats
 from minerva_bus.regions.attached import Replies
@@ -10,6 +11,21 @@ from minerva_bus.regions.messages import AgainMessage, to_message
 from minerva_bus.regions.outbox import Outbox
 from minerva_bus.regions.parcel import Parcel
 from minerva_bus.wire.codec import encode
+
+
+@dataclass(frozen=True, slots=True)
+class KeptMessage:
+    """A parcel, or replies of services, as bytes: they may be sent again, or be in a checkpoint."""
+
+    frame: int
+    target: int
+    needed_in: int
+    data: bytes
+
+    @staticmethod
+    def of(message: Parcel | Replies, data: bytes) -> KeptMessage:
+        """A message that is encoded as `data`."""
+        return KeptMessage(message.frame, message.target, message.needed_in, data)
 
 
 class ParcelSender:
@@ -20,7 +36,7 @@ class ParcelSender:
     """
 
     def __init__(self, send: Callable[[int, bytes], None]) -> None:
-        self.outbox = Outbox()
+        self.outbox = Outbox[KeptMessage]()
         self.repeats = False
         self.sent_bytes: int = 0
         self._send = send
@@ -28,19 +44,19 @@ class ParcelSender:
 
     def send(self, messages: Sequence[Parcel | Replies]) -> None:
         """Send parcels for the first time."""
-        self.outbox.keep(messages)
-        for message in messages:
-            data = encode(to_message(message))
-            self.sent_bytes += len(data)
+        sent = [KeptMessage.of(message, encode(to_message(message))) for message in messages]
+        self.outbox.keep(sent)
+        for message in sent:
+            self.sent_bytes += len(message.data)
             if not self.repeats:
-                self._send(message.target, data)
+                self._send(message.target, message.data)
 
     def again(self, regions: Iterable[int], since: int = -1) -> None:
         """Send what these regions may not have, of the frame `since` and of later ones."""
         for region in regions:
             for message in self.outbox.kept_for(region):
                 if message.frame >= since:
-                    self._send(region, encode(to_message(message)))
+                    self._send(region, message.data)
 
     def received(self, message: Parcel | Replies, *, is_new: bool, since: int) -> None:
         """Note a message of another region, which sends those `since` a frame if it is asked."""
