@@ -108,10 +108,11 @@ class HaloViews:
         figures = [figures_in(piece, halo) for piece in units.pieces]
         for each in figures:
             _check_inside(each, cells[self._number], halo)
+        near = _NearFigures(units, figures, halo)
         for region in self._near[event_type]:
-            near = _near(units, figures, cells[region], halo)
-            if near is not None:
-                yield region, near
+            units = near.within(cells[region])
+            if units:
+                yield region, units
 
 
 _NOTHING: Final = Units((), ())
@@ -206,20 +207,44 @@ def near_cells(cells: Sequence[Cell], own: int, halo: Halo) -> list[int]:
     return sorted(near)
 
 
-def _near(units: Units, figures: Sequence[PieceFigures], cell: Cell, halo: Halo) -> Units | None:
-    """The figures within the radius of a cell, along each axis; None if there are none."""
-    places: list[Sequence[Place]] = []
-    pieces: list[Piece] = []
-    for (own, piece), each in zip(units.each(), figures, strict=True):
-        near = np.ones(len(each.who), np.bool_)
-        for name, low, high, length in _bounds(cell, halo) if each.at else ():
-            near &= _within(each.at[name], low, high, length, halo.radius)
-        rows = np.flatnonzero(near)
-        if not len(rows):
-            continue
-        places.append(taken(own, rows))
-        pieces.append(piece.take(rows) if isinstance(piece, Columns) else piece)
-    return Units(joined(places), tuple(pieces)) if pieces else None
+class _NearFigures:
+    """Finds the figures of a region that are near the cells of others.
+
+    Cells of one column, or row, have the same interval along an axis, which is compared once.
+    """
+
+    def __init__(self, units: Units, figures: Sequence[PieceFigures], halo: Halo) -> None:
+        self._units = units
+        self._figures = figures
+        self._halo = halo
+        self._known: dict[tuple[int, str, float, float], NDArray[np.bool_]] = {}
+
+    def within(self, cell: Cell) -> Units:
+        """The figures within the radius of a cell, along each axis."""
+        bounds = [*_bounds(cell, self._halo)]
+        places: list[Sequence[Place]] = []
+        pieces: list[Piece] = []
+        for number, (own, piece) in enumerate(self._units.each()):
+            at = self._figures[number].at
+            near = np.ones(len(self._figures[number].who), np.bool_)
+            for name, low, high, length in bounds if at else ():
+                near &= self._along(number, name, low, high, length)
+            rows = np.flatnonzero(near)
+            if not len(rows):
+                continue
+            places.append(taken(own, rows))
+            pieces.append(piece.take(rows) if isinstance(piece, Columns) else piece)
+        return Units(joined(places), tuple(pieces)) if pieces else _NOTHING
+
+    def _along(
+        self, number: int, name: str, low: float, high: float, length: float
+    ) -> NDArray[np.bool_]:
+        """Whether the figures of a piece are near an interval of a coordinate."""
+        key = number, name, low, high
+        if key not in self._known:
+            at, radius = self._figures[number].at[name], self._halo.radius
+            self._known[key] = _within(at, low, high, length, radius)
+        return self._known[key]
 
 
 def _within(
