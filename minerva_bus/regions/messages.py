@@ -15,15 +15,15 @@ from minerva_bus.grammar.batch import AnyEvent, Events
 from minerva_bus.grammar.delta import Delta
 from minerva_bus.grammar.scene import AgentNode, Scene
 from minerva_bus.regions.attached import Replies
-from minerva_bus.regions.halo_part import HaloPart
+from minerva_bus.regions.halo_part import NO_HALO, HaloPart
 from minerva_bus.regions.kept import checked_texts
 from minerva_bus.regions.merging import PlacedEvent, Units
-from minerva_bus.regions.norms import NormPart
+from minerva_bus.regions.norms import NO_NORMS, NormPart
 from minerva_bus.regions.parcel import Parcel
 from minerva_bus.regions.place_table import joined
 from minerva_bus.regions.places import packed_places, unpacked_places
 from minerva_bus.regions.schedule import Schedule
-from minerva_bus.regions.views import PlacedSkeleton, ViewPart
+from minerva_bus.regions.views import NO_VIEWS, PlacedSkeleton, ViewPart
 from minerva_bus.world.norms import Lately
 
 _COUNT: Final = np.dtype("<u4")
@@ -172,14 +172,16 @@ def parcel_of(message: ParcelMessage, source: int, target: int) -> Parcel:
     scene = message.string or Scene(())
     nodes = sum(piece.count for piece in scene.pieces)
     places = unpacked_places(message.places, nodes, "places")
-    events = tuple(placed_events(message.events, message.senders))
+    events = placed_events(message.events, message.senders)
     units = Units(places, scene.pieces)
-    postponed = tuple(placed_events(message.postponed, message.postponed_senders))
+    postponed = placed_events(message.postponed, message.postponed_senders)
     parts = _views(message), _norms(message), postponed, _halo(message)
     return Parcel(message.frame, source, target, units, events, *parts)
 
 
 def _halo(message: ParcelMessage) -> HaloPart:
+    if not (message.halo or message.halo_places or message.halo_kept):
+        return NO_HALO
     sizes = {name: sum(piece.count for piece in of.pieces) for name, of in message.halo.items()}
     places, end = unpacked_places(message.halo_places, sum(sizes.values()), "halo_places"), 0
     halo: dict[str, Units] = {}
@@ -198,6 +200,8 @@ def check_given_up(given_up: m.Figures) -> None:
 
 
 def _norms(message: ParcelMessage) -> NormPart:
+    if not (message.states or message.counts or message.sanctions or message.later):
+        return NO_NORMS
     counts = _lately(message.counts or {})
     return NormPart(message.states, counts, message.sanctions, message.later)
 
@@ -232,6 +236,8 @@ def _are_frames(value: object) -> TypeGuard[list[int]]:
 
 def _views(message: ParcelMessage) -> ViewPart:
     layout: PlacedSkeleton | None = None
+    if message.skeleton is None and not message.views:
+        return NO_VIEWS
     if message.skeleton is not None:
         pieces = message.skeleton.pieces
         if len(message.sizes) != len(pieces) * _COUNT.itemsize:
@@ -245,15 +251,19 @@ def _views(message: ParcelMessage) -> ViewPart:
     return ViewPart(message.views, message.view_patches, layout, message.halted)
 
 
-def placed_events(events: Sequence[AnyEvent], senders: bytes) -> Iterable[PlacedEvent]:
+def placed_events(events: Sequence[AnyEvent], senders: bytes) -> tuple[PlacedEvent, ...]:
     """Events with the places of their senders. Raises ProtocolError if they do not match."""
+    if not (events or senders):
+        return ()
     counts = [len(event) if isinstance(event, Events) else 1 for event in events]
     places, end = unpacked_places(senders, sum(counts), "senders"), 0
+    placed: list[PlacedEvent] = []
     for event, count in zip(events, counts, strict=True):
         if not (event.senders if isinstance(event, Events) else event.sender):
             raise ProtocolError(f"parcel: the event {event.type} has no sender")
         begin, end = end, end + count
-        yield PlacedEvent(places[begin:end], event)
+        placed.append(PlacedEvent(places[begin:end], event))
+    return tuple(placed)
 
 
 def packed_pairs(targets: Iterable[Sequence[int]]) -> bytes:

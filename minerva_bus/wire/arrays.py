@@ -19,10 +19,14 @@ from numpy.typing import NDArray
 from minerva_bus.errors import ProtocolError
 from minerva_bus.grammar.ids import LONGEST, Ids
 from minerva_bus.grammar.packing import MANY
-from minerva_bus.wire.plain import as_int, as_list
+from minerva_bus.wire.plain import as_int, as_list, extension
 
 ARRAY: Final = 3
 _DTYPES: Final = {"d": "<f8", "b": "<i1", "h": "<i2", "i": "<i4", "q": "<i8", "?": "?"}
+
+# Without the Python code of the methods of arrays, which takes longer for short ones.
+_LEAST: Final = np.minimum.reduce
+_MOST: Final = np.maximum.reduce
 
 Rows = NDArray[np.intp]
 
@@ -33,13 +37,13 @@ def plain_array(array: NDArray[Any]) -> Any:
     # bytes. Reals are never narrowed: their bits enter the digest.
     letter = {"f": "d", "b": "?"}.get(array.dtype.kind) or _narrowest(array)
     data = array.astype(_DTYPES[letter], copy=False)
-    return msgpack.ExtType(ARRAY, letter.encode() + data.tobytes())
+    return extension(ARRAY, letter.encode() + data.tobytes())
 
 
 def _narrowest(array: NDArray[Any]) -> str:
     if not len(array):
         return "b"
-    least, most = int(array.min()), int(array.max())
+    least, most = int(_LEAST(array)), int(_MOST(array))
     for letter, half in (("b", 1 << 7), ("h", 1 << 15), ("i", 1 << 31)):
         if -half <= least and most < half:
             return letter

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import MISSING, Field, dataclass, fields
 from functools import cache
 from operator import attrgetter
-from typing import Annotated, Any, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Final, get_args, get_origin, get_type_hints
 
 import msgpack
 
@@ -20,6 +20,10 @@ from minerva_bus.wire.field_codec import DeclaredField, FieldCodec, Write
 from minerva_bus.wire.fields import field_codec
 from minerva_bus.wire.plain import as_map
 from minerva_bus.wire.reader import Reader
+
+_EMPTY: Final = frozenset({list, bytes, str, type(None)})
+_SHARED: Final = frozenset({tuple, bytes, str, type(None)})
+"""Types of empty items, and those of values that several messages can have in common."""
 
 Encode = Callable[[Any], bytes]
 Decode = Callable[[Reader, tuple[str, ...], list[Any]], Any]
@@ -142,18 +146,30 @@ def _values(
 def _decoder(
     make: type[Any], declared: Iterable[DeclaredField], codecs: Mapping[str, FieldCodec]
 ) -> Decode:
+    """A decoder that reads an empty list, binary, text or nil only once: most items are empty."""
     travelling = [of for of in declared if of.travels]
     items = [of.name for of in travelling if not of.host]
-    plan = [(of, 1 + items.index(of.host or of.name), codecs[of.name].read) for of in travelling]
+    plan = [
+        (of, 1 + items.index(of.host or of.name), codecs[of.name].read, dict[type[Any], Any]())
+        for of in travelling
+    ]
 
     def decode(reader: Reader, key: tuple[str, ...], plain: list[Any]) -> Any:
         values: list[Any] = []
-        for of, place, read in plan:
+        for of, place, read, empties in plan:
+            item = plain[place]
+            if not item and item.__class__ in empties:
+                values.append(empties[item.__class__])
+                continue
             try:
-                values.append(read(reader, plain[place]))
+                value = read(reader, item)
             # Readers of values do not have the name of the field, so the place is added here.
             except ProtocolError as error:
                 raise _located(error, of) from None
+            # An empty map is a new object each time.
+            if not item and value.__class__ in _SHARED and item.__class__ in _EMPTY:
+                empties[item.__class__] = value
+            values.append(value)
         return make(*key, *values)
 
     return decode

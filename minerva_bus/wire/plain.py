@@ -5,7 +5,7 @@ from __future__ import annotations
 import gc
 import math
 from collections.abc import Generator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from typing import Any, Final, cast
 
 import msgpack
@@ -22,6 +22,13 @@ _TEXT: Final = frozenset({str})
 COLLECTED: Final = 1 << 12
 """Messages from this size on are decoded with the garbage collector off: they create many
 containers and no garbage, so collections would only cost time."""
+
+_AS_USUAL: Final = nullcontext()
+
+
+def extension(code: int, data: bytes) -> msgpack.ExtType:
+    """An extension of MessagePack, without the checks of its constructor, which take longer."""
+    return tuple.__new__(msgpack.ExtType, (code, data))  # pyright: ignore[reportUnknownMemberType]
 
 
 def pack(plain: Any) -> bytes:
@@ -47,10 +54,14 @@ def unpack(data: bytes, limits: Limits = DEFAULT) -> Any:
         raise ProtocolError(f"this is not msgpack: {type(error).__name__} {error}"[:200]) from None
 
 
-@contextmanager
-def uncollected(size: int) -> Generator[None]:
+def uncollected(size: int) -> AbstractContextManager[None]:
     """Decode a message of `size` bytes without garbage collection if it is large."""
-    paused = size > COLLECTED and gc.isenabled()
+    return _uncollected() if size > COLLECTED else _AS_USUAL
+
+
+@contextmanager
+def _uncollected() -> Generator[None]:
+    paused = gc.isenabled()
     # Inside `try`, because an interrupt between the two statements would leave the collector off.
     # Of two threads, the first one to end enables it: the other only becomes slower.
     try:
@@ -65,10 +76,8 @@ def uncollected(size: int) -> Generator[None]:
 def _unpacked(data: bytes) -> Any:
     """Decode large data in slices, so that other threads get the GIL in between."""
     if len(data) <= SLICE:
-        return msgpack.unpackb(data, ext_hook=msgpack.ExtType, strict_map_key=True)
-    unpacker = msgpack.Unpacker(
-        ext_hook=msgpack.ExtType, strict_map_key=True, max_buffer_size=len(data)
-    )
+        return msgpack.unpackb(data, ext_hook=extension, strict_map_key=True)
+    unpacker = msgpack.Unpacker(ext_hook=extension, strict_map_key=True, max_buffer_size=len(data))
     view = memoryview(data)
     for begin in range(0, len(data), SLICE):
         unpacker.feed(view[begin : begin + SLICE])

@@ -564,6 +564,8 @@ def test_bytes_that_are_no_id_are_named(data):
 
 
 def test_a_defect_of_a_reader_is_the_senders_violation(monkeypatch):
+    from minerva_bus.grammar.events import Event
+
     monkeypatch.setattr(Reader, "events", lambda *_: 1 / 0)
     with pytest.raises(ProtocolError, match="cannot be decoded: ZeroDivisionError"):
-        DECODER.from_member("m", encode(m.Emitted("m", ())))
+        DECODER.from_member("m", encode(m.Emitted("m", (Event("eTick"),))))

@@ -49,6 +49,8 @@ def needed_by_all(
     """The events in a request that all regions need. Raises WorldStopped for invalid ones."""
     events: list[PlacedEvent] = []
     for source, data in enumerate(request.for_all):
+        if not data:  # Most regions have sent nothing.
+            continue
         try:
             events += unpacked_for_all(decoder, data, source, request.frame - 1, known)
         except (ProtocolError, SceneError) as error:
