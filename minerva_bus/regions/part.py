@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Annotated, Any, ClassVar, Final
 
@@ -18,7 +18,7 @@ from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.delta import Delta, difference, patched
 from minerva_bus.grammar.fitting import Unfit
-from minerva_bus.grammar.scene import Piece, Scene
+from minerva_bus.grammar.scene import EMPTY, Piece, Scene
 from minerva_bus.regions.merging import PlacedEvent, Units
 from minerva_bus.regions.messages import checked_counts, placed_events
 from minerva_bus.regions.norms import NO_REPORT, NormReport
@@ -53,7 +53,9 @@ class PartMessage:
             " patched piece before it, or -1"
         ),
     ]
-    changed: Annotated[Parts, Note("by its number, each piece that is new")]
+    changed: Annotated[
+        Parts, Note("by the number of its first one, each run of pieces that are new")
+    ]
     patched: Annotated[Patches, Within("changed")]
     places: Annotated[bytes, Note("of all nodes of its string, empty if they are unchanged")]
     events: Annotated[tuple[AnyEvent, ...], Note("that its agents have sent")]
@@ -179,17 +181,14 @@ class PartReceiver:
         kept: list[int] = numbers.tolist()
         if kept and not NEW <= numbers.min() <= numbers.max() < len(before):
             raise ProtocolError(f"part: kept must be from -1 to {len(before) - 1}")
-        pieces = tuple(
-            _piece(message, str(position), None if number == NEW else before[number])
-            for position, number in enumerate(kept)
-        )
+        pieces = tuple(_pieces(message, kept, before))
         count = sum(piece.count for piece in pieces)
         places = self.units.places
         if message.places or not count:
             places = unpacked_places(message.places, count, "places")
         if len(places) != count:
             raise ProtocolError(f"part: expected places of {count} nodes, got {len(places)}")
-        self.unjudged = list(placed_events(message.events, message.senders))
+        self.unjudged = [*placed_events(message.events, message.senders)]
         rejected = _rejected(message, len(self.unjudged))
         self.sent = [event for number, event in enumerate(self.unjudged) if number not in rejected]
         counts = self.norms.counts if message.counts is None else checked_counts(message.counts)
@@ -216,41 +215,59 @@ def _rejected(message: PartMessage, events: int) -> Collection[int]:
     return dict.fromkeys(sorted(numbers))
 
 
-def _piece(message: PartMessage, position: str, old: Piece | None) -> Piece:
-    if old is not None:
-        delta = message.patched.get(position)
-        try:
-            return old if delta is None else patched(old, delta)
-        except Unfit as unfit:
-            raise ProtocolError(f"part: piece {position}: {unfit}") from None
-    new = message.changed.get(position)
-    if new is None or len(new.pieces) != 1:
-        raise ProtocolError(f"part: piece {position} must be given, as one piece")
-    return new.pieces[0]
+def _pieces(message: PartMessage, kept: Sequence[int], before: Sequence[Piece]) -> Iterator[Piece]:
+    """The pieces of a part after a frame. Raises ProtocolError."""
+    new: list[Piece] = []
+    for position, number in enumerate(kept):
+        if number == NEW:
+            given = None if new else message.changed.get(str(position))
+            new = new or [*(EMPTY if given is None else given).pieces[::-1]]
+            if not new:
+                raise ProtocolError(f"part: piece {position} must be given")
+            yield new.pop()
+            continue
+        _check_end(new, position)
+        yield _patched(before[number], message.patched.get(str(position)), position)
+    _check_end(new, len(kept))
+
+
+def _check_end(new: Sequence[Piece], position: int) -> None:
+    if new:
+        raise ProtocolError(f"part: {len(new)} more pieces are given than are new at {position}")
+
+
+def _patched(old: Piece, delta: Delta | None, position: int) -> Piece:
+    try:
+        return old if delta is None else patched(old, delta)
+    except Unfit as unfit:
+        raise ProtocolError(f"part: piece {position}: {unfit}") from None
 
 
 def _changes(
     old: Sequence[Piece], new: Sequence[Piece]
 ) -> tuple[list[int], dict[str, Scene], dict[str, Delta]]:
-    """Numbers of the kept or patched pieces, the new ones, and the patches, by position."""
+    """Numbers of the kept or patched pieces, the runs of new ones, and the patches, by position."""
     numbers = {id(piece): number for number, piece in enumerate(old)}
     kept = [numbers.get(id(piece), NEW) for piece in new]
     used = set(kept)
     free = [n for n, piece in enumerate(old) if n not in used and isinstance(piece, Columns)]
-    changed: dict[str, Scene] = {}
+    runs: dict[int, list[Piece]] = {}
+    first = NEW
     patches: dict[str, Delta] = {}
     for position, piece in enumerate(new):
         if kept[position] != NEW:
+            first = NEW
             continue
         number = _counterpart(old, free, piece)
         delta = None if number is None else difference(old[number], piece)
         if number is None or delta is None:
-            changed[str(position)] = Scene((piece,))
+            first = position if first == NEW else first
+            runs.setdefault(first, []).append(piece)
             continue
         free.remove(number)
-        kept[position] = number
+        kept[position], first = number, NEW
         patches[str(position)] = delta
-    return kept, changed, patches
+    return kept, {str(at): Scene(tuple(run)) for at, run in runs.items()}, patches
 
 
 def _counterpart(old: Sequence[Piece], free: Sequence[int], piece: Piece) -> int | None:

@@ -206,6 +206,11 @@ def test_a_request_for_parcels_of_unknown_regions_is_refused(region):
         ({"kept": b"\1"}, "kept must be a list of int32"),
         ({"kept": b"\1\0\0\0"}, "kept must be from -1 to 0"),
         ({"changed": {}}, "piece 0 must be given"),
+        ({"changed": {"0": Scene(nodes("b"))}}, "piece 1 must be given"),
+        (
+            {"changed": {"0": Scene(nodes("b", "c", "d"))}},
+            "1 more pieces are given than are new at 2",
+        ),
         ({"kept": bytes(4), "changed": {}}, "which are not 1 places"),
         ({"places": packed_places([(1,)])}, "which are not 2 places"),
         ({"places": b""}, "expected places of 2 nodes, got 1"),
@@ -225,6 +230,19 @@ def test_a_report_with_contradictions_is_refused(change, problem):
     )
     with pytest.raises(ProtocolError, match=problem):
         receiver.apply(DECODER.part(encode(replace(report, **change))))
+
+
+def test_new_pieces_beside_each_other_are_one_string_of_a_report():
+    before, receiver = nodes(*"abcdefg"), PartReceiver(Units((), ()))
+    places, sender = [(number,) for number in range(7)], PartSender()
+    after = (before[0], *nodes("h", "i"), before[4], *nodes("j"), before[6], *nodes("k"))
+    reported = []
+    for frame, pieces in enumerate((before, after)):
+        report = sender.message(frame, Units(places, pieces), [], NO_PROGRESS, [], b"")
+        receiver.apply(DECODER.part(encode(report)))
+        assert receiver.units.pieces == pieces
+        reported.append({at: len(scene.pieces) for at, scene in report.changed.items()})
+    assert reported == [{"0": 7}, {"1": 2, "4": 1, "6": 1}]
 
 
 # --- limits ---
