@@ -24,7 +24,6 @@ from minerva_bus.frame.live import FrameSource
 from minerva_bus.frame.phases import Phase
 from minerva_bus.frame.views import due_views
 from minerva_bus.grammar.batch import AnyEvent
-from minerva_bus.grammar.packing import packed
 from minerva_bus.grammar.scene import EMPTY, AgentNode, Piece, Scene
 from minerva_bus.world.context import Frame
 from minerva_bus.world.kinds import Kinds
@@ -204,7 +203,7 @@ class _Slots:
         self._names: list[str] = []
         # The composition holds the packed string. If packing makes other pieces, they do not
         # correspond to fragments one to one, and each frame replaces the whole string.
-        if all(map(is_, packed(scene).pieces, scene.pieces)):
+        if all(map(is_, self._composition.scene.pieces, scene.pieces)):
             self._names = [_name(piece, names) for piece in scene.pieces]
 
     def _changed(self, pieces: Iterable[Piece]) -> dict[str, Scene] | None:
