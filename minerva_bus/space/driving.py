@@ -15,6 +15,7 @@ from minerva_bus.space.kernels import Kernel
 from minerva_bus.space.lattice import CellGrid, beside, surrounded
 from minerva_bus.space.occupancy import ALIVE, FOUND, ROWS, TOO_MANY
 from minerva_bus.space.parameters import BEFORE, SHAPES, RuleParameter
+from minerva_bus.space.parts import PLACE, TURNS
 from minerva_bus.space.tables import INDEX, InField, Inhabitants
 
 
@@ -38,7 +39,7 @@ class RuleDriver:
     only_read: frozenset[str]
 
     def loop(self, name: str, check: Callable[[], None]) -> RuleLoop:
-        """A loop over the rows at `begin` to `end`; `progress` has the place of the current one.
+        """A loop over the rows at `begin` to `end`; `progress` is that of `parts.new_progress`.
 
         `rows` are all rows, which the loop puts into their order; unless it does, it needs none.
         It stops early, and returns the place, if a table has too little room for newborns.
@@ -51,7 +52,7 @@ class RuleDriver:
             "    for k in range(begin, end):",
             # An int of Python, since one of numpy has other arithmetic.
             "        i = int(rows[k])" if self.shuffled else "        i = k",
-            "        progress[0] = k",
+            f"        progress[{PLACE}], progress[{TURNS}] = k, 0",
             *[f"        {line}" for line in self._activation()],
             "    return end",
             "",

@@ -18,7 +18,7 @@ from minerva_bus.space.matrices import Matrices
 from minerva_bus.space.occupancy import ROWS
 from minerva_bus.space.opened import Opened
 from minerva_bus.space.parameters import BEFORE, RuleParameter
-from minerva_bus.space.parts import parts_of, run_parts
+from minerva_bus.space.parts import PLACE, new_progress, parts_of, run_parts
 from minerva_bus.space.rules import SHUFFLED, SpaceRule
 from minerva_bus.world.context import Context
 
@@ -78,7 +78,7 @@ class OpenedSpace:
         self._draws: Draws = np.array([moment.chance.word], np.uint64)
         self._tables: dict[str, Opened] = {}
         self._edges: dict[str, Edges] = {}
-        self._progress = np.zeros(1, np.int64)
+        self._progress = new_progress()
         self._matrices = Matrices(space)
         self._python = interpreting()
 
@@ -89,7 +89,7 @@ class OpenedSpace:
         """
         self._check_data()
         for number, rule in enumerate(self._rules):
-            self._progress[0] = 0
+            self._progress[PLACE] = 0
             try:
                 started = self._apply(rule, self._as_python.get(number))
             except MinervaError:
@@ -97,7 +97,7 @@ class OpenedSpace:
             except Exception:
                 if self._python or number in self._as_python:
                     raise
-                return Failure(number, int(self._progress[0]))
+                return Failure(number, int(self._progress[PLACE]))
             if number in self._as_python:
                 # Machine code has neither lines nor ints of any length.
                 with interpreted():
@@ -142,7 +142,7 @@ class OpenedSpace:
 
         failed = run_parts(run, started.count, parts)
         if failed is not None:
-            self._progress[0], error = failed
+            self._progress[PLACE], error = failed
             raise error
         if started.rule.independence.moves:
             self._table(subject).moved = True

@@ -14,13 +14,22 @@ from numpy.typing import NDArray
 THREADS: Final = "MINERVA_THREADS"
 """The environment variable with the most threads of a rule; by default one for each core."""
 
+PLACE, TURNS = 0, 1
+"""Items of the `progress` of a rule: the place of the current row in the order of activation, and
+the turns of this activation's `while` loops."""
+
 _LOCK: Final = threading.Lock()
 _ROWS: Final = 8192
 """Fewer rows take less time than a thread takes to start."""
 
 
+def new_progress() -> NDArray[np.int64]:
+    """The `progress` of a rule that has not begun, shape (2,)."""
+    return np.zeros(2, np.int64)
+
+
 class Part(Protocol):
-    """Runs the rows from `begin` to `end`; `progress`, shape (1,), has the current one."""
+    """Runs the rows from `begin` to `end`; `progress` has the current one."""
 
     def __call__(self, part: int, begin: int, end: int, progress: NDArray[np.int64]) -> None: ...
 
@@ -36,11 +45,11 @@ def run_parts(run: Part, rows: int, parts: int) -> tuple[int, Exception] | None:
     borders = [rows * part // parts for part in range(parts + 1)]
 
     def run_part(part: int) -> tuple[int, Exception] | None:
-        progress = np.zeros(1, np.int64)
+        progress = new_progress()
         try:
             run(part, borders[part], borders[part + 1], progress)
         except Exception as error:
-            return int(progress[0]), error
+            return int(progress[PLACE]), error
         return None
 
     # This thread takes the first part, so a rule in two threads wakes one.

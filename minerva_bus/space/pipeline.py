@@ -27,6 +27,7 @@ from numba.core.untyped_passes import LiteralPropagationSubPipelinePass
 from minerva_bus.space.functions import FUNCTIONS
 from minerva_bus.space.mixtures import ARITHMETIC, CHOICE, OTHER, refuse_mixtures
 from minerva_bus.space.operators import OPERATORS
+from minerva_bus.space.turns import count_turns
 
 _SAME_FOR_REALS: Final = (
     operator.truediv, operator.itruediv, operator.lt, operator.le, operator.gt, operator.ge,
@@ -44,7 +45,7 @@ _FOLDED: Final = (min, max)
 
 @register_pass(mutates_CFG=False, analysis_only=False)
 class _Replace(FunctionPass):
-    """Replaces operators and functions."""
+    """Replaces operators and functions, and counts the turns of loops."""
 
     _name = "replace_operators"
 
@@ -55,6 +56,7 @@ class _Replace(FunctionPass):
         """Change the statements of a rule."""
         for block in state.func_ir.blocks.values():
             block.body = [new for old in block.body for new in _replaced(state.func_ir, old)]
+        count_turns(state.func_ir, _BOUNDED)
         state.func_ir._definitions = ir_utils.build_definitions(state.func_ir.blocks)
         return True
 

@@ -44,7 +44,7 @@ class Space(Agent):
         """Apply rules in turn.
 
         A rule for which machine code has no result of Python, such as an int of more than 64 bits,
-        runs as Python from that activation on.
+        or no end, runs as Python from that activation on.
 
         Args:
             moment: the context of λ; all draws continue its stream `chance`.
