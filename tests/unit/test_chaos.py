@@ -2,11 +2,13 @@
 
 import subprocess
 from collections import Counter
+from contextlib import nullcontext
 from types import SimpleNamespace
 
 import pytest
 
 from benchmarks import chaos
+from benchmarks.chaos_faults import LONG_WAIT, Chaos
 
 
 class Disturbed:
@@ -17,6 +19,7 @@ class Disturbed:
         self.repeater = SimpleNamespace(sent=3)
         self.launcher = SimpleNamespace(poll=lambda: ended)
         self.closed = False
+        self.unsaid = []
         self._digest = digest
 
     def start(self) -> None: ...
@@ -58,6 +61,31 @@ def exit_code(monkeypatch: pytest.MonkeyPatch, world: Disturbed, differ: str = "
 )
 def test_the_exit_code_is_0_only_for_an_equal_run(monkeypatch, digest, differ, ended, code):
     assert exit_code(monkeypatch, Disturbed(digest, ended), differ) == code
+
+
+def test_a_wait_that_is_not_explained_is_a_failure(monkeypatch, capsys):
+    world = Disturbed("d1", None)
+    world.unsaid.append("frame 3, 4.0 s: ('region-1',)")
+    assert exit_code(monkeypatch, world) == 1
+    assert "without saying for whom, or what follows: frame 3" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(("waiting", "outlook", "unsaid"), [
+    (("a",), "it will be restarted in 9 s", False),
+    (("a",), "", True),
+    ((), "", True),
+    (("b",), "it will be restarted in 9 s", True),
+])  # fmt: skip
+def test_a_long_wait_names_a_member_and_what_follows(waiting, outlook, unsaid):
+    world = Chaos.__new__(Chaos)
+    world.unsaid = []
+    members = [SimpleNamespace(name="a", outlook=outlook)]
+    for waited in (LONG_WAIT / 2, 2 * LONG_WAIT):
+        status = SimpleNamespace(members=members, waiting=waiting, waited=waited, frame=3)
+        operator = SimpleNamespace(status=lambda status=status: status)
+        world.client = lambda operator=operator: nullcontext(SimpleNamespace(operator=operator))
+        world._check_waiting()
+    assert len(world.unsaid) == unsaid
 
 
 def test_a_world_that_hangs_is_a_message(monkeypatch):
