@@ -7,6 +7,8 @@ import sys
 
 import pytest
 
+from minerva_bus.launch.installed import find_world
+from minerva_bus.launch.reading import read_world_file
 from tests.deploy.commands import DEPLOY
 from tests.deploy.deployed import COMPOSE, COMPOSED_REGIONS, DOCKERFILE, README
 from tools.dependencies import IMAGE_EXTRAS, project
@@ -54,11 +56,14 @@ def test_each_member_has_its_own_key_and_no_other():
 def test_each_region_in_a_container_has_a_host():
     services = COMPOSED_REGIONS["services"]
     for number in range(4):
-        region, host = services[f"region-{number}"], services[f"rabbits-{number}"]
+        region, host = services[f"region-{number}"], services[f"rabbits-host-{number}"]
         (listens,) = [word for word in region["command"] if word.startswith("--listen=")]
         port = listens.rpartition(":")[2]
         assert f"--connect=tls/region-{number}:{port}" in host["command"]
-        assert f"--name=rabbits-{number}" in host["command"]
+        assert f"--name=rabbits-host-{number}" in host["command"]
+        # The region runs the processes of the world file itself, and refuses their names.
+        names = {process.name for process in read_world_file(find_world("meadow")).processes}
+        assert f"rabbits-host-{number}" not in names
 
 
 @pytest.mark.parametrize("name", COMPOSED_REGIONS["services"] | COMPOSE["services"])
