@@ -20,6 +20,7 @@ from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.packing import around_each
 from minerva_bus.grammar.scene import FigureNode, Scene, TransformationNode, Value
 from minerva_bus.grammar.terms import NUMBER, sort_of_kind
+from minerva_bus.grammar.unique_ids import invalid_id, no_id
 
 
 def _check_form(owner: str, form: Form | None, fields: Fields) -> None:
@@ -32,7 +33,7 @@ def _check_form(owner: str, form: Form | None, fields: Fields) -> None:
 
 
 def _checked(name: str, alphabet: str, letter: str) -> str:
-    if not NAME.fullmatch(name) or name[0] != letter:
+    if not (isinstance(name, str) and NAME.fullmatch(name)) or name[0] != letter:  # pyright: ignore[reportUnnecessaryIsInstance]
         raise MisuseError(
             f"the name of {alphabet} must be {letter} followed by letters, digits or _,"
             f" not {name!r}"
@@ -316,4 +317,7 @@ def receiver_ids(receivers: object) -> tuple[str, ...]:
     ids = [value for value in given if isinstance(value, str)]
     if not is_list or len(ids) != len(given):
         raise MisuseError(f"receivers must be a list of ids, receivers=[...], not {receivers!r}")
+    odd = invalid_id(ids)
+    if odd is not None:
+        raise MisuseError(f"receivers: {no_id(odd)}")
     return tuple(sorted(set(ids)))

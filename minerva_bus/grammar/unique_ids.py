@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
+from typing import Final
 
 from minerva_bus.grammar.fitting import Unfit
 from minerva_bus.grammar.id_search import apart
@@ -15,9 +16,19 @@ def same_id(agent_id: str) -> str:
     return f"two agents have the id #{agent_id}"
 
 
+MAX_SHOWN: Final = 64
+"""Characters of an invalid id in its message."""
+
+
 def no_id(text: str) -> str:
     """The message for a text that is not a valid id."""
-    return f"{text!r} is not a valid agent id; expected letters, digits, _, : and -"
+    shown = text if len(text) <= MAX_SHOWN else f"{text[:MAX_SHOWN]}…"
+    return f"{shown!r} is not a valid agent id; expected letters, digits, _, : and -"
+
+
+def invalid_id(texts: Iterable[str]) -> str | None:
+    """The first text that is not a valid id; None if all are."""
+    return next((text for text in texts if AGENT_ID.fullmatch(text) is None), None)
 
 
 def repeated_id(columns: Sequence[Ids], single: Collection[str] = ()) -> str | None:

@@ -21,7 +21,7 @@ from minerva_bus.grammar.scene import AgentNode, FigureNode, Node, Scene, Transf
 from minerva_bus.grammar.symbols import AgentKind, EventType, Primitive, Transformation
 from minerva_bus.grammar.traversal import rebuild
 from minerva_bus.grammar.types import Unfit
-from minerva_bus.grammar.unique_ids import UniqueIds, no_id
+from minerva_bus.grammar.unique_ids import UniqueIds, invalid_id, no_id
 
 
 class HasKind(Protocol):
@@ -199,6 +199,9 @@ class Vocabulary:
             values = self._inner(values, source)
         if event.condition:
             self.check_condition(event.type, event.condition, source)
+        odd = invalid_id(event.receivers) if event.receivers else None
+        if odd is not None:
+            raise VocabularyError(f"receivers of {event.type}: {no_id(odd)}", source=source)
         receivers = _in_order(event.receivers)
         if names is event.names and values is event.values and receivers is event.receivers:
             return event

@@ -106,6 +106,13 @@ def test_garbage(rule, payload, why):
         made("t", rule, "t", payload)
 
 
+@pytest.mark.parametrize("level", ["", " ", "a b", "$x", "..", "\xfc", "#", "a\n"])
+def test_a_topic_whose_level_is_no_id_has_no_event(level):
+    """The coordinator removes a member that sends such a receiver, and anyone can publish one."""
+    with pytest.raises(InvalidPayload, match=r"receivers: .* is not a valid agent id"):
+        made("home/{room}/t", {"event": "eAir", "receivers": ["{room}"]}, f"home/{level}/t", "1")
+
+
 @given(st.binary(max_size=200) | st.recursive(
     st.none() | st.booleans() | st.floats() | st.integers() | st.text(),
     lambda inner: st.lists(inner) | st.dictionaries(st.sampled_from(["celsius", "open", "value", "s"]), inner),
