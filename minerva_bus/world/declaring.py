@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from inspect import get_annotations
-from typing import Any, ClassVar, Final, get_origin, get_type_hints
+from typing import Any, ClassVar, Final, cast, get_origin, get_type_hints
 
-from minerva_bus.errors import MisuseError
+from minerva_bus.errors import MisuseError, SignatureError
 from minerva_bus.grammar.fields import Default, Fields
 from minerva_bus.world.class_attributes import NO_DEFAULT, default_of
 from minerva_bus.world.signatures import check_signature
@@ -36,6 +36,8 @@ def handlers(cls: type, mark: str) -> dict[str, Callable[..., Any]]:
     for base in reversed(cls.__mro__):
         own: dict[str, str] = {}
         for name, function in vars(base).items():
+            if base is cls:
+                check_uncovered(cls, name, function, mark)
             event_types: tuple[str, ...] = getattr(function, mark, ())
             if event_types or not callable(function):
                 # A marked method replaces all event types that its bases have marked it for, and a
@@ -52,6 +54,34 @@ def handlers(cls: type, mark: str) -> dict[str, Callable[..., Any]]:
     for name in set(methods.values()) & vars(cls).keys():
         check_signature(getattr(cls, name), *ARGUMENTS[mark])
     return {event_type: getattr(cls, name) for event_type, name in methods.items()}
+
+
+def check_uncovered(cls: type, name: str, function: Any, mark: str) -> None:
+    """Raise SignatureError if a decorator above `@on` or `@view` hides the mark of a method."""
+    if getattr(function, mark, ()):
+        return
+    wrapped = [getattr(function, attribute, None) for attribute in _WRAPPED]
+    for inner in (*wrapped, *_enclosed(function)):
+        # A method may refer to marked functions with other names.
+        own = getattr(inner, "__qualname__", "") == f"{cls.__qualname__}.{name}"
+        if own and getattr(inner, mark, ()):
+            what = "@on" if mark == ON else "@view"
+            how = f"write {what} as the first line above it, before other decorators"
+            problem = f"{cls.__name__}.{name} would never be called: {how}"
+            raise SignatureError(problem, cast("Callable[..., Any]", inner))
+
+
+def _enclosed(function: Any) -> Iterator[object]:
+    """The objects to which a function within another one refers."""
+    for cell in getattr(function, "__closure__", None) or ():
+        try:
+            yield cell.cell_contents
+        except ValueError:  # It has no value yet.
+            continue
+
+
+_WRAPPED: Final = ("__wrapped__", "fget", "func")
+"""Attributes in which decorators keep the decorated function."""
 
 
 def takes_batch(function: Callable[..., Any]) -> bool:
@@ -114,4 +144,10 @@ def _hints(cls: type) -> dict[str, Any]:
         raise MisuseError(
             f"the annotations of {cls.__name__} cannot be read ({error}); types of attributes"
             " must be imported at the top of the module, not within a function"
+        ) from None
+    # An annotation as a text is evaluated here, so it may raise anything.
+    except Exception as error:
+        raise MisuseError(
+            f"the annotations of {cls.__name__} cannot be read ({error}); annotate attributes with"
+            " types, such as x: float"
         ) from None

@@ -62,13 +62,7 @@ def on(
     check_mode(compiled)
     if compiled and for_population:
         raise MisuseError("a method with compiled=True is for one agent; leave out population=True")
-    mark = _mark(ON, event_types, for_population, together, h)
-
-    def mark_compiled(function: _F) -> _F:
-        setattr(function, COMPILED, compiled)
-        return mark(function)
-
-    return mark_compiled
+    return _mark(ON, event_types, for_population, together, h, compiled)
 
 
 def view(*event_types: str, population: bool = False, compiled: Mode = False) -> Callable[[_F], _F]:
@@ -95,13 +89,7 @@ def view(*event_types: str, population: bool = False, compiled: Mode = False) ->
     check_mode(compiled)
     if compiled and population:
         raise MisuseError("a view with compiled=True is for one agent; leave out population=True")
-    mark = _mark(VIEW, event_types, population, False, 1.0)
-
-    def mark_compiled(function: _F) -> _F:
-        setattr(function, COMPILED, compiled)
-        return mark(function)
-
-    return mark_compiled
+    return _mark(VIEW, event_types, population, False, 1.0, compiled)
 
 
 def _mark(
@@ -110,11 +98,21 @@ def _mark(
     population: bool,
     together: bool,
     probability: float | str,
+    compiled: Mode,
 ) -> Callable[[_F], _F]:
-    if not event_types or not all(isinstance(event_type, str) for event_type in event_types):
+    named = all(isinstance(event_type, str) and event_type for event_type in event_types)
+    if not (event_types and named):
         raise MisuseError('name the event types: @on("eHunger"), @view("ePicture")')
 
     def mark(function: _F) -> _F:
+        # Built-in functions and partial objects have no attributes for the marks, or no name.
+        if isinstance(function, type) or not hasattr(function, "__dict__") or not _name(function):
+            what = "@on" if name == ON else "@view"
+            raise MisuseError(
+                f"{what} marks a method, written with def; {function!r:.80} is of type"
+                f" {type(function).__name__}"
+            )
+        setattr(function, COMPILED, compiled)
         setattr(function, name, event_types)
         setattr(function, POPULATION, population)
         setattr(function, TOGETHER, together)
@@ -122,3 +120,7 @@ def _mark(
         return function
 
     return mark
+
+
+def _name(function: object) -> str:
+    return getattr(function, "__name__", "")
