@@ -55,7 +55,9 @@ class SourceLine:
     def where(self) -> str:
         """`file:line`; in a notebook `Cell In[3], line 12`, as its own tracebacks have it."""
         cell = _cell(self.file)
-        return f"{cell}, line {self.line}" if cell else f"{self.file}:{self.line}"
+        if cell:
+            return f"{cell}, line {self.line}"
+        return f"{self.file}:{self.line}" if self.line else self.file
 
     def lines(self) -> list[str]:
         """`file:line, in function` and the source line, indented."""

@@ -23,6 +23,7 @@ from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.launch.table import Table
 from minerva_bus.settings.tables import NormSettings
+from minerva_bus.wire.keys import is_name
 from minerva_bus.world.norms import REFUSED, Norm, Then, check_condition, sanction_of
 
 PEOPLE: Final = "people"
@@ -40,6 +41,7 @@ def read_norms(
     """
     norms: list[Norm] = []
     for name in list(table.data):
+        table.named(name, "a norm")
         inner = table.table(name)
         settings = inner.read(NormSettings)
         norm = _norm(name, inner, settings, vocabulary, members)
@@ -63,6 +65,11 @@ def _norm(
             table.wrong("on", f"names {event}, which is visual: norms are not about views")
     who = "agent kind or process"
     persons = [subject for subject in settings.applies if subject.startswith(f"{PEOPLE}:")]
+    for person in persons:
+        # With certificates a person is that of a member, `people:web/page-1`.
+        if not all(map(is_name, person.partition(":")[2].split("/"))):
+            expected = "people:NAME, with up to 64 letters, digits and _ . ~ -"
+            table.wrong("applies", f"names no person by {person[:80]!r}; expected {expected}")
     known = [*kinds, *members, PEOPLE, *persons]
     _check_known(table, "applies", settings.applies, known, who)
     for subject in settings.applies:

@@ -24,6 +24,11 @@ def read_options(
     `completed_by` names a function that completes them ("": none). Raises WorldFileError.
     """
     written = top.table("options").rest()
+    for key in written:
+        # Otherwise the command line could not name it: `--some-rate` is `some_rate`.
+        if not key.isidentifier():
+            expected = "letters, digits and _, beginning with a letter, as in step_size"
+            raise WorldFileError(f"{path}: {key[:80]!r} cannot name an option: use {expected}")
     options = {key: beside(value, path.parent) for key, value in written.items()}
     choices = _read_choices(top.table("choices"), options, path.parent)
     for key, text in given.items():

@@ -10,9 +10,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from minerva_bus.errors import WorldFileError, nearest
+from minerva_bus.errors import MisuseError, WorldFileError, nearest
 from minerva_bus.frame.compatibility import incompatibility
 from minerva_bus.frame.member import Member
+from minerva_bus.frame.messages import Hello
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.launch.distribution import names_of
 from minerva_bus.launch.options import beside
@@ -24,7 +25,7 @@ from minerva_bus.runtime.waiting import Patience
 from minerva_bus.settings.declaring import settings_of
 from minerva_bus.settings.kinds import AUTO
 from minerva_bus.settings.tables import PatienceSettings, ProcessSettings
-from minerva_bus.wire.keys import COORDINATOR
+from minerva_bus.wire.keys import COORDINATOR, checked_name
 from minerva_bus.world.services import Service
 
 
@@ -156,7 +157,18 @@ def check_members(processes: Iterable[Process], vocabulary: Vocabulary, path: Pa
         tables.update({process.table} - {""})
         if not process.command and first:
             members.append(process.participant())
-            reason = incompatibility(members[-1].hello(), vocabulary)
+            hello = members[-1].hello()
+            reason = incompatibility(hello, vocabulary) or _invalid_topic(hello)
             if reason:
                 raise WorldFileError(f"{path}: [process.{process.name}]: {reason}")
     return members
+
+
+def _invalid_topic(hello: Hello) -> str:
+    """Why a sensor topic cannot be part of a key of the bus, or an empty string."""
+    try:
+        for topic in (*hello.topics, *hello.publishes):
+            checked_name(topic, "a topic")
+    except MisuseError as error:
+        return str(error)
+    return ""

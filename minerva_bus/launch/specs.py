@@ -89,6 +89,11 @@ def _import(name: str, spec: str) -> Any:
     except KeyboardInterrupt:
         raise
     except BaseException as error:
+        if isinstance(error, SyntaxError) and error.filename is None and place_of(error) is None:
+            # Python does not say which file has bytes that are no text.
+            module = find_spec(name)
+            error.filename = None if module is None else module.origin
+            error.msg += "; save it as text in UTF-8"
         raise WorldFileError(f"{spec!r}: importing {name}: {report(error)}") from error
 
 

@@ -250,7 +250,29 @@ MISTAKES = (
     Mistake("generate without a tick", "    def generate(self, tick):\n", "    def generate(self):  #!\n", _says("Sun.generate", "(self, tick)")),
     Mistake("show without a view", "    def show(self, shown):\n", "    def show(self):  #!\n", _says("Watch.show", "(self, view)")),
     Mistake("marked without a name", '    @on("eSun")\n', "    @on  #!\n", _says("@on")),
+    Mistake("marked with an empty name", '    @on("eSun")\n', '    @on("")  #!\n', _says("@on", "event types")),
+    Mistake("static method above the mark", '    @on("eSun")\n    def grow(self, sun, moment):\n',
+            '    @staticmethod\n    @on("eSun")\n    def grow(self, sun, moment):  #!\n', _says("Plant.grow", "first line above")),
+    Mistake("property above the mark", '    @view("ePicture")\n    def picture(self, event):\n',
+            '    @property\n    @view("ePicture")\n    def picture(self, event):  #!\n', _says("Plant.picture", "write @view")),
+    Mistake("decorator that hides the mark", '    @on("eSun")\n    def grow(self, sun, moment):\n',
+            '    @(lambda function: lambda *args: function(*args))\n    @on("eSun")\n    def grow(self, sun, moment):  #!\n',
+            _says("Plant.grow would never be called", "write @on")),
+    Mistake("mark of a class", '    @on("eSun")\n', '    @on("eWind")  #!\n    class Blow: pass\n\n    @on("eSun")\n', _says("@on marks a method")),
+    Mistake("mark of an object", '    @on("eSun")\n', '    blow = on("eWind")(random.Random())  #!\n\n    @on("eSun")\n', _says("@on marks a method", "Random")),
+    Mistake("mark of a built-in function", '    @on("eSun")\n', '    blow = on("eWind")(print)  #!\n\n    @on("eSun")\n', _says("@on marks a method", "print")),
+    Mistake("annotation that is no expression", "    energy: float = 1.0\n", "    energy: 'float[' = 1.0\n", _says("annotations of Plant", "float["), at=False),
+    Mistake("symbol that is no text", 'symbol="APlant"', "symbol=5", _says("A followed by letters"), at=False),
+    *[
+        Mistake(f"receiver {given}", SHINE, f"        yield eSun(1.0, receivers=[{given}])  #!\n", _says("receivers: ", "not a valid agent id"))
+        for given in ("''", "' '", "'a b'", "'#a'", "'a/b'", "'*'", "'..'", "'\xfc'", "'a\\n'", "'b', ''", "'.' * 300")
+    ],
+    Mistake("receiver of an activity", GROW, "        moment.emit(eWind(receivers=['']))  #!\n", _says("Plant.grow", "receivers: ''")),
+    Mistake("receiver of a changed event", SHINE, "        from dataclasses import replace\n        yield replace(eSun(1.0), receivers=('',))\n",
+            _says("Sun.generate", "receivers of eSun: ''"), at=False),
     # --- the module ---
+    Mistake("byte that is no text", "import random\n", "import random\n\0", _says("null bytes", "garden.py", "UTF-8"), at=False),
+    Mistake("unknown encoding", '"""Plants', '# coding: leaves\n"""Plants', _says("unknown encoding: leaves", "garden.py\n"), at=False),
     Mistake("syntax error", GROW, "        self.height += sun.light)  #!\n", _says("unmatched ')'", "^")),
     Mistake("wrong indentation", GROW, "      self.height += sun.light\n       pass  #!\n", _says("indent")),
     Mistake("missing module", "import random\n", "import rnadom  #!\nimport random\n", _says("rnadom", "not installed")),
@@ -286,6 +308,24 @@ MISTAKES = (
     Mistake("agent as a service", "garden:Watch", "garden:Plant", _says("garden:Plant"), at=False, in_file=True),
     Mistake("text of a condition in single quotes", "[bus]", "[norm.tall]\napplies = \"APlant\"\nwhen = \"height == 'tall'\"\n\n[bus]",
             _says("norm.tall.when", "a text in double quotes"), at=False, in_file=True),
+    *[
+        Mistake(f"norm of the name {name}", "[bus]", f'[norm."{name}"]\non = "eSun"\n[bus]', _says("cannot name a norm"), at=False, in_file=True)
+        for name in ("", " ", "a b", "\xfc", "n" * 300, "..", "a/b", "*", "~x", "a\\nb")
+    ],
+    *[
+        Mistake(f"norm for the person {name}", "[bus]", f'[norm.tall]\non = "eSun"\napplies = "people:{name}"\n[bus]',
+                _says("norm.tall.applies names no person", "people:NAME"), at=False, in_file=True)
+        for name in ("", " ", "a b", "\xfc", "n" * 300, "a//b", "/", "*", "a\\nb")
+    ],
+    *[
+        Mistake(f"option of the name {name}", "[bus]", f'[options]\n"{name}" = 1\n[bus]', _says("cannot name an option"), at=False, in_file=True)
+        for name in ("", " ", "a b", "a-b", "1a", "*", "..", "a\\nb")
+    ],
+    *[
+        Mistake(f"topic {name}", "    def generate(self, tick):\n", f"    {which} = ({name!r},)\n\n    def generate(self, tick):\n",
+                _says("[process.sun]", "cannot name a topic"), at=False)
+        for name in ("", "a/b", "*", "t" * 300, "\xfc", "$t") for which in ("topics", "publishes")
+    ],
     Mistake("no TOML", "[process.sun]", "[process.sun", _says("garden.toml"), at=False, in_file=True),
 )  # fmt: skip
 
