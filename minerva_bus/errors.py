@@ -221,11 +221,13 @@ def _locate(text: str, offset: int) -> tuple[int, int, str]:
     offset = min(offset, len(text))
     start = text.rfind("\n", 0, offset) + 1
     end = text.find("\n", offset)
-    line = text[start : end if end >= 0 else len(text)]
+    line = text[start : end if end >= 0 else len(text)].removesuffix("\r")
     at = offset - start
     first = max(0, at - _EXCERPT_WIDTH // 2)
-    # A tab may be several columns wide, and the caret below would be in the wrong place.
-    shown = line[first : first + _EXCERPT_WIDTH].replace("\t", " ")
+    # A tab may be several columns wide, and the caret below would be in the wrong place. Other
+    # control characters would control the terminal.
+    part = line[first : first + _EXCERPT_WIDTH].replace("\t", " ")
+    shown = "".join([char if char.isprintable() else "?" for char in part])
     left = "…" if first else ""
     right = "…" if first + _EXCERPT_WIDTH < len(line) else ""
     caret = " " * (len(left) + at - first) + "^"

@@ -206,6 +206,11 @@ def main() -> None:
         lacking = f"{error.encoding} has no {error.object[error.start]!a}"
         print_error(f"the output cannot be written: {lacking}; set PYTHONIOENCODING=utf-8")
         sys.exit(WRONG)
+    except ValueError:
+        if not sys.stdout.closed:
+            raise
+        print_error("the output cannot be written: code of the world has closed sys.stdout")
+        sys.exit(WRONG)
     except BrokenPipeError:
         # The reader of a pipe, such as `head`, has closed it: it needs no more.
         sys.exit(0)

@@ -121,3 +121,13 @@ def test_output_on_a_full_disk_is_an_error(monkeypatch, capsys):
         full.close()
     assert ended.value.code == 2
     assert "minerva: the output cannot be written: No space left" in capsys.readouterr().err
+
+
+def test_code_that_has_closed_the_output_is_an_error_of_one_line(monkeypatch, capsys):
+    closed = io.StringIO()
+    closed.close()
+    monkeypatch.setattr(sys, "stdout", closed)
+    monkeypatch.setattr(sys, "argv", ["minerva", "version"])
+    with pytest.raises(SystemExit, match="2"):
+        main()
+    assert capsys.readouterr().err.endswith("code of the world has closed sys.stdout\n")

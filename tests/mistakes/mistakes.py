@@ -326,6 +326,8 @@ MISTAKES = (
                 _says("[process.sun]", "cannot name a topic"), at=False)
         for name in ("", "a/b", "*", "t" * 300, "\xfc", "$t") for which in ("topics", "publishes")
     ],
+    Mistake("control characters", "frames = 5", "frames = 5 \x1b[31m\x07\u202e", _says("garden.toml:4", "frames = 5 ?[31m??"), at=False, in_file=True),
+    Mistake("lines that end with CR", "[world]\n", "[world]\r", _says("garden.toml:1", "[world]?string"), at=False, in_file=True),
     Mistake("no TOML", "[process.sun]", "[process.sun", _says("garden.toml"), at=False, in_file=True),
 )  # fmt: skip
 
