@@ -255,7 +255,8 @@ class InProcessRun:
         member = None if self._parts is None else self._parts.runner.direct.running
         if member is not None and self.algorithm.phase is not Phase.READY:
             text = f"frame {self.algorithm.frame} has been waiting for it for {duration(waited)}"
-            self._console.log(member.name, "\n".join([f"{text}; it executes", *place.lines()]))
+            text += "; only an interrupt (Ctrl-C) ends it; it executes"
+            self._console.log(member.name, "\n".join([text, *place.lines()]))
 
     def _print(self, text: str) -> None:
         self._console.frame = self.algorithm.frame

@@ -83,5 +83,6 @@ def test_a_method_that_blocks_a_run_is_reported_with_its_member(monkeypatch):
     name, line = lines[0]
     assert name == "agents"
     assert line.startswith("frame 0 has been waiting for it for")
+    assert "only an interrupt (Ctrl-C) ends it" in line
     assert "Sleeper.sleep" in line
     assert "done.wait(60)" in line
