@@ -38,6 +38,7 @@ from minerva_bus.cli.world_first import WorldFirstCommand
 from minerva_bus.errors import MinervaError, MisuseError
 from minerva_bus.outputs import forget_inputs
 from minerva_bus.process_end import ended_by_system
+from minerva_bus.runtime.lingering import limit_threads
 from minerva_bus.uncaught import report_threads
 
 GROUPS: Final = {
@@ -188,6 +189,15 @@ def _problem(error: OSError) -> str:
 
 def main() -> None:
     """Run the command line; errors are one message and an exit code, never a traceback."""
+    try:
+        _run()
+    except SystemExit as ended:
+        limit_threads(ended.code if isinstance(ended.code, int) else int(bool(ended.code)))
+        raise
+    limit_threads(0)
+
+
+def _run() -> None:
     try:
         # A process may run several commands, as tests do; the inputs of one are not those of the
         # next.
