@@ -160,6 +160,10 @@ class Members:
         """Whether a member is a process of the world file; any other is a guest."""
         return member.name in self._named
 
+    def is_process(self, name: str) -> bool:
+        """Whether this is the name of a process of the world file, here or in regions."""
+        return name in self._named or any(hello.member == name for hello in self.inside)
+
     def missing_guests(self) -> list[str]:
         """Guests of the previous coordinator that have not returned yet, sorted."""
         return [m.name for m in self if m.expected and not self.named(m)]

@@ -54,7 +54,8 @@ def refusal_of_guest(world: FrameAlgorithm, member: MemberEntry, event_types: It
 def _reservation(world: FrameAlgorithm, event_type: str) -> str:
     """Why an event type is not for people, and how to allow it; or an empty string."""
     members = world.members
-    if event_type in world.world.people or members.takers(event_type):
+    # An attached generator that takes orders cannot allow what the world file does not.
+    if event_type in world.world.people or any(map(members.is_process, members.takers(event_type))):
         return ""
     makers = ", ".join(members.makers(event_type))
     return makers and (

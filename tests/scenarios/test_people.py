@@ -104,6 +104,18 @@ def test_a_guest_that_joins_before_the_process_may_not_send_them_either(lockstep
     assert bus.digests == undisturbed(2)
 
 
+def test_a_guest_that_takes_orders_allows_nothing():
+    class Accomplice(Steps):
+        def takes_orders(self):
+            return ("eAdd",)
+
+    bus = started(counters())
+    assert attached(bus, Accomplice)[0] == []
+    assert bus.algorithm.members.takers("eAdd") == ["guest"]
+    assert "eAdd comes from add" in refusal(bus, "eAdd")
+    assert "may not join" in attached(bus, Add, "other")[0][0]
+
+
 def test_a_guest_reserves_no_type_of_its_own():
     bus = started(counters())
     assert attached(bus, Steps)[0] == []
