@@ -89,6 +89,9 @@ class RegionNorms(Norms):
         saved = world.past.saved.get(SOURCE, {})
         super().__init__(world.norms, composition, world.vocabulary, saved)
         self.people = frozenset[str]()
+        # Orders of people are judged before the sanctions of the frame are taken, so those for the
+        # next one do not wait among them.
+        self._waiting: list[AnyEvent] = []
         self._number = number
         self._judged_types = frozenset(name for norm in world.norms for name in norm.on)
         self._named = sorted({name for norm in world.norms for name in norm.named})
@@ -182,6 +185,11 @@ class RegionNorms(Norms):
             for to in regions
         }
 
+    def take_received(self) -> list[AnyEvent]:
+        """Remove and return the sanctions of `later`, when the frame is over."""
+        waiting, self._waiting = self._waiting, []
+        return waiting
+
     def take_later(self) -> list[AnyEvent]:
         """Remove and return the sanctions of events that have been judged for the next frame."""
         later, self._sanctions = self._sanctions, []
@@ -189,14 +197,14 @@ class RegionNorms(Norms):
 
     def received(self) -> NormPart:
         """What is known of other regions before a frame, apart from counts, which are saved."""
-        return NormPart(self._states, later=tuple(self._sanctions))
+        return NormPart(self._states, later=tuple(self._waiting))
 
     def receive(self, parts: Sequence[NormPart]) -> None:
         """Continue with what all regions have sent."""
         self._states = {name: value for part in parts for name, value in part.states.items()}
         for part in parts:
             self._counts.add(part.counts)
-            self._sanctions += [event for event in part.later if not isinstance(event, Events)]
+            self._waiting += part.later
 
     def _elsewhere(self, name: str) -> Any:
         return self._states.get(name)

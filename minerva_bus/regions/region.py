@@ -29,7 +29,14 @@ from minerva_bus.regions.inbox import ParcelInbox
 from minerva_bus.regions.kept import own_parts
 from minerva_bus.regions.merging import PlacedEvent, Units, in_order, merged
 from minerva_bus.regions.nearby import LEFT, NearbyServices
-from minerva_bus.regions.norms import NO_NORMS, NO_REPORT, NormPart, NormReport, RegionNorms
+from minerva_bus.regions.norms import (
+    NO_NORMS,
+    NO_REPORT,
+    Judged,
+    NormPart,
+    NormReport,
+    RegionNorms,
+)
 from minerva_bus.regions.parcel import Parcel
 from minerva_bus.regions.partition import Partition
 from minerva_bus.regions.place_table import repeats
@@ -95,7 +102,7 @@ class Region:
         if world.norms:
             algorithm = self.algorithm
             self._norms = algorithm.norms = RegionNorms(world, algorithm.composition, number)
-            self._source.judge = self._norms.judge
+            self._source.judge = self._judge
             if received is not None:
                 self._norms.receive([received])
             elif world.past.frame:
@@ -124,6 +131,12 @@ class Region:
             return NO_REPORT
         source, sanctions = self._source, tuple(self.algorithm.inbox.sanctions)
         return NormReport(source.rejected, self._norms.counts, sanctions, source.halted)
+
+    def _judge(self, frame: int, sent: Sequence[PlacedEvent]) -> Judged:
+        assert self._norms is not None
+        inbox = self.algorithm.inbox
+        inbox.sanctions = [*self._norms.take_received(), *inbox.sanctions]
+        return self._norms.judge(frame, sent)
 
     # --- before a frame ---
 
