@@ -18,7 +18,8 @@ class Checkpoint:
 
     `saved`: data saved by lockstep members in their last complete frame, by member.
     `emitted`: events that agents sent, and `inbox`: events from other sources, by source; both
-    count in the next frame. `inbox` also has events of agents for later frames, as `#FRAME`.
+    count in the next frame. `inbox` also has events of agents that were postponed to a frame, as
+    `#FRAME`.
     `reached`: agents that reached the event of `until`; `reaching`: kinds that can reach it.
     """
 

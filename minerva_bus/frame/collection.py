@@ -226,6 +226,7 @@ class CollectionStep:
         sources: dict[str, Sequence[AnyEvent]] = {**taken}
         if emitted:
             sources[AGENTS] = emitted
+        due_now = algorithm.inbox.take_postponed(algorithm.frame)
         self._add_ticked(sources)
         # The rights were checked on arrival, but the string may have changed since then.
         self._leave_out_foreign(sources)
@@ -235,6 +236,8 @@ class CollectionStep:
             logged = algorithm.in_flight.logged
             events.people = algorithm.members.standing_for_people(sources, logged)
         allowed = self._permitted(sources)
+        if due_now:  # Norms have judged them before they were postponed; older events first.
+            allowed = {**allowed, AGENTS: [*due_now, *allowed.get(AGENTS, ())]}
         if allowed:
             early = algorithm.inbox.early.evolution
             # The same objects as in the early request, which is then known to be for these events.
@@ -282,9 +285,20 @@ class CollectionStep:
         if algorithm.norms:
             people = algorithm.in_flight.events.people
             sources = dict(algorithm.norms.events(algorithm.frame, sources, people))
+            self._judge_postponed()
             algorithm.norms.publish(algorithm.out, algorithm.inbox, algorithm.members.saved)
         report_orders(algorithm, sources)
         return {**sources, SOURCE: sanctions} if sanctions else sources
+
+    def _judge_postponed(self) -> None:
+        """Judge the events that agents have sent in the last frame, and that count later."""
+        algorithm, lag = self._algorithm, self._algorithm.world.lag
+        if lag is None:
+            return
+        frame = algorithm.frame + lag.frames
+        late = algorithm.inbox.take_postponed(frame)
+        permitted = algorithm.norms.events(algorithm.frame, {AGENTS: late})[AGENTS]
+        algorithm.inbox.postpone(frame, permitted)
 
     def _permitted_orders(self, orders: Orders) -> tuple[AnyEvent, ...]:
         """People's orders that norms permit, before a generator takes them."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Final, Protocol
+from typing import TYPE_CHECKING, Any, Final, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,9 @@ if TYPE_CHECKING:
 
 HOMES: Final = "~homes"
 """Key in `Checkpoint.saved` for the agents that are not at home where they are."""
+
+Divided: TypeAlias = tuple[Sequence[AnyEvent], Sequence[AnyEvent]]
+"""What agents have sent in a frame: events for the next one, and those for a later one."""
 
 NOWHERE: Final = -1
 """Home of an agent that has been born since agents could last move."""
@@ -83,20 +86,27 @@ def note_homes(algorithm: FrameAlgorithm) -> None:
     inbox.homes = homes_at(lag, algorithm.frame, inbox.homes, algorithm.composition)
 
 
-def note_sent(algorithm: FrameAlgorithm, sent: Sequence[AnyEvent]) -> None:
-    """Queue what agents have sent in the frame that is complete now."""
+def note_sent(algorithm: FrameAlgorithm, sent: Sequence[AnyEvent]) -> Divided:
+    """Queue what agents have sent in the frame that is complete now; returns it as `divided`."""
     inbox, lag = algorithm.inbox, algorithm.world.lag
-    if lag is None:
-        inbox.emitted = [*sent]
-        return
-    near: list[AnyEvent] = []
-    late: list[AnyEvent] = []
-    for event, crosses in zip(sent, lag.crossing(sent, inbox.homes) if sent else (), strict=True):
+    inbox.emitted, late = divided(algorithm, sent)
+    if lag is not None:
+        inbox.postpone(algorithm.frame + lag.frames, late)
+    return inbox.emitted, late
+
+
+def divided(
+    algorithm: FrameAlgorithm, sent: Sequence[AnyEvent]
+) -> tuple[list[AnyEvent], list[AnyEvent]]:
+    """What agents have sent in a frame: events for the next one, and those for a later one."""
+    lag, near, late = algorithm.world.lag, list[AnyEvent](), list[AnyEvent]()
+    if lag is None or not sent:
+        return [*sent], late
+    crossing = lag.crossing(sent, algorithm.inbox.homes)
+    for event, crosses in zip(sent, crossing, strict=True):
         near += _rows(event, ~crosses)
         late += _rows(event, crosses)
-    inbox.postpone(algorithm.frame + lag.frames, late)
-    # Older events first.
-    inbox.emitted = [*inbox.take_postponed(algorithm.frame), *near]
+    return near, late
 
 
 def _rows(event: AnyEvent, rows: NDArray[np.bool_]) -> list[AnyEvent]:

@@ -30,8 +30,10 @@ def sources_of(past: PastFrame) -> dict[str, list[AnyEvent]]:
         for source, events in inputs.taken.items():
             if not is_handed_over(source):
                 sent.setdefault(source, []).extend(events)
-    if past.checkpoint is not None and past.checkpoint.emitted:
-        sent[AGENTS] = list(past.checkpoint.emitted)
+    if past.checkpoint is not None:
+        due = past.checkpoint.inbox.get(postponed_to(past.checkpoint.frame), ())
+        if events := [*due, *past.checkpoint.emitted]:
+            sent[AGENTS] = events
     return sent
 
 

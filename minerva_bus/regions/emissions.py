@@ -16,18 +16,22 @@ from minerva_bus.regions.part import PartReceiver
 from minerva_bus.world.norms import SOURCE
 
 
-def take_events(algorithm: FrameAlgorithm, parts: Sequence[PartReceiver]) -> Sequence[AnyEvent]:
-    """The permitted events for the next frame; the checkpoint has all, and what norms count."""
+def take_events(
+    algorithm: FrameAlgorithm, parts: Sequence[PartReceiver]
+) -> tuple[Sequence[AnyEvent], Sequence[AnyEvent]]:
+    """All that agents have sent, for the checkpoint, and what norms permit of it.
+
+    The checkpoint also has what norms have counted before they judged these events.
+    """
     inbox, saved = algorithm.inbox, algorithm.members.saved
     permitted = in_order(event for part in parts for event in part.sent)
     if not algorithm.norms:
-        inbox.emitted = permitted
-        return permitted
-    inbox.emitted = in_order(event for part in parts for event in part.unjudged)
+        return permitted, permitted
+    sent = in_order(event for part in parts for event in part.unjudged)
     inbox.sanctions = [event for part in parts for event in part.norms.sanctions]
     saved[SOURCE] = total_counts(part.norms.counts or {} for part in parts)
     algorithm.norms.count_from(saved[SOURCE])
     halted = sorted(name for part in parts for name in part.norms.halted)
     if halted:
         saved[HALTED] = {"frame": algorithm.frame, "agents": halted}
-    return permitted
+    return sent, permitted

@@ -10,9 +10,14 @@ from copy import copy
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
+import numpy as np
+from numpy.typing import NDArray
+
 from minerva_bus.frame.composition import Composition
 from minerva_bus.frame.description import World
 from minerva_bus.frame.event_sources import AGENTS
+from minerva_bus.frame.inbox import FrameInbox
+from minerva_bus.frame.lag import Divided
 from minerva_bus.frame.messages import Figures
 from minerva_bus.frame.norms import BROKEN, Norms, Sources
 from minerva_bus.grammar.batch import AnyEvent, Events
@@ -78,6 +83,10 @@ Judged: TypeAlias = tuple[Sequence[PlacedEvent], tuple[int, ...]]
 """Events, and the numbers of those that norms reject."""
 
 
+Crossing: TypeAlias = Callable[[Sequence[PlacedEvent]], Sequence[NDArray[np.bool_]]]
+"""For each event which of its rows count later."""
+
+
 class RegionNorms(Norms):
     """The norms of a world in one region.
 
@@ -89,6 +98,7 @@ class RegionNorms(Norms):
         saved = world.past.saved.get(SOURCE, {})
         super().__init__(world.norms, composition, world.vocabulary, saved)
         self.people = frozenset[str]()
+        self.crossing: Crossing = lambda placed: [np.zeros(1, np.bool_) for _ in placed]
         # Orders of people are judged before the sanctions of the frame are taken, so those for the
         # next one do not wait among them.
         self._waiting: list[AnyEvent] = []
@@ -100,15 +110,14 @@ class RegionNorms(Norms):
         self._states: Figures = _values(self._named, lambda name: first.get(name, {}))
         self._before_judging = self.saved()
 
-    def judge_past(self, world: World) -> Sequence[AnyEvent]:
-        """The permitted events that agents had sent before a world of one coordinator continues.
+    def judge_past(self, world: World, inbox: FrameInbox) -> None:
+        """Judge the events that agents had sent before a world of one coordinator continues.
 
         Each region judges them in the whole string, so none has to wait for another one. It keeps
         the counts of its own agents.
         """
-        past, own = world.past, self._composition
-        self._composition = Composition(world.scene)
-        permitted = super().events(past.frame, {AGENTS: past.emitted})[AGENTS]
+        own, self._composition = self._composition, Composition(world.scene)
+        judge_sent(world, inbox, super().events)
         self._composition = own
         others = [each.id for each in agents(world.scene) if own.home(each.id) is None]
         self._counts.remove(others)
@@ -116,7 +125,6 @@ class RegionNorms(Norms):
             self._counts.broken = {}
             self._lines = []
         self._before_judging = self.saved()
-        return permitted
 
     def events(self, frame: int, sources: Sources, people: Collection[str] = ()) -> Sources:
         """The permitted events of a frame, by source; those of agents have been judged already."""
@@ -134,9 +142,13 @@ class RegionNorms(Norms):
         if not any(each.event.type in self._judged_types for each in sent):
             return sent, ()
         placed = [single for each in sent for single in self._single(each)]
-        judged = [each.event for each in placed if each.event.type in self._judged_types]
-        permitted = super().events(frame, {AGENTS: judged})[AGENTS]
-        rejected = {id(event) for event in judged} - {id(event) for event in permitted}
+        acts = [each for each in placed if each.event.type in self._judged_types]
+        judged = [*zip([each.event for each in acts], self.crossing(acts), strict=True)]
+        permitted: list[AnyEvent] = []
+        for later in (False, True):  # As in a world of one coordinator.
+            events = [event for event, late in judged if bool(late.any()) == later]
+            permitted += super().events(frame, {AGENTS: events})[AGENTS]
+        rejected = {id(event) for event, _ in judged} - {id(event) for event in permitted}
         return placed, tuple(n for n, each in enumerate(placed) if id(each.event) in rejected)
 
     @property
@@ -220,13 +232,24 @@ def _values(names: Sequence[str], state_of: Callable[[str], Mapping[str, Any]]) 
     return {name: value for name, value in values.items() if value is not None}
 
 
-def judged(world: World) -> Sequence[AnyEvent]:
-    """The permitted events that agents had sent before a world continues."""
-    past, counts = world.past, world.past.saved.get(SOURCE, {})
-    if not world.norms:
-        return past.emitted
-    norms = Norms(world.norms, Composition(world.scene), world.vocabulary, counts)
-    return norms.events(past.frame, {AGENTS: past.emitted})[AGENTS]
+def judged(world: World) -> Divided:
+    """The permitted events that agents had sent before a world continues, as `divided` returns."""
+    inbox, lag = FrameInbox(world.past, world.scene), world.lag
+    if world.norms:
+        counts = world.past.saved.get(SOURCE, {})
+        norms = Norms(world.norms, Composition(world.scene), world.vocabulary, counts)
+        judge_sent(world, inbox, norms.events)
+    late = () if lag is None else inbox.take_postponed(world.past.frame + lag.frames)
+    return inbox.emitted, late
+
+
+def judge_sent(world: World, inbox: FrameInbox, judge: Callable[[int, Sources], Sources]) -> None:
+    """Keep the permitted ones of the events that agents had sent before a world continues."""
+    frame = world.past.frame
+    inbox.emitted = [*judge(frame, {AGENTS: inbox.emitted})[AGENTS]]
+    if world.lag is not None:  # Those that have waited longer have been judged.
+        later = frame + world.lag.frames
+        inbox.postpone(later, judge(frame, {AGENTS: inbox.take_postponed(later)})[AGENTS])
 
 
 def violations(figures: Mapping[str, Any]) -> dict[str, Any]:

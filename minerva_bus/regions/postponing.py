@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from minerva_bus.frame.composition import Composition
 from minerva_bus.frame.description import World
@@ -39,14 +40,19 @@ class PostponedEvents:
             events = in_order(event for each in parcels for event in each.postponed)
             inbox.postpone(frame + 1 + self._lag.frames, events)
 
+    def crossing(self, sent: Sequence[PlacedEvent]) -> Sequence[NDArray[np.bool_]]:
+        """For each event, or batch, of a frame, which of its rows wait."""
+        if self._lag is None or not sent:
+            return [np.zeros(len(each.places), np.bool_) for each in sent]
+        return self._lag.crossing([each.event for each in sent], self._homes)
+
     def divided(
         self, sent: Sequence[PlacedEvent]
     ) -> tuple[Sequence[PlacedEvent], Sequence[PlacedEvent]]:
         """What agents have sent in a frame: events for the next one, and those that wait."""
         if self._lag is None or not sent:
             return sent, ()
-        crossing = self._lag.crossing([each.event for each in sent], self._homes)
-        rows = [*zip(sent, crossing, strict=True)]
+        rows = [*zip(sent, self.crossing(sent), strict=True)]
         near = [each.take(np.flatnonzero(~crosses)) for each, crosses in rows]
         late = [each.take(np.flatnonzero(crosses)) for each, crosses in rows]
         return [each for each in near if each.places], [each for each in late if each.places]

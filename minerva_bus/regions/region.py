@@ -29,14 +29,7 @@ from minerva_bus.regions.inbox import ParcelInbox
 from minerva_bus.regions.kept import own_parts
 from minerva_bus.regions.merging import PlacedEvent, Units, in_order, merged
 from minerva_bus.regions.nearby import LEFT, NearbyServices
-from minerva_bus.regions.norms import (
-    NO_NORMS,
-    NO_REPORT,
-    Judged,
-    NormPart,
-    NormReport,
-    RegionNorms,
-)
+from minerva_bus.regions.norms import NO_NORMS, NO_REPORT, Judged, NormPart, NormReport, RegionNorms
 from minerva_bus.regions.parcel import Parcel
 from minerva_bus.regions.partition import Partition
 from minerva_bus.regions.place_table import repeats
@@ -103,10 +96,11 @@ class Region:
             algorithm = self.algorithm
             self._norms = algorithm.norms = RegionNorms(world, algorithm.composition, number)
             self._source.judge = self._judge
+            self._norms.crossing = self._postponed.crossing
             if received is not None:
                 self._norms.receive([received])
             elif world.past.frame:
-                algorithm.inbox.emitted = [*self._norms.judge_past(world)]
+                self._norms.judge_past(world, algorithm.inbox)
                 algorithm.members.saved[SOURCE] = self._norms.saved()
 
     @property
@@ -196,7 +190,7 @@ class Region:
         self._postponed.enter(self.frame, self.algorithm.composition)
         self._postponed.queue(inbox, arrived.later)
         sent = chain(*(parcel.events for parcel in parcels), for_all())
-        inbox.emitted = [*inbox.take_postponed(self.frame), *in_order(sent)]
+        inbox.emitted = in_order(sent)
         if self._norms is not None:
             norms = [parcel.norms for parcel in parcels]
             self._norms.receive(norms)

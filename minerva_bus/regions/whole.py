@@ -16,7 +16,7 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.collection import CollectionStep, note_answer, visual_events
 from minerva_bus.frame.event_sources import AGENTS, DEVICES
 from minerva_bus.frame.inputs import FrameInputs, RecordedFrame
-from minerva_bus.frame.lag import note_homes, note_sent, saved_strays
+from minerva_bus.frame.lag import divided, note_homes, note_sent, saved_strays
 from minerva_bus.frame.live import why_over
 from minerva_bus.frame.member_states import MemberEntry
 from minerva_bus.frame.own_agents import NO_AGENTS, OwnAgents
@@ -242,8 +242,8 @@ class WholeSource(RecordedSource):
         inputs = self._generated.take()
         people = self._people_of(inputs)
         sources = permitted_events(algorithm, inputs, people)
-        if self._permitted:
-            sources[AGENTS] = self._permitted
+        if sent := self._sent_by_agents():
+            sources[AGENTS] = sent
         if inbox.sanctions:
             sources[SOURCE] = inbox.take_sanctions()
         for name, reply in inputs.ticked.items():
@@ -258,6 +258,17 @@ class WholeSource(RecordedSource):
         logged = replace(inputs, due=due, waiting=waiting, reports=reports, people=people)
         self._whole.ahead = RecordedFrame(algorithm.frame, events, [], b"", 0.0, logged)
         super().collect()
+
+    def _sent_by_agents(self) -> Sequence[AnyEvent]:
+        """The permitted events of agents for the frame; those for a later one wait for it."""
+        algorithm, inbox = self._algorithm, self._algorithm.inbox
+        (near, late), frame = self._permitted, algorithm.frame
+        due = inbox.take_postponed(frame)
+        if algorithm.world.lag is not None:
+            later = frame + algorithm.world.lag.frames
+            inbox.take_postponed(later)  # All that have been sent.
+            inbox.postpone(later, late)
+        return [*due, *near]
 
     def _people_of(self, inputs: FrameInputs) -> tuple[str, ...]:
         logged = self._algorithm.in_flight.logged
@@ -294,7 +305,7 @@ class WholeSource(RecordedSource):
         algorithm, goal = self._algorithm, self._algorithm.goal
         for report in self._reports.values():
             goal.learn(report.reached, report.striving, report.given_up)
-        sent = take_events(algorithm, self._whole.parts)
+        sent, permitted = take_events(algorithm, self._whole.parts)
         note_homes(algorithm)
         self._reports, self._replies = {}, []
         self._requests.done(part.targets for part in self._whole.parts)
@@ -303,10 +314,8 @@ class WholeSource(RecordedSource):
         except VocabularyError as error:
             algorithm.fail(f"frame {algorithm.frame}: {error}")
             return
-        if algorithm.world.lag is not None:  # Then there are no norms that judge events.
-            note_sent(algorithm, sent)
-            sent = algorithm.inbox.emitted
-        self._permitted = sent
+        noted = note_sent(algorithm, sent)
+        self._permitted = noted if sent is permitted else divided(algorithm, permitted)
         if algorithm.in_flight.result.changed:
             algorithm.views.last_change = algorithm.frame
 

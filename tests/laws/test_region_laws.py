@@ -19,7 +19,7 @@ from minerva_bus.frame.description import World
 from minerva_bus.frame.lag import saved_strays
 from minerva_bus.frame.member import Member
 from minerva_bus.grammar.packing import packed
-from minerva_bus.grammar.scene import AgentNode, Scene
+from minerva_bus.grammar.scene import AgentNode, Scene, agents
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.regions.lag import RegionLag
 from minerva_bus.regions.partition import ByFunction, ById, ByPosition
@@ -299,6 +299,100 @@ def test_regions_run_ahead_under_norms_on_what_agents_are(checkpoints):
     assert broken_in(regions) == broken_in_one(world, LAG_FRAMES)
     assert set(broken_in(regions)) == {"far", "below"}
     assert regions.sanctions
+
+
+ACT_NORMS = (
+    NORMS[0],
+    Norm("loud", on=("eCall",), when="event.value > 40 and x > -1", most=1, per=3,
+         sanction=nomads.eCall(value=9)),
+    Norm("low", on=("eCall",), when="event.value < 10", then=Then.SANCTION,
+         sanction=nomads.eCall(value=70)),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("partition", "frames", "every", "seed"),
+    [
+        (ByPosition((0.5,)), 2, 3, 1),
+        (PARTITIONS[4][1], 1, 1, 2),
+        (PARTITIONS[9][2], 2, 2, 3),
+        *(pytest.param(PARTITIONS[9][1], 3, 4, seed, marks=pytest.mark.slow) for seed in range(9)),
+    ],
+)
+def test_norms_judge_acts_that_count_later_when_they_are_sent(partition, frames, every, seed):
+    lag = RegionLag(frames, partition, every)
+    world = World("w", nomads.string(), nomads.VOCABULARY, seed=seed, norms=ACT_NORMS, lag=lag)
+    kills = 0.0 if seed % 2 else 0.01
+    schedule = Schedule.of(lag, min(frames, every - 1))
+    regions = Regions(
+        world, LAG_FRAMES, [partition], Random(seed), nomad_hosts, kills, not kills,
+        schedule=schedule,
+    )  # fmt: skip
+    strings = [digest for digest, _ in regions.digests()]
+    assert strings == [digest for digest, _ in digests_of_one(world, LAG_FRAMES, nomad_hosts)]
+    free = replace(world, norms=ACT_NORMS[:1])
+    assert strings != [digest for digest, _ in digests_of_one(free, LAG_FRAMES, nomad_hosts)]
+    assert broken_in(regions) == broken_in_one(world, LAG_FRAMES)
+    assert set(broken_in(regions)) == {"far", "loud", "low"}
+
+
+class Herald(nomads.Settler, symbol="AHerald"):
+    """Calls across the border first, then to itself; a norm permits one of both."""
+
+    @on("eStep")
+    def act(self, step, moment):
+        for receiver in ("west" if self.id == "east" else "east", self.id):
+            moment.emit(nomads.eCall(value=50 + moment.number, receivers=[receiver]))
+
+
+def test_norms_judge_acts_that_stay_in_a_region_before_others():
+    partition, norm = ByPosition((0.0,)), Norm("once", on=("eCall",), most=1, per=1)
+    heralds = [*Herald("east", x=1.0).string.nodes, *Herald("west", x=-1.0).string.nodes]
+    vocabulary = Vocabulary.of(nomads.eStep, nomads.eCall, Herald)
+    lag = RegionLag(2, partition)
+    world = World("w", Scene(tuple(heralds)), vocabulary, norms=(norm,), lag=lag)
+    frames = [[nomads.eStep()]] * 5
+
+    def hosts():
+        return [Member("hosts", None, (Herald,))]
+
+    regions = Regions(world, frames, [partition], Random(0), hosts)
+    strings = [digest for digest, _ in regions.digests()]
+    assert strings == [digest for digest, _ in digests_of_one(world, frames, hosts)]
+    heard = {agent.state["heard"] for each in regions.processes for agent in agents(each.region.units.scene)}
+    assert heard == {(((50 * 31 + 51) * 31 + 52) * 31 + 53) % 100_003}
+
+
+@pytest.mark.parametrize("norms", [(), ACT_NORMS])
+def test_acts_are_judged_once_if_a_run_continues(norms):
+    partition = ByPosition((0.5,))
+    lag = RegionLag(2, partition, 3)
+    world = World("w", nomads.string(), nomads.VOCABULARY, seed=1, norms=norms, lag=lag)
+    runner = InProcessRunner(FrameAlgorithm(world), nomad_hosts())
+    runner.start()
+    for events in LAG_FRAMES[:4]:
+        begin(runner, events)
+    algorithm = runner.algorithm
+    past = replace(world, scene=algorithm.scene, past=algorithm.checkpoint)
+    again = InProcessRunner(FrameAlgorithm(past), nomad_hosts())
+    again.start()
+    regions = [Region(past, number, partition) for number in range(2)]
+    runners = [InProcessRunner(each.algorithm, nomad_hosts()) for each in regions]
+    for each in runners:
+        each.start()
+    for events in LAG_FRAMES[4:]:
+        for_all = [event for region in regions for event in region.for_all]
+        for region, each in zip(regions, runners, strict=True):
+            region.enter(for_all.copy)
+            begin(each, events)
+        begin(runner, events)
+        begin(again, events)
+        assert exchanged(regions) == again.algorithm.scene.digest == algorithm.scene.digest
+    assert algorithm.norms.broken == again.algorithm.norms.broken
+    for region in regions:
+        region.end()
+    broken = sum((Counter(each.algorithm.norms.broken) for each in regions), Counter())
+    assert broken == algorithm.norms.broken
 
 
 @pytest.mark.parametrize("count", [2, 16])

@@ -144,6 +144,7 @@ def digests(path):
 def test_a_record_of_regions_with_lag_and_defects_is_that_of_one_coordinator(path):
     """Exceptions in the coordinator and in a region: each continues in the same frame."""
     folder, text = path.parent, path.read_text().replace("yard:Walker", "loud:Talker")
+    text += '\n[norm.few]\non = ["eWish"]\nmost = 2\nper = 5\nthen = "refuse"\n'
     path.write_text(f"{text}\n[regions]\ncount = 3\nlag = 2\nmove_every = 7\n")
     words = "--rate", "0", "--record", "regions.mcap", "--json"
     (folder / "defects.py").write_text(DEFECTS)
@@ -161,7 +162,7 @@ def test_a_record_of_regions_with_lag_and_defects_is_that_of_one_coordinator(pat
     single = alone(path, 30, "--regions", 0, "--record", "one.mcap")
     path.write_text(text)
     assert alone(path, 30)["digest"] != single["digest"]
-    same = ("digest", "frames", "ended", "reached", "steps")
+    same = ("digest", "frames", "ended", "reached", "steps", "norm_few")
     assert {name: regions[name] for name in same} == {name: single[name] for name in same}
     assert regions["regions"] == regions["members"] == 3
     assert digests(folder / "regions.mcap") == digests(folder / "one.mcap")

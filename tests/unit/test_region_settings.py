@@ -247,14 +247,6 @@ def test_a_region_reports_its_hosts_and_no_others():
     assert without_hosts(figures) == {"flights": 3}
 
 
-def test_norms_on_events_with_a_lag_are_refused():
-    norm = Norm("loud", on=("eBorn",))
-    file = read("count = 4\nlag = 1")
-    file = replace(file, world=replace(file.world, norms=(norm,)))
-    with pytest.raises(WorldFileError, match=r"norms on events with lag \(loud\)"):
-        check_regions(file, ())
-
-
 def test_a_norm_on_events_that_names_another_agent_is_refused():
     norm = Norm("near", on=("eBorn",), when="#rabbit0.x > 3")
     file = read("count = 4")

@@ -75,9 +75,11 @@ def _lag(table: Table, settings: RegionSettings, partition: Partition | None) ->
     if partition is None:
         table.wrong("lag", "is between regions: add count, grid or tree")
     if settings.balance:
-        table.wrong("lag", "needs borders that stay where they are: remove balance")
+        text = "needs borders that stay where they are, since they decide which events wait"
+        table.wrong("lag", f"{text}: remove balance")
     if settings.function:
-        table.wrong("lag", "needs regions by id, grid or tree: remove function")
+        text = "needs regions by id, grid or tree, which records contain and can compute again"
+        table.wrong("lag", f"{text}: remove function")
     if settings.move_every > 1 and (settings.reach != "everywhere" or settings.halo):
         # Agents may be elsewhere than in the region that runs them.
         table.wrong("move_every", 'needs reach = "everywhere", and no halo')
@@ -166,13 +168,10 @@ def check_regions(file: WorldFile, members: Sequence[Member]) -> None:
     _check_halos(file, halos)
     generators = [each for each in halos if isinstance(each, Generator)]
     generated = {name for each in generators for name in each.generates()}
-    judging = [norm.name for norm in world.norms if norm.on]
     unsupported = {
         **{f"norms on events that name other agents ({name})": True for name in _naming(world)},
         # Each region has the events that concern its agents; other policies count all of them.
         f'policy = "{world.policy.value}"': world.policy is not Policy.SEQUENTIAL,
-        # The region of the sender judges them when they are sent, one coordinator when they count.
-        f"norms on events with lag ({', '.join(judging)})": bool(judging and world.lag),
         "agents_per_host in [placement]": bool(world.placement.agents_per_host),
         # One coordinator counts the events of a service for all agents.
         "norms on events of services with halo = true": any(

@@ -237,6 +237,7 @@ IN_STEP: Final = frozenset({"lookout", "water"})
 
 NORMS: Final = (
     Norm("far", ("AHeron",), when="x > 2", most=1, per=4, sanction=eSeen(40)),
+    Norm("loud", on=("eCall",), when="event.x < 3", most=1, per=5, sanction=eSeen(20)),
     Norm("back", ("AHeron",), when="x < was.x and x < 1", then=Then.SANCTION, sanction=eSeen(-30)),
 )
 
