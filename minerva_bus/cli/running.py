@@ -18,7 +18,7 @@ from minerva_bus.launch.profiling import NOTHING, Profiling
 from minerva_bus.launch.reading import read_world_file
 from minerva_bus.launch.regions.layout import in_regions
 from minerva_bus.launch.regions.run import RegionRun
-from minerva_bus.launch.regions.settings import check_region_run
+from minerva_bus.launch.regions.unsupported import check_in_process
 from minerva_bus.launch.summary import RunSummary
 from minerva_bus.launch.supervisor import Supervisor
 from minerva_bus.launch.worldfile import WorldFile
@@ -38,7 +38,8 @@ def run_world(file: WorldFile, began: float, options: RunOptions) -> None:
     profiling = Profiling(options.profile, options.profile_member)
     if options.in_process and profiling != NOTHING:
         raise MisuseError("--profile and --profile-member measure the bus: omit --in-process")
-    check_region_run(file, in_process=options.in_process)
+    if options.in_process:
+        check_in_process(file)
     as_json = file.watch.log_format == "json"
     quiet = options.quiet or (options.json and not as_json and not sys.stderr.isatty())
     console = Console(quiet=quiet, json=as_json, world=file.world.name, traceback=options.traceback)

@@ -17,7 +17,8 @@ from minerva_bus.launch.installed import file_text
 from minerva_bus.launch.norms import read_norms
 from minerva_bus.launch.options import filled, read_options
 from minerva_bus.launch.processes import check_members, read_patience, read_processes
-from minerva_bus.launch.regions.settings import check_regions, read_hosts, read_regions
+from minerva_bus.launch.regions.settings import read_hosts, read_regions
+from minerva_bus.launch.regions.unsupported import check_regions
 from minerva_bus.launch.specs import called
 from minerva_bus.launch.table import Table
 from minerva_bus.launch.toml import TomlError, read_toml

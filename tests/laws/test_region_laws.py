@@ -359,7 +359,11 @@ def test_norms_judge_acts_that_stay_in_a_region_before_others():
     regions = Regions(world, frames, [partition], Random(0), hosts)
     strings = [digest for digest, _ in regions.digests()]
     assert strings == [digest for digest, _ in digests_of_one(world, frames, hosts)]
-    heard = {agent.state["heard"] for each in regions.processes for agent in agents(each.region.units.scene)}
+    heard = {
+        agent.state["heard"]
+        for each in regions.processes
+        for agent in agents(each.region.units.scene)
+    }
     assert heard == {(((50 * 31 + 51) * 31 + 52) * 31 + 53) % 100_003}
 
 

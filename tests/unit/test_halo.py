@@ -14,7 +14,7 @@ from minerva_bus.grammar.symbols import Primitive, Transformation
 from minerva_bus.launch.in_process import members_of
 from minerva_bus.launch.installed import find_world
 from minerva_bus.launch.reading import read_world_text
-from minerva_bus.launch.regions.settings import check_region_run, check_regions
+from minerva_bus.launch.regions.unsupported import check_regions
 from minerva_bus.regions.asking import answers_of
 from minerva_bus.regions.figures import figures_in
 from minerva_bus.regions.halo import HaloViews, near_cells
@@ -146,9 +146,8 @@ def test_what_halos_cannot_do_is_refused(text, problem):
 def test_a_world_without_such_services_is_refused():
     meadow = find_world("meadow")
     text = f"{meadow.read_text(encoding='utf-8')}\n[regions]\ngrid = {{ x = [8] }}\nhalo = true\n"
-    file = read_world_text(text, meadow, Overrides())
     with pytest.raises(WorldFileError, match="no service in step looks around agents"):
-        check_region_run(file, in_process=True)
+        read_world_text(text, meadow, Overrides())
 
 
 @pytest.mark.parametrize("saved", [{"value": 1, "agents": 3}, {"seen": ["a"]}, {"on": True}])

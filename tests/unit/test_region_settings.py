@@ -21,7 +21,7 @@ from minerva_bus.launch.installed import find_world
 from minerva_bus.launch.reading import read_world_file, read_world_text
 from minerva_bus.launch.regions.layout import in_regions, unused_processes
 from minerva_bus.launch.regions.run import RegionRun
-from minerva_bus.launch.regions.settings import check_region_run, check_regions
+from minerva_bus.launch.regions.unsupported import check_in_process, check_regions
 from minerva_bus.launch.worldfile import Process
 from minerva_bus.log.description import Description, decode_description, encode_description
 from minerva_bus.regions.hosts import host_figures, hosts_in, without_hosts
@@ -283,8 +283,8 @@ def test_placement_that_regions_cannot_keep_is_refused(rule, problem):
 
 def test_a_record_in_one_process_is_refused(tmp_path: Path):
     file = read("count = 2", record=str(tmp_path / "run.mcap"))
-    with pytest.raises(WorldFileError, match="records"):
-        check_region_run(file, in_process=True)
+    with pytest.raises(WorldFileError, match=r"records .*; run its regions as processes"):
+        check_in_process(file)
 
 
 @pytest.mark.parametrize("balance", [0, 7])
