@@ -16,7 +16,7 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.collection import CollectionStep, note_answer, visual_events
 from minerva_bus.frame.event_sources import AGENTS, DEVICES
 from minerva_bus.frame.inputs import FrameInputs, RecordedFrame
-from minerva_bus.frame.lag import divided, note_homes, note_sent, saved_strays
+from minerva_bus.frame.lag import saved_strays
 from minerva_bus.frame.live import why_over
 from minerva_bus.frame.member_states import MemberEntry
 from minerva_bus.frame.own_agents import NO_AGENTS, OwnAgents
@@ -26,14 +26,13 @@ from minerva_bus.frame.views import due_views
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.regions import beside
 from minerva_bus.regions.dividing import cut
-from minerva_bus.regions.emissions import take_events
+from minerva_bus.regions.emissions import SentEvents
 from minerva_bus.regions.generated import GeneratedEvents
 from minerva_bus.regions.journal import JOURNAL, PROCESS, KeptJournals
 from minerva_bus.regions.judging import log_violations, permitted_events
 from minerva_bus.regions.last_views import LastViews
 from minerva_bus.regions.merging import agents_in
 from minerva_bus.regions.messages import check_given_up
-from minerva_bus.regions.norms import judged
 from minerva_bus.regions.part import PartCodec, PartMessage, PartReceiver, targets_of
 from minerva_bus.regions.partition import Partition
 from minerva_bus.regions.requesting import PARCELS, FrameRequests
@@ -103,7 +102,7 @@ class WholeSource(RecordedSource):
         self._last_views = LastViews(algorithm, self._requests, self._names)
         self._reports: dict[str, PartMessage] = {}
         self._replies: list[m.TickReply] = []
-        self._permitted = judged(algorithm.world)
+        self._sent = SentEvents(algorithm)
         self._generated = GeneratedEvents()
         self.emitted = CollectionStep(algorithm).emitted
 
@@ -242,7 +241,7 @@ class WholeSource(RecordedSource):
         inputs = self._generated.take()
         people = self._people_of(inputs)
         sources = permitted_events(algorithm, inputs, people)
-        if sent := self._sent_by_agents():
+        if sent := self._sent.take():
             sources[AGENTS] = sent
         if inbox.sanctions:
             sources[SOURCE] = inbox.take_sanctions()
@@ -258,17 +257,6 @@ class WholeSource(RecordedSource):
         logged = replace(inputs, due=due, waiting=waiting, reports=reports, people=people)
         self._whole.ahead = RecordedFrame(algorithm.frame, events, [], b"", 0.0, logged)
         super().collect()
-
-    def _sent_by_agents(self) -> Sequence[AnyEvent]:
-        """The permitted events of agents for the frame; those for a later one wait for it."""
-        algorithm, inbox = self._algorithm, self._algorithm.inbox
-        (near, late), frame = self._permitted, algorithm.frame
-        due = inbox.take_postponed(frame)
-        if algorithm.world.lag is not None:
-            later = frame + algorithm.world.lag.frames
-            inbox.take_postponed(later)  # All that have been sent.
-            inbox.postpone(later, late)
-        return [*due, *near]
 
     def _people_of(self, inputs: FrameInputs) -> tuple[str, ...]:
         logged = self._algorithm.in_flight.logged
@@ -305,8 +293,7 @@ class WholeSource(RecordedSource):
         algorithm, goal = self._algorithm, self._algorithm.goal
         for report in self._reports.values():
             goal.learn(report.reached, report.striving, report.given_up)
-        sent, permitted = take_events(algorithm, self._whole.parts)
-        note_homes(algorithm)
+        self._sent.note(self._whole.parts)
         self._reports, self._replies = {}, []
         self._requests.done(part.targets for part in self._whole.parts)
         try:
@@ -314,8 +301,7 @@ class WholeSource(RecordedSource):
         except VocabularyError as error:
             algorithm.fail(f"frame {algorithm.frame}: {error}")
             return
-        noted = note_sent(algorithm, sent)
-        self._permitted = noted if sent is permitted else divided(algorithm, permitted)
+        self._sent.queue()
         if algorithm.in_flight.result.changed:
             algorithm.views.last_change = algorithm.frame
 
