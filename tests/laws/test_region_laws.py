@@ -4,6 +4,7 @@ from collections import Counter
 from dataclasses import replace
 from functools import cache
 from random import Random
+from types import SimpleNamespace
 from typing import Any
 from zlib import crc32
 
@@ -15,12 +16,14 @@ from region_simulation import Regions, begin, digests_of_one, exchanged
 
 from minerva_bus.errors import WorldStopped
 from minerva_bus.frame.algorithm import FrameAlgorithm
+from minerva_bus.frame.checkpoint import Checkpoint
 from minerva_bus.frame.description import World
 from minerva_bus.frame.lag import saved_strays
 from minerva_bus.frame.member import Member
 from minerva_bus.grammar.packing import packed
 from minerva_bus.grammar.scene import AgentNode, Scene, agents
 from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.log.rejections import rejected_events
 from minerva_bus.regions.lag import RegionLag
 from minerva_bus.regions.partition import ByFunction, ById, ByPosition
 from minerva_bus.regions.region import Region
@@ -365,6 +368,21 @@ def test_norms_judge_acts_that_stay_in_a_region_before_others():
         for agent in agents(each.region.units.scene)
     }
     assert heard == {(((50 * 31 + 51) * 31 + 52) * 31 + 53) % 100_003}
+
+
+def test_rejected_acts_that_would_count_later_are_explained():
+    norm = Norm("loud", on=("eCall",), when="event.value > 40")
+    calls = [nomads.eCall(value=value, receivers=["s1"]) for value in (30, 50)]
+    sent = tuple(replace(call, sender="s0") for call in calls)
+    lag = RegionLag(2, ByPosition((0.5,)))
+    world = World("w", nomads.string(), nomads.VOCABULARY, norms=(norm,), lag=lag)
+    past = SimpleNamespace(
+        frame=SimpleNamespace(number=5, events=(), inputs=None), before=world.scene, people=(),
+        checkpoint=Checkpoint(5, inbox={"#6": sent, "#7": sent}),
+    )  # fmt: skip
+    assert [*rejected_events(world, past, "s0")] == [
+        "frame 5: the norm loud rejected eCall<value=50> from #s0 to #s1, sent by #s0"
+    ]
 
 
 @pytest.mark.parametrize("norms", [(), ACT_NORMS])
