@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from types import ModuleType
 from typing import Any, cast
 
@@ -136,19 +137,20 @@ def seconds_per_byte() -> float:
     return min(took) / LARGE
 
 
+def lockstep_costs() -> Costs:
+    """Costs of an empty frame and of each member; the minimum of several turns counts."""
+    turns = [{count: lockstep(count) for count in MEMBERS} for _ in range(TURNS)]
+    medians = [1e-6 * min(turn[count]["us_per_step_median"] for turn in turns) for count in MEMBERS]
+    member = max((medians[-1] - medians[0]) / (MEMBERS[-1] - MEMBERS[0]), 1e-6)
+    results = [turn[count] for turn in turns for count in MEMBERS]
+    spread = min(result["us_per_step_p99"] / result["us_per_step_median"] for result in results)
+    return Costs(max(medians[0] - member * MEMBERS[0], 1e-6), member, 0.0, spread)
+
+
 def measure() -> Costs:
     """Measure all costs of this machine; takes half a minute.
 
     The minimum over several turns excludes the effects of other load.
     """
-    turns = [{count: lockstep(count) for count in MEMBERS} for _ in range(TURNS)]
-    medians = [1e-6 * min(turn[count]["us_per_step_median"] for turn in turns) for count in MEMBERS]
-    member = max((medians[-1] - medians[0]) / (MEMBERS[-1] - MEMBERS[0]), 1e-6)
-    results = [turn[count] for turn in turns for count in MEMBERS]
-    return Costs(
-        frame=max(medians[0] - member * MEMBERS[0], 1e-6),
-        member=member,
-        byte=seconds_per_byte(),
-        spread=min(result["us_per_step_p99"] / result["us_per_step_median"] for result in results),
-        kinds={name: kind(model) for name, model in MODELS.items()},
-    )
+    kinds = {name: kind(model) for name, model in MODELS.items()}
+    return replace(lockstep_costs(), byte=seconds_per_byte(), kinds=kinds)
