@@ -54,8 +54,9 @@ class WorldLink:
         """Send a message; before a coordinator's greeting it has no recipient and is dropped."""
         if isinstance(message, m.Readings):
             self._publishers[message.topic].put(encode(message))
-        elif self.stamp:
-            self._replies.put(self.stamp + encode(message))
+        # Read once: a generator's thread sends, too, while the main thread may lose the connection.
+        elif epoch := self.stamp:
+            self._replies.put(epoch + encode(message))
         else:
             # Only events are lost: replies belong to a frame that is requested again.
             self.unsent += isinstance(message, m.Emitted)
