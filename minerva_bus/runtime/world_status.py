@@ -36,7 +36,8 @@ def status_of(running: Operated, since: int = 0) -> WorldStatus:
         hz=hz,
         agents=algorithm.composition.count,
         waiting=waiting,
-        waited=running.status.waited,
+        # Measured a moment ago, when the frame may have waited for members that have answered.
+        waited=running.status.waited if waiting else 0.0,
         members=(
             *hosts_in(algorithm.members),
             *(
