@@ -44,6 +44,4 @@ class Schedule:
 
     def last(self, frame: int) -> int:
         """The last frame that can run before all regions have finished `frame`."""
-        if not self.ahead:
-            return frame
         return min(frame + self.ahead, frame - frame % self.every + self.every - 1)

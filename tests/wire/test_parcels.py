@@ -2,12 +2,14 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from minerva_bus.errors import ProtocolError, SceneError, WorldStopped
 from minerva_bus.frame import messages as m
 from minerva_bus.frame.description import World
 from minerva_bus.frame.own_agents import NO_AGENTS
+from minerva_bus.grammar.batch import Events
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.launch.regions.for_all import needed_by_all
 from minerva_bus.regions.attached import Replies
@@ -136,6 +138,57 @@ def test_events_of_one_sender_for_all_regions_stay_together(region):
     for_all, others = routing.for_all(sent)
     assert [each.event for each in for_all] == [sent[0].event, sent[2].event]
     assert [each.event for each in others] == [sent[1].event]
+
+
+def hits(*receivers):
+    """A batch: what #a sends to each of these agents."""
+    events = [
+        eHit(amount=float(row), sender="a", receivers=[to]) for row, to in enumerate(receivers)
+    ]
+    return PlacedEvent([(row,) for row in range(len(receivers))], Events.of(events))
+
+
+def in_rows(routed):
+    """By region, the places and the events of all rows."""
+    return {
+        region: [(place, event) for each in placed for place, event in rows_of(each)]
+        for region, placed in routed.items()
+    }
+
+
+def rows_of(placed):
+    return list(zip(placed.places, list(placed.event), strict=True))
+
+
+def test_rows_of_a_batch_go_to_the_regions_of_their_receivers(region):
+    composition = region.algorithm.composition
+    routing = Routing(0, ById(3), composition, {"b": 2})
+    sent = hits("a", "b", "z", "a")
+    a, b, elsewhere, again = rows_of(sent)
+    assert in_rows(routing.route([sent])) == {
+        0: [a, elsewhere, again], 1: [elsewhere], 2: [b, elsewhere]
+    }  # fmt: skip
+    near = hits("a", "b")
+    assert in_rows(routing.route([near])) == {0: rows_of(near)[:1], 2: rows_of(near)[1:]}
+    # Receivers may move until a late event counts.
+    assert in_rows(routing.route([near], late=True)) == dict.fromkeys(range(3), rows_of(near))
+    assert routing.keep([sent]) == {0: [sent]}
+
+
+def test_events_of_a_batch_for_all_regions_are_its_rows_for_agents_elsewhere(region):
+    routing = Routing(0, region.partition, region.algorithm.composition, {})
+    sent = hits("a", "z", "b")
+    here, elsewhere, also_here = rows_of(sent)
+    for_all, others = routing.for_all([sent])
+    assert [row for each in for_all for row in rows_of(each)] == [elsewhere]
+    assert [row for each in others for row in rows_of(each)] == [here, also_here]
+    only_here = [hits("a", "b")]
+    assert routing.for_all(only_here) == ([], only_here)
+
+
+def test_rows_of_a_placed_event_have_their_places():
+    sent = hits("a", "b", "c")
+    assert rows_of(sent.take(np.array([2, 0]))) == [rows_of(sent)[2], rows_of(sent)[0]]
 
 
 ANSWER = encode(to_message(Replies(4, 1, 0, {})))
