@@ -1,6 +1,8 @@
 """Recordings for Rerun, read back with Rerun's own reader."""
 
 import importlib.util
+import resource
+from contextlib import contextmanager
 from types import SimpleNamespace
 
 import numpy as np
@@ -100,6 +102,39 @@ def test_a_later_run_overwrites_its_own_file_only(recorded, tmp_path):
     foreign.write_bytes(b"RRF2 of someone else")
     with pytest.raises(MinervaError, match="was not written by Minerva Bus"):
         RerunView(str(foreign))
+
+
+@contextmanager
+def room_for(size):
+    """Let files of this process have so many bytes, as on a full disk."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+@pytest.mark.parametrize("size", [8_000, 20_000])
+def test_a_recording_that_could_not_be_written_to_its_end_is_an_error(tmp_path, size):
+    device = RerunView(str(tmp_path / "yard.rrd"))
+    with room_for(size):
+        device.joined(yard())
+        for frame in range(300):
+            device.show(View(frame, "ePicture", WORLD, {"c": cart(frame / 100, 0.0, 0.0)}))
+        with pytest.raises(MinervaError, match=r"rerun: cannot write .*yard\.rrd: .* disk full\?"):
+            device.close()
+
+
+def test_a_link_stays_and_names_the_recording(recorded, tmp_path):
+    link = tmp_path / "link.rrd"
+    link.symlink_to(tmp_path / "target.rrd")
+    device = RerunView(str(link))
+    device.joined(yard())
+    device.show(View(0, "ePicture", WORLD, {"c": EMPTY}))
+    device.close()
+    assert link.is_symlink()
+    assert (tmp_path / "target.rrd").read_bytes().startswith(recorded.read_bytes()[:4])
 
 
 @pytest.mark.parametrize(

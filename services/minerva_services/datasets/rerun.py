@@ -82,11 +82,14 @@ class _RrdExport:
         self._record, self._dt = record, world.dt
         self._surveyor = Surveyor(world.vocabulary, SHOWN)
         self._robots: set[str] = set()
+        self._path = path
         self._stream = open_stream(world.name, path, "choose another file")
 
     def close(self) -> None:
         """Finish the file."""
-        self._stream.disconnect()
+        from minerva_services.views.rerun.rrd_file import close_stream
+
+        close_stream(self._stream, self._path)
 
     def begin(self, frame: int) -> None:
         """Write what follows at the time of a frame."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import os
 import secrets
 from pathlib import Path
 from typing import Final
@@ -10,12 +12,16 @@ import rerun as rr
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.file_marks import MARK
+from minerva_bus.outputs import target_of
 from minerva_bus.semantics.picture import Picture, Tiles
 from minerva_services.views.floor_parts import Floor, named_floors
 from minerva_services.views.rerun.archetypes import ENTITIES, archetypes, floor_archetypes
 
 FRAME: Final = "frame"
 TIME: Final = "time"
+_END: Final = b"FOOT"
+_END_BYTES: Final = 12
+"""Mark in the last bytes of a complete file."""
 
 
 def open_stream(world: str, path: Path, advice: str) -> rr.RecordingStream:
@@ -28,10 +34,11 @@ def open_stream(world: str, path: Path, advice: str) -> rr.RecordingStream:
     stream = rr.RecordingStream(
         world, recording_id=f"{MARK}, {secrets.token_hex(8)}", send_properties=False
     )
+    path = target_of(path)
     try:
         if path.is_file():
-            # The library writes into the file: through a link, or another name of the same file, it
-            # would destroy that, such as the record that is being exported.
+            # The library writes into the file: through another name of the same file, it would
+            # destroy that, such as the record that is being exported.
             path.unlink()
         stream.save(path)
     except Exception as error:  # the library raises RuntimeError
@@ -42,10 +49,27 @@ def open_stream(world: str, path: Path, advice: str) -> rr.RecordingStream:
     return stream
 
 
+def close_stream(stream: rr.RecordingStream, path: Path) -> None:
+    """Finish an .rrd file. Raises MisuseError if it could not be written to its end."""
+    problem = "its end could not be written"
+    try:
+        stream.flush()
+    except Exception as error:  # the library raises RuntimeError
+        problem = str(error)
+    stream.disconnect()
+    # If the end fails, the library only logs it.
+    with contextlib.suppress(OSError), path.open("rb") as file:
+        file.seek(-_END_BYTES, os.SEEK_END)
+        if _END in file.read():
+            return
+    raise MisuseError(f"rerun: cannot write {path}: {problem}; is the disk full?")
+
+
 class RrdFile:
     """Writes pictures to an .rrd file. Raises MisuseError if it cannot be written."""
 
     def __init__(self, world: str, path: Path) -> None:
+        self._path = path
         self._stream = open_stream(world, path, "set path")
         self._floors: dict[str, tuple[Floor, frozenset[str]]] = {}
         self._shown: frozenset[str] = frozenset()
@@ -65,7 +89,7 @@ class RrdFile:
 
     def close(self) -> None:
         """Finish the file."""
-        self._stream.disconnect()
+        close_stream(self._stream, self._path)
 
     def _show_floors(self, floors: dict[str, Floor]) -> None:
         for name in sorted(self._floors.keys() - floors.keys()):
