@@ -83,6 +83,10 @@ def run_module(
     if code is None and not verdicts:
         _print_incomplete(module, "the time was over before the mutants were there")
         raise SystemExit(INCOMPLETE)
+    if code and not every:
+        raise SystemExit(
+            f"{module}: no mutants: mutmut changes no decorated functions, and there are no others"
+        )
     if code and not any(verdict == "killed" for verdict in verdicts.values()):
         raise SystemExit(f"{module}: mutmut failed; its workspace is {workspace}")
     alive = [name for name, verdict in sorted(verdicts.items()) if verdict in ALIVE]
