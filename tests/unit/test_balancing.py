@@ -57,7 +57,8 @@ def test_borders_travel_as_bytes():
         after = partition.moved(borders)
         assert after.borders == borders
         assert moved(partition, borders_of(after)) == after
-        with pytest.raises(ProtocolError, match="borders"):
+        number = len(borders)
+        with pytest.raises(ProtocolError, match=f"borders: 1 borders; expected {number}"):
             moved(partition, bytes(8))
     assert moved(ById(2), b"") == ById(2)
     with pytest.raises(ProtocolError, match="no borders"):

@@ -107,6 +107,11 @@ def test_a_figure_outside_of_the_cell_of_its_agent_stops_the_world(x, number, si
         shown([("a", x, 1.0)], number, size)
 
 
+def test_the_figure_outside_is_named():
+    with pytest.raises(WorldStopped, match=r"#b shows x = 5\.0, outside of .*, 2\.0 to 5\.0"):
+        shown([("a", 2.5, 1.5), ("b", 5.0, 1.0), ("c", 3.0, 1.0)], 1)
+
+
 FLOCK = find_world("flock")
 TEXT = FLOCK.read_text(encoding="utf-8")
 NORM = """

@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 
+from minerva_bus.frame.composition import Composition
+from minerva_bus.grammar.scene import EMPTY
 from minerva_bus.regions.place_table import (
     PlaceTable,
     joined,
@@ -15,7 +17,8 @@ from minerva_bus.regions.place_table import (
     repeats,
     taken,
 )
-from minerva_bus.regions.places import packed_places, unpacked_places
+from minerva_bus.regions.places import after_frame, packed_places, spans, unpacked_places
+from minerva_bus.testing.family import Walker
 
 numbers = st.integers(-(1 << 63), (1 << 63) - 1) | st.integers(-2, 2)
 
@@ -63,3 +66,11 @@ def test_tables_of_other_lengths_differ():
     assert PlaceTable.numbered(2) != "ab"
     with pytest.raises(TypeError):
         hash(PlaceTable.numbered(1))
+
+
+def test_agents_in_columns_that_all_die_leave_no_places():
+    composition = Composition(Walker.many("w", 20))
+    ((_, name, _, _),) = spans(composition)
+    places = [(row,) for row in range(20)]
+    assert list(after_frame(places, composition, {name: EMPTY}, 3)) == []
+    assert list(after_frame(places, composition, {}, 3)) == places
