@@ -192,8 +192,10 @@ class CollectionStep:
             reason = f"it sent {undeclared[0]}, but its hello declares {events_declared}"
         else:
             reason = self._speaking.objection(member.name, events)
+        if not reason and member.hello is not None:
             # The process that makes these events may have joined after the guest.
-            reason = reason or refusal_of_guest(self._algorithm, member, (e.type for e in events))
+            types = (event.type for event in events)
+            reason = refusal_of_guest(self._algorithm, member.hello, types)
         if reason:
             self._algorithm.joining.violation(s.Violation(member.name, reason))
         return not reason

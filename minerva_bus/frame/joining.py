@@ -46,7 +46,7 @@ class MemberLifecycle:
             return
         reason = incompatibility(hello, algorithm.world.vocabulary)
         reason = reason or algorithm.source.objection(hello)
-        reason = reason or refusal_of_guest(algorithm, member, hello.generates)
+        reason = reason or refusal_of_guest(algorithm, hello, hello.generates)
         if reason:
             self._refuse(member, reason)
             return

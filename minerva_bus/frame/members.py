@@ -233,13 +233,11 @@ class Members:
         return source not in self._named or (hello is not None and hello.people)
 
     def makers(self, event_type: str) -> list[str]:
-        """The processes, present or awaited, that make events of a type by themselves.
+        """The generators, present or awaited, that make events of a type by themselves.
 
-        Those that represent people, as attached generators do, or that take orders for the type,
-        are not among them.
+        Generators that represent people, or that take orders for the type, are not among them.
         """
-        there = [m for m in self if m.active or m.expected]
-        hellos = [m.hello for m in there if m.hello is not None and self.named(m)]
+        hellos = [m.hello for m in self if m.hello is not None and (m.active or m.expected)]
         return [
             hello.member
             for hello in (*self.inside, *hellos)

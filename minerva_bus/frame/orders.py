@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING, cast
 
 from minerva_bus.errors import nearest
-from minerva_bus.frame.member_states import MemberEntry
+from minerva_bus.frame.messages import Hello
 from minerva_bus.frame.phases import Phase
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.known import values_of
@@ -39,16 +39,17 @@ def refusal_of_order(world: FrameAlgorithm, event_type: str) -> str:
     return ""
 
 
-def refusal_of_guest(world: FrameAlgorithm, member: MemberEntry, event_types: Iterable[str]) -> str:
+def refusal_of_guest(world: FrameAlgorithm, hello: Hello, event_types: Iterable[str]) -> str:
     """Reason for rejecting these event types of an attached generator, or an empty string.
 
-    Whoever attaches a generator that is not a process of the world file is a person.
+    One that stands for people, such as a keyboard, may send what people may send; another may be a
+    sensor. A process of the world file is the choice of this file.
     """
-    if world.members.named(member):
+    if not hello.people or world.members.is_process(hello.member):
         return ""
     reasons = (_reservation(world, event_type) for event_type in event_types)
     reserved = next(filter(None, reasons), "")
-    return reserved and f"{reserved}, or make {member.name} a process of it"
+    return reserved and f"{reserved}, or make {hello.member} a process of it"
 
 
 def _reservation(world: FrameAlgorithm, event_type: str) -> str:

@@ -11,7 +11,7 @@ from running import MEMBERS, Run, World, eventually, here, minerva, write_world
 
 @pytest.fixture(scope="module")
 def world(tmp_path_factory):
-    path = write_world(tmp_path_factory.mktemp("attached"), frames=0, rate=20, people=["eStep"])
+    path = write_world(tmp_path_factory.mktemp("attached"), frames=0, rate=20)
     with World(path) as world:
         world.runs("steps", "walkers")
         yield world
@@ -71,8 +71,7 @@ def test_one_that_is_killed_is_not_waited_for(world, spec):
 
 
 def test_a_frozen_member_is_given_up(tmp_path):
-    bus = "soft = 0.2\nhard = 0.8"
-    path = write_world(tmp_path, frames=0, rate=50, bus=bus, people=["eStep"])
+    path = write_world(tmp_path, frames=0, rate=50, bus="soft = 0.2\nhard = 0.8")
     with World(path) as world:
         world.runs("steps", "walkers")
         with attach(world, "yard:Steps", "frozen") as member:

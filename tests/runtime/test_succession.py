@@ -166,7 +166,7 @@ def test_guests_are_waited_for_and_a_paused_world_stays_paused(tmp_path):
 
 @pytest.mark.parametrize("spec", ["yard:Steps", "yard:Walker"])
 def test_a_guest_that_returned_and_dies_is_not_waited_for(tmp_path, spec):
-    path = write_world(tmp_path, frames=0, rate=50, people=["eStep"])
+    path = write_world(tmp_path, frames=0, rate=50)
     with World(path) as world:
         world.runs("steps", "walkers")
         words = ("attach", spec, "--name", "guest", "--world", world.name)

@@ -190,7 +190,7 @@ def test_figures_of_one_name_are_added_and_others_stand_side_by_side():
 
 
 def test_figures_of_guests_count_and_those_of_the_dead_do_not():
-    bus = counters(members={"more": service("more", lambda: Add(10))}, people=("eAdd",))
+    bus = counters(members={"more": service("more", lambda: Add(10))})
     bus.start()
     bus.makers["guest"] = service("guest", lambda: Add(30))
     bus.appear("guest")

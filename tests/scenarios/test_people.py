@@ -14,6 +14,12 @@ from minerva_bus.frame.description import World
 from minerva_bus.frame.orders import refusal_of_order, unknown_value
 
 
+class Keys(Add):
+    """A person adds."""
+
+    people = True
+
+
 def undisturbed(frames):
     """The digests of frames in which only the processes take part."""
     bus = counters()
@@ -70,10 +76,10 @@ def test_before_all_members_are_present_no_result_is_known():
     assert refusal(counters(people=("eAdd",)), "eAdd") == ""
 
 
-def test_nor_are_they_for_generators_that_a_person_attaches():
+def test_nor_are_they_for_people_who_attach_a_generator():
     """The reply to its hello says why, and it may still take part in worlds that allow it."""
     bus = started(counters())
-    said, digests = attached(bus, Add)
+    said, digests = attached(bus, Keys)
     assert said[:-1] == [
         "guest: may not join: eAdd comes from add, so people may not send it; to let them, write"
         ' people = ["eAdd"] under [world] in the world file, or make guest a process of it'
@@ -81,13 +87,19 @@ def test_nor_are_they_for_generators_that_a_person_attaches():
     assert digests == undisturbed(3)[1:]
     assert attached(bus, Steps, "other") == ([], undisturbed(5)[3:])
     allowed = started(counters(people=("eAdd",)))
-    assert attached(allowed, lambda: Add(2))[0] == []
+    assert attached(allowed, lambda: Keys(2))[0] == []
     assert "n=7" in str(allowed.algorithm.scene)
+
+
+def test_a_sensor_may_be_attached_that_makes_the_same_events_as_a_process():
+    bus = started(counters())
+    assert attached(bus, lambda: Add(2))[0] == []
+    assert "n=7" in str(bus.algorithm.scene)
 
 
 @pytest.mark.parametrize("lockstep", [True, False])
 def test_a_guest_that_joins_before_the_process_may_not_send_them_either(lockstep):
-    class Early(Add, lockstep=lockstep):
+    class Early(Keys, lockstep=lockstep):
         pass
 
     bus = counters()
@@ -113,14 +125,19 @@ def test_a_guest_that_takes_orders_allows_nothing():
     assert attached(bus, Accomplice)[0] == []
     assert bus.algorithm.members.takers("eAdd") == ["guest"]
     assert "eAdd comes from add" in refusal(bus, "eAdd")
-    assert "may not join" in attached(bus, Add, "other")[0][0]
+    assert "may not join" in attached(bus, Keys, "other")[0][0]
 
 
-def test_a_guest_reserves_no_type_of_its_own():
+@pytest.mark.parametrize("people", [True, False])
+def test_the_types_of_an_attached_sensor_are_not_for_people(people):
+    class Guest(Steps):
+        pass
+
+    Guest.people = people
     bus = started(counters())
-    assert attached(bus, Steps)[0] == []
+    assert attached(bus, Guest)[0] == []
     assert bus.algorithm.members.get("guest").active
-    assert refusal(bus, "eStep") == ""
+    assert ("eStep comes from guest" in refusal(bus, "eStep")) is not people
 
 
 def attached(bus, generator, name="guest"):

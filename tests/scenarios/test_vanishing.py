@@ -415,7 +415,7 @@ def joined(bus, guest, returned):
 )
 def test_a_guest_that_goes_is_not_waited_for(how, hold, returned):
     """The world file does not name this generator; it leaves before or after its reply."""
-    bus = counters(members={"slow": service("slow", Steps)}, people=("eAdd",))
+    bus = counters(members={"slow": service("slow", Steps)})
     joined(bus, service("guest", Add), returned)
     bus.hold(hold)
     bus.frame()

@@ -133,7 +133,7 @@ def test_types_that_services_in_regions_make_are_not_for_people(people):
     """The coordinator has no hello of these services."""
 
     class Pedal(Bell, events=("eRing",), lockstep=False):
-        pass
+        people = True
 
     class Order(Clock, events=("eHeard",)):
         def takes_orders(self):
