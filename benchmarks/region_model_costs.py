@@ -105,12 +105,12 @@ def _solved(rows: Sequence[Sequence[float]], seconds: Sequence[float]) -> list[f
     used = [*range(table.shape[1])]
     # Without the most negative one until none is.
     while True:
-        found = np.linalg.lstsq(table[:, used], np.ones(len(wanted)), rcond=None)[0]
-        if found.min() >= 0.0:
+        solution = np.linalg.lstsq(table[:, used], np.ones(len(wanted)), rcond=None)[0]
+        if solution.min() >= 0.0:
             break
-        del used[int(found.argmin())]
+        del used[int(solution.argmin())]
     factors = np.zeros(table.shape[1])
-    factors[used] = found
+    factors[used] = solution
     return factors.tolist()
 
 

@@ -100,7 +100,7 @@ spec:
   metrics:
     - type: Resource
       resource:
-        name: cpu # of one, since a host computes in one thread
+        name: cpu # a host computes in one thread
         target: {{ type: Utilization, averageUtilization: 70 }}
   behavior:
     scaleDown:

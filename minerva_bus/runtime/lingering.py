@@ -28,7 +28,7 @@ def limit_threads(code: int, said: float = SAID_SECONDS, most: float = LINGER_SE
 def _end(code: int, said: float, most: float) -> None:
     threading.main_thread().join()
     began = time.monotonic()
-    # Threads of executors end as soon as Python has told them to.
+    # Threads of executors end when Python asks them to.
     if names := _left(said):
         print(  # noqa: T201
             f"minerva: waiting for the thread {', '.join(names)}, which code of the world has"

@@ -56,15 +56,15 @@ def test_costs_are_found_from_times():
         )
         for regions, agents in worlds
     ]  # fmt: skip
-    found = fitted(times)
+    costs = fitted(times)
     for name in COSTS.__dataclass_fields__:
-        assert getattr(found, name) == pytest.approx(getattr(COSTS, name)), name
+        assert getattr(costs, name) == pytest.approx(getattr(COSTS, name)), name
 
 
 def test_costs_are_never_negative():
     times = [Times(1, 100, 1e-3, 1e-3), Times(1, 2000, 1e-3, 5e-4), Times(4, 500, 1e-3, 9e-4)]
-    found = fitted(times)
-    assert min(getattr(found, name) for name in COSTS.__dataclass_fields__) >= 0.0
+    costs = fitted(times)
+    assert min(getattr(costs, name) for name in COSTS.__dataclass_fields__) >= 0.0
 
 
 def test_what_takes_most_of_a_coordinators_time_depends_on_the_world():

@@ -47,13 +47,13 @@ FIGURES = {
 @pytest.mark.parametrize("name", FIGURES)
 def test_figures_in_columns_are_those_of_their_rows(name, halo):
     whole, nodes = columns(FIGURES[name])
-    found = figures_in(whole, halo)
+    figures = figures_in(whole, halo)
     single = [figures_in(node, halo) for node in nodes]
-    assert list(found.who) == [who for each in single for who in each.who]
-    for coordinate in found.at:
+    assert list(figures.who) == [who for each in single for who in each.who]
+    for coordinate in figures.at:
         together = [value for each in single for value in each.at[coordinate].tolist()]
-        assert str(found.at[coordinate].tolist()) == str(together)
-        assert len(together) == len(found.who)
+        assert str(figures.at[coordinate].tolist()) == str(together)
+        assert len(together) == len(figures.who)
     assert is_figure(whole, halo) == all(is_figure(node, halo) for node in nodes)
 
 
@@ -66,14 +66,14 @@ def test_figures_in_columns_are_those_of_their_rows(name, halo):
 ])  # fmt: skip
 def test_what_counts_as_a_figure(name, halo, number, all_are):
     whole, _ = columns(FIGURES[name])
-    found = figures_in(whole, halo)
-    assert len(found.who) == number
+    figures = figures_in(whole, halo)
+    assert len(figures.who) == number
     assert is_figure(whole, halo) is all_are
     if number and not halo.everywhere:
         # Values are those of the figures, not only as many.
-        assert found.at["y"].tolist() == [-row for row in range(COUNT)]
+        assert figures.at["y"].tolist() == [-row for row in range(COUNT)]
     elif halo.everywhere:
-        assert {key: values.tolist() for key, values in found.at.items()} == {
+        assert {key: values.tolist() for key, values in figures.at.items()} == {
             "x": [0.0] * number, "y": [0.0] * number
         }  # fmt: skip
 
