@@ -422,7 +422,11 @@ class RegionRequest:
         bool, Note("the world is over: no agent evolves, and the frame makes the last views")
     ] = False
     last: Annotated[
-        bool, Note("the world ends: the frame does not begin, and services see what has arrived")
+        bool,
+        Note(
+            "the world ends: the frame does not begin, and services see what has arrived; with"
+            " `views`, the region reports that they have"
+        ),
     ] = False
 
 

@@ -87,9 +87,13 @@ class FrameRequests:
         """The request of a frame that only makes views, because the world is over."""
         return m.RegionRequest(frame, self._parcels_for(frame), views=True)
 
-    def last(self, frame: int) -> m.RegionRequest:
-        """The request of a frame that does not begin, because the world ends before it."""
-        return m.RegionRequest(frame, self._parcels_for(frame), last=True)
+    def last(self, frame: int, *, views: bool = False) -> m.RegionRequest:
+        """The request of a frame that does not begin, because the world ends before it.
+
+        `views`: the frame before it has made the last views, and regions report that services have
+        seen them.
+        """
+        return m.RegionRequest(frame, self._parcels_for(frame), views=views, last=True)
 
     def __iter__(self) -> Iterator[m.RegionRequest]:
         return iter(self._requests.values())

@@ -99,7 +99,7 @@ class WholeSource(RecordedSource):
         algorithm.members.inside = tuple(services)
         parcels, schedule = saved.pop(PARCELS, None), Schedule.of(algorithm.world.lag, ahead)
         self._requests = FrameRequests(algorithm, schedule, partition, parcels)
-        self._last_views = LastViews(algorithm, self._requests, self._names)
+        self._last_views = LastViews(algorithm, self._requests, self._names, self._targets)
         self._reports: dict[str, PartMessage] = {}
         self._replies: list[m.TickReply] = []
         self._sent = SentEvents(algorithm)
@@ -191,7 +191,7 @@ class WholeSource(RecordedSource):
             return
         try:
             if is_last:
-                self._last_views.accept(reply.member, targets_of(self._decoded(reply)))
+                self._last_views.accept(reply)
                 return
             self._accept(reply)
         except (ProtocolError, SceneError) as error:
@@ -206,6 +206,9 @@ class WholeSource(RecordedSource):
         if not isinstance(data, bytes) or reply.member not in self._names:
             raise ProtocolError(f"ticked: a region must report its {PART}")
         return self._codec.decode(data, self.agents_of(reply.member))
+
+    def _targets(self, reply: m.TickReply) -> Sequence[int]:
+        return targets_of(self._decoded(reply))
 
     def _accept(self, reply: m.TickReply) -> None:
         """Continue with a region's report. Raises ProtocolError and SceneError."""
@@ -281,11 +284,11 @@ class WholeSource(RecordedSource):
         self._last_views.request()
 
     def ask_again(self, fragments: list[str]) -> None:
-        """Wait for regions that are gone before they have made the last views."""
+        """Wait for regions that are gone before services have seen the last views."""
         self._last_views.again(fragments)
 
     def stop(self, phase: Phase) -> None:
-        """Tell regions which of their parcels have the last views."""
+        """Tell regions to show the views of the last frame, if a person ends the world."""
         self._last_views.stop(phase)
 
     def commit(self) -> None:

@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -10,6 +11,7 @@ import pytest
 from minerva_bus.errors import UserCodeError
 from minerva_bus.testing.simulation import trying
 from minerva_bus.testing.simulation.history import Fault, History, drawn
+from minerva_bus.testing.simulation.regions import RegionHistory
 from minerva_bus.testing.simulation.trying import report, tried, tried_seed
 from minerva_bus.testing.simulation.writing import read_back, written
 from minerva_bus.wire.keys import COORDINATOR
@@ -43,6 +45,25 @@ def test_histories_of_regions_go_well(first):
 def test_histories_of_regions_that_failed_once_go_well(seed):
     again = tried_seed(seed, regions=True)
     assert not again.wrong, report(again)
+
+
+@pytest.mark.parametrize(
+    "fault",
+    [
+        Fault(3, 0.0, "kill", "region-0"),
+        Fault(3, 0.0, "kill", "region-1"),
+        Fault(3, 0.0, "cut", "1-0", 80.0),
+        Fault(3, 0.0, "succeed", COORDINATOR),
+    ],
+    ids=str,
+)
+def test_services_see_the_last_views_whatever_happens_when_the_world_is_over(fault):
+    for after in range(0, 48, 3):  # Deliveries between the last frame and the reports.
+        # Regions keep their journals, or the coordinator does.
+        for seed, count in (4, 3), (5, 2):
+            history = RegionHistory(seed, 3, 0.0, 0.0, (replace(fault, count=after),), count=count)
+            again = tried(history)
+            assert not again.wrong, report(again)
 
 
 @pytest.mark.parametrize("line", FAILED.read_text().splitlines())

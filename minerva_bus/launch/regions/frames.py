@@ -177,8 +177,9 @@ class RegionFrames:
     def note(self, request: m.RegionRequest) -> None:
         """Accept the request of a frame."""
         self.requests.note(request)
-        # What the requests ahead of the last complete frame do not need any more, others may.
-        self.parcels.outbox.acknowledge(request.frame - 2 * self.requests.ahead)
+        # What the requests ahead of the last complete frame do not need any more, others may; and
+        # a successor repeats the frame of the last views.
+        self.parcels.outbox.acknowledge(request.frame - 2 * self.requests.ahead - request.last)
 
     # --- frames ---
 
@@ -191,7 +192,10 @@ class RegionFrames:
         if self._done is not None:
             yield self._end_frame(self._done)
         while not self.is_busy and (request := self.requests.of(region.frame)) is not None:
-            if not self._enter(request, last=request.last or request.views) or request.last:
+            if not self._enter(request, last=request.last or request.views):
+                return
+            if request.last:
+                yield from self.requests.seen(self.name, request)
                 return
             if not request.views and self.journal.is_due():
                 checkpoint = RegionCheckpoint.at(region, self.parcels, self.requests)
@@ -242,17 +246,13 @@ class RegionFrames:
             answered=answered,
             for_all=packed_for_all(region),
         )
-        report = self._report(message, done)
-        return self.requests.keep(report)
+        return self.requests.keep(self._report(message, done))
 
     def _report(self, message: Callable[[bytes], PartMessage], done: s.FrameDone) -> m.TickReply:
         answered, first = self.region.services.nearby.answered, self.region.number == FIRST
         inputs = reported(done.inputs, answered, first=first)
         entry = b"" if inputs is None else encode_inputs(inputs)
-        saved: dict[str, Any] = {
-            PART: encode(message(entry)),
-            JOURNAL: self.journal.unreported(),
-        }
+        saved: dict[str, Any] = {PART: encode(message(entry)), JOURNAL: self.journal.unreported()}
         if lines := self.requests.take_lines():
             saved[LINES] = lines
         return m.TickReply(self.name, done.frame, (), saved)

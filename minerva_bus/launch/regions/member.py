@@ -21,11 +21,13 @@ from minerva_bus.regions.region import Region
 from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.runtime.region_links import ParcelArrived
 from minerva_bus.wire.codec import encode
+from minerva_bus.wire.keys import name_of_region
 
 PATIENCE: Final = 5
-"""Seconds for which a region that ends waits for the last views of others.
+"""Seconds for which services of a region wait for views if a person ends the world.
 
-One that has ended before does not send a lost parcel again.
+A region that has ended before does not send a lost parcel again, and a person may end a world
+because a link is cut. When a world is over, the coordinator waits until services have seen them.
 """
 
 
@@ -46,6 +48,7 @@ class RegionMember(Member):
         make_runner: MakeRunner = InProcessRunner,
     ) -> None:
         super().__init__(spec.name)
+        self._log = log
         self._frames = RegionFrames(spec, send, log, self._begins, make_runner)
         self._past: RegionPast | None = RegionPast(self._frames)
         self._ending = ""
@@ -160,7 +163,8 @@ class RegionMember(Member):
             return [report, *self._frames.advance()]
         # A request to this region may arrive after a later one to all regions.
         if self._frames.is_new(request):
-            self._frames.journal.write(ParcelArrived(COORDINATOR, encode(request)))
+            if not request.last:  # The coordinator repeats it to another process.
+                self._frames.journal.write(ParcelArrived(COORDINATOR, encode(request)))
             self._frames.note(request)
         return [*self._frames.advance()]
 
@@ -175,14 +179,21 @@ class RegionMember(Member):
         if self.stopped:
             return []
         if not frames.is_ending:
-            if self._past is None and self._patience > 0 and not frames.see():
-                return []
+            if self._past is None and not frames.see():
+                if self._patience > 0:
+                    return []
+                self._report_unseen()
             frames.end(self._ending)
         if not frames.has_ended:
             return []
         self.stopped = self._ending
         self._frames.close()
         return [m.Report(self.name, self._frames.last_figures())]
+
+    def _report_unseen(self) -> None:
+        awaited = ", ".join(map(name_of_region, self.awaited))
+        text = f"its services have not seen the last views: nothing has arrived from {awaited}"
+        self._log("", f"{self.name}: {text} for {PATIENCE} s", "")
 
     def figures(self) -> m.Figures:
         """Before the end of the world only its hosts."""

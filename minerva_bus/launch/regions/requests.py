@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import Final
 
@@ -51,6 +52,12 @@ class RegionRequests:
     def take(self, frame: int) -> m.RegionRequest:
         """Remove and return the request for a frame."""
         return self._requests.pop(frame)
+
+    def seen(self, member: str, request: m.RegionRequest) -> Iterator[m.TickReply]:
+        """Take the last request: services have seen its views. The coordinator may wait for it."""
+        self.take(request.frame)
+        if request.views:
+            yield self.keep(m.TickReply(member, request.frame, (), {}))
 
     def report(self, frame: int) -> m.TickReply | None:
         """The report of a frame, as one of this process; None if it is not kept."""
