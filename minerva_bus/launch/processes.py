@@ -8,7 +8,7 @@ import shutil
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from minerva_bus.errors import MisuseError, WorldFileError, nearest
 from minerva_bus.frame.compatibility import incompatibility
@@ -16,6 +16,7 @@ from minerva_bus.frame.member import Member
 from minerva_bus.frame.messages import Hello
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.launch.distribution import names_of
+from minerva_bus.launch.norms import PEOPLE
 from minerva_bus.launch.options import beside
 from minerva_bus.launch.specs import bind, find_agent, find_service, find_view
 from minerva_bus.launch.table import Table
@@ -27,6 +28,12 @@ from minerva_bus.settings.kinds import AUTO
 from minerva_bus.settings.tables import PatienceSettings, ProcessSettings
 from minerva_bus.wire.keys import COORDINATOR, checked_name
 from minerva_bus.world.services import Service
+
+_RESERVED: Final = {
+    COORDINATOR: "it is that of the process that runs the frames; choose another name",
+    PEOPLE: "norms and logs call those who send events by it; choose another name",
+}
+"""Names that no process may have, and why."""
 
 
 def read_processes(top: Table, path: Path) -> tuple[Process, ...]:
@@ -150,8 +157,10 @@ def check_members(processes: Iterable[Process], vocabulary: Vocabulary, path: Pa
         if process.name in seen:
             raise WorldFileError(f"{path}: two processes are named {process.name}")
         seen.add(process.name)
-        if process.name == COORDINATOR:
-            raise WorldFileError(f"{path}: the process name {COORDINATOR} is reserved")
+        if process.name in _RESERVED:
+            raise WorldFileError(
+                f"{path}: the process name {process.name} is reserved: {_RESERVED[process.name]}"
+            )
         # The capabilities of a command are known only from its hello.
         first = process.table not in tables
         tables.update({process.table} - {""})

@@ -62,7 +62,7 @@ rate = 25
 frames = 1800
 until = "eOver"
 
-[process.people]
+[process.folk]
 agents = ["spade_yard:Buyer", "spade_yard:Clerk"]
 
 [process.outside]

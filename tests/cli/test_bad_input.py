@@ -104,6 +104,7 @@ def test_the_world_itself_is_right(folder):
             "which is not an executable file",
         ),
         ("[process.walkers]", "[process.coordinator]", "the process name coordinator is reserved"),
+        ("[process.walkers]", "[process.people]", "the process name people is reserved: norms"),
         ("[process.walkers]", '[bus]\nlisten = "here"\n[process.walkers]', "is not an endpoint"),
     ],
 )

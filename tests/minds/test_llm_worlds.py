@@ -30,7 +30,7 @@ frames = 60
 [process.minds]
 agents = "mind"
 
-[process.people]
+[process.folk]
 agents = ["town:Person", "town:Mortal"]
 
 [process.steps]
@@ -114,7 +114,7 @@ def test_a_run_with_a_script_has_one_digest_everywhere(tmp_path):
     path = write_town(tmp_path, "town:RULES", "agent_budget = { calls = 3 }")
     alone = summary(here(tmp_path, "run", path, "--in-process", "--record", "a.mcap", "--json"))
     with World(path, "--rate", "40", "--json") as world:
-        names = ("minds", "people", "steps", "llm")
+        names = ("minds", "folk", "steps", "llm")
         os.kill(world.runs(*names)["llm"], signal.SIGKILL)
         assert world.summary()["digest"] == alone["digest"]
     town = town_of(tmp_path, "a.mcap")
@@ -228,7 +228,7 @@ def test_a_killed_service_continues_what_is_open(tmp_path, monkeypatch):
         path = write_town(tmp_path, hanging.url, *options)
         words = "--until", "eHappy", "--frames", "0", "--rate", "40", "--record", "k.mcap", "--json"
         with World(path, *words) as world:
-            pids = world.runs("minds", "people", "steps", "llm")
+            pids = world.runs("minds", "folk", "steps", "llm")
             eventually(lambda: len(hanging.calls) == 3, "three calls")
             os.kill(pids["llm"], signal.SIGKILL)
             world.says("llm │ was killed by SIGKILL; restart 1 of 5 in")
@@ -252,7 +252,7 @@ def test_the_death_of_an_agent_cancels_its_calls(tmp_path, monkeypatch):
         path = write_town(tmp_path, server.url, 'model = "m"', string=string)
         words = "--frames", "0", "--rate", "40", "--record", "m.mcap", "--json"
         with World(path, *words) as world:
-            world.runs("minds", "people", "steps", "llm")
+            world.runs("minds", "folk", "steps", "llm")
 
             def cancelled():
                 figures = world.members()["llm"]["figures"]

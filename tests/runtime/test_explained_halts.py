@@ -25,7 +25,7 @@ people = ["eHappy"]
 soft = 0.1
 hard = 300
 
-[process.people]
+[process.folk]
 agents = ["town:Person", "mind"]
 """
 FAULTS = """
