@@ -5,10 +5,9 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Generator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
 from typing import Any, Final
 
-from minerva_bus.errors import MinervaError, WorldStopped
+from minerva_bus.errors import WorldStopped
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.collection import ORDERS
@@ -21,6 +20,7 @@ from minerva_bus.launch.console import Console
 from minerva_bus.launch.exporting import exported
 from minerva_bus.launch.failures import CodeFailure
 from minerva_bus.launch.free_running import FreeRunning, close_services
+from minerva_bus.launch.in_process_parts import WorldParts, members_of, recorded
 from minerva_bus.launch.in_process_progress import InProcessProgress
 from minerva_bus.launch.in_process_questions import InProcessQuestions
 from minerva_bus.launch.interrupts import interrupts_deferred
@@ -77,7 +77,7 @@ class InProcessRun:
         self._record = RunRecord()
         self._metrics = Metrics(self.algorithm, time.monotonic)
         self._log = WorldLog(self.algorithm, self._show, REAL, self._metrics)
-        self._parts: _WorldParts | None = None
+        self._parts: WorldParts | None = None
         self._reason = ""
 
     @property
@@ -110,7 +110,7 @@ class InProcessRun:
             compile_agents(self._file.processes, self._console.progress)
             members = members_of(self._file)
             runner, record = self._prepare(members)
-            self._parts = _WorldParts(runner, members, record, FreeRunning(runner, members))
+            self._parts = WorldParts(runner, members, record, FreeRunning(runner, members))
             with self._reporting():
                 for note in self._file.notes:
                     self._note(note)
@@ -176,7 +176,7 @@ class InProcessRun:
         runner = InProcessRunner(
             self.algorithm,
             members,
-            _recorded(record),
+            recorded(record),
             *collected,
             self._metrics,
             self._schedule,
@@ -279,35 +279,6 @@ class InProcessRun:
         if member not in (ORDERS, NORMS) or not self._console.quiet:
             self._console.log(member, text, "warning")
         self._record.said(member, f"{text}\n{details}".rstrip())
-
-
-@dataclass(slots=True)
-class _WorldParts:
-    """The parts of an open world."""
-
-    runner: InProcessRunner
-    members: list[Member]
-    record: RunRecord
-    services: FreeRunning
-    closed: bool = False
-
-
-def members_of(file: WorldFile) -> list[Member]:
-    """The members of all processes. Raises MinervaError for one that needs its own process."""
-    for process in file.processes:
-        if process.command:
-            raise MinervaError(f"{process.name} is a command of its own: run without --in-process")
-        if process.elsewhere:
-            raise MinervaError(f"{process.name} runs elsewhere: run without --in-process")
-    return [process.participant() for process in file.processes]
-
-
-def _recorded(record: RunRecord) -> Callable[[Notice], None]:
-    def observe(notice: Notice) -> None:
-        if isinstance(notice, s.FrameDone):
-            record.frame(notice)
-
-    return observe
 
 
 def _no_rejections() -> Mapping[str, int]:

@@ -6,7 +6,7 @@ from random import Random
 import pytest
 from region_simulation import Regions, digests_of_one
 
-from minerva_bus.launch.in_process import members_of
+from minerva_bus.launch.in_process_parts import members_of
 from minerva_bus.launch.installed import find_world
 from minerva_bus.launch.reading import read_world_file, read_world_text
 from minerva_bus.regions.partition import ById, ByPosition

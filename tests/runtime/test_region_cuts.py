@@ -13,7 +13,7 @@ from minerva_bus.errors import WorldStopped
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.launch.in_process import members_of
+from minerva_bus.launch.in_process_parts import members_of
 from minerva_bus.launch.reading import read_world_file
 from minerva_bus.launch.regions import journal as region_journal
 from minerva_bus.launch.regions.layout import in_regions, region_elsewhere

@@ -11,7 +11,7 @@ from minerva_bus.errors import ProtocolError, WorldFileError, WorldStopped
 from minerva_bus.frame.member import Member
 from minerva_bus.grammar.scene import AgentNode, Scene
 from minerva_bus.grammar.symbols import Primitive, Transformation
-from minerva_bus.launch.in_process import members_of
+from minerva_bus.launch.in_process_parts import members_of
 from minerva_bus.launch.installed import find_world
 from minerva_bus.launch.reading import read_world_text
 from minerva_bus.launch.regions.unsupported import check_regions

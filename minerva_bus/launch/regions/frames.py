@@ -16,7 +16,7 @@ from minerva_bus.frame.own_agents import OwnAgents
 from minerva_bus.frame.phases import Phase
 from minerva_bus.launch.failures import own_members
 from minerva_bus.launch.free_running import close_services
-from minerva_bus.launch.in_process import members_of
+from minerva_bus.launch.in_process_parts import members_of
 from minerva_bus.launch.regions.checkpoint import RegionCheckpoint
 from minerva_bus.launch.regions.for_all import needed_by_all, packed_for_all
 from minerva_bus.launch.regions.layout import RegionSpec

@@ -16,7 +16,8 @@ from minerva_bus.launch.compiling import compile_agents
 from minerva_bus.launch.console import Console
 from minerva_bus.launch.failures import CodeFailure
 from minerva_bus.launch.free_running import FreeRunning, close_services
-from minerva_bus.launch.in_process import POLL_SECONDS, members_of
+from minerva_bus.launch.in_process import POLL_SECONDS
+from minerva_bus.launch.in_process_parts import members_of
 from minerva_bus.launch.interrupts import interrupts_deferred
 from minerva_bus.launch.printed import MEMBERS, printed
 from minerva_bus.launch.summary import RunSummary
