@@ -27,14 +27,17 @@ class Addressed:
     _everyone: dict[str, list[int]] = field(init=False)
     _single: dict[str, list[int]] = field(init=False)
     _batches: dict[str, list[int]] = field(init=False)
-    _rows: dict[int, tuple[dict[str, list[int]], list[Event]]] = field(init=False)
-    """Rows by receiver and single events of short batches, by index; made on demand."""
+    _rows: dict[int, dict[str, list[int]]] = field(init=False)
+    """Rows of short batches by receiver, by index; made on demand."""
+    _events: dict[int, list[Event]] = field(init=False)
+    """Single events of short batches, by index; made on demand."""
 
     def __post_init__(self) -> None:
         # Events are indexed once by receiver, because each agent looks up its own: scanning all
         # events for each agent would cost agents times events.
         self.types = frozenset([event.type for event in self.events])
-        self._everyone, self._single, self._batches, self._rows = {}, {}, {}, {}
+        self._everyone, self._single, self._batches = {}, {}, {}
+        self._rows, self._events = {}, {}
         for index, event in enumerate(self.events):
             if not event.receivers:  # a batch for all has None, and there is no empty batch
                 self._everyone.setdefault(event.type, []).append(index)
@@ -82,10 +85,16 @@ class Addressed:
             rows: dict[str, list[int]] = {}
             for row, receiver in enumerate([] if batch.receivers is None else batch.receivers):
                 rows.setdefault(receiver, []).append(row)
-            self._rows[index] = rows, list(batch)
-        rows, events = self._rows[index]
-        own = rows.get(agent_id, [])
-        return events[own[0]] if len(own) == 1 else batch.take(np.array(own, np.intp))
+            self._rows[index] = rows
+        own = self._rows[index].get(agent_id, [])
+        if len(own) == batch.count > 1:  # Such as the scan of a laser.
+            return batch
+        if len(own) != 1:
+            return batch.take(np.array(own, np.intp))
+        # All at once: to make single events of a batch one by one costs twenty times as much.
+        if index not in self._events:
+            self._events[index] = list(batch)
+        return self._events[index][own[0]]
 
 
 def _index(pair: tuple[int, AnyEvent]) -> int:

@@ -9,6 +9,7 @@ from minerva_bus import Agent, EventBatch, Events, EventType, Frame, Policy, evo
 from minerva_bus.grammar.column import Column
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.packing import one_by_one
+from minerva_bus.world.addressing import Addressed
 
 eHit = EventType("eHit", dist=float)
 eTurn = EventType("eTurn")
@@ -158,3 +159,14 @@ def test_a_missing_datum_lists_those_of_the_event():
     batch = EventBatch(scan(["a"], [1.0]))
     with pytest.raises(AttributeError, match="eHit has no angle; it has dist"):
         _ = batch.angle
+
+
+def test_the_only_receiver_of_a_batch_gets_the_batch_itself():
+    batch, others = scan(["a1"] * 5, range(5)), scan(["a1", "a2", "a2"], [5, 6, 7])
+    events = Addressed((batch, others))
+    (_, whole), (index, event) = events.to("a1", {"eHit"})
+    assert whole is batch
+    assert (index, event.dist) == (1, 5.0)
+    ((_, rest),) = events.to("a2", {"eHit"})
+    assert rest.data("dist").tolist() == [6.0, 7.0]
+    assert events.to("a3", {"eHit"}) == []
