@@ -93,14 +93,15 @@ class Fields:
 
     all: tuple[Field, ...] = ()
     names: tuple[str, ...] = field(init=False)
-    hold_strings: bool = field(init=False, repr=False, compare=False)
+    holding_strings: tuple[int, ...] = field(init=False, repr=False, compare=False)
+    """Places of the fields whose values are, or contain, strings."""
     _plain: tuple[type | None, ...] = field(init=False, repr=False, compare=False)
     _no_former: tuple[type, ...] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "names", tuple([parameter.name for parameter in self.all]))
-        holds = any(parameter.type.holds_strings for parameter in self.all)
-        object.__setattr__(self, "hold_strings", holds)
+        holding = [place for place, of in enumerate(self.all) if of.type.holds_strings]
+        object.__setattr__(self, "holding_strings", tuple(holding))
         # Types whose finite floats or ASCII texts need no conversion, once for all occurrences.
         plain = [_plain_type(parameter.type) for parameter in self.all]
         object.__setattr__(self, "_plain", tuple(plain))

@@ -155,14 +155,13 @@ class Vocabulary:
         if type(node) is not _NODES.get(node.symbol[:1], type(node)):
             raise Unfit(f"{node.symbol} is not a symbol of {type(node).__name__}")
         fields = self.fields(node.symbol)
-        # As it left its agent, in this process. Strings within values are checked as a whole.
-        left = type(node) is AgentNode and node.fits(fields) and scope is node.scope
-        if left and not fields.hold_strings:
-            return node
-        owner = f"{node.symbol}#{node.id}" if isinstance(node, AgentNode) else node.symbol
-        names, values = fields.refit(owner, node.names, node.values)
-        if fields.hold_strings:
-            values = self._inner(values, source, parsed)
+        names, values = node.names, node.values
+        # Otherwise it is as it left its agent, in this process.
+        if not (type(node) is AgentNode and node.fits(fields)):
+            owner = f"{node.symbol}#{node.id}" if isinstance(node, AgentNode) else node.symbol
+            names, values = fields.refit(owner, names, values)
+        if fields.holding_strings:  # These are checked as a whole.
+            values = self._inner(fields, values, source, parsed)
         same = names is node.names and values is node.values
         if isinstance(node, FigureNode):
             return node if same else FigureNode(node.symbol, names, values)
@@ -173,16 +172,21 @@ class Vocabulary:
         return AgentNode(node.symbol, node.id, names, values, scope)
 
     def _inner(
-        self, values: tuple[Value, ...], source: str, parsed: Parsed | None = None
+        self, fields: Fields, values: tuple[Value, ...], source: str, parsed: Parsed | None = None
     ) -> tuple[Value, ...]:
         """Values with their strings in canonical form; the same objects if they already are."""
-        checked = tuple([self._inner_value(value, source, parsed) for value in values])
-        return values if all(map(is_, checked, values)) else checked
+        checked = list(values)
+        for place in fields.holding_strings:
+            checked[place] = self._inner_value(values[place], source, parsed)
+        return values if all(map(is_, checked, values)) else tuple(checked)
 
     def _inner_value(self, value: Value, source: str, parsed: Parsed | None) -> Value:
         if isinstance(value, Scene):
             return self.check(value, source, parsed)
-        return self._inner(value, source, parsed) if isinstance(value, tuple) else value
+        if not isinstance(value, tuple):
+            return value
+        checked = tuple([self._inner_value(item, source, parsed) for item in value])
+        return value if all(map(is_, checked, value)) else checked
 
     def check_event(self, event: Event, source: str = "") -> Event:
         """The event in canonical form. Raises VocabularyError."""
@@ -195,8 +199,8 @@ class Vocabulary:
             names, values = declared.fields.refit(event.type, event.names, event.values)
         except Unfit as unfit:
             raise VocabularyError(str(unfit), source=source) from None
-        if declared.fields.hold_strings:
-            values = self._inner(values, source)
+        if declared.fields.holding_strings:
+            values = self._inner(declared.fields, values, source)
         if event.condition:
             self.check_condition(event.type, event.condition, source)
         odd = invalid_id(event.receivers) if event.receivers else None
