@@ -8,6 +8,7 @@ from __future__ import annotations
 import os
 import platform
 from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
 from typing import Any, TypeAlias, cast
 
 from minerva_bus.blame import blamed
@@ -22,7 +23,7 @@ from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.source import handler_name
 from minerva_bus.world.agent import Agent
 from minerva_bus.world.context import Frame
-from minerva_bus.world.kinds import kinds_of
+from minerva_bus.world.kinds import kinds_of, with_own_fields
 from minerva_bus.world.operator import NoOperator, Operator
 from minerva_bus.world.policy import Policy
 from minerva_bus.world.readings import Reading
@@ -136,7 +137,8 @@ class Member:
         if self.host.kinds:
             self._check_policy(welcome.policy)
         rejoins = self.world is not None and self._is_same_run(self.world, welcome)
-        self.world = welcome
+        vocabulary = with_own_fields(welcome.vocabulary, self.host.kinds)
+        self.world = replace(welcome, vocabulary=vocabulary)
         # The coordinator that sent this may be a successor, which repeats the frame in progress.
         # All fragments are discarded, and the necessary ones arrive again.
         self._evolved = (-1, set())

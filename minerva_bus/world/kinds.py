@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
 from typing import Any, cast
 
 from minerva_bus.errors import MisuseError, UserCodeError
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.scene import AgentNode
+from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.source import handler_name
 from minerva_bus.world.agent import Agent
 
@@ -54,3 +56,17 @@ def kinds_of(classes: Iterable[type[Agent]] | Kinds) -> Kinds:
         if kinds.setdefault(cls.kind.name, cls) is not cls:
             raise MisuseError(f"two classes have the symbol {cls.kind.name}")
     return kinds
+
+
+def with_own_fields(vocabulary: Vocabulary, kinds: Kinds) -> Vocabulary:
+    """The vocabulary, with the very fields of these classes where they are equal.
+
+    A vocabulary that has been received has equal fields of its own. Values that fit the very fields
+    of a class are not fitted again before and after each of its methods.
+    """
+    shared = {
+        name: replace(kind, fields=kinds[name].kind.fields)
+        for name, kind in vocabulary.kinds.items()
+        if name in kinds and kinds[name].kind.fields == kind.fields
+    }
+    return replace(vocabulary, kinds={**vocabulary.kinds, **shared})
