@@ -55,7 +55,9 @@ def camera(
         ray: free fraction of the line between two points.
 
     """
-    sightings = (_sighting(pose, name, markers[name]) for name in sorted(markers))
+    heading = math.radians(pose.angle)
+    axis = portable.cos(heading), portable.sin(heading)
+    sightings = (_sighting(pose, axis, name, markers[name]) for name in sorted(markers))
     return tuple(
         seen
         for seen in sightings
@@ -66,9 +68,9 @@ def camera(
     )
 
 
-def _sighting(pose: Pose, name: str, place: Point) -> Sighting:
-    heading = math.radians(pose.angle)
-    cos, sin = portable.cos(heading), portable.sin(heading)
+def _sighting(pose: Pose, axis: Point, name: str, place: Point) -> Sighting:
+    """A marker as seen along an axis, the cosine and sine of the heading."""
+    cos, sin = axis
     x, y = place[0] - pose.x, place[1] - pose.y
     bearing = math.degrees(portable.atan2(y * cos - x * sin, x * cos + y * sin))
     return Sighting(name, portable.hypot(x, y), bearing)
