@@ -272,7 +272,8 @@ def _around(views: Numbers, width: int) -> Numbers:
     if width >= RAYS:
         return np.repeat(views.sum(axis=1, keepdims=True), RAYS, axis=1)
     before = width // 2
-    around = np.concatenate((views[:, RAYS - before :], views, views[:, : width - before]), axis=1)
-    # A sliding sum over the circle, as a difference of cumulative sums.
-    sums = np.cumsum(np.pad(around, ((0, 0), (1, 0))), axis=1)
+    # A sliding sum over the circle, as a difference of cumulative sums, which begin with 0.
+    first = np.zeros((len(views), 1), views.dtype)
+    around = (first, views[:, RAYS - before :], views, views[:, : width - before])
+    sums = np.cumsum(np.concatenate(around, axis=1), axis=1)
     return sums[:, width : width + RAYS] - sums[:, :RAYS]
