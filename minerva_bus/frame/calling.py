@@ -15,7 +15,7 @@ import numpy as np
 
 from minerva_bus.blame import blamed
 from minerva_bus.errors import MisuseError
-from minerva_bus.grammar.batch import AnyEvent, Events
+from minerva_bus.grammar.batch import AnyEvent, Events, check_number
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.symbols import EventType
 from minerva_bus.world.services import Service
@@ -35,7 +35,7 @@ NOTHING: Final[Mapping[str, Any]] = {VALUE: None}
 def made_events(made: Any) -> Iterator[AnyEvent]:
     """The events in the result of `generate`: None, an event, or an iterable of both.
 
-    Raises TypeError.
+    Raises TypeError, and MisuseError for more than `check_number` allows.
     """
     if made is None:
         return
@@ -47,7 +47,8 @@ def made_events(made: Any) -> Iterator[AnyEvent]:
     result: object = made
     if isinstance(result, str | bytes | Mapping) or not isinstance(result, Iterable):
         raise TypeError(f"expected events, one event or None, not {_named(made)}")
-    for item in cast("Iterable[object]", result):
+    for number, item in enumerate(cast("Iterable[object]", result)):
+        check_number(number)
         if item is not None:
             if not isinstance(item, Event | Events):
                 raise TypeError(f"expected events, not {_named(item)}")

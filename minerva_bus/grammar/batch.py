@@ -15,6 +15,7 @@ from typing import Any, Final, TypeAlias, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.column import Column, Rows, are_texts, bits
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.ids import Ids
@@ -22,6 +23,9 @@ from minerva_bus.grammar.scene import Value
 
 MANY: Final = 1_000
 """A generator's events are sent as columns if there are more: decoding single events is slow."""
+
+MOST_SINGLE: Final = 1_000_000
+"""Single events that a service or an agent may make in a frame: a loop without end stops there."""
 
 _MIX: Final = np.uint64(0xBF58476D1CE4E5B9)
 
@@ -242,6 +246,15 @@ def first_of(event: AnyEvent) -> Event:
 def as_batch(event: AnyEvent, count: int = 1) -> Events:
     """The batch, or `count` copies of an event as one."""
     return event if isinstance(event, Events) else Events.repeated(event, count)
+
+
+def check_number(made: int) -> None:
+    """Raise MisuseError if so many single events have been made in a frame by one call or agent."""
+    if made >= MOST_SINGLE:
+        raise MisuseError(
+            f"it makes more than {MOST_SINGLE:,} events in a frame: end its loop, or make batches,"
+            " such as eNear(distance=array)"
+        )
 
 
 def in_columns(events: tuple[AnyEvent, ...]) -> tuple[AnyEvent, ...]:

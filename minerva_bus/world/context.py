@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from minerva_bus.errors import MisuseError
-from minerva_bus.grammar.batch import AnyEvent, Events
+from minerva_bus.grammar.batch import AnyEvent, Events, check_number
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.world.rng import (
@@ -185,9 +185,10 @@ class Context(InFrame):
         """Emit an event or a batch into the next frame; the sender is the agent, if any.
 
         Raises:
-            MisuseError: it is not an event.
+            MisuseError: it is not an event, or the agent has made too many in this frame.
 
         """
+        check_number(len(self.emitted))
         if isinstance(event, Events):
             for each in event:
                 self.emit(each)
