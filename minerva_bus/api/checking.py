@@ -13,6 +13,7 @@ from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.traversal import walk
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.launch.installed import file_text, find_world
+from minerva_bus.launch.reading import read_world_file
 from minerva_bus.launch.restless import restless
 from minerva_bus.launch.specs import load
 from minerva_bus.launch.structure import structure_of
@@ -47,10 +48,7 @@ def check(world: World | str | Path, *, vocabulary: str = "", code: bool = True)
 
     """
     if isinstance(world, World):
-        file = world.read()
-        _check_services(file)
-        warnings = [*restless(file), *unplaced(file)]
-        return Checked(_world_shown(len(file.processes), file.world.scene), warnings)
+        return _checked(world.read())
     path = Path(world)
     # Neither a file nor a name with a suffix: an installed world.
     if not path.suffix and not path.exists():
@@ -58,12 +56,19 @@ def check(world: World | str | Path, *, vocabulary: str = "", code: bool = True)
     if path.suffix != ".toml":
         return Checked(_check_string(path, vocabulary))
     if code:
-        return check(World.load(path))
+        # Not as a `World`, which reads the file for each question.
+        return _checked(read_world_file(find_world(str(path))))
     structure = structure_of(path)
     string = "a string that code makes" if structure.string is None else _size(structure.string)
     processes = counted(len(structure.processes), "process")
     shown = f"a world of {processes}, {string}; no code was run"
     return Checked(shown, code=list(structure.code))
+
+
+def _checked(file: WorldFile) -> Checked:
+    _check_services(file)
+    warnings = [*restless(file), *unplaced(file)]
+    return Checked(_world_shown(len(file.processes), file.world.scene), warnings)
 
 
 def _check_services(file: WorldFile) -> None:

@@ -68,6 +68,9 @@ def find_world(spec: str) -> Path:
             if (Path(folder) / name).is_file():
                 return Path(folder) / name
         raise WorldFileError(f"the world {spec!r} is installed without its file {name}")
+    if spec and os.path.isdir(path):  # noqa: PTH112 - as in `is_file`
+        there = f"{spec.rstrip('/')}/NAME.toml"
+        raise WorldFileError(f"{spec} is a folder; give the world file in it, {there}")
     if path.suffix == ".toml" or "/" in spec:
         raise WorldFileError(f"there is no world file {spec}")
     there = ", ".join(sorted(known)) or "none"

@@ -4,6 +4,8 @@ import pytest
 
 from minerva_bus import check
 from minerva_bus.errors import WorldFileError
+from minerva_bus.input_files import read_text
+from minerva_bus.launch import installed
 from tests.runtime.running import here
 
 CODE = """\
@@ -101,3 +103,15 @@ def test_a_run_prints_the_warning(tmp_path):
     path = world(tmp_path, '[placement]\nACar = "nowhere"\n')
     done = here(tmp_path, "run", path.name, "--in-process", "--frames", "2")
     assert "placement.ACar: no process that may have such agents" in done.stderr
+
+
+def test_a_world_file_is_read_once(tmp_path, monkeypatch):
+    file, reads = world(tmp_path, ""), []
+
+    def counted(path, *rest):
+        reads.append(path)
+        return read_text(path, *rest)
+
+    monkeypatch.setattr(installed, "read_text", counted)
+    check(file)
+    assert reads == [file.resolve()]

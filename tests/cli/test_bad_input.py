@@ -143,6 +143,8 @@ def test_symbols_are_checked_with_a_vocabulary(folder):
     ("words", "message"),
     [
         (("run", "nowhere.toml"), "there is no world file nowhere.toml"),
+        (("run", ".."), ".. is a folder; give the world file in it, ../NAME.toml"),
+        (("run", "./"), "./ is a folder; give the world file in it, ./NAME.toml"),
         (("run", "robt"), "did you mean 'robot'?"),
         (("run", "robot", "--objectiv", "x"), "did you mean '--objective'?"),
         (("run", "robot", "--objective", "kichen"), "did you mean 'kitchen'?"),
