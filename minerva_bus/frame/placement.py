@@ -279,12 +279,16 @@ class Placement:
             held[fragment] = piece
 
     def resend(self, fragment: str) -> None:
-        """Send a fragment to its host again, because a norm has rejected the host's result."""
+        """Send a fragment to its host again, because a norm has rejected a host's result."""
+        # None means an unknown state: no fragment is identical with it, and the host still receives
+        # a request to drop the fragment when it moves. A former host may have evolved it, too, if
+        # it has moved since the frame began.
+        for held in self._held.values():
+            if fragment in held:
+                held[fragment] = None
         host = self._host.get(fragment)
         if host is not None and fragment in self._composition.fragments:
             self._stale[host].add(fragment)
-            # None means an unknown state: no fragment is identical with it, and the host still
-            # receives a request to drop the fragment when it moves.
             self._held.setdefault(host, {})[fragment] = None
 
 

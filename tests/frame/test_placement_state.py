@@ -57,6 +57,16 @@ def test_a_rejected_result_is_sent_again():
     assert list(placement.lacking("east").given) == ["b"]
 
 
+def test_a_former_host_of_a_rejected_result_gets_the_agent_again():
+    """It may have evolved the agent in this frame, before another host returned and was lost."""
+    placement, _ = arranged("AMortal#a", {"east": BOTH})
+    placement.arrange({"west": BOTH}, mid_frame=True)
+    placement.resend("a")
+    assert list(placement.lacking("west").given) == ["a"]
+    placement.arrange({"east": BOTH}, mid_frame=True)
+    assert list(placement.lacking("east").given) == ["a"]
+
+
 def test_a_result_of_a_former_host_makes_that_of_the_present_one_outdated():
     placement, _ = arranged("AMortal#a")
     placement.changed("east", "a", read("AMortal#a<energy=2>"))
