@@ -49,21 +49,22 @@ def test_histories_of_regions_that_failed_once_go_well(seed):
 
 
 @pytest.mark.parametrize(
-    "fault",
+    "faults",
     [
-        Fault(3, 0.0, "kill", "region-0"),
-        Fault(3, 0.0, "kill", "region-1"),
-        Fault(3, 0.0, "cut", "1-0", 80.0),
-        Fault(3, 0.0, "succeed", COORDINATOR),
+        [Fault(3, 0.0, "kill", "region-0")],
+        [Fault(3, 0.0, "kill", "region-1")],
+        [Fault(3, 0.0, "cut", "1-0", 80.0)],
+        [Fault(3, 0.0, "succeed", COORDINATOR)],
+        [Fault(3, 0.0, "kill", "region-1"), Fault(3, 0.0, "succeed", COORDINATOR, count=4)],
     ],
-    ids=str,
+    ids=lambda faults: ", ".join(fault.kind + " " + fault.target for fault in faults),
 )
-def test_services_see_the_last_views_whatever_happens_when_the_world_is_over(fault):
+def test_services_see_the_last_views_whatever_happens_when_the_world_is_over(faults):
     for after in range(0, 48, 3):  # Deliveries between the last frame and the reports.
         # Regions keep their journals, or the coordinator does.
         for seed, count in (4, 3), (5, 2):
-            history = RegionHistory(seed, 3, 0.0, 0.0, (replace(fault, count=after),), count=count)
-            again = tried(history)
+            late = tuple([replace(each, count=each.count + after) for each in faults])
+            again = tried(RegionHistory(seed, 3, 0.0, 0.0, late, count=count))
             assert not again.wrong, report(again)
 
 

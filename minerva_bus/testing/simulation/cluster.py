@@ -146,17 +146,20 @@ class Cluster(Sink):
 
     def start(self, name: str) -> None:
         """Start the process of a region; what the former one has received last is lost."""
-        spec = self.specs[name]
         if name in self._members:
             self.deaths.append(self.algorithm.frame)
             self.runner.handle(s.Vanished(name))
+        self._begin_process(name)
+        self.runner.handle(s.Appeared(name))
+
+    def _begin_process(self, name: str) -> None:
+        spec = self.specs[name]
         self.links.down[name].clear()
         self.links.up[name].clear()
         self.links.parcels = [parcel for parcel in self.links.parcels if parcel[1] != spec.number]
         send = partial(self._send_parcel, spec.number)
         make = partial(self._make_hub, name) if self._hosts[name].members else InProcessRunner
         self._members[name] = RegionMember(spec, send, lambda about, text, details: None, make)
-        self.runner.handle(s.Appeared(name))
         for other in self._members.values():
             other.send_again([spec.number])
 
@@ -174,6 +177,8 @@ class Cluster(Sink):
             for _ in range(self.chance.randint(0, len(self.links.down[name]))):
                 self._members[name].receive(self.links.down[name].popleft())
             self.links.down[name].clear()
+            if self._members[name].stopped:  # Its process has ended, and another one follows.
+                self._begin_process(name)
             self.runner.handle(s.Appeared(name))
         self._greet_outside()
 
