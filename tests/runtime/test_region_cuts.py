@@ -217,6 +217,35 @@ service = "yard:Eye"
 """
 
 
+def test_a_region_that_a_person_ends_says_which_views_its_services_have_not_seen(
+    tmp_path, monkeypatch
+):
+    """They are behind a link that is cut, perhaps the reason for the end."""
+    path = write_world(tmp_path, MEMBERS + SERVICES + GRID, WALKERS, frames=0)
+    lines = []
+
+    def disturb(cluster):
+        parcels = cluster.links.parcels
+        views = [each for each in parcels if each[:2] == (1, 0)]
+        if cluster.algorithm.frame >= 5 and views and not cluster.links.cuts:
+            cluster.links.cuts = {frozenset((0, 1))}
+            cluster.links.parcels = [each for each in parcels if each not in views]
+            for member in cluster.members.values():
+                monkeypatch.setattr(member, "_log", lambda about, text, details: lines.append(text))
+        elif cluster.seconds == 2 and not cluster.runner.algorithm.shutdown.reason:
+            cluster.runner.handle(s.End("stopped by a person"))
+
+    with in_regions(read_world_file(path, Overrides())) as regions:
+        cluster = Cluster(regions, Random(1))
+        cluster.run(disturb)
+    assert cluster.seconds < 10
+    assert cluster.runner.ended.reason == "stopped by a person"
+    assert lines == [
+        "region-0: its services have not seen the last views: nothing has arrived from region-1"
+        " for 5 s"
+    ]
+
+
 VAIN = """
 [norm.vain]
 on = "eWish"
