@@ -66,6 +66,10 @@ class SimulatedHub:
         for name in (*self._own, *self._hosts.members):
             self.handle(s.Appeared(name))
 
+    def outlook(self, member: str) -> str:
+        """Nothing, because no host has a time-out here."""
+        return ""
+
     def handle(self, stimulus: s.Stimulus) -> None:
         """Process a stimulus."""
         self._runner.handle(stimulus)
