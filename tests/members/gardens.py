@@ -6,8 +6,12 @@ import re
 import shutil
 import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
+
+from minerva_bus import parse
+from tests.runtime.running import World, eventually
 
 ROOT = Path(__file__).parents[2]
 GARDEN = ROOT / "members" / "garden"
@@ -57,6 +61,30 @@ def run(folder: Path, processes: str) -> dict[str, Any]:
     assert done.returncode == 0, done.stderr
     assert "Error" not in done.stderr
     return json.loads(done.stdout)
+
+
+def norm_refuses(folder: Path, guest: Sequence[str]) -> None:
+    """Attach a program that makes eSun to a garden in which people may send none.
+
+    An attached program counts as a person of its name, whatever language it is in.
+    """
+    norm = '[norm.dark]\napplies = "people:lamp"\non = "eSun"\nwhen = "event.heat > 0.1"\n'
+    file = write(folder, PYTHON_SNAILS + norm, "rate = 50")
+    text = file.read_text(encoding="utf-8").replace("frames = 60", "frames = 100000")
+    file.write_text(text, encoding="utf-8")
+    with World(file) as world, world.client() as asked:
+        address = {"MINERVA_WORLD": "garden", "MINERVA_CONNECT": world.endpoint()}
+        own = {**os.environ, **address, "MINERVA_NAME": "lamp"}
+        with subprocess.Popen(guest, env=own) as lamp:
+            try:
+                world.says("dark is broken by lamp", "eSun<heat=0.2>", ": refused")
+                refused = asked.ask("scene")["frame"]
+                # It sends one in each frame.
+                eventually(lambda: asked.ask("scene")["frame"] > refused + 1, "no other frame")
+                string = asked.ask("scene")["scene"]
+            finally:
+                lamp.kill()
+    assert parse(string) == parse("ASnail#anna<water=3, births=0> · ASnail#bert<water=4, births=0>")
 
 
 def readme_digest() -> str:

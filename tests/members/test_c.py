@@ -92,3 +92,7 @@ def test_without_a_world_it_says_what_is_missing(build: Path) -> None:
         done = subprocess.run([rain], env=environment, capture_output=True, text=True)
         assert done.returncode == 1
         assert done.stderr == f"rain: {problem}: no world at {endpoint}\n"
+
+
+def test_a_norm_for_people_holds_for_an_attached_program(build: Path, tmp_path: Path) -> None:
+    gardens.norm_refuses(tmp_path, [str(build / "sun")])
