@@ -12,6 +12,8 @@ from minerva_bus.frame import messages as m
 from minerva_bus.frame.calling import made_events, restore, saved_by
 from minerva_bus.frame.readings import ReadingBuffer
 from minerva_bus.grammar.batch import AnyEvent, in_columns
+from minerva_bus.grammar.scene import AGENT_ID
+from minerva_bus.grammar.unique_ids import no_id
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.world.context import Frame
 from minerva_bus.world.readings import Reading
@@ -179,7 +181,7 @@ class GeneratorSide:
         # because subscribers wait for it.
         by_topic: dict[str, list[Reading]] = {topic: [] for topic in service.publishes}
         for topic, reading in tick.published:
-            self._check_topic(service, topic)
+            self._check_reading(service, topic, reading)
             by_topic[topic].append(reading)
         messages = {
             topic: m.Readings(self._name, topic, tick.number, tuple(readings))
@@ -188,9 +190,15 @@ class GeneratorSide:
         self._published |= messages
         return list(messages.values())
 
-    def _check_topic(self, service: Service, topic: str) -> None:
+    def _check_reading(self, service: Service, topic: str, reading: Reading) -> None:
         if topic not in service.publishes:
             raise MisuseError(f"{self._name} publishes on {topic!r}; declare it in `publishes`")
+        # A generator such as `laser` sends its events to this agent, and would fail instead.
+        if AGENT_ID.fullmatch(reading.robot) is None:
+            kind = type(reading).__name__
+            raise MisuseError(
+                f"{self._name}: robot of a {kind} on {topic!r}: {no_id(reading.robot)}"
+            )
 
     def last_published(self, topic: str) -> m.Readings | None:
         """The latest readings on a topic."""
@@ -199,7 +207,7 @@ class GeneratorSide:
     def published(self, topic: str, reading: Reading) -> m.Readings:
         """The message for a reading of a free-running publisher. Raises MisuseError."""
         assert self._service is not None
-        self._check_topic(self._service, topic)
+        self._check_reading(self._service, topic, reading)
         return m.Readings(self._name, topic, -1, (reading,))
 
 
