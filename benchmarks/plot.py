@@ -61,6 +61,7 @@ def _label(axis: Any, sizes: list[float]) -> None:
 
 def _written(value: float) -> str:
     for size, letter in ((1e9, "G"), (1e6, "M"), (1e3, "k")):
-        if value >= size:
+        # A power of two, such as 4,096, is not shorter with a letter.
+        if value >= size and value % (size / 10) == 0:
             return f"{value / size:g}{letter}"
-    return f"{value:g}"
+    return f"{value:,g}"
