@@ -65,12 +65,13 @@ def test_images_readings_and_events_are_there(rows):
 def test_another_name_of_the_file_keeps_its_content(tmp_path):
     from minerva_services.views.rerun.rrd_file import open_stream
 
-    record = tmp_path / "yard.mcap"
+    record, other = tmp_path / "yard.mcap", tmp_path / "other.rrd"
     record.write_bytes(b"recorded")
     linked, named = tmp_path / "linked.rrd", tmp_path / "named.rrd"
-    linked.symlink_to(record)
+    linked.symlink_to(other)
     named.hardlink_to(record)
     for path in (linked, named):
         open_stream("yard", path, "").disconnect()
         assert path.read_bytes()[:4] == b"RRF2"
     assert record.read_bytes() == b"recorded"
+    assert linked.readlink() == other
