@@ -24,7 +24,6 @@ from minerva_bus.launch.installed import (
 )
 from minerva_bus.launch.table import Table
 from minerva_bus.launch.user_modules import search
-from minerva_bus.launch.world_code import world_code
 from minerva_bus.settings.kinds import fits, phrase_of
 from minerva_bus.source import place_of
 from minerva_bus.world.agent import Agent
@@ -73,8 +72,7 @@ def _import(name: str, spec: str) -> Any:
             f" {f'{stem}:{attribute}'!r}"
         )
     try:
-        with world_code():
-            return importlib.import_module(name)
+        return importlib.import_module(name)
     except MinervaError as error:
         raise WorldFileError(f"{spec!r}: in {name}: {report(error)}") from error
     except ModuleNotFoundError as error:
@@ -109,8 +107,7 @@ def called(spec: str, options: Mapping[str, Any], path: Path, table: Table, key:
     if not callable(function):
         raise WorldFileError(f"{path}: {spec} is not a function")
     try:
-        with world_code():
-            return function(options)
+        return function(options)
     except MinervaError:
         raise
     except KeyboardInterrupt:
@@ -229,8 +226,7 @@ def _shown(value: Any) -> str:
 
 def _make(cls: type[Service], options: Mapping[str, Any], owner: str) -> Service:
     try:
-        with world_code():
-            service = cls(**cast("dict[str, Any]", options))
+        service = cls(**cast("dict[str, Any]", options))
         check_attributes(service)
         return service
     except MinervaError as error:
