@@ -64,9 +64,11 @@ def with_own_fields(vocabulary: Vocabulary, kinds: Kinds) -> Vocabulary:
     A vocabulary that has been received has equal fields of its own. Values that fit the very fields
     of a class are not fitted again before and after each of its methods.
     """
+    own = {name: cls.kind.fields for name, cls in kinds.items() if name in vocabulary.kinds}
+    received = {name: vocabulary.kinds[name] for name in own}
     shared = {
-        name: replace(kind, fields=kinds[name].kind.fields)
-        for name, kind in vocabulary.kinds.items()
-        if name in kinds and kinds[name].kind.fields == kind.fields
+        name: replace(kind, fields=own[name])
+        for name, kind in received.items()
+        if kind.fields is not own[name] and kind.fields == own[name]
     }
-    return replace(vocabulary, kinds={**vocabulary.kinds, **shared})
+    return replace(vocabulary, kinds={**vocabulary.kinds, **shared}) if shared else vocabulary
