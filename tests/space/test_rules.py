@@ -53,6 +53,7 @@ from minerva_bus.space import field as field_module
 from minerva_bus.space.field import FieldGrid
 from minerva_bus.space.kernels import key
 from minerva_bus.space.opened import Opened, _sharing
+from minerva_bus.space.parts import new_progress
 from minerva_bus.world.context import Frame
 
 
@@ -427,7 +428,7 @@ def test_running_a_rule_keeps_no_references_to_its_arrays():
     grass, cells, draws = np.ones(16, np.int16), np.arange(16), np.zeros(1, np.uint64)
     before = sys.getrefcount(grass), sys.getrefcount(cells)
     for _ in range(10):
-        grow.drive(0, 16, cells, np.zeros(1, np.int64), draws, grass)
+        grow.drive(0, 16, cells, new_progress(), draws, grass)
     assert (sys.getrefcount(grass), sys.getrefcount(cells)) == before
 
 
