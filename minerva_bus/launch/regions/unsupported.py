@@ -48,17 +48,14 @@ def check_regions(file: WorldFile, members: Sequence[Member]) -> None:
     apart = outside.union(each.name for each in commands)
     near = sorted(world.placement.neighbours & apart)
     unsupported[f"[placement] near a process outside of regions ({', '.join(near)})"] = bool(near)
-    services = [
-        f"{_unsupported_service(each.service)} ({each.name})"
-        for each in members
-        if each.name not in outside
-    ]
     reasons = [what for what, is_used in unsupported.items() if is_used]
     reasons += _unsupported_processes(file.processes, apart)
     beside_regions = [each for each in members if each.name in outside]
     hosts = [each for each in file.processes if each.table in file.hosts]
     reasons += _unsupported_hosts(hosts, beside_regions)
-    reasons += [reason for reason in services if not reason.startswith(" ")]
+    inside = [each for each in members if each.name not in outside]
+    problems = {each.name: _unsupported_service(each.service) for each in inside}
+    reasons += [f"{problem} ({name})" for name, problem in problems.items() if problem]
     _refuse(file, reasons)
 
 
