@@ -82,10 +82,11 @@ def fits(kind: Type, column: Column) -> bool:
     """Whether the values of a column are of this type, without conversion."""
     if kind.kind == "text" and column.ids is not None and not kind.words:
         return True
-    array = column.array
     if kind.kind == "text":
-        texts = array.tolist() if array.dtype == object else [None]
+        values = column.array if column.words is None else column.words
+        texts = values.tolist() if values.dtype == object else [None]
         return are_texts(texts) and (not kind.words or {*texts} <= {*kind.words})
+    array = column.array
     if kind.kind not in SCALARS or array.dtype != _DTYPES[kind.kind]:
         return False
     if kind.range is not None and array.size:

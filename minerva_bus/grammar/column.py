@@ -9,6 +9,7 @@ from weakref import ref
 import numpy as np
 from numpy.typing import NDArray
 
+from minerva_bus.grammar.coded import Coded
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.joining import Joinable
 from minerva_bus.grammar.scene import Value
@@ -23,25 +24,26 @@ _DTYPES: Final[dict[type, Any]] = {float: np.float64, int: np.int64, bool: np.bo
 class Column(Joinable):
     """n values of one name: a read-only array of float64, int64, bool or, for texts, object.
 
-    Texts that are ids stay ids, and are converted to an array on demand.
+    Texts that are ids stay ids, and coded texts stay coded; both become an array on demand.
     """
 
-    __slots__ = ("__weakref__", "_base", "_given", "chunks", "ids", "kept")
+    __slots__ = ("__weakref__", "_base", "_coded", "_given", "chunks", "ids", "kept")
 
     def __init__(
-        self, array: NDArray[Any] | None, chunks: list[bytes] | None = None, ids: Ids | None = None
+        self, array: NDArray[Any] | None, ids: Ids | None = None, coded: Coded | None = None
     ) -> None:
         super().__init__()
         if array is not None:
             # Strings of several frames share columns.
             array.flags.writeable = False
         self._given = array
+        self._coded = coded
         self.ids = ids
         """The texts as ids, if they were given as ids."""
         self._base: tuple[ref[Column], Rows] | None = None
         self.kept: Any = None
         """Cache of a host of agents: objects that belong to these columns."""
-        self.chunks = chunks
+        self.chunks: list[bytes] | None = None
         """Digest of each 4,096 values, once known; an empty one has to be computed."""
 
     @staticmethod
@@ -63,20 +65,45 @@ class Column(Joinable):
         """A column whose texts are these ids."""
         return Column(None, ids=ids)
 
+    @staticmethod
+    def of_coded(coded: Coded) -> Column:
+        """A column whose texts are these."""
+        return Column(None, coded=coded)
+
     @property
     def array(self) -> NDArray[Any]:
         """The values, shape (n,)."""
         if self._given is None:
-            self._given = cast("Ids", self.ids).column
+            texts = self.ids.column if self.ids is not None else cast("Coded", self._coded).texts()
+            texts.flags.writeable = False
+            self._given = texts
         return self._given
+
+    @property
+    def coded(self) -> Coded:
+        """The values, which are texts, as codes; computed once."""
+        if self._coded is None:
+            self._coded = Coded.of(self.array)
+        return self._coded
+
+    @property
+    def words(self) -> NDArray[Any] | None:
+        """The different texts, if the values are coded; otherwise None."""
+        if self._coded is None:
+            return None
+        self._coded = self._coded.used()
+        return self._coded.words
 
     @property
     def dtype(self) -> np.dtype[Any]:
         """The type of the values."""
-        return _TEXTS if self.ids is not None else self.array.dtype
+        return self._given.dtype if self._given is not None else _TEXTS
 
     def __len__(self) -> int:
-        return len(self.array if self.ids is None else self.ids)
+        for values in (self._given, self.ids):
+            if values is not None:
+                return len(values)
+        return len(cast("Coded", self._coded))
 
     def list(self) -> list[Any]:
         """The values as Python objects."""
@@ -84,25 +111,26 @@ class Column(Joinable):
 
     def take(self, rows: Rows | slice) -> Column:
         """The values of some rows."""
-        return Column(self.array[rows]) if self.ids is None else Column.of_ids(self.ids.take(rows))
+        if self.ids is not None:
+            return Column.of_ids(self.ids.take(rows))
+        coded = None if self._coded is None else self._coded.take(rows)
+        return Column(self.array[rows]) if coded is None else Column.of_coded(coded)
 
     def put(self, rows: Rows, values: NDArray[Any]) -> Column:
         """A column with other values in some rows; digests of unchanged chunks are kept."""
         array = self.array.copy()
         array[rows] = values
-        return self.changed(rows, array)
+        return self.changed(rows, Column(array))
 
-    def changed(self, rows: Rows, array: NDArray[Any]) -> Column:
-        """As `put`, from an array that already has the other values in these rows."""
-        chunks = None
+    def changed(self, rows: Rows, column: Column) -> Column:
+        """As `put`, by a new column that already has the other values in these rows."""
         if self.chunks is not None:
             # The old column keeps its own digests.
-            chunks = self.chunks.copy()
+            chunks = column.chunks = self.chunks.copy()
             touched = np.zeros(len(chunks), np.bool_)
             touched[rows // CHUNK] = True
             for chunk in np.flatnonzero(touched).tolist():
                 chunks[chunk] = b""
-        column = Column(array, chunks)
         # A weak reference: a chain of strong ones would keep the columns of all earlier frames
         # alive.
         column._base = ref(self), rows
@@ -113,6 +141,9 @@ class Column(Joinable):
         if self.ids is not None:
             taken = self.take(source)
             return taken if others is None else taken.with_rows(rows, others)
+        coded = None if self._coded is None else self._coded.take(source)
+        if coded is not None and (others is None or are_texts(others.list())):
+            return Column.of_coded(coded if others is None else coded.put(rows, others.coded))
         array = self.array[source]
         if others is not None:
             array[rows] = others.array
@@ -134,6 +165,8 @@ class Column(Joinable):
         """The rows in which another column of this length prints differently; None: in all."""
         if self.ids is not None and other.ids is not None:
             return self.ids.differs(other.ids)
+        if self._coded is not None and other._coded is not None:
+            return self._coded.differs(other._coded)
         if self.array is other.array:
             return np.empty(0, np.intp)
         if self.array.dtype != other.array.dtype:
@@ -145,6 +178,9 @@ class Column(Joinable):
         ids = [part.ids for part in parts if part.ids is not None]
         if len(ids) == len(parts):
             return Column.of_ids(Ids.concatenated(ids))
+        coded = [part._coded for part in parts if part._coded is not None]
+        if len(coded) == len(parts):
+            return Column.of_coded(Coded.joined(coded))
         arrays = [part.array for part in parts]
         if any(array.dtype != arrays[0].dtype for array in arrays):
             # numpy would convert ints to floats, which may lose digits and change types.

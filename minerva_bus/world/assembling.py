@@ -113,21 +113,19 @@ def _changed(state: PopulationState) -> Columns:
 
 
 def _column(state: PopulationState, name: str, old: Column) -> Column:
-    array = state.arrays.get(name)
-    if array is None:
+    column = state.column(name)
+    if column is old:
         return old
-    _check_finite(state, name, array)
+    if column is None:
+        _check_finite(state, name, state.arrays[name])
+        column = Column(state.arrays[name])
     # Rows will move, which changes every column, so a comparison would show nothing.
     if state.away is not None or state.born:
-        return Column(array)
-    # Bits, because 0.0 and -0.0 are equal but have different digests.
-    differs = bits(array) != bits(old.array)
-    count = int(np.count_nonzero(differs))
-    if not count:
-        return old
-    return (
-        old.changed(np.flatnonzero(differs), array) if count < _FEW * len(array) else Column(array)
-    )
+        return column
+    rows = old.differs(column)
+    if rows is None or len(rows) >= _FEW * len(column):
+        return column
+    return old.changed(rows, column) if len(rows) else old
 
 
 def _check_finite(state: PopulationState, name: str, array: NDArray[Any]) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import count
 from typing import Any, Final
 
 import numpy as np
@@ -22,6 +21,7 @@ from minerva_bus.grammar.symbols import receiver_ids
 from minerva_bus.world.context import Frame, FrameStreams
 from minerva_bus.world.lineage import child_ids
 from minerva_bus.world.population import Birth, PopulationState, Turn
+from minerva_bus.world.text_codes import TextCodes
 
 _DTYPES: Final[dict[ValueKind, Any]] = {
     ValueKind.INT: np.int64,
@@ -31,34 +31,9 @@ _DTYPES: Final[dict[ValueKind, Any]] = {
     ValueKind.TEXT: np.int64,
 }
 _LEAST_ROWS: Final = 64
+_PART: Final = 8
+"""If one in so many agents has a turn, texts are coded for all agents."""
 _NOTHING: Final = np.zeros(1, np.int64)
-
-
-class _Codes:
-    """Texts as ints, equal exactly if the texts are; valid during one call of a kernel.
-
-    The code of a text is its first place among all texts so far.
-    """
-
-    def __init__(self, texts: Sequence[str]) -> None:
-        self._codes: dict[str, int] = {}
-        self._parts: list[NDArray[Any]] = []
-        self._count = 0
-        self.of(np.array(texts, object))
-
-    def of(self, texts: NDArray[Any]) -> NDArray[np.int64]:
-        """The codes of an array of texts."""
-        # Without a step of Python for each text, which takes three times as long.
-        places = map(self._codes.setdefault, texts.tolist(), count(self._count))
-        codes = np.fromiter(places, np.int64, len(texts))
-        self._parts.append(texts)
-        self._count += len(texts)
-        return codes
-
-    def texts(self, codes: NDArray[np.int64]) -> NDArray[Any]:
-        """The texts of codes, as an array of objects."""
-        self._parts = [np.concatenate(self._parts)]
-        return self._parts[0][codes]
 
 
 class CompiledRows:
@@ -142,10 +117,11 @@ class KernelCall:
     def __init__(self, program: Program, state: PopulationState, turn: Turn) -> None:
         self.program = program
         self.turn = turn
-        self.codes = _Codes(program.texts)
+        self.codes = TextCodes(program.texts)
         self._state = state
         self._written = {attribute.name for attribute in program.writes}
         self._texts: dict[str, NDArray[np.int64]] = {}
+        self._whole = set[str]()
         self._counts = np.zeros(max(1, len(program.outputs)), np.int64)
         self._outputs = [_columns(output, len(turn.rows)) for output in program.outputs]
         data = self._data()
@@ -210,11 +186,17 @@ class KernelCall:
     def _column(self, name: str) -> NDArray[Any]:
         state = self._state
         if state.part.column(name).dtype == np.object_:
-            # Of the rows of this turn only: one event may concern one of many agents.
-            values = state.value(name)[self.turn.rows]
-            self._texts[name] = self._in_rows(self.codes.of(values))
+            self._texts[name] = self._codes_of(name)
             return self._texts[name]
         return state.array(name) if name in self._written else state.value(name)
+
+    def _codes_of(self, name: str) -> NDArray[np.int64]:
+        column = self._state.column(name)
+        if column is not None and _PART * len(self.turn.rows) >= self._state.part.count:
+            self._whole.add(name)
+            return self.codes.of(column.coded.words)[column.coded.codes]
+        # Of the rows of this turn only: one event may concern one of many agents.
+        return self._in_rows(self.codes.of(self._state.value(name)[self.turn.rows]))
 
     def _in_rows(self, codes: NDArray[np.int64]) -> NDArray[np.int64]:
         """An array for all agents with these codes in the rows of the turn."""
@@ -250,8 +232,11 @@ class KernelCall:
         """Write changed texts to the population; numbers are in its arrays already."""
         rows = self.turn.rows
         for name in sorted(self._written & self._texts.keys()):
-            every = None if len(rows) == self._state.part.count else rows
-            self._state.write(name, every, self.codes.texts(self._texts[name][rows]))
+            codes = self._texts[name]
+            if name in self._whole:
+                self._state.replace(name, self.codes.coded(codes).used())
+            else:
+                self._state.write(name, rows, self.codes.texts(codes[rows]))
 
     def cells_of(self, index: int) -> list[NDArray[Any]]:
         """What was appended to an output, as arrays that nothing writes to any more."""

@@ -22,6 +22,8 @@ from numpy.typing import NDArray
 from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.grammar.arrays import fit_array, is_array, repeated
 from minerva_bus.grammar.batch import AnyEvent, Events
+from minerva_bus.grammar.coded import Coded
+from minerva_bus.grammar.column import Column
 from minerva_bus.grammar.columns import Columns, Rows
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.fields import Fields
@@ -60,6 +62,7 @@ class PopulationState:
         self._lasting = lasting
         self.fields = fields
         self.arrays: dict[str, NDArray[Any]] = {}
+        self._coded: dict[str, Column] = {}
         self.away: NDArray[np.bool_] | None = None
         """Rows that are no longer in the arrays: dead, or continuing as an `AgentStep`."""
         self.born: list[Birth] = []
@@ -73,8 +76,20 @@ class PopulationState:
 
     def value(self, name: str) -> NDArray[Any]:
         """Current values of an attribute, read-only."""
-        array = self.arrays.get(name)
-        return self.part.column(name) if array is None else array
+        column = self.column(name)
+        return self.arrays[name] if column is None else column.array
+
+    def column(self, name: str) -> Column | None:
+        """The column of an attribute; None if it is an array that methods write to."""
+        if name in self.arrays:
+            return None
+        changed = self._coded.get(name)
+        return self.part.columns[self.part.names.index(name)] if changed is None else changed
+
+    def replace(self, name: str, texts: Coded) -> None:
+        """Set an attribute of all rows to these texts, which remain coded."""
+        self.arrays.pop(name, None)
+        self._coded[name] = Column.of_coded(texts)
 
     def write(self, name: str, rows: Rows | None, values: Sequence[Any] | NDArray[Any]) -> None:
         """Set an attribute in these rows, or in all."""
@@ -96,7 +111,7 @@ class PopulationState:
         """Values of an attribute, writable."""
         array = self.arrays.get(name)
         if array is None:
-            array = self.part.column(name)
+            array = self.value(name)
             if self._lasting:
                 array = self.arrays[name] = array.copy()
         return array

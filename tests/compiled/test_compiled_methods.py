@@ -491,3 +491,31 @@ def test_a_changed_constant_is_compiled_again():
         assert [node.values for node in second.nodes] == [(17.0,)] * 3
     finally:
         LIMIT = 8
+
+
+def test_texts_of_a_compiled_method_stay_coded():
+    """Otherwise each frame codes, compares and checks a text for each agent."""
+    from minerva_bus import evolve
+    from minerva_bus.grammar.column import Column
+    from minerva_bus.world.context import Frame
+
+    class Person(Agent, symbol="APerson"):
+        state: Literal["well", "ill", "immune"] = "well"
+        births: int = 0
+
+        @on("eDay", compiled=True)
+        def live(self, day, moment):
+            if self.state == "ill":
+                self.state = "immune"
+                return self.string + self.child(state="well")
+            if self.state == "well" and moment.chance.random() < 0.5:
+                self.state = "ill"
+
+    def column(scene) -> Column:
+        return scene.pieces[0].columns[0]
+
+    scene = many(Person, 60)
+    for number in range(3):
+        scene = evolve(scene, [day()], [Person], Frame(number)).scene
+        assert column(scene).words is not None
+        assert set(column(scene).list()) == set(column(scene).words)

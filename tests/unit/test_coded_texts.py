@@ -1,0 +1,86 @@
+"""The law of coded texts: a column of codes is the column of its texts, whatever is done to it."""
+
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from minerva_bus.grammar.arrays import fits
+from minerva_bus.grammar.coded import Coded
+from minerva_bus.grammar.column import Column
+from minerva_bus.grammar.columns import Columns
+from minerva_bus.grammar.digest import scene_digest
+from minerva_bus.grammar.ids import Ids
+from minerva_bus.grammar.scene import Scene
+from minerva_bus.grammar.types import parse_type
+
+TEXTS = st.one_of(
+    st.lists(st.sampled_from(["", "a", "b", "ill", "ä", "a b"]), min_size=1, max_size=9),
+    st.lists(st.sampled_from(["a", "ä"]), min_size=8, max_size=12),
+)
+WORDS = parse_type("text a|b|ill")
+
+
+def plain(texts):
+    array = np.empty(len(texts), object)
+    array[:] = texts
+    return Column(array)
+
+
+def coded(texts):
+    return Column.of_coded(Coded.of(plain(texts).array))
+
+
+def alike(left, right):
+    """Whether two columns are one in every respect that others see."""
+    assert left.list() == right.list()
+    assert (len(left), left.dtype) == (len(right), right.dtype)
+    for kind in (parse_type("text"), WORDS, parse_type("int")):
+        assert fits(kind, left) == fits(kind, right)
+    digests = {scene_digest(_scene(each)) for each in (left, right)}
+    assert len(digests) == 1
+
+
+def _scene(column):
+    ids = Ids.numbered("a", range(len(column)))
+    return Scene((Columns("AKind", ("s",), (column,), len(column), ids),))
+
+
+@given(TEXTS, st.data())
+def test_a_coded_column_is_that_of_its_texts(texts, data):
+    alike(coded(texts), plain(texts))
+    rows = np.array(data.draw(st.lists(st.integers(0, len(texts) - 1))), np.intp)
+    alike(coded(texts).take(rows), plain(texts).take(rows))
+    alike(coded(texts).take(slice(1, None)), plain(texts).take(slice(1, None)))
+    some = np.unique(rows)
+    others = data.draw(
+        st.lists(st.sampled_from(["a", "c"]), min_size=len(some), max_size=len(some))
+    )
+    for new in (plain(others), coded(others)):
+        alike(coded(texts).moved(rows, some[some < len(rows)], new.take(some < len(rows))),
+              plain(texts).moved(rows, some[some < len(rows)], new.take(some < len(rows))))  # fmt: skip
+        alike(coded(texts).put(some, new.array), plain(texts).put(some, new.array))
+        alike(Column.concatenated([coded(texts), new]), plain([*texts, *others]))
+
+
+@given(TEXTS, st.data())
+def test_differences_of_coded_columns_are_those_of_texts(texts, data):
+    other = texts.copy()
+    for row in data.draw(st.sets(st.integers(0, len(texts) - 1))):
+        other[row] = data.draw(st.sampled_from([*texts, "new"]))
+    rows = plain(texts).differs(plain(other))
+    assert rows is not None
+    for left in (plain, coded):
+        for right in (plain, coded):
+            assert np.array_equal(left(texts).differs(right(other)), rows)
+    old = coded(texts)
+    scene_digest(_scene(old))  # which keeps digests of chunks
+    alike(old.changed(rows, coded(other)), plain(other))
+
+
+def test_words_without_a_row_do_not_count():
+    left = coded(["ä", *["a"] * 20]).take(slice(1, None))
+    alike(left, plain(["a"] * 20))
+    assert left.words is not None
+    assert left.words.tolist() == ["a"]
