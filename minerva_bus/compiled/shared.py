@@ -1,14 +1,16 @@
-"""Attributes that a view passes on unchanged: columns of the figures without a copy by the kernel.
+"""Attributes and ids that a view passes on unchanged: columns without a copy by the kernel.
 
 A view does not change attributes. Where every result of one form has the same attribute as a
-parameter, its column is that of the agents, so the kernel does not append it.
+parameter, its column is that of the agents, so the kernel does not append it, and does not get it
+if nothing else in the view depends on it.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import fields, is_dataclass, replace
+from typing import Any, Final, cast
 
 from minerva_bus.compiled.form import (
     Append,
@@ -21,10 +23,12 @@ from minerva_bus.compiled.form import (
     Shown,
     Slot,
     Statement,
+    ValueKind,
     Variable,
     While,
 )
 
+_ID: Final = Variable(ValueKind.TEXT, "g_id")
 _Shared = dict[int, dict[str, str]]
 """Attributes by the names of slots, for each output."""
 
@@ -42,8 +46,15 @@ def with_shared(program: Program) -> Program:
             ]
             shared[index] = _same(output.slots, appended, values)
     outputs = [_sharing(output, shared.get(at, {})) for at, output in enumerate(program.outputs)]
-    body = _without(program.body, program, shared)
-    return replace(program, body=body, outputs=tuple(outputs))
+    body = _without_copies(_without(program.body, program, shared))
+    used = set(_variables((body, program.helpers)))
+    return replace(
+        program,
+        body=body,
+        outputs=tuple(outputs),
+        reads=tuple([each for each in program.reads if f"a_{each.name}" in used]),
+        given=tuple([each for each in program.given if each.name != "id" or _ID.name in used]),
+    )
 
 
 def _assigned_once(body: Sequence[Statement]) -> dict[str, Expression]:
@@ -82,7 +93,7 @@ def _attribute(value: Expression, values: Mapping[str, Expression]) -> str:
         value = values.get(value.name, value)
     if isinstance(value, Variable) and value.name.startswith("a_"):
         return value.name.removeprefix("a_")
-    return ""
+    return "id" if value == _ID else ""
 
 
 def _inside(statements: Sequence[Statement]) -> Iterator[Statement]:
@@ -99,24 +110,61 @@ def _inside(statements: Sequence[Statement]) -> Iterator[Statement]:
                 pass
 
 
-def _without(statements: Sequence[Statement], program: Program, shared: _Shared) -> list[Statement]:
-    """The statements, whose results lack what is shared."""
+def _rewritten(
+    statements: Sequence[Statement], change: Callable[[Statement], Statement | None]
+) -> list[Statement]:
+    """All statements, with those in branches and loops, after a change; without those of None."""
     made: list[Statement] = []
     for statement in statements:
         match statement:
-            case Append(index, values):
-                output = program.outputs[index]
-                kept = [
-                    value
-                    for slot, value in zip(output.slots, values, strict=True)
-                    if slot.name not in shared.get(index, {})
-                ]
-                made.append(Append(index, tuple(kept)))
             case If(test, then, otherwise):
-                parts = [_without(each, program, shared) for each in (then, otherwise)]
-                made.append(If(test, *parts))
+                made.append(If(test, _rewritten(then, change), _rewritten(otherwise, change)))
             case While(_, body) | Count(body=body):
-                made.append(replace(statement, body=_without(body, program, shared)))
+                made.append(replace(statement, body=_rewritten(body, change)))
             case _:
-                made.append(statement)
+                changed = change(statement)
+                made += [] if changed is None else [changed]
     return made
+
+
+def _without(statements: Sequence[Statement], program: Program, shared: _Shared) -> list[Statement]:
+    """The statements, whose results lack what is shared."""
+
+    def change(statement: Statement) -> Statement:
+        if not isinstance(statement, Append):
+            return statement
+        slots = program.outputs[statement.output].slots
+        kept = [
+            value
+            for slot, value in zip(slots, statement.values, strict=True)
+            if slot.name not in shared.get(statement.output, {})
+        ]
+        return Append(statement.output, tuple(kept))
+
+    return _rewritten(statements, change)
+
+
+def _without_copies(statements: Sequence[Statement]) -> list[Statement]:
+    """The statements without variables that have the value of another, and that nothing reads."""
+    read = set(_variables(statements))
+
+    def change(statement: Statement) -> Statement | None:
+        match statement:
+            case Assign(name, Variable()) if name not in read:
+                return None
+            case _:
+                return statement
+
+    return _rewritten(statements, change)
+
+
+def _variables(part: Any) -> Iterator[str]:
+    """The names of the variables that a part of a program reads."""
+    if isinstance(part, Variable):
+        yield part.name
+    elif isinstance(part, list | tuple):
+        for each in cast("Sequence[Any]", part):
+            yield from _variables(each)
+    elif is_dataclass(part):
+        for field in fields(part):
+            yield from _variables(getattr(part, field.name))

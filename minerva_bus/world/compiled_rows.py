@@ -246,14 +246,16 @@ class KernelCall:
             part.flags.writeable = False
         return parts
 
-    def shared(self, output: Shown, place: Rows) -> dict[str, NDArray[Any]]:
-        """The columns of attributes that a view shows unchanged, by their number."""
-        rows = self.turn.rows
-        every = len(place) == len(rows) == self._state.part.count
-        columns: dict[str, NDArray[Any]] = {}
+    def shared(self, output: Shown, place: Rows) -> dict[str, NDArray[Any] | Ids]:
+        """The attributes and ids that a view shows unchanged, by their number."""
+        rows, state = self.turn.rows, self._state
+        every = len(place) == len(rows) == state.part.count
+        columns: dict[str, NDArray[Any] | Ids] = {}
         for number, name in output.shared:
-            array = self._state.value(name)
-            columns[number] = array if every else array[rows[place]]
+            if name == "id":
+                columns[number] = state.ids if every else state.ids.take(rows[place])
+            else:
+                columns[number] = state.value(name) if every else state.value(name)[rows[place]]
         return columns
 
     def decoded(self, output: Output, values: Sequence[NDArray[Any]]) -> dict[str, NDArray[Any]]:

@@ -118,7 +118,35 @@ def test_views_of_one_form_are_columns_without_a_call_of_the_method(monkeypatch)
 
 def test_attributes_that_are_shown_unchanged_are_not_copied():
     outputs = COMPILED.compiled_views.program("ePicture").outputs
-    assert [dict(each.shared) for each in outputs] == [{}, {"1": "y", "4": "name"}, {}, {"0": "x"}]
+    assert [dict(each.shared) for each in outputs] == [
+        {},
+        {"1": "y", "2": "id", "4": "name"},
+        {},
+        {"0": "x"},
+    ]
+
+
+def test_a_view_gets_only_what_it_computes_with():
+    class Bird(Agent, symbol="ABird"):
+        x: Metres = 0.0
+        y: Metres = 0.0
+        size: Metres = 1.0
+        name: str = ""
+
+        @view("ePicture", compiled=True)
+        def picture(self, picture):
+            if self.size > 2:
+                return TAt(self.x, self.y)(PName(self.id))
+            return TTurn(0.5)(PName(self.name))
+
+    program = Bird.compiled_views.program("ePicture")
+    assert [each.name for each in program.reads] == ["size", "x", "y"]
+    assert program.given == ()
+    birds = {"x": np.arange(40.0), "name": np.array(["n"] * 40)}
+    for sizes in (np.ones(40), np.full(40, 3.0), np.arange(40.0)):
+        scene = Bird.many("b", 40, size=sizes, **birds)
+        expected = [visualize(Scene((node,)), [ePicture(zoom=1.0)], [Bird]) for node in scene.nodes]
+        assert str(visualize(scene, [ePicture(zoom=1.0)], [Bird])) == " · ".join(map(str, expected))
 
 
 def test_an_error_is_that_of_the_method():
