@@ -42,6 +42,7 @@ from minerva_bus.grammar.fitting import (
     to_string,
     to_text,
 )
+from minerva_bus.grammar.forms import Form
 from minerva_bus.grammar.limits import Of, Range, parse_of, parse_range
 from minerva_bus.grammar.literals import DEPTH
 from minerva_bus.grammar.scene import Scene, Value
@@ -239,6 +240,11 @@ def type_of(annotation: Any) -> Type:
         return _annotated(type_of(arguments[0]), arguments[1:])
     if get_origin(annotation) is tuple and len(arguments) == 2 and arguments[1] is Ellipsis:
         return Type("list", item=type_of(arguments[0]))
+    if isinstance(annotation, Form):
+        kind = type(annotation).__name__
+        raise MisuseError(
+            f"{kind}(...) is not a parameter; give it without a keyword, after the name"
+        )
     raise MisuseError(
         f"{annotation!r} is not a parameter type; use bool, int, float, Metres, Degrees, Seconds,"
         " MetresPerSecond, str, Literal of words, Scene, Cells, Reals or tuple[..., ...] of one of"

@@ -70,6 +70,8 @@ def test_calling_an_event_type():
         (lambda: Primitive("PFox", **{"a b": int}), "'a b' is not a valid parameter name"),
         (lambda: Primitive("PFox", size=Default(float, "x")), "the default of size must be"),
         (lambda: Primitive("PFox", size=complex), "not a parameter type"),
+        (lambda: Primitive("PFox", form=Disc(0.2)), r"form: Disc\(...\) is .* after the name"),
+        (lambda: Transformation("TX", by=Motion()), r"by: Motion\(...\) is not a parameter"),
         (lambda: EventType("eX", sender=str), "cannot have data named sender"),
         (lambda: EventType("eX", type=str), "cannot have data named type"),
         (lambda: EventType("eX", values=int), "cannot have data named values"),
