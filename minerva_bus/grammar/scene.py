@@ -107,6 +107,8 @@ class Scene(Digested):
         return hash(self.digest)
 
     def __str__(self) -> str:
+        if not self.pieces:  # `python -OO` shows defaults of nodes before there is a printer.
+            return "ε"
         # Imported here, because the printer imports this module.
         from minerva_bus.grammar.printer import text
 

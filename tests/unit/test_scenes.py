@@ -2,6 +2,8 @@
 
 import copy
 import pickle
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -135,3 +137,9 @@ def test_a_string_is_a_sequence_of_nodes():
     assert not EMPTY
     assert Scene(()) == EMPTY
     assert repr(w) == "Scene(PA · PB)"
+
+
+def test_the_core_can_be_imported_without_docstrings():
+    # Without them, dataclasses show their defaults while modules are still being imported.
+    words = [sys.executable, "-OO", "-c", "import minerva_bus.grammar.scene"]
+    subprocess.run(words, check=True)
