@@ -15,6 +15,7 @@ from minerva_bus.log.description import encode_description
 from minerva_bus.log.errors import RecordError
 from minerva_bus.log.journal import Journal
 from minerva_bus.log.journaled import Journaled, read_journal
+from minerva_bus.path_text import text_of_path
 from minerva_bus.runtime.coordinator import Coordinator
 from minerva_bus.world.operator import FileStatus
 
@@ -95,7 +96,9 @@ class RunJournal:
         """The state of the journal."""
         if self._failed is not None:
             return (self._failed,)
-        return () if self._journal is None else (FileStatus("journal", str(self._journal.path)),)
+        if self._journal is None:
+            return ()
+        return (FileStatus("journal", text_of_path(self._journal.path)),)
 
     def frame(self, done: s.FrameDone) -> None:
         """Write a frame that has ended. Raises Followed."""
@@ -158,7 +161,7 @@ class RunJournal:
         journal.close(over=True)
         self._journal = None
         problem = f"cannot be written: {error.strerror}"
-        self._failed = FileStatus("journal", str(journal.path), problem)
+        self._failed = FileStatus("journal", text_of_path(journal.path), problem)
         self._log(
             f"{journal.path}: {problem}; the world continues, but ends if its coordinator is killed"
         )

@@ -13,6 +13,7 @@ from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.messages import Readings
 from minerva_bus.launch.resuming import Resumed, differing, option_text
 from minerva_bus.launch.worldfile import WorldFile
+from minerva_bus.path_text import text_of_path
 from minerva_bus.settings.kinds import ALL
 from minerva_bus.world.operator import FileStatus, PersonOperation
 
@@ -128,7 +129,7 @@ class RunRecord:
 
     def fail(self, path: str, problem: str) -> None:
         """Note that the world runs without the record that it should have."""
-        self._failed = FileStatus("record", path, problem)
+        self._failed = FileStatus("record", text_of_path(path), problem)
 
     @property
     def files(self) -> tuple[FileStatus, ...]:
@@ -138,9 +139,8 @@ class RunRecord:
         recorder = self._recorder
         if recorder is None:
             return ()
-        return (
-            FileStatus("record", str(recorder.path.absolute()), recorder.problem, recorder.lost),
-        )
+        path = text_of_path(recorder.path.absolute())
+        return (FileStatus("record", path, recorder.problem, recorder.lost),)
 
     def close(self) -> None:
         """Finish the record."""
@@ -156,7 +156,7 @@ def description_of(file: WorldFile) -> Description:
     from minerva_bus.log.description import Description
 
     options = {name: option_text(value) for name, value in file.options.items()}
-    began, path = time.time_ns(), str(file.path)
+    began, path = time.time_ns(), text_of_path(file.path)
     return Description(file.world, file.text, file.rate, options, began=began, path=path)
 
 
@@ -184,7 +184,7 @@ def _continued(description: Description, file: WorldFile) -> Description:
         file=file.text,
         rate=file.rate,
         options=options,
-        path=str(file.path),
+        path=text_of_path(file.path),
     )
 
 

@@ -29,6 +29,7 @@ from minerva_bus.launch.resuming import (
     read_source,
 )
 from minerva_bus.launch.worldfile import WorldFile
+from minerva_bus.path_text import text_of_path
 from minerva_bus.runtime.control import COMMANDS
 from minerva_bus.runtime.coordinator import Coordinator
 from minerva_bus.runtime.operated import Operated
@@ -93,7 +94,7 @@ def replay_coordinator(
     # Recorded frames are fixed, so commands that would change them are rejected.
     commands = {**COMMANDS, **dict.fromkeys(("pub", "order", "restart"), _reject), "seek": seek}
     commands["status"] = status
-    record = FileStatus("record", str(path.absolute()))
+    record = FileStatus("record", text_of_path(path.absolute()))
     watching = replace(watchers, listening=listening, files=lambda: (record,))
     coordinator = Coordinator(world, watching, commands=commands, **options)
     return coordinator

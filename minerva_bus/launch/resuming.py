@@ -27,6 +27,7 @@ from minerva_bus.launch.table import Table
 from minerva_bus.launch.toml import TomlError, read_toml, toml_value_text
 from minerva_bus.launch.typed import of_nodes
 from minerva_bus.launch.worldfile import WorldFile
+from minerva_bus.path_text import path_of_text
 from minerva_bus.settings.overrides import Overrides, plain_value
 from minerva_bus.wire.vocabulary import plain_vocabulary
 from minerva_bus.wording import named_some
@@ -128,7 +129,7 @@ def find_file(world: str, description: Description, wanted: str) -> Path:
     """
     if world:
         return find_world(world)
-    path = Path(description.path)
+    path = path_of_text(description.path)
     if description.path and path.is_file():
         return path
     where = f" {description.path}" if description.path else ""

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.outputs import check_file
+from minerva_bus.path_text import text_of_path
 from minerva_bus.world.service_inputs import View, WorldInfo
 from minerva_bus.world.services import Device
 from minerva_services.options import event_types, require
@@ -63,7 +64,7 @@ class RerunView(Device, draws=("ePicture",)):
             self._file.show(self._overlay.picture(), view.frame, view.frame * self._dt)
 
     def report(self) -> Mapping[str, bool | int | float | str]:
-        return {"recording": str(self._path)} if self._file is not None else {}
+        return {"recording": text_of_path(self._path)} if self._file is not None else {}
 
     def close(self) -> None:
         if self._file is not None:

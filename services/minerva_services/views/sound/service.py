@@ -7,6 +7,7 @@ from collections.abc import Mapping
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.outputs import check_file
+from minerva_bus.path_text import text_of_path
 from minerva_bus.world.service_inputs import View, WorldInfo
 from minerva_bus.world.services import Device
 from minerva_services.options import event_types, names_in
@@ -80,7 +81,7 @@ class Sound(Device, draws=("ePicture",)):
     def report(self) -> Mapping[str, bool | int | float | str]:
         if self._sonification is None:
             return {}
-        return {"sound": str(self._path), "clicks": self._sonification.clicks}
+        return {"sound": text_of_path(self._path), "clicks": self._sonification.clicks}
 
     def close(self) -> None:
         if self._sonification is not None:

@@ -10,6 +10,7 @@ from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.outputs import check_output, write_output
+from minerva_bus.path_text import text_of_path
 from minerva_bus.wording import install
 from minerva_bus.world.service_inputs import View, WorldInfo
 from minerva_bus.world.services import Device
@@ -86,7 +87,7 @@ class Svg(Device, draws=("ePicture",)):
             self._write_png(path.with_suffix(".png"), document)
 
     def report(self) -> Mapping[str, bool | int | float | str]:
-        return {"picture": str(self._written)} if self._written else {}
+        return {"picture": text_of_path(self._written)} if self._written else {}
 
     def _draw(self, frame: int) -> str:
         if self._pictures is None:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Protocol
 
 from minerva_bus.outputs import write_output
+from minerva_bus.path_text import text_of_path
 from minerva_services.views.svg.files import numbered, prepare_folder
 from minerva_services.views.window.options import WindowOptions
 from minerva_services.views.window.painter import Pixels
@@ -72,7 +73,7 @@ class PictureOutput:
 
     def report(self) -> Mapping[str, str]:
         written = self._writer.written
-        return {} if written is None else {"picture": str(written)}
+        return {} if written is None else {"picture": text_of_path(written)}
 
     def close(self) -> None:
         pass
@@ -95,7 +96,7 @@ class VideoOutput:
                 self._writer.add(pixels)
 
     def report(self) -> Mapping[str, str]:
-        return {"video": self._path} if self._writer.pictures else {}
+        return {"video": text_of_path(self._path)} if self._writer.pictures else {}
 
     def close(self) -> None:
         self._writer.close()
