@@ -339,8 +339,8 @@ class FrameAlgorithm:
     def at_rest(self) -> bool:
         """Whether the next frame would change neither the string nor any view.
 
-        There is no lockstep generator or waiting event, and every device has shown the string. A
-        world with a fixed number of frames never rests.
+        There is no waiting event, no lockstep generator that has events without orders, and every
+        device has shown the string. A world with a fixed number of frames never rests.
         """
         if self.world.frames or self.phase is not Phase.READY or self.placement.outdated:
             return False

@@ -61,11 +61,24 @@ class CollectionStep:
         else:
             self._load(in_flight.logged)
         # `tickers` includes members that are away and awaited: the frame waits for their return.
-        in_flight.pending = set(index.tickers - in_flight.ticked.keys())
+        resting = self._resting()
+        in_flight.pending = set(index.tickers - in_flight.ticked.keys() - resting)
         if index.anyone_ticks:
             algorithm.out.send(s.TICKED, m.TickRequest(algorithm.frame))
         for member in index.ahead:
             self._ask_ahead(member, algorithm.frame, 1)
+        for entry in index.on_orders:
+            if entry.active and entry.name in in_flight.pending:
+                algorithm.out.send(entry.name, m.TickRequest(algorithm.frame))
+
+    def _resting(self) -> frozenset[str]:
+        """The generators without events in this frame, because they get no orders."""
+        algorithm = self._algorithm
+        resting = algorithm.members.resting
+        if not (resting and algorithm.in_flight.events.permitted):
+            return resting
+        entries = map(algorithm.members.get, resting)
+        return frozenset(entry.name for entry in entries if not self._orders_for(entry))
 
     def ask(self, member: MemberEntry) -> None:
         """Repeat the request to a generator that has returned while the frame waits for it."""
@@ -99,14 +112,18 @@ class CollectionStep:
 
     def _give_orders(self, member: MemberEntry) -> None:
         algorithm = self._algorithm
-        taken = member.hello.orders if member.hello is not None else ()
-        permitted = algorithm.in_flight.events.permitted
-        orders = tuple([event for event in permitted if event.type in taken])
+        orders = self._orders_for(member)
         if orders:
             # A generator with an early request may have answered for this frame already. The orders
             # then count in the first frame without a request to it.
             frame = max(algorithm.frame, algorithm.inbox.early.last_asked(member.name) + 1)
             algorithm.out.send(member.name, m.Orders(frame, orders))
+
+    def _orders_for(self, member: MemberEntry) -> tuple[AnyEvent, ...]:
+        """The orders of this frame that a member takes."""
+        taken = member.hello.orders if member.hello is not None else ()
+        permitted = self._algorithm.in_flight.events.permitted
+        return tuple([event for event in permitted if event.type in taken])
 
     def _ask_ahead(self, member: str, frame: int, frames: int) -> None:
         """Ask a generator that does not depend on the world for these frames, once each."""
@@ -159,6 +176,9 @@ class CollectionStep:
             early.add(reply)
             algorithm.source.evolve_ahead()
             return
+        # One that had answered this frame to a previous coordinator takes further orders for it in
+        # the next one.
+        member.rests = member.rests or not self._orders_for(member)
         algorithm.in_flight.pending.discard(reply.member)
         algorithm.in_flight.ticked[reply.member] = reply
 

@@ -42,8 +42,25 @@ def incompatibility(hello: Hello, vocabulary: Vocabulary) -> str:
     # without readings, so the subscribers of its topics would wait for them forever.
     if hello.publishes and hello.coupled and not hello.lockstep:
         return "it publishes readings but generates nothing: a publisher is a Generator too"
+    reason = _asked_in_vain(hello)
+    if reason:
+        return reason
     reasons = (_kind_mismatch(kind, vocabulary) for kind in hello.kinds)
     return next((reason for reason in reasons if reason), "")
+
+
+def _asked_in_vain(hello: Hello) -> str:
+    """Why a member that is asked on orders must be asked in all frames, or an empty string."""
+    if not hello.on_orders:
+        return ""
+    needs = {
+        "is asked ahead of the frame, before its orders are known": hello.ahead,
+        "draws views": bool(hello.draws) or hello.coupled,
+        "subscribes to topics": bool(hello.topics),
+        "publishes on topics": bool(hello.publishes),
+    }
+    reason = next((reason for reason, applies in needs.items() if applies), "")
+    return reason and f"it is on_orders, so it has events on orders only, but it {reason}"
 
 
 def _kind_mismatch(kind: AgentKind, vocabulary: Vocabulary) -> str:

@@ -84,8 +84,8 @@ class EvolutionAhead:
 
     def _sources(self, frame: int) -> Mapping[str, Sequence[AnyEvent]]:
         """The events of a frame by generator; none before all have answered."""
-        replies = self._algorithm.inbox.early.of(frame)
-        if not self._algorithm.members.index.tickers <= replies.keys():
+        replies, members = self._algorithm.inbox.early.of(frame), self._algorithm.members
+        if not members.index.tickers - members.resting <= replies.keys():
             return {}
         return {name: reply.events for name, reply in replies.items() if reply.events}
 

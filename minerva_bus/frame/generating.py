@@ -216,6 +216,11 @@ def is_ahead(service: Service | None) -> bool:
     return isinstance(service, Generator) and service.lockstep and service.ahead
 
 
+def is_on_orders(service: Service | None) -> bool:
+    """Whether a service is a generator that has events in frames with orders only."""
+    return isinstance(service, Generator) and service.lockstep and service.on_orders
+
+
 def generated_types(service: Service | None) -> tuple[str, ...]:
     """The event types that a service generates. Raises UserCodeError."""
     if not isinstance(service, Generator):

@@ -201,6 +201,7 @@ class MemberLifecycle:
             member.name, f"timed out in frame {algorithm.frame}; skipped for this frame"
         )
         if algorithm.phase is Phase.TICK:
+            member.rests = False
             in_flight.pending.discard(member.name)
             return
         for key in outstanding:
@@ -259,10 +260,13 @@ class MemberLifecycle:
         # Its replies still count, but it no longer holds what it reported, so the
         # next host must receive the result.
         result.changed_by = {n: by for n, by in result.changed_by.items() if by != member.name}
-        if algorithm.phase is Phase.TICK and member.awaited and member.name in in_flight.ticked:
+        on_orders = member.hello is not None and member.hello.on_orders
+        asked = member.name in in_flight.ticked or on_orders
+        if algorithm.phase is Phase.TICK and member.awaited and asked:
             # Other members may still need the readings that it published in this frame. Its
-            # successor continues from before the frame and publishes them again.
-            del in_flight.ticked[member.name]
+            # successor continues from before the frame and publishes them again. Without a member
+            # that takes orders, those that have arrived meanwhile would count as they are.
+            in_flight.ticked.pop(member.name, None)
             in_flight.pending.add(member.name)
         if algorithm.phase not in (Phase.EVOLVE, Phase.CLOSING):
             return

@@ -47,7 +47,8 @@ class FrameSource:
     @property
     def at_rest(self) -> bool:
         """Whether no member in step could change anything in the next frame."""
-        return not self._algorithm.members.index.tickers
+        members = self._algorithm.members
+        return members.index.tickers <= members.resting
 
     def begin(self) -> None:
         """Request the events of the frame that begins."""

@@ -17,7 +17,13 @@ from minerva_bus.frame import messages as m
 from minerva_bus.frame.calling import figures_by, made_events
 from minerva_bus.frame.compatibility import PROTOCOL_VERSION
 from minerva_bus.frame.drawing import DeviceSide
-from minerva_bus.frame.generating import GeneratorSide, generated_types, is_ahead, ordered_types
+from minerva_bus.frame.generating import (
+    GeneratorSide,
+    generated_types,
+    is_ahead,
+    is_on_orders,
+    ordered_types,
+)
 from minerva_bus.frame.hosting import Host
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.source import handler_name
@@ -117,6 +123,7 @@ class Member:
             lockstep=generator is not None and generator.lockstep,
             ahead=is_ahead(service),
             kept=self._generating.kept,
+            on_orders=is_on_orders(service),
             orders=ordered_types(generator),
             draws=tuple(device.draws) if device is not None else (),
             coupled=device is not None and device.coupled,

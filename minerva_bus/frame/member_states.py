@@ -72,6 +72,7 @@ class MemberEntry:
     `figures`: its metrics, as it last reported them.
     `joins`: number of times a process of this name has joined.
     `blamed`: a violation was logged since it appeared.
+    `rests`: if it is `on_orders`, it need not be asked before it gets orders.
     """
 
     name: str
@@ -86,6 +87,7 @@ class MemberEntry:
     figures: Figures = field(default_factory=dict[str, bool | int | float | str])
     joins: int = 0
     blamed: bool = False
+    rests: bool = False
 
     def change(self, change: MemberChange) -> bool:
         """Apply the transition table; False if it has no such transition."""
@@ -96,7 +98,7 @@ class MemberEntry:
 
     @property
     def ticks(self) -> bool:
-        """Whether it receives the tick of each frame."""
+        """Whether frames wait for its answers to ticks."""
         return self.hello is not None and self.hello.ticks
 
     @property

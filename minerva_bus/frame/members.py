@@ -14,16 +14,18 @@ from minerva_bus.frame.messages import Hello
 MAX_DEPARTED: Final = 200
 """Guests that remain in the table after leaving; the oldest is removed first."""
 
+_NONE: Final = frozenset[str]()
+
 
 @dataclass(frozen=True, slots=True)
 class MemberIndex:
     """Members by role, computed once per change of the table because each frame needs it.
 
-    `tickers` receive a tick; `sources` are the devices that generate their own visual events.
-    Both include members that are away and awaited. `ahead` receive it before the frame begins;
-    `joining` are to be admitted. `anyone_ticks`: the tick itself has a recipient. `rates` maps
-    the visual event types of devices that request views by the clock to views per second. Any
-    other device gets a view within `every` frames.
+    `tickers` answer ticks; `sources` are the devices that generate their own visual events.
+    Both include members that are away and awaited. `ahead` receive a tick before the frame begins,
+    and `on_orders` in frames with orders only; `joining` are to be admitted. `anyone_ticks`: the
+    tick for all has a recipient. `rates` maps the visual event types of devices that request views
+    by the clock to views per second. Any other device gets a view within `every` frames.
     """
 
     active: tuple[MemberEntry, ...]
@@ -32,6 +34,7 @@ class MemberIndex:
     tickers: frozenset[str]
     anyone_ticks: bool
     ahead: tuple[str, ...]
+    on_orders: tuple[MemberEntry, ...]
     sources: tuple[Hello, ...]
     rates: Mapping[str, float]
     every: int
@@ -120,6 +123,7 @@ class Members:
         """Store the hello of a process that has just started."""
         self._index = None
         member.hello, member.greeted, member.drained = hello, True, False
+        member.rests = False
         member.joins += 1
 
     # --- queries ---
@@ -141,12 +145,19 @@ class Members:
             awaited=tuple(m for m in members if m.awaited),
             joining=tuple(m for m in members if m.state is MemberState.JOINING and m.greeted),
             tickers=frozenset(m.name for m in tickers),
-            anyone_ticks=any(m.active and not _ahead(m) for m in tickers),
-            ahead=tuple(m.name for m in tickers if m.active and _ahead(m)),
+            anyone_ticks=any(m.active and m.hello.ticks_with_all for m in tickers if m.hello),
+            ahead=tuple(m.name for m in tickers if m.active and m.hello and m.hello.ahead),
+            on_orders=tuple(m for m in tickers if m.hello and m.hello.on_orders),
             sources=tuple(hello for hello in hellos if hello.every > 0),
             rates=_rates(hellos),
             every=max([1, *(hello.every for hello in hellos)]),
         )
+
+    @property
+    def resting(self) -> frozenset[str]:
+        """The members among the tickers that have no events in a frame without orders."""
+        entries = self.index.on_orders
+        return frozenset(m.name for m in entries if m.active and m.rests) if entries else _NONE
 
     def active(self) -> tuple[MemberEntry, ...]:
         """The members that take part in frames."""
@@ -256,10 +267,6 @@ def _rates(hellos: Iterable[Hello]) -> dict[str, float]:
         for event_type in hello.draws if hello.rate > 0 else ():
             rates[event_type] = max(rates.get(event_type, 0.0), hello.rate)
     return rates
-
-
-def _ahead(member: MemberEntry) -> bool:
-    return member.hello is not None and member.hello.ahead
 
 
 def _kinds(hello: Hello) -> frozenset[str]:

@@ -75,6 +75,15 @@ class Hello:
             " at most this many frames ahead, less one"
         ),
     ] = 2
+    on_orders: Annotated[
+        bool,
+        Mark.OPTIONAL,
+        Note(
+            "its events and saved data depend on nothing but orders, except in its first frame: it"
+            " is asked then and in frames in which it gets `orders`, and does not subscribe to"
+            " `tick`"
+        ),
+    ] = False
     orders: Annotated[Names, Note("the event types for which it takes people's orders")] = ()
     people: Annotated[
         bool, Mark.OPTIONAL, Note("norms treat the events that it generates as sent by people")
@@ -108,8 +117,13 @@ class Hello:
 
     @property
     def ticks(self) -> bool:
-        """Whether this member is asked in the tick of every frame."""
+        """Whether frames wait for the answers of this member."""
         return self.lockstep or self.coupled
+
+    @property
+    def ticks_with_all(self) -> bool:
+        """Whether one message asks this member and others in each frame."""
+        return self.ticks and not self.ahead and not self.on_orders
 
     @property
     def watches_only(self) -> bool:

@@ -22,7 +22,7 @@ def receivers(to: str, members: Iterable[Member]) -> list[Member]:
     """Those of `members` that receive a message for `to`, in the order of their names."""
     ordered = sorted(members, key=lambda member: member.name)
     if to == s.TICKED:
-        return [member for member in ordered if (h := member.hello()).ticks and not h.ahead]
+        return [member for member in ordered if member.hello().ticks_with_all]
     if to == s.HOSTS:
         return [member for member in ordered if member.host.kinds]
     return [member for member in ordered if to in (s.EVERYONE, member.name)]

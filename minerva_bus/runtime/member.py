@@ -229,8 +229,7 @@ class MemberProcess:
             subscriptions[:0] = map(keys.view, service.draws)
         if member.host.kinds:
             subscriptions.insert(0, keys.evolve)
-        hello = member.hello()
-        if hello.ticks and not hello.ahead:
+        if member.hello().ticks_with_all:
             subscriptions.insert(0, keys.tick)
         return subscriptions
 

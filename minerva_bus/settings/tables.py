@@ -95,8 +95,8 @@ class WorldSettings:
         0.0,
         "Frames per second; 0: as fast as possible.",
         option="rate",
-        more="With 0, an idle world (no lockstep generator, no waiting event) runs ten frames per"
-        " second and continues at once when an event arrives.",
+        more="With 0, an idle world (no waiting event, no lockstep generator but those of orders)"
+        " runs ten frames per second and continues at once when an event arrives.",
     )
     real_time: bool = _world(
         False,

@@ -193,7 +193,7 @@ class Lookout(Generator, events=("eSeen",)):
         ]
 
 
-class Clerk(Generator, events=("eMark",)):
+class Clerk(Generator, events=("eMark",), on_orders=True):
     """Creates events from orders."""
 
     def takes_orders(self) -> tuple[str, ...]:
