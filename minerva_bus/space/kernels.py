@@ -195,6 +195,5 @@ def interpreted() -> Generator[None]:
         _interpreting.reset(token)
 
 
-def interpreting() -> bool:
-    """Whether rules run as Python now."""
-    return _interpreting.get()
+interpreting: Final[Callable[[], bool]] = _interpreting.get
+"""Whether rules run as Python now. Each loop of a frame asks, so it is no function of ours."""

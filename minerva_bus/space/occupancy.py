@@ -18,9 +18,9 @@ from minerva_bus.space.lattice import NO_CELL, inside, row_of
 NEXT, PREVIOUS, ALIVE = 0, 1, 2
 # Rows of `table.places`: the first row in each cell, the free cells, and where a cell is in these.
 FIRST, FREE, SLOT = 0, 1, 2
-# Items of `table.counts`: rows in use, free cells, rows that the last search has found, and whether
-# rows are entered into the lists of their cells only after the rule.
-ROWS, VACANT, FOUND, LATER = 0, 1, 2, 3
+# Items of `table.counts`: rows in use, free cells, rows that the last search has found, whether
+# rows are entered into the lists of their cells only after the rule, and rows that were removed.
+ROWS, VACANT, FOUND, LATER, GONE = 0, 1, 2, 3, 4
 
 UNCOUNTED = -1
 """In place of the number of free cells: no rule asks for one, so there is no list of them."""
@@ -80,6 +80,7 @@ def remove(table: Any, i: int) -> None:
     """Remove row i from the space; it takes part in no further rule."""
     take_out(table, i)
     table.links[ALIVE, i] = 0
+    table.counts[GONE] += 1
 
 
 @kernel

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from dataclasses import field as dataclass_field
-from typing import Any, Final
+from operator import itemgetter
+from typing import Any, Final, TypeAlias, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +33,7 @@ from minerva_bus.space.lattice import CellGrid
 from minerva_bus.space.matrices import is_constant
 from minerva_bus.space.occupancy import (
     ALIVE,
+    GONE,
     LATER,
     ROWS,
     UNCOUNTED,
@@ -44,6 +47,20 @@ _CROWDED: Final = 8.0
 _MOST_CELLS: Final = 16
 """Cells per inhabitant, if they are smaller."""
 _SAMPLE: Final = 4096
+
+_Chosen: TypeAlias = Callable[[Mapping[str, NDArray[Any]]], tuple[NDArray[Any], ...]]
+
+
+def _choosing(names: tuple[str, ...]) -> _Chosen:
+    """A function that takes the arrays with these names."""
+    return cast("_Chosen", itemgetter(*names))
+
+
+_INDEX: Final = _choosing(INDEX)
+_ENTERING: Final = _choosing(ENTERING)
+_LOCATING: Final = _choosing(LOCATING)
+_LISTS: Final = _choosing(CellLists._fields)
+_SORTED_ROWS: Final = _choosing(InField.sorted_rows)
 
 _UNSORTED: Final = dict(
     zip(InField.sorted_rows, (*np.empty((2, 0), np.int64), *np.empty((2, 0))), strict=True)
@@ -113,7 +130,7 @@ class Opened:
         capacity, cells = self.arrays["values"].shape[1], _cells(self.shape)
         self.arrays |= {
             "places": np.empty((3, cells), np.int64),
-            "counts": np.array([count, cells if free else UNCOUNTED, 0, 0]),
+            "counts": np.array([count, cells if free else UNCOUNTED, 0, 0, 0]),
             "links": np.empty((3, capacity), np.int64),
             "cell": np.empty(capacity, np.int64),
         }
@@ -121,12 +138,11 @@ class Opened:
     def _enter(self) -> None:
         arrays, cells = self.arrays, self.arrays["cell"]
         if isinstance(self.shape, FieldGrid):
-            field, given = self.shape, [arrays[name] for name in LOCATING]
-            size = field.width, field.height, field.across, field.down
-            entered = LOCATE(*given, *self._places(), *size)
+            width, height, _, across, down = self.shape
+            entered = LOCATE(*_LOCATING(arrays), *self._places(), width, height, across, down)
         else:
             cells[: self.old.shape[1]] = self.old[1]
-            entered = ENTER(*[arrays[name] for name in ENTERING])
+            entered = ENTER(*_ENTERING(arrays))
             self.listed = True
         if entered == UNBORN:
             largest, births, count = self.old[0].max(), arrays["births"][0], self.old.shape[1]
@@ -192,7 +208,7 @@ class Opened:
         """Enter all rows into the lists of the cells where they are."""
         if self.listed and not self.moved:
             return
-        lists = [self.arrays[name] for name in CellLists._fields]
+        lists = _LISTS(self.arrays)
         if not self.listed:
             ENLIST(*lists)
             self.listed = True
@@ -212,9 +228,8 @@ class Opened:
             counts[LATER] = 1
             return replace(self, arrays={**self.arrays, "counts": counts}, passed=[]).arguments()
         if not self.passed:
-            arrays, values = self.arrays, self.arrays["values"]
-            rows = [values[row] for row in self.kind.column_rows]
-            self.passed = [*[arrays[name] for name in INDEX], *rows, *self._extra()]
+            columns = map(self.arrays["values"].__getitem__, self.kind.column_rows)
+            self.passed = [*_INDEX(self.arrays), *columns, *self._extra()]
         return self.passed
 
     def _extra(self) -> list[Any]:
@@ -222,20 +237,20 @@ class Opened:
         nearby = np.empty(capacity, np.int64)
         if isinstance(self.shape, CellGrid):
             return [nearby, *self.shape[:3]]
-        sorted_rows = [self.arrays.get(name, none) for name, none in _UNSORTED.items()]
+        sorted_rows = _SORTED_ROWS(_UNSORTED | self.arrays)
         return [nearby, *np.empty((2, capacity)), *sorted_rows, *self.shape]
 
     def close(self) -> Reals:
         """The matrix of the remaining rows and of newborns, in their order; ends its use here."""
-        count = int(self.arrays["counts"][ROWS])
-        values, alive = self.arrays["values"], self.arrays["links"][ALIVE, :count]
+        counts, values = self.arrays["counts"], self.arrays["values"]
+        count = int(counts[ROWS])
         if "cell" in self.kind.position:
             values[1, :count] = self.arrays["cell"][:count]
-        used = values[:, :count]
-        if not alive.all():
-            matrix = used.take(alive.nonzero()[0], axis=1)
+        if counts[GONE]:
+            alive = self.arrays["links"][ALIVE, :count].nonzero()[0]
+            matrix = values[:, :count].take(alive, axis=1)
         else:
-            matrix = values if count == values.shape[1] else used.copy()
+            matrix = values if count == values.shape[1] else values[:, :count].copy()
         # Read-only arrays that own their memory become attributes without another copy.
         matrix.flags.writeable = False
         return matrix

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, cast
+from operator import attrgetter
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +25,10 @@ from minerva_bus.world.context import Context
 
 if TYPE_CHECKING:
     from minerva_bus.space.space import Space
+
+
+_TAKES_FREE_CELLS: Final = attrgetter("takes_free_cells")
+_BIRTHS: Final = attrgetter("births")
 
 
 @dataclass(frozen=True, slots=True)
@@ -195,28 +200,35 @@ class OpenedSpace:
                 if not (shared and parameter is subject):
                     table.enlist()
                 arguments += table.arguments(shared=shared)
+            elif parameter.number:
+                arguments.append(self._number(parameter))
             else:
                 arguments += self._arguments(parameter, started.rule)
         return arguments
 
     def _arguments(self, parameter: RuleParameter, rule: SpaceRule) -> list[Any]:
-        """The arguments for a parameter that is not a table."""
+        """The arguments for a parameter that is neither a table nor a number."""
         if parameter.draws:
             return [self._draws]
         if parameter.type is CellGrid:
             return [*self._lattice[:3]]
         if parameter.type is Edges:
             return [*self._opened_edges(parameter)]
-        if parameter.matrix:
-            self._attribute(parameter)
-            only_read = parameter.name in rule.only_read
-            matrices = self._matrices
-            return [(matrices.to_read if only_read else matrices.to_change)(parameter.name)]
-        if parameter.name in self._data:
-            return [self._number(parameter, self._data[parameter.name])]
-        return [self._number(parameter, self._attribute(parameter))]
+        self._attribute(parameter)
+        only_read = parameter.name in rule.only_read
+        matrices = self._matrices
+        return [(matrices.to_read if only_read else matrices.to_change)(parameter.name)]
 
-    def _number(self, parameter: RuleParameter, number: Any) -> Any:
+    def _number(self, parameter: RuleParameter) -> Any:
+        """The number for a parameter, passed to `run` or of the space."""
+        name = parameter.name
+        number: Any = self._data[name] if name in self._data else self._attribute(parameter)
+        # The usual case: only nan differs from itself.
+        if type(number) is parameter.type and number == number:
+            return number
+        return self._converted(parameter, number)
+
+    def _converted(self, parameter: RuleParameter, number: Any) -> Any:
         """A number in the type of a parameter, if it has the same value in it."""
         try:
             made = parameter.type(number)
@@ -242,8 +254,8 @@ class OpenedSpace:
             kind: Any = parameter.table
             matrix = self._attribute(parameter)
             extent = self._space.width, self._space.height
-            free = any(rule.takes_free_cells for rule in self._rules)
-            room = max([rule.births for rule in self._rules])
+            free = any(map(_TAKES_FREE_CELLS, self._rules))
+            room = max(map(_BIRTHS, self._rules))
             opened = Opened.of(
                 kind, matrix, self._lattice, extent, self._births, free=free, room=room
             )
@@ -259,4 +271,4 @@ class OpenedSpace:
         value: Any = getattr(self._space, parameter.name)
         if parameter.array and not isinstance(value, np.ndarray):
             raise MisuseError(f"{self._space.kind.name}.{parameter.name} must be a matrix")
-        return cast("Any", value)
+        return value  # pyright: ignore[reportUnknownVariableType]

@@ -60,6 +60,11 @@ class RuleParameter:
         return any(self.type == matrix for matrix, _ in _MATRICES)
 
     @cached_property
+    def number(self) -> bool:
+        """Whether it is a number."""
+        return self.type in (int, float, bool)
+
+    @cached_property
     def array(self) -> bool:
         """Whether the space must have an array for it."""
         return self.table is not None or self.matrix or self.type is Edges
