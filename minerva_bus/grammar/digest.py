@@ -235,7 +235,15 @@ def _value(value: Value) -> str:
 
 def same_values(a: tuple[Value, ...], b: tuple[Value, ...]) -> bool:
     """Whether two tuples of values have the same types and print the same."""
-    return a is b or (len(a) == len(b) and all(map(_same, a, b)))
+    if a is b:
+        return True
+    if len(a) != len(b):
+        return False
+    # Most are the same objects, which take no call here.
+    for was, now in zip(a, b, strict=True):  # noqa: SIM110
+        if was is not now and not _same(was, now):
+            return False
+    return True
 
 
 def _same(a: Value, b: Value) -> bool:

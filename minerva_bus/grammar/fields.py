@@ -114,12 +114,14 @@ class Fields:
 
     def values(self, owner: str, given: Mapping[str, Any]) -> tuple[Value, ...]:
         """The given values in the declared order, typed, defaults filled in. Raises Unfit."""
-        if len(given) > len(self.all) or any(name not in self.names for name in given):
+        if len(given) > len(self.all) or not set(self.names).issuperset(given):
             raise Unfit(self._unknown(owner, given))
-        values = [given.get(parameter.name, parameter.default) for parameter in self.all]
-        for parameter, value in zip(self.all, values, strict=True):
+        values: list[Any] = []
+        for parameter in self.all:
+            value = given.get(parameter.name, parameter.default)
             if value is None:
                 raise Unfit(f"{owner} needs a value for {parameter.name} ({parameter.type})")
+            values.append(value)
         return tuple(self.fitted(owner, values))
 
     def fit(self, owner: str, field: Field, value: Any) -> Value:
@@ -181,6 +183,8 @@ class Fields:
         # Another order of names, or missing ones with defaults.
         if not is_declared and names != self.names:
             return self.names, self.values(owner, dict(zip(names, values, strict=True)))
+        if self.is_final(values):
+            return self.names, values
         fitted = self.fitted(owner, values)
         return self.names, (values if all(map(is_, fitted, values)) else tuple(fitted))
 

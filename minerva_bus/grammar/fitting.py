@@ -145,19 +145,12 @@ def to_reals(value: Any) -> Array:
         return cast("Array", value)
     matrix = _matrix(value, "iubf", "a matrix of numbers")
     reals = matrix if matrix.dtype == np.float64 else matrix.astype(np.float64)
-    if not _all_finite(reals):
+    if not np.isfinite(reals).all():
         raise Unfit("a matrix of finite numbers")
     frozen = _frozen(reals)
     if frozen.size > _SMALL:
         _finite[id(frozen)] = frozen
     return frozen
-
-
-def _all_finite(reals: Array) -> bool:
-    # A sum is finite only if all numbers are; it may also be too large for a finite one.
-    with np.errstate(over="ignore", invalid="ignore"):
-        total = float(reals.sum())
-    return math.isfinite(total) or bool(np.isfinite(reals).all())
 
 
 _finite: WeakValueDictionary[int, Array] = WeakValueDictionary()

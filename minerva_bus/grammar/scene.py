@@ -70,10 +70,12 @@ class Scene(Digested):
     @property
     def nodes(self) -> tuple[Node, ...]:
         """All nodes, including those in columns."""
-        nodes = self._nodes
-        if nodes is None:
-            nodes = _plain(self.pieces)
-            object.__setattr__(self, "_nodes", nodes)
+        if self._nodes is not None:
+            return self._nodes
+        nodes: Any = self.pieces
+        if not _NODES.issuperset(map(type, nodes)):
+            nodes = tuple([node for piece in self.pieces for node in piece.nodes()])
+        object.__setattr__(self, "_nodes", nodes)
         return nodes
 
     def __add__(self, other: object) -> Scene:
@@ -132,18 +134,6 @@ class Scene(Digested):
 
 
 EMPTY: Final = Scene()
-
-
-def _plain(pieces: tuple[Piece, ...]) -> tuple[Node, ...]:
-    for piece in pieces:  # without a generator, because frames ask this often
-        if type(piece) not in _NODES:
-            break
-    else:
-        return cast("tuple[Node, ...]", pieces)
-    made: list[Node] = []
-    for piece in pieces:
-        made += piece.nodes()
-    return tuple(made)
 
 
 class _SingleNode(Digested):
@@ -270,7 +260,9 @@ def with_scope(node: Scoped, scope: Scene) -> Scoped:
 
 def rescoped(node: Node, scope: Scene) -> Node:
     """The node with another scope; a figure has none and is returned as it is."""
-    return node if isinstance(node, FigureNode) else with_scope(node, scope)
+    if isinstance(node, FigureNode) or scope is node.scope:
+        return node
+    return with_scope(node, scope)
 
 
 def agents(scene: Scene, passed_over: Container[int] = ()) -> Iterator[AgentNode]:

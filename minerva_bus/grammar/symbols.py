@@ -201,7 +201,10 @@ class AgentKind:
 
     def chance(self, event_type: str) -> float | str:
         """The probability with which it responds to an event of a type; by default 1."""
-        return next((h for answered, h in self.chances if answered == event_type), 1.0)
+        for answered, h in self.chances:
+            if answered == event_type:
+                return h
+        return 1.0
 
     def sort_of(self, attribute: str) -> str:
         """The sort of an attribute in conditions; empty if it cannot be compared."""

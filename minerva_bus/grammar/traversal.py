@@ -59,31 +59,27 @@ def rebuild(
         # siblings that are still to come and those that are done.
         for node in nodes:
             if isinstance(node, FigureNode):
-                _put(made, leave(node, EMPTY))
+                new = leave(node, EMPTY)
             elif not node.scope.pieces or id(node) in whole:
-                _put(made, leave(node, node.scope))
+                new = leave(node, node.scope)
             else:
                 opened.append((node, nodes, made))
                 nodes, made = iter(node.scope.nodes), []
                 break
+            made += new.nodes if isinstance(new, Scene) else (new,)
         else:
             if not opened:
                 return shared(scene, made)
             done, nodes, outer = opened.pop()
-            _put(outer, leave(done, shared(done.scope, made)))
+            new = leave(done, shared(done.scope, made))
+            outer += new.nodes if isinstance(new, Scene) else (new,)
             made = outer
-
-
-def _put(nodes: list[Node], more: Scene | Node) -> None:
-    if isinstance(more, Scene):
-        nodes.extend(more.nodes)
-    else:
-        nodes.append(more)
 
 
 def shared(old: Scene, nodes: list[Node]) -> Scene:
     """The string of these nodes; the old string if they are the same objects as its nodes."""
-    if len(nodes) == len(old.nodes) and all(map(is_, nodes, old.nodes)):
+    former = old.nodes
+    if len(nodes) == len(former) and all(map(is_, nodes, former)):
         return old
     return Scene(tuple(nodes)) if nodes else EMPTY
 

@@ -55,7 +55,10 @@ class UniqueIds:
         if AGENT_ID.fullmatch(agent_id) is None:
             raise Unfit(no_id(agent_id))
         # Columns stay columns: an id is searched in them without creating a text for each agent.
-        if agent_id in self._single or any(ids.row_of(agent_id) >= 0 for ids in self._columns):
+        for ids in self._columns:
+            if ids.row_of(agent_id) >= 0:
+                raise Unfit(same_id(agent_id))
+        if agent_id in self._single:
             raise Unfit(same_id(agent_id))
         self._single.add(agent_id)
 

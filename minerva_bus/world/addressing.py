@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Container, Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import TypeAlias
+from operator import attrgetter
+from typing import Final, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,8 @@ from minerva_bus.grammar.batch import MANY, AnyEvent, Events
 from minerva_bus.grammar.columns import Rows
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.ids import Ids
+
+_TYPE: Final = attrgetter("type")
 
 
 @dataclass(slots=True)
@@ -35,7 +38,7 @@ class Addressed:
     def __post_init__(self) -> None:
         # Events are indexed once by receiver, because each agent looks up its own: scanning all
         # events for each agent would cost agents times events.
-        self.types = frozenset([event.type for event in self.events])
+        self.types = frozenset(map(_TYPE, self.events))
         self._everyone, self._single, self._batches = {}, {}, {}
         self._rows, self._events = {}, {}
         for index, event in enumerate(self.events):
@@ -55,8 +58,9 @@ class Addressed:
         events = self.events
         concerning: list[tuple[int, AnyEvent]] = []
         for event_type, indexes in self._everyone.items():
-            if event_type in event_types:
-                concerning += [(index, events[index]) for index in indexes if index > after]
+            for index in indexes if event_type in event_types else ():
+                if index > after:
+                    concerning.append((index, events[index]))
         for index in self._single.get(agent_id, ()):
             if index > after and events[index].type in event_types:
                 concerning.append((index, events[index]))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Container, Mapping, Sequence
+from functools import cached_property
 from itertools import takewhile
 from typing import Any
 
@@ -47,8 +48,9 @@ def process_all(
 ) -> Scene:
     """Process the events concerning an agent, also as the kinds that λ turns it into."""
     while concerning:
+        symbol = step.symbol
         index = step.process(concerning)
-        if step.symbol not in kinds:
+        if step.symbol == symbol or step.symbol not in kinds:
             break
         # The new kind may respond to other types. Events before this one are over.
         concerning = events.to(receiver, kinds[step.symbol].activities, after=index)
@@ -64,12 +66,16 @@ class AgentStep:
         self._node = node
         self._kinds = kinds
         self._context = context
-        self._around = scene_of(node)
-        self._inside = identities(node.scope)  # skipped by searches: the agent is not in its scope
+        self._around: Scene | None = None  # unlike the agent alone
         self._agent = agent
         self._ran: list[tuple[Activity, Event]] = []
         self.symbol = node.symbol
         """Symbol of its current kind; empty once it is gone."""
+
+    @cached_property
+    def _inside(self) -> frozenset[int]:
+        """The nodes that searches skip, because the agent is not in its scope."""
+        return identities(self._node.scope)
 
     @property
     def context(self) -> Context:
@@ -185,10 +191,10 @@ class AgentStep:
     def become(self, result: Scene | None, event: Event) -> None:
         """Continue with the result of λ."""
         self._event = event
-        agent, who = self._agent, self._node.id
+        agent = self._agent
         if result is None or agent is None:
             return
-        self._around = _put(self._around, who, result, self._inside)
+        self._around = self._with(result)
         own = self._own(result, event)
         if own is None:
             self.symbol = ""
@@ -201,15 +207,19 @@ class AgentStep:
             # This host has no class for the new kind, so the agent processes no further event in
             # this frame.
             self._agent = None
-            self._around = _put(self._around, who, scene_of(counted), self._inside)
+            self._around = self._with(scene_of(counted))
 
     @property
     def string(self) -> Scene:
         """The agent in its current state, with the nodes that λ has placed beside it."""
         if self._agent is None or not self.symbol:
-            return self._around
-        now = scene_of(self._now(self._agent, self._event))
-        return _put(self._around, self._node.id, now, self._inside)
+            return scene_of(self._node) if self._around is None else self._around
+        return self._with(scene_of(self._now(self._agent, self._event)))
+
+    def _with(self, result: Scene) -> Scene:
+        """The string with this result in place of the agent."""
+        around = self._around
+        return result if around is None else _put(around, self._node.id, result, self._inside)
 
     def _run(self, agent: Agent, event: Event, given: Event | EventBatch) -> Scene | None:
         """λ(a, e); None if the agent has changed its own state."""
@@ -282,9 +292,6 @@ def checked(result: object) -> Scene | None:
 
 def _put(scene: Scene, agent_id: str, result: Scene, inside: Container[int]) -> Scene:
     """The string with one agent replaced."""
-    # The usual case: the agent is the whole string, which need not be searched.
-    if len(scene.nodes) == 1 and getattr(scene.nodes[0], "id", None) == agent_id:
-        return result
 
     def leave(node: Node, scope: Scene) -> Scene | Node:
         own = isinstance(node, AgentNode) and node.id == agent_id

@@ -45,7 +45,8 @@ Kinds = Mapping[str, type[Agent]]
 
 def kinds_of(classes: Iterable[type[Agent]] | Kinds) -> Kinds:
     """Agent classes by the symbol of their kind. Raises MisuseError."""
-    if isinstance(classes, Mapping):
+    # A dictionary is found without the checks of abstract classes, which each frame would make.
+    if isinstance(classes, dict | Mapping):
         return cast("Kinds", classes)
     kinds: dict[str, type[Agent]] = {}
     for cls in classes:

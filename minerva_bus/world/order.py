@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby
-from typing import cast
+from operator import itemgetter
+from typing import Final, TypeAlias, cast
 
 import numpy as np
 
@@ -26,22 +27,26 @@ class Order:
         return priority, event_type, source, sequence
 
 
+_Keyed: TypeAlias = tuple[tuple[int, str, str, int], AnyEvent]
+_KEY: Final[Callable[[_Keyed], tuple[int, str, str, int]]] = itemgetter(0)
+_EVENT: Final[Callable[[_Keyed], AnyEvent]] = itemgetter(1)
+
+
 def collect(order: Order, sources: Mapping[str, Sequence[AnyEvent]]) -> tuple[AnyEvent, ...]:
     """E(C*, t), equation 6: all events of all generators, in order, each once.
 
     `sources` has the events of each source in the order in which it generated them. The events of
     a type become one batch if any of them is in a batch, or several if their forms differ.
     """
-    keyed = [
-        (order.key(event.type, source, sequence), event)
-        for source, events in sources.items()
-        for sequence, event in enumerate(events)
-    ]
+    keyed: list[_Keyed] = []
+    for source, made in sources.items():
+        for sequence, event in enumerate(made):
+            keyed.append((order.key(event.type, source, sequence), event))
     # The key is a total order: no two events of a frame have the same source and sequence number.
     # So the order in which replies arrive cannot reach the string.
-    keyed.sort(key=_first)
-    events = [event for _, event in keyed]
-    if not any(isinstance(event, Events) for event in events):
+    keyed.sort(key=_KEY)
+    events = list(map(_EVENT, keyed))
+    if Events not in map(type, events):
         # The condition e^i ∉ z of equation 6. The source is not part of an event, so two generators
         # that report the same event yield it once, at its first place in the order.
         return tuple(dict.fromkeys(events))
@@ -116,7 +121,3 @@ def _once(alike: Sequence[AnyEvent]) -> list[AnyEvent | None] | None:
         rows = np.flatnonzero(kept[begin:end])
         once.append(part.take(rows) if len(rows) else None)
     return once
-
-
-def _first(pair: tuple[tuple[int, str, str, int], AnyEvent]) -> tuple[int, str, str, int]:
-    return pair[0]
