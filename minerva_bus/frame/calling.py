@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Iterator, Mapping
+from types import GeneratorType
 from typing import Any, Final, cast
 
 import numpy as np
@@ -44,8 +45,11 @@ def made_events(made: Any) -> Iterator[AnyEvent]:
         yield made
         return
     # A text and a mapping are iterable, but their letters and keys are not what was meant.
+    # Generators and lists are found without the checks of abstract classes.
     result: object = made
-    if isinstance(result, str | bytes | Mapping) or not isinstance(result, Iterable):
+    if not isinstance(result, GeneratorType | list | tuple) and (
+        isinstance(result, str | bytes | Mapping) or not isinstance(result, Iterable)
+    ):
         raise TypeError(f"expected events, one event or None, not {_named(made)}")
     for number, item in enumerate(cast("Iterable[object]", result)):
         check_number(number)

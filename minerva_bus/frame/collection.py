@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from operator import attrgetter
 from typing import TYPE_CHECKING, Final
 
 from minerva_bus.frame import messages as m
@@ -39,6 +40,9 @@ MAX_AHEAD: Final = 8
 
 FEW_EVENTS: Final = 4
 """Most events of a generator that is asked for more than one frame before they begin."""
+
+
+_TYPE: Final = attrgetter("type")
 
 
 class CollectionStep:
@@ -206,16 +210,16 @@ class CollectionStep:
 
     def _may_generate(self, member: MemberEntry, events: tuple[AnyEvent, ...]) -> bool:
         declared = member.hello.generates if member.hello is not None else ()
-        undeclared = [event.type for event in events if event.type not in declared]
-        if undeclared:
-            events_declared = ", ".join(declared) or "no events"
-            reason = f"it sent {undeclared[0]}, but its hello declares {events_declared}"
-        else:
-            reason = self._speaking.objection(member.name, events)
+        reason = ""
+        for event in events:
+            if event.type not in declared:
+                events_declared = ", ".join(declared) or "no events"
+                reason = f"it sent {event.type}, but its hello declares {events_declared}"
+                break
+        reason = reason or self._speaking.objection(member.name, events)
         if not reason and member.hello is not None:
             # The process that makes these events may have joined after the guest.
-            types = (event.type for event in events)
-            reason = refusal_of_guest(self._algorithm, member.hello, types)
+            reason = refusal_of_guest(self._algorithm, member.hello, map(_TYPE, events))
         if reason:
             self._algorithm.joining.violation(s.Violation(member.name, reason))
         return not reason
@@ -235,14 +239,16 @@ class CollectionStep:
             # The devices that requested these views may be absent now.
             due = tuple(sorted({*due, *in_flight.logged.due}))
         self._gather(due)
-        algorithm.inbox.put_back(later)
+        if later:
+            algorithm.inbox.put_back(later)
 
     def _gather(self, due: tuple[str, ...]) -> None:
         algorithm, events = self._algorithm, self._algorithm.in_flight.events
         taken, emitted = algorithm.inbox.take(self._has_taker), algorithm.inbox.emitted
+        events.taken = {**taken}
         # The log needs the orders too: a recomputed frame hands them over again.
-        handed = {handed_over(source): orders for source, orders in events.orders.items()}
-        events.taken = {**taken, **handed}
+        for source, orders in events.orders.items():
+            events.taken[handed_over(source)] = orders
         events.due = due
         # A copy, because the log needs `taken` as it was, before norms and rights remove events.
         sources: dict[str, Sequence[AnyEvent]] = {**taken}
@@ -250,8 +256,9 @@ class CollectionStep:
             sources[AGENTS] = emitted
         due_now = algorithm.inbox.take_postponed(algorithm.frame)
         self._add_ticked(sources)
-        # The rights were checked on arrival, but the string may have changed since then.
-        self._leave_out_foreign(sources)
+        if algorithm.world.speaks_for:
+            # The rights were checked on arrival, but the string may have changed since then.
+            self._leave_out_foreign(sources)
         if due:
             sources[DEVICES] = visual_events(algorithm, due)
         if algorithm.norms:

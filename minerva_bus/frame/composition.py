@@ -233,11 +233,11 @@ class Composition:
             return False
         # A new skeleton turns all views into keyframes, so fragments are
         # replaced in place if possible.
-        in_place = all(self._same_shape(name, scene) for name, scene in changes.items())
+        in_place = all(map(self._same_shape, changes, changes.values()))
         # A failed check must leave no trace: the world then ends with the string of this frame.
         # Dictionaries are changed in place, and only if the shape is the same; all other
         # attributes are replaced as a whole.
-        before, former = self.__dict__.copy(), {name: self.fragments.get(name) for name in changes}
+        before, former = self.__dict__.copy(), [*map(self.fragments.get, changes)]
         try:
             if in_place:
                 self._replace(changes)
@@ -246,7 +246,7 @@ class Composition:
                 self._take_apart(self._held(fill(self.skeleton, parts)), parts)
         except VocabularyError:
             self.__dict__.update(before)
-            for name, piece in former.items() if in_place else ():
+            for name, piece in zip(changes, former, strict=True) if in_place else ():
                 self._put(name, cast("Fragment", piece))
             raise
         return not in_place
@@ -260,7 +260,7 @@ class Composition:
         """Replace fragments by others of the same shape. Raises VocabularyError."""
         before: dict[str, Ids] = {}
         for name, scene in changes.items():
-            piece = cast("Fragment", scene.pieces[0])
+            piece: Any = scene.pieces[0]
             # Parts whose ids are the same object have no births or
             # deaths, hence no new id to check.
             if piece.ids is not None and piece.ids is not self.parts[name].ids:
@@ -321,8 +321,10 @@ class Composition:
     def layout(self) -> Layout:
         """The parts of each population: names and rows."""
         return tuple(
-            tuple((name, self.parts[name].count) for name in population)
-            for population in self.populations
+            [
+                tuple([(name, self.parts[name].count) for name in population])
+                for population in self.populations
+            ]
         )
 
     def lay_out(self, layout: Layout) -> None:

@@ -57,17 +57,18 @@ class EvolutionStep:
         if early is not None:
             hosts = self._ask_anew(early, hosts)
         for host in hosts:
-            requests.outstanding[host, 0] = tuple(algorithm.placement.fragments_of(host))
+            requests.outstanding[host, 0] = algorithm.placement.fragments_of(host)
             # Fragments are sent before the request that needs them;
             # messages keep their order on the bus.
             self._give(host)
-        plain = [host for host in hosts if algorithm.members.declines_columns(host)]
+        # Those that decline columns get a message of their own.
+        plain = tuple(filter(algorithm.members.declines_columns, hosts))
         # One publication for all hosts with counted replies was the fastest pattern measured.
-        others = tuple([host for host in hosts if host not in plain])
+        others = tuple([host for host in hosts if host not in plain]) if plain else hosts
         if others:
             request = m.EvolveRequest(algorithm.frame, others, events.evolving, events.visual)
             algorithm.out.send(s.HOSTS, request)
-        for host in plain:  # Each gets a message of its own, because it declines columns.
+        for host in plain:
             only = requests.outstanding[host, 0]
             request = m.EvolveRequest(
                 algorithm.frame, (host,), events.evolving, events.visual, only=only
@@ -331,8 +332,9 @@ class EvolutionStep:
     def _note_holders(self) -> None:
         """Note which hosts hold the current state of changed fragments; others get them again."""
         result, placement = self._algorithm.in_flight.result, self._algorithm.placement
-        accepted = {n: scene for n, scene in result.changed.items() if n not in result.rejected}
-        for fragment, scene in accepted.items():
+        for fragment, scene in result.changed.items():
+            if fragment in result.rejected:
+                continue
             host = result.changed_by.get(fragment)
             if host is not None:
                 placement.changed(host, fragment, scene)

@@ -117,7 +117,7 @@ class EvolutionAhead:
             and hosts == (early.host,)
             and not events.visual
             and are_same(events.evolving, early.events)
-            and tuple(placement.fragments_of(early.host)) == early.fragments
+            and placement.fragments_of(early.host) == early.fragments
             and placement.is_current(early.host)
         )
         if counts:

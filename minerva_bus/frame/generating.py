@@ -157,16 +157,21 @@ class GeneratorSide:
     def _ordered(self, frame: int) -> tuple[AnyEvent, ...]:
         """People's orders for a frame, and for earlier ones without a tick."""
         # Orders for a frame in which the member was away must not be lost.
-        due = {n: self._orders.pop(n) for n in sorted(self._orders) if n <= frame}
-        self._obeyed = {frame: len(due.get(frame, ()))}
-        return tuple([event for events in due.values() for event in events])
+        due: list[AnyEvent] = []
+        self._obeyed = {frame: len(self._orders.get(frame, ()))}
+        for number in sorted(self._orders):
+            if number <= frame:
+                due += self._orders.pop(number)
+        return tuple(due)
 
     # --- events and readings ---
 
     def checked(self, events: Iterable[AnyEvent], vocabulary: Vocabulary) -> tuple[AnyEvent, ...]:
         """Events, checked against the vocabulary and the declaration. Raises MisuseError."""
-        checked = tuple([vocabulary.check_any(event, self._name) for event in events])
-        for event in checked:
+        checked: list[AnyEvent] = []
+        for made in events:
+            event = vocabulary.check_any(made, self._name)
+            checked.append(event)
             if event.type not in self._generates:
                 service = type(self._service).__name__
                 raise MisuseError(
@@ -174,7 +179,7 @@ class GeneratorSide:
                     f' write class {service}(Generator, events=("{event.type}",'
                     " ...))"
                 )
-        return checked
+        return tuple(checked)
 
     def _publish(self, service: Service, tick: Tick) -> list[m.Readings]:
         # A publisher in step sends one message on each of its topics per tick, even an empty one,

@@ -51,10 +51,12 @@ class WorldGoal:
 
     def finished_in(self, parts: Iterable[Composition]) -> str:
         """Reason for the end if every agent of these parts of the string has sent either."""
+        if not self._until:
+            return ""
         done = self.reached.union(self.given_up)
         # Kinds count once one of their agents has sent an event. Before that no agent strives for
         # the goal, and the empty set would seem complete.
-        if not (self._until and done and all(map(done.issuperset, map(self._striving, parts)))):
+        if not (done and all(map(done.issuperset, map(self._striving, parts)))):
             return ""
         given_up = self.given_up
         reasons = [f"#{agent} has given up: {given_up[agent]}" for agent in sorted(given_up)]

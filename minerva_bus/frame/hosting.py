@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from operator import attrgetter
+from typing import Final
 
 from minerva_bus.errors import ProtocolError
 from minerva_bus.frame.fragments import Fragment, fragment_in
@@ -22,6 +24,8 @@ from minerva_bus.world.evolution import Evolved, evolve
 from minerva_bus.world.kinds import Kinds
 from minerva_bus.world.policy import Policy
 from minerva_bus.world.views import visualize
+
+_TYPE: Final = attrgetter("type")
 
 
 @dataclass(slots=True)
@@ -81,14 +85,17 @@ class Host:
         """
         concerned = request.only or tuple(self.fragments)
         # Checked before anything evolves, since a fragment may evolve only once in a frame.
-        missing = [name for name in concerned if name not in self.fragments]
-        if missing:
-            raise ProtocolError(f"frame {request.frame} is about #{missing[0]}, never given here")
+        for name in concerned:
+            if name not in self.fragments:
+                raise ProtocolError(f"frame {request.frame} is about #{name}, never given here")
+        views: dict[str, dict[str, Scene]] = {}
+        view_patches: dict[str, dict[str, Delta]] = {}
         # Views are first: they show the string before the evolution, which replaces the fragments.
-        views = {
-            event_type: self._views(event_type, concerned, request.visual, frame)
-            for event_type in sorted({event.type for event in request.visual})
-        }
+        for event_type in sorted(set(map(_TYPE, request.visual))):
+            shown = self._views(event_type, concerned, request.visual, frame)
+            views[event_type] = shown.changed
+            if shown.patched:
+                view_patches[event_type] = shown.patched
         events = Addressed(request.events)
         results = _Different()
         emitted: dict[str, tuple[AnyEvent, ...]] = {}
@@ -96,25 +103,26 @@ class Host:
         for fragment in concerned if evolving else ():
             was = Scene((self.fragments[fragment],))
             result = evolve(was, events, self.kinds, frame, policy)
-            emitted.update(_checked(fragment, result, vocabulary))
+            if result.emitted or result.batches:
+                emitted.update(_checked(fragment, result, vocabulary))
             # Evolution shares unchanged objects, so identity detects changes without a comparison.
             if result.scene is not was:
-                self._changed(fragment, vocabulary.check(result.scene, f"#{fragment}"), results)
+                now = vocabulary.check(result.scene, f"#{fragment}")
+                self._changed(fragment, was, now, results)
         return EvolveReply(
             self.name,
             request.frame,
             request.part,
             results.changed,
             emitted,
-            {event_type: shown.changed for event_type, shown in views.items()},
+            views,
             results.patched,
-            {event_type: shown.patched for event_type, shown in views.items() if shown.patched},
+            view_patches,
         )
 
-    def _changed(self, fragment: str, scene: Scene, results: _Different) -> None:
+    def _changed(self, fragment: str, was: Scene, scene: Scene, results: _Different) -> None:
         """Store a fragment's result; one with newborns returns from the coordinator when placed."""
-        old = self.fragments[fragment]
-        patch = _patch(Scene((old,)), scene)
+        patch = _patch(was, scene)
         if patch is None:
             results.changed[fragment] = scene
         else:

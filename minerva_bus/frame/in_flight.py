@@ -39,7 +39,7 @@ class FrameEvents:
 
     orders: Orders = field(default_factory=_DICT)
     permitted: Events = ()
-    taken: Mapping[str, Sequence[AnyEvent]] = field(default_factory=_DICT)
+    taken: dict[str, Sequence[AnyEvent]] = field(default_factory=_DICT)
     people: tuple[str, ...] = ()
     due: tuple[str, ...] = ()
     ordered: Events = ()
@@ -48,9 +48,11 @@ class FrameEvents:
 
     def split(self, events: Events, types: Mapping[str, EventType]) -> None:
         """Steps 3 and 4: the events of views, and those of evolution."""
-        self.ordered = events
-        self.visual = tuple([event for event in events if types[event.type].visual])
-        self.evolving = tuple([event for event in events if not types[event.type].visual])
+        visual: list[AnyEvent] = []
+        evolving: list[AnyEvent] = []
+        for event in events:
+            (visual if types[event.type].visual else evolving).append(event)
+        self.ordered, self.visual, self.evolving = events, tuple(visual), tuple(evolving)
 
 
 @dataclass(slots=True)

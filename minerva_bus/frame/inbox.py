@@ -244,7 +244,7 @@ class FrameInbox:
                 taken = bisect_right(list(singles), self.max_single_events)
                 later[source] = events[taken:]
                 self.events[source] = events[:taken]
-        return {source: events for source, events in later.items() if events}
+        return {source: events for source, events in later.items() if events} if later else later
 
     def put_back(self, later: Mapping[str, Sequence[AnyEvent]]) -> None:
         """Queue events that were held back, before those that arrived since."""

@@ -70,6 +70,7 @@ class Member:
         self.frame = -1
         self._generating = GeneratorSide(name, service)
         self._drawing = DeviceSide(service)
+        self._policy = Policy.SEQUENTIAL
         self._evolved: tuple[int, set[int]] = (-1, set())
         self._out: list[Outgoing] = []
         self._handlers: dict[type, Callable[[Any], None]] = {
@@ -142,7 +143,7 @@ class Member:
     def _on_welcome(self, welcome: m.Welcome) -> None:
         """Join a world, or rejoin it after the coordinator has lost this member."""
         if self.host.kinds:
-            self._check_policy(welcome.policy)
+            self._policy = self._known_policy(welcome.policy)
         rejoins = self.world is not None and self._is_same_run(self.world, welcome)
         vocabulary = with_own_fields(welcome.vocabulary, self.host.kinds)
         self.world = replace(welcome, vocabulary=vocabulary)
@@ -160,13 +161,14 @@ class Member:
         self._join(self.service, welcome)
         self._generating.join(welcome.saved)
 
-    def _check_policy(self, policy: str) -> None:
+    def _known_policy(self, policy: str) -> Policy:
         known = [each.value for each in Policy]
         if policy not in known:
             raise Unready(
                 f'{self.name} cannot take part: the world has policy = "{policy}", and this host'
                 f" knows {' and '.join(known)} only; install the version of the coordinator"
             )
+        return Policy(policy)
 
     def _join(self, service: Service, welcome: m.Welcome) -> None:
         info = WorldInfo(
@@ -249,9 +251,9 @@ class Member:
         frame = self._generating.asked
         if frame is None or not self._generating.complete:
             return
-        self.frame = frame
-        context, vocabulary = self._context(frame), self._welcome.vocabulary
-        self._out.extend(self._generating.answer(context, vocabulary))
+        self.frame, world = frame, self._welcome
+        moment = Frame(frame, world.dt, world.seed)
+        self._out.extend(self._generating.answer(moment, world.vocabulary))
 
     def missing(self) -> Iterator[str]:
         """The publishers whose readings of the unanswered tick's frame have not arrived."""
@@ -294,10 +296,9 @@ class Member:
         # One publication reaches all hosts, including those that the frame does not concern.
         if self.name not in request.asked or self._has_evolved(request):
             return
-        self.frame = request.frame
-        policy = Policy(self._welcome.policy)
-        context = self._context(request.frame)
-        self._out.append(self.host.answer(request, context, policy, self._welcome.vocabulary))
+        self.frame, world = request.frame, self._welcome
+        moment = Frame(request.frame, world.dt, world.seed)
+        self._out.append(self.host.answer(request, moment, self._policy, world.vocabulary))
 
     def _has_evolved(self, request: m.EvolveRequest) -> bool:
         """Whether this request is a repetition: fragments may evolve only once in a frame."""
@@ -314,6 +315,3 @@ class Member:
     def _welcome(self) -> m.Welcome:
         assert self.world is not None
         return self.world
-
-    def _context(self, number: int) -> Frame:
-        return Frame(number, self._welcome.dt, self._welcome.seed)

@@ -41,6 +41,7 @@ class Placement:
         self._limit = limit
         self._composition = composition
         self._host: dict[str, str] = {}
+        self._fragments: dict[str, tuple[str, ...]] = {}
         self._load = Load()
         self._held: dict[str, dict[str, Fragment | None]] = {}
         self._stale: dict[str, set[str]] = {}
@@ -72,6 +73,7 @@ class Placement:
         # Computed from scratch: the missing fragments follow from those that the host holds.
         self._stale = {host: set() for host in offers}
         kinds_on: dict[str, set[str]] = {host: set() for host in offers}
+        fragments: dict[str, list[str]] = {host: [] for host in offers}
         for fragment, node in self._composition.fragments.items():
             kinds, count = kinds_of(node), agents_in(node) if self._limit else 1
             hosts = capacity.with_room(_able(kinds, offers), count)
@@ -84,12 +86,14 @@ class Placement:
             self._host[fragment] = host
             capacity.take(host, count)
             kinds_on[host] |= kinds
+            fragments[host].append(fragment)
             # Identity suffices: the composition keeps the very object
             # that the host's reply contained.
             if self._held.get(host, {}).get(fragment) is not node:
                 self._stale[host].add(fragment)
-        # Computed here, so that a frame finds the hosts of an event
-        # type without looking at fragments.
+        # Computed here, so that a frame finds the fragments of a host, and the hosts of an event
+        # type, without looking at all fragments.
+        self._fragments = {host: tuple(names) for host, names in fragments.items()}
         self._types = {host: self._types_of(kinds) for host, kinds in kinds_on.items()}
         self._unwanted = {host: self._unwanted_on(host) for host in offers}
         declared = self._vocabulary.kinds
@@ -204,9 +208,9 @@ class Placement:
             capacity.take(hosts[0], count)
         return True
 
-    def fragments_of(self, host: str) -> list[str]:
+    def fragments_of(self, host: str) -> tuple[str, ...]:
         """The fragments assigned to a host."""
-        return [fragment for fragment, on in self._host.items() if on == host]
+        return self._fragments.get(host, ())
 
     def host_of(self, fragment: str) -> str | None:
         """The host of a fragment, or None."""
@@ -217,13 +221,15 @@ class Placement:
         """The hosts with at least one fragment, sorted."""
         return sorted(set(self._host.values()))
 
-    def concerned(self, events: Iterable[AnyEvent], visual: Iterable[AnyEvent]) -> list[str]:
+    def concerned(self, events: Sequence[AnyEvent], visual: Sequence[AnyEvent]) -> list[str]:
         """The hosts with an agent that one of the events may concern, sorted.
 
         A visual event with receivers concerns other agents too: their view is ε (equation 4).
         """
-        shown = {event.type for event in visual}
-        hosts = {host for host, types in self._types.items() if types & shown}
+        hosts: set[str] = set()
+        if visual:
+            shown = {event.type for event in visual}
+            hosts = {host for host, types in self._types.items() if types & shown}
         for event in events:
             # All hosts get a request anyway, so the remaining events need no check.
             if len(hosts) == len(self._types):
@@ -232,7 +238,9 @@ class Placement:
                 homes = self._homes(event.receivers)
                 hosts.update(self._host[home] for home in homes if home in self._host)
             else:
-                hosts.update(host for host, types in self._types.items() if event.type in types)
+                for host, types in self._types.items():
+                    if event.type in types:
+                        hosts.add(host)
         return sorted(hosts)
 
     def _homes(self, receivers: Ids | tuple[str, ...]) -> Iterable[str]:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Container, Iterator
+from collections.abc import Callable, Collection, Container
+from operator import itemgetter
+from typing import Final
 
 from minerva_bus.frame import messages as m
 from minerva_bus.frame.composition import Composition
@@ -13,21 +15,20 @@ from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.packing import packed
 from minerva_bus.grammar.scene import AgentNode, Scene, agents
 
+_AGENT: Final[Callable[[tuple[str, str]], str]] = itemgetter(0)
+
 
 def patched(reply: m.EvolveReply, composition: Composition) -> dict[str, Scene]:
     """The changed fragments of a reply, with deltas applied. Raises Unfit."""
-    changed = {
-        name: Scene((composition.fragments[name],))
-        for name in reply.patched
-        if name in composition.fragments
-    }
-    patch_all(changed, reply.patched)
-    parts = composition.parts
+    changed, fragments = dict(reply.changed), composition.fragments
     # A host that declines columns returns a part node by node; the composition holds columns.
-    whole = {
-        name: packed(scene) if name in parts else scene for name, scene in reply.changed.items()
-    }
-    return {**whole, **changed}
+    for name in sorted(changed.keys() & composition.parts.keys()):
+        changed[name] = packed(changed[name])
+    if reply.patched:
+        former = {name: Scene((fragments[name],)) for name in reply.patched if name in fragments}
+        patch_all(former, reply.patched)
+        changed |= former
+    return changed
 
 
 def foreign_fragment(reply: m.EvolveReply, asked: Collection[str]) -> str:
@@ -65,18 +66,22 @@ def duplicate_agent(
 
     `newborns` are the fragments of agents in earlier replies; those of this reply are added.
     """
-    reported = [
-        (fragment, agent)
-        for fragment, scene in sorted(reply.changed.items())
-        for agent in _single_agents(scene)
-    ]
+    reported: list[tuple[str, str]] = []
+    for fragment, scene in sorted(reply.changed.items()):
+        # Outside columns, whose ids `Composition.replace` checks together.
+        for piece in scene.pieces:
+            # The usual case, without a stack for each agent.
+            if isinstance(piece, AgentNode) and not piece.scope.pieces:
+                reported.append((piece.id, fragment))
+            elif piece.ids is None:
+                reported += [(agent.id, fragment) for agent in agents(Scene((piece,)))]
     # An agent may be in another fragment already: in the string, or in an earlier reply, where it
     # may have moved to.
-    known = composition.home_of_each(agent for _, agent in reported) | newborns
-    for fragment, agent in reported:
+    known = composition.home_of_each(map(_AGENT, reported)) | newborns
+    for agent, fragment in reported:
         if known.setdefault(agent, fragment) != fragment:
             return f"it made a second agent #{agent}"
-    newborns.update((agent, fragment) for fragment, agent in reported)
+    newborns.update(reported)
     return ""
 
 
@@ -86,13 +91,3 @@ def _is_from(event: AnyEvent, senders: Container[str], part: Columns | None) -> 
     if isinstance(event, Event):
         return part.ids.row_of(event.sender) >= 0
     return event.senders is not None and bool((part.ids.rows_of(event.senders) >= 0).all())
-
-
-def _single_agents(scene: Scene) -> Iterator[str]:
-    """The agents of a string outside columns, whose ids `Composition.replace` checks together."""
-    for piece in scene.pieces:
-        # The usual case, without a stack for each agent.
-        if isinstance(piece, AgentNode) and not piece.scope.pieces:
-            yield piece.id
-        elif piece.ids is None:
-            yield from (agent.id for agent in agents(Scene((piece,))))

@@ -57,7 +57,7 @@ class UnknownReceivers:
             else:
                 for receiver in event.receivers[:MAX_RECEIVERS]:
                     single.setdefault(receiver, event)
-        known = composition.home_of_each(single)
+        known = composition.home_of_each(single) if single else {}
         for receiver in sorted(single.keys() - known.keys()):
             event = single[receiver]
             if event.type not in self._reported and not self._was_there(receiver):

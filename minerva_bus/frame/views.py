@@ -135,6 +135,8 @@ def due_views(
 
     `clock` are the event types of which a view is due by the clock.
     """
+    if not (index.sources or index.rates):
+        return ()
     due = {
         event_type
         for hello in index.sources

@@ -37,7 +37,7 @@ def test_a_host_holds_what_it_has_received_until_its_process_is_gone():
 
 def test_without_a_limit_one_host_takes_any_number_of_agents():
     placement, _ = arranged("AMortal#a · AMortal#b · AMortal#c")
-    assert (placement.unassigned, placement.fragments_of("east")) == ({}, ["a", "b", "c"])
+    assert (placement.unassigned, placement.fragments_of("east")) == ({}, ("a", "b", "c"))
 
 
 def test_nothing_is_unwanted_before_hosts_are_known():
