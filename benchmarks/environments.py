@@ -1,6 +1,6 @@
 """Steps per CPU second of environments in this process, next to frames without observations.
 
-python benchmarks/environments.py
+python -m benchmarks.environments
 """
 
 import json
@@ -8,6 +8,7 @@ import time
 
 import numpy as np
 
+from benchmarks.command import options
 from minerva_bus import World
 from minerva_bus.rl import parallel_env
 
@@ -61,5 +62,11 @@ def measure(world, kind, act, observe):
     }
 
 
-if __name__ == "__main__":
+def main():
+    """Measure all environments, and print them as JSON."""
+    options(__doc__)
     print(json.dumps({name: measure(*world) for name, world in WORLDS.items()}, indent=1))
+
+
+if __name__ == "__main__":
+    main()

@@ -8,6 +8,7 @@ trees with different module names can be measured too. Prints one line of JSON.
 
 from __future__ import annotations
 
+import argparse
 import importlib
 import json
 import os
@@ -16,6 +17,7 @@ import sys
 import time
 from cProfile import Profile
 from itertools import pairwise
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -91,6 +93,21 @@ def measure(workers: int, steps: int, calls: bool) -> dict[str, float]:
     return {**figures, **{f"member_{name}": amount for name, amount in reported.items()}}
 
 
+def main() -> None:
+    """Measure a tree, and print one line of JSON."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("tree", type=Path, help="the folder of a source tree")
+    parser.add_argument("workers", type=int, help="members of the lockstep")
+    parser.add_argument("steps", type=int, help="frames that are measured")
+    parser.add_argument("--calls", action="store_true", help="calls instead of times")
+    given = parser.parse_args()
+    if not (given.tree / "benchmarks" / "lockstep.py").is_file():
+        parser.error(f"{given.tree} has no benchmarks/lockstep.py; give the folder of a tree")
+    if given.workers < 1 or given.steps < 1:
+        parser.error("workers and steps must be at least 1")
+    sys.path[0] = str(given.tree)
+    print(json.dumps(measure(given.workers, given.steps, given.calls)))
+
+
 if __name__ == "__main__":
-    sys.path[0] = sys.argv[1]
-    print(json.dumps(measure(int(sys.argv[2]), int(sys.argv[3]), "--calls" in sys.argv)))
+    main()

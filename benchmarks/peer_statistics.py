@@ -5,6 +5,7 @@ venvs/mesa/bin/python peer_statistics.py mesa wealth 10000 5 1 10 100
 
 from __future__ import annotations
 
+import argparse
 import json
 import sys
 from pathlib import Path
@@ -67,13 +68,22 @@ MODELS = {
 }
 
 
-def main(peer: str, model: str, agents: str, seeds: str, *steps: str) -> None:
+def main() -> None:
     """Print the statistics of all seeds by step."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("peer", choices=sorted({peer for peer, _ in MODELS}))
+    parser.add_argument("model", choices=sorted({model for _, model in MODELS}))
+    parser.add_argument("agents", type=int)
+    parser.add_argument("seeds", type=int, help="runs, with the seeds 1, 2, ...")
+    parser.add_argument("steps", type=int, nargs="+", help="ascending; statistics after each")
+    given = parser.parse_args()
+    if (given.peer, given.model) not in MODELS:
+        parser.error(f"{given.peer} has no model {given.model}")
     results: dict[int, dict[str, list[float]]] = {}
-    for seed in range(1, int(seeds) + 1):
-        step, figures = MODELS[peer, model](int(agents), seed)
+    for seed in range(1, given.seeds + 1):
+        step, figures = MODELS[given.peer, given.model](given.agents, seed)
         done = 0
-        for wanted in map(int, steps):
+        for wanted in given.steps:
             while done < wanted:
                 step()
                 done += 1
@@ -83,4 +93,4 @@ def main(peer: str, model: str, agents: str, seeds: str, *steps: str) -> None:
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    main()

@@ -8,13 +8,14 @@ computation of its statistics.
 
 from __future__ import annotations
 
+import argparse
 import json
 import sys
 import time
 from importlib import import_module
 from typing import Final
 
-from benchmarks.comparison.parameters import PARAMETERS
+from benchmarks.comparison.parameters import MODELS, PARAMETERS, SIZES
 
 PACKAGES: Final = {
     "minerva": "benchmarks.comparison.models",
@@ -35,10 +36,16 @@ def measured(system: str, model: str, size: str, seed: int) -> dict[str, float]:
 
 def main() -> None:
     """Answer seeds until standard input ends."""
-    system, model, size = sys.argv[1:]
-    measured(system, model, "small", 0)  # Imports and compiles.
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("system", choices=PACKAGES)
+    parser.add_argument("model", choices=MODELS)
+    parser.add_argument("size", choices=SIZES)
+    given = parser.parse_args()
+    if (given.model, given.size) not in PARAMETERS:
+        parser.error(f"{given.model} has no size {given.size}")
+    measured(given.system, given.model, "small", 0)  # Imports and compiles.
     for line in sys.stdin:
-        print(json.dumps(measured(system, model, size, int(line))), flush=True)
+        print(json.dumps(measured(given.system, given.model, given.size, int(line))), flush=True)
 
 
 if __name__ == "__main__":
