@@ -12,9 +12,10 @@ from minerva_agents.robot.knowledge import FREE, SEEN, UNKNOWN, obstacles
 from minerva_agents.robot.looking import look
 from minerva_agents.robot.motion import GridPose
 from minerva_agents.robot.planning import shortest_path
-from minerva_agents.robot.prospects import RAYS, Prospects, kinds_of
+from minerva_agents.robot.prospects import DARK, RAYS, WALL, WORTH, Prospects, kinds_of
 from minerva_agents.robot.searching import SearchState, news_ahead, news_at, next_goal
 from minerva_agents.robot.wave import STEP, Wave
+from minerva_bus import portable
 
 CELL = 0.1
 
@@ -216,6 +217,47 @@ def test_a_view_counts_square_metres_up_to_the_walls():
         np.array([80]), np.array([80])
     )
     assert disc.sum() == pytest.approx(math.pi * 25, rel=0.1)
+
+
+def news_on_ray(kinds, row, column, ray, sight, most_dark):
+    """News on a ray from a cell, step by step, in cells: each step is as wide as its sector."""
+    angle, news, dark = math.radians(ray * 360.0 / RAYS), 0, 0
+    for step in range(1, math.ceil(sight)):
+        at = (
+            row + math.floor(step * portable.cos(angle) + 0.5),
+            column + math.floor(step * portable.sin(angle) + 0.5),
+        )
+        inside = 0 <= at[0] < kinds.shape[0] and 0 <= at[1] < kinds.shape[1]
+        kind = int(kinds[at]) if inside else WALL
+        dark += kind == DARK
+        if kind == WALL or dark > most_dark:
+            break
+        news += int(WORTH[kind]) * step
+    return news
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    seed=st.integers(0, 10**6),
+    walls=st.sampled_from([0.0, 0.01, 0.1]),
+    dark=st.sampled_from([0.1, 0.6, 1.0]),
+    sight=st.sampled_from([2.5, 7.5, 14.0]),
+    count=st.integers(0, 3),
+)
+def test_a_view_is_that_of_each_ray_by_itself(seed, walls, dark, sight, count):
+    random = np.random.default_rng(seed)
+    kinds = random.choice([0, 1, 4], (20, 16)).astype(np.uint8)
+    kinds[random.random(kinds.shape) < dark] = DARK
+    kinds[random.random(kinds.shape) < walls] = WALL
+    rows, columns = random.integers(0, 20, count), random.integers(0, 16, count)
+    # A ray passes 4 m of unknown space, which are 5 cells.
+    cell, most_dark = 0.8, 5
+    views = Prospects(kinds, sight, cell).views(rows, columns)
+    unit = 2.0 * math.pi / RAYS * cell * cell
+    assert views.tolist() == [
+        [news_on_ray(kinds, row, column, ray, sight, most_dark) * unit for ray in range(RAYS)]
+        for row, column in zip(rows.tolist(), columns.tolist(), strict=True)
+    ]
 
 
 def test_a_view_ends_at_walls_with_gaps_between_beams():

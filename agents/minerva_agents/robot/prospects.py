@@ -102,6 +102,7 @@ class Prospects:
         self._kinds = padded.ravel()
         self._rows, self._columns, self._weights = _rays(sight)
         self._offsets = self._rows * self._width + self._columns
+        self._steps = np.arange(len(self._weights))
         self._dark = max(1, math.floor(_DEPTH / cell))
         self._unit = 2.0 * math.pi / RAYS * cell * cell
 
@@ -109,12 +110,18 @@ class Prospects:
         """News in square metres along each ray from each of n cells; (n, RAYS)."""
         places = (rows + self._reach) * self._width + columns + self._reach
         seen = self._kinds.take(places[:, None, None] + self._offsets)
-        dark = seen == DARK
-        ends = seen == WALL
+        # A wall behind the last step, so that every ray has a first end. Cumulative operations over
+        # all cells would take longer than everything else.
+        ends = np.ones((*seen.shape[:2], len(self._weights) + 1), np.bool_)
+        ends[..., :-1] = seen == WALL
+        first = ends.argmax(axis=2)
         # Deep inside unknown space there is probably a wall, so do not count all of it as news.
-        ends |= np.cumsum(dark, axis=2, dtype=np.uint16) > self._dark
-        is_open = ~np.logical_or.accumulate(ends, axis=2)
-        return (WORTH[seen] * is_open * self._weights).sum(axis=2) * self._unit
+        dark = seen == DARK
+        deep = (dark.sum(axis=2, dtype=np.uint16) > self._dark) & (first > self._dark)
+        too_deep = np.cumsum(dark[deep], axis=1, dtype=np.uint16) > self._dark
+        first[deep] = np.minimum(first[deep], too_deep.argmax(axis=1))
+        is_open = self._steps < first[..., np.newaxis]
+        return (WORTH.take(seen) * is_open * self._weights).sum(axis=2) * self._unit
 
 
 @lru_cache(maxsize=8)
