@@ -35,6 +35,10 @@ class Wave:
         padded[1:-1, 1:-1] = passable
         self._free = padded.ravel()
         self._fresh = self._free.copy()
+        width = self._width
+        self._sides = np.array([[width], [-width], [1], [-1]], np.intp)
+        self._diagonals = np.array([[down + across] for down, across in self._corners], np.intp)
+        self._may_cut = _may_cut(padded)
         self._owner = np.empty(self._free.size, np.int32)
         self._steps = np.full(self._free.size, -1, np.int32)
         origin = (start[0] + 1) * self._width + start[1] + 1
@@ -76,12 +80,12 @@ class Wave:
         return [(index // self._width - 1, index % self._width - 1) for index in reversed(path)]
 
     def _next_ring(self) -> Flats:
-        width, ring = self._width, self._ring
-        parts = [ring + width, ring - width, ring + 1, ring - 1]
+        ring = self._ring
+        cells = (ring + self._sides).ravel()
         # Diagonals on every second ring only: the wave grows as an octagon, close to a circle.
         if self._count % 2 == 0:
-            parts += [ring[self._may_cut(ring, *sides)] + sum(sides) for sides in self._diagonals]
-        cells = np.concatenate(parts)
+            diagonals = (ring + self._diagonals)[self._may_cut[:, ring]]
+            cells = np.concatenate((cells, diagonals))
         cells = cells[self._fresh[cells]]
         self._fresh[cells] = False
         # A cell that several neighbours reach keeps the last number written, so exactly one of
@@ -91,13 +95,9 @@ class Wave:
         return cells[self._owner[cells] == numbers]
 
     @property
-    def _diagonals(self) -> tuple[tuple[int, int], ...]:
+    def _corners(self) -> tuple[tuple[int, int], ...]:
         width = self._width
         return (width, 1), (width, -1), (-width, 1), (-width, -1)
-
-    def _may_cut(self, cells: Flats, down: int, across: int) -> Mask:
-        """Mask of diagonals that cut no corner of a blocked cell."""
-        return self._free[cells + down] & self._free[cells + across]
 
     def _before(self, flat: int, count: int) -> int:
         """A predecessor of a cell on the previous ring, chosen deterministically."""
@@ -105,8 +105,21 @@ class Wave:
         for step in (width, -width, 1, -1):
             if self._steps[flat + step] == count - 1:
                 return flat + step
-        for down, across in self._diagonals:
+        for down, across in self._corners:
             is_free = self._free[flat + down] and self._free[flat + across]
             if is_free and self._steps[flat + down + across] == count - 1:
                 return flat + down + across
         raise AssertionError(f"no cell of ring {count - 1} is beside cell {flat} of ring {count}")
+
+
+def _may_cut(free: Mask) -> NDArray[np.bool_]:
+    """Of each cell, which of its four diagonals cut no corner of a blocked cell; (4, cells).
+
+    The diagonals have the order of `Wave._corners`; those of the border are False.
+    """
+    below, above = free[2:, 1:-1], free[:-2, 1:-1]
+    right, left = free[1:-1, 2:], free[1:-1, :-2]
+    both = below & right, below & left, above & right, above & left
+    result = np.zeros((len(both), *free.shape), np.bool_)
+    result[:, 1:-1, 1:-1] = both
+    return result.reshape(len(both), -1)
