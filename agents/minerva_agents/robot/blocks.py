@@ -14,8 +14,10 @@ def block_sums(mask: Mask, side: int) -> NDArray[np.int64]:
     # `np.pad` and `np.insert` take longer than the sums of grids of this size.
     padded = np.zeros((rows + -rows % side, columns + -columns % side), np.bool_)
     padded[:rows, :columns] = mask
-    shape = padded.shape[0] // side, side, padded.shape[1] // side, side
-    return padded.reshape(shape).sum(axis=(1, 3))
+    high, wide = padded.shape[0] // side, padded.shape[1] // side
+    # One axis after the other: both at once take three times as long.
+    strips = padded.reshape(high, side, -1).sum(axis=1)
+    return strips.reshape(high, wide, side).sum(axis=2)
 
 
 def box_sums(numbers: NDArray[np.int64], reach: int) -> NDArray[np.int64]:

@@ -54,8 +54,9 @@ MAX_NEWS: Final = 30.0
 _RING: Final = 8.0
 """Initial search radius along paths in metres; doubled as needed."""
 
-# Candidates per ray casting: enough to use numpy well, few enough to stop early.
-_BATCH_SIZE: Final = 32
+# Candidates per ray casting: enough to use numpy well, few enough to stop early. With 32, a search
+# takes a quarter longer, with 8 an eighth.
+_BATCH_SIZE: Final = 16
 _ARCS: Final = (0.0, 60.0, 120.0, 300.0)
 """Angles in degrees that the robot sweeps at a viewpoint."""
 
