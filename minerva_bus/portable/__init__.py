@@ -15,7 +15,7 @@ in radians; `math.radians` and `math.degrees` are one multiplication and thus th
 """
 
 from minerva_bus.portable.arcs import acos, asin, atan, atan2
-from minerva_bus.portable.circle import cos, sin, tan
+from minerva_bus.portable.circle import cos, cos_sin, sin, tan
 from minerva_bus.portable.exponentials import exp, expm1, tanh
 from minerva_bus.portable.lengths import dist, hypot
 from minerva_bus.portable.logarithms import log, log1p, log2, log10
@@ -28,6 +28,7 @@ __all__ = [
     "atan",
     "atan2",
     "cos",
+    "cos_sin",
     "dist",
     "exp",
     "expm1",

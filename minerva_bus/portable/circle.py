@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 
 from minerva_bus.portable.far import far
-from minerva_bus.portable.forms import Bits, F, Numbers, head, unary
+from minerva_bus.portable.forms import Bits, F, Numbers, head, twofold, unary
 
 _PER_QUARTER: Final = 6.36619772367581382433e-01  # 2/π
 _PART_1: Final = 1.57079632673412561417e00  # π/2 in three parts of 33 bits and the rest
@@ -41,6 +41,15 @@ def cos_one(x: float) -> float:
     quarter, y, low = _reduced(x)
     value = sin_kernel(y, low) if quarter & 1 else cos_kernel(y, low)
     return -value if (quarter + 1) & 2 else value
+
+
+def cos_sin_one(x: float) -> tuple[float, float]:
+    """The cosine and the sine of an angle in radians."""
+    quarter, y, low = _reduced(x)
+    cos, sin = cos_kernel(y, low), sin_kernel(y, low)
+    if quarter & 1:
+        cos, sin = sin, cos
+    return -cos if (quarter + 1) & 2 else cos, -sin if quarter & 2 else sin
 
 
 def tan_one(x: float) -> float:
@@ -84,6 +93,13 @@ def cos_many(x: Numbers) -> Numbers:
     """`cos` of each."""
     quarters, y, low = _all_reduced(x)
     return _by_quarter(quarters + 1, sin_kernel(y, low), cos_kernel(y, low))
+
+
+def cos_sin_many(x: Numbers) -> tuple[Numbers, Numbers]:
+    """`cos_sin` of each."""
+    quarters, y, low = _all_reduced(x)
+    cos, sin = cos_kernel(y, low), sin_kernel(y, low)
+    return _by_quarter(quarters + 1, sin, cos), _by_quarter(quarters, sin, cos)
 
 
 def tan_many(x: Numbers) -> Numbers:
@@ -232,4 +248,5 @@ def _minus_inverse(x: F, rest: F) -> F:
 
 sin = unary(sin_one, sin_many)
 cos = unary(cos_one, cos_many)
+cos_sin = twofold(cos_sin_one, cos_sin_many)
 tan = unary(tan_one, tan_many)

@@ -47,6 +47,15 @@ class Binary(Protocol):
     def __call__(self, x: float, y: NDArray[Any], /) -> Numbers: ...
 
 
+class Twofold(Protocol):
+    """A function with two results for a number, or for each number of an array."""
+
+    @overload
+    def __call__(self, x: float, /) -> tuple[float, float]: ...
+    @overload
+    def __call__(self, x: NDArray[Any], /) -> tuple[Numbers, Numbers]: ...
+
+
 def unary(scalar: Callable[[float], float], arrays: Callable[[Numbers], Numbers]) -> Unary:
     """The function with a form for one number and a form for an array of one axis."""
 
@@ -56,6 +65,20 @@ def unary(scalar: Callable[[float], float], arrays: Callable[[Numbers], Numbers]
         return scalar(float(x))
 
     return cast("Unary", _named(function, scalar))
+
+
+def twofold(
+    scalar: Callable[[float], tuple[float, float]],
+    arrays: Callable[[Numbers], tuple[Numbers, Numbers]],
+) -> Twofold:
+    """The function of two results with a form for a number and a form for an array of one axis."""
+
+    def function(x: Any, /) -> Any:
+        if isinstance(x, np.ndarray):
+            return tuple(_all(scalar, arrays, cast("NDArray[Any]", x), results=(2,)))
+        return scalar(float(x))
+
+    return cast("Twofold", _named(function, scalar))
 
 
 def binary(
@@ -82,28 +105,34 @@ def _named(function: Callable[..., Any], scalar: Callable[..., Any]) -> Callable
 
 
 def _all(
-    scalar: Callable[..., float], function: Callable[..., Numbers], *arrays: NDArray[Any]
+    scalar: Callable[..., Any],
+    function: Callable[..., Any],
+    *arrays: NDArray[Any],
+    results: tuple[int, ...] = (),
 ) -> Numbers:
-    """The results for all elements of arrays of one shape."""
+    """The results for all elements of arrays of one shape; of several, the first axis."""
     if arrays[0].size <= FEW:
         flat = [np.asarray(array, np.float64).ravel().tolist() for array in arrays]
         # For what a number has no result, an array has inf or nan.
         with suppress(ValueError, OverflowError):
-            return np.array(list(map(scalar, *flat)), np.float64).reshape(arrays[0].shape)
-    return _in_blocks(function, *arrays)
+            made = np.array(list(map(scalar, *flat)), np.float64).reshape((-1, *results))
+            return made.T.reshape((*results, *arrays[0].shape))
+    return _in_blocks(function, *arrays, results=results)
 
 
-def _in_blocks(function: Callable[..., Numbers], *arrays: NDArray[Any]) -> Numbers:
+def _in_blocks(
+    function: Callable[..., Any], *arrays: NDArray[Any], results: tuple[int, ...]
+) -> Numbers:
     """The results of a form for arrays of one axis; arrays of one shape, block by block."""
     flat = [np.asarray(array, np.float64).ravel() for array in arrays]
     count = len(flat[0])
-    made = np.empty(count)
+    made = np.empty((*results, count))
     # The forms compute all branches for all elements, including those that are not taken.
     with np.errstate(all="ignore"):
         for start in range(0, count, _BLOCK):
             end = start + _BLOCK
-            made[start:end] = function(*(array[start:end] for array in flat))
-    return made.reshape(arrays[0].shape)
+            made[..., start:end] = function(*(array[start:end] for array in flat))
+    return made.reshape((*results, *arrays[0].shape))
 
 
 def head(x: F) -> F:

@@ -127,5 +127,4 @@ def _direction(angle: Floats, along: Floats, across: Floats) -> tuple[Floats, Fl
     # Most motions of a population have no angle or no length, and two sines cost more than a check.
     if not angle.any() or not (along.any() or across.any()):
         return np.ones(len(angle)), np.zeros(len(angle))
-    turns = np.radians(angle)
-    return portable.cos(turns), portable.sin(turns)
+    return portable.cos_sin(np.radians(angle))

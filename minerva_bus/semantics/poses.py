@@ -35,12 +35,12 @@ class Pose:
 
         The angle is the sum of the turns: it may leave the range from -180 to 180.
         """
-        cos, sin = portable.cos(math.radians(self.angle)), portable.sin(math.radians(self.angle))
+        cos, sin = portable.cos_sin(math.radians(self.angle))
         angle = self.angle + turn
-        ahead = math.radians(angle)
+        along, across = portable.cos_sin(math.radians(angle))
         return Pose(
-            self.x + x * cos - y * sin + forward * portable.cos(ahead),
-            self.y + x * sin + y * cos + forward * portable.sin(ahead),
+            self.x + x * cos - y * sin + forward * along,
+            self.y + x * sin + y * cos + forward * across,
             angle,
         )
 
@@ -51,16 +51,14 @@ class Pose:
 
     def compose(self, inner: HasPose) -> Pose:
         """The pose in the outer frame of a pose that is relative to this one."""
-        turn = math.radians(self.angle)
-        cos, sin = portable.cos(turn), portable.sin(turn)
+        cos, sin = portable.cos_sin(math.radians(self.angle))
         x, y = self.x + inner.x * cos - inner.y * sin, self.y + inner.x * sin + inner.y * cos
         # The remainder is exact in IEEE 754, so it is portable.
         return Pose(x, y, math.remainder(self.angle + inner.angle, 360.0))
 
     def seen(self, other: HasPose) -> Pose:
         """Another pose of the outer frame relative to this one; the inverse of `compose`."""
-        turn = math.radians(self.angle)
-        cos, sin = portable.cos(turn), portable.sin(turn)
+        cos, sin = portable.cos_sin(math.radians(self.angle))
         x, y = other.x - self.x, other.y - self.y
         angle = math.remainder(other.angle - self.angle, 360.0)
         return Pose(x * cos + y * sin, y * cos - x * sin, angle)
@@ -82,9 +80,9 @@ def interpolated(begin: HasPose, end: HasPose, part: float) -> Pose:
 def moved(start: HasPose, before: HasPose, after: HasPose) -> Pose:
     """The pose after the motion from `before` to `after`, applied to `start`."""
     east, north = after.x - before.x, after.y - before.y
-    turn = math.radians(start.angle - before.angle)
+    cos, sin = portable.cos_sin(math.radians(start.angle - before.angle))
     return Pose(
-        start.x + portable.cos(turn) * east - portable.sin(turn) * north,
-        start.y + portable.sin(turn) * east + portable.cos(turn) * north,
+        start.x + cos * east - sin * north,
+        start.y + sin * east + cos * north,
         start.angle + math.remainder(after.angle - before.angle, 360.0),
     )

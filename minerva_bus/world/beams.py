@@ -47,8 +47,8 @@ def _ends(scan: Scan, beams: NDArray[np.intp], dist: Reals) -> tuple[Reals, Real
     if not (scan.mount_x or scan.mount_y or scan.path):
         return dist, _bearings(scan, beams)
     x, y, degrees = origins(scan, beams)
-    heading = np.radians(degrees)
-    ahead, left = x + dist * portable.cos(heading), y + dist * portable.sin(heading)
+    cos, sin = portable.cos_sin(np.radians(degrees))
+    ahead, left = x + dist * cos, y + dist * sin
     angle: Reals = np.degrees(portable.atan2(left, ahead))
     return portable.hypot(ahead, left), angle
 
@@ -62,7 +62,7 @@ def origins(scan: Scan, beams: NDArray[np.intp]) -> tuple[Reals, Reals, Reals]:
         zeros = np.zeros(len(beams))
         return zeros + scan.mount_x, zeros + scan.mount_y, _bearings(scan, beams)
     x, y, angle = _moved(scan, beams.astype(np.float64) * scan.beam_time)
-    cos, sin = portable.cos(np.radians(angle)), portable.sin(np.radians(angle))
+    cos, sin = portable.cos_sin(np.radians(angle))
     ahead = x + cos * scan.mount_x - sin * scan.mount_y
     left = y + sin * scan.mount_x + cos * scan.mount_y
     return ahead, left, _bearings(scan, beams) + angle

@@ -116,6 +116,29 @@ def test_many_numbers_of_each_size_are_the_same_one_by_one(name):
     same_in_an_array(getattr(portable, name), np.concatenate([near, wide, 1 + near]).tolist())
 
 
+@given(numbers=st.lists(anything, max_size=40))
+def test_cosine_and_sine_together_are_those_of_each(numbers):
+    for x in numbers:
+        result = outcome(portable.cos_sin, x)
+        expected = outcome(portable.cos, x), outcome(portable.sin, x)
+        if result is ValueError:
+            assert expected == (ValueError, ValueError)
+        else:
+            assert list(map(bits, result)) == list(map(bits, expected))
+    angles = np.array(numbers, np.float64)
+    for result, single in zip(portable.cos_sin(angles), (portable.cos, portable.sin), strict=True):
+        assert list(map(bits, result)) == list(map(bits, single(angles)))
+
+
+def test_cosines_and_sines_of_many_angles_keep_their_shape():
+    angles = np.linspace(-20, 20, 9000).reshape(3, 3000)
+    cos, sin = portable.cos_sin(angles)
+    assert np.array_equal(cos, portable.cos(angles))
+    assert np.array_equal(sin, portable.sin(angles))
+    few = angles[:, :4]
+    assert np.array_equal(portable.cos_sin(few), (portable.cos(few), portable.sin(few)))
+
+
 def test_arrays_keep_their_shape_and_are_broadcast():
     grid = np.linspace(0, 1, 6).reshape(2, 3)
     assert portable.sin(grid).shape == (2, 3)

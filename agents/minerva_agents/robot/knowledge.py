@@ -76,14 +76,14 @@ _NONE: Final = np.empty(0, np.intp)
 
 def at_distance(row: float, column: float, angle: float, dist: float) -> tuple[float, float]:
     """(r + dist cos angle, c + dist sin angle), section 4.2.3; cells and degrees."""
-    heading = math.radians(angle)
-    return row + dist * portable.cos(heading), column + dist * portable.sin(heading)
+    cos, sin = portable.cos_sin(math.radians(angle))
+    return row + dist * cos, column + dist * sin
 
 
 def at_distances(row: float, column: float, angles: Reals, dist: Reals) -> tuple[Reals, Reals]:
     """`at_distance` of n angles and distances, (n,) each; the same values to the last bit."""
-    heading = np.radians(angles)
-    return row + dist * portable.cos(heading), column + dist * portable.sin(heading)
+    cos, sin = portable.cos_sin(np.radians(angles))
+    return row + dist * cos, column + dist * sin
 
 
 def holds(grid: Cells, cell: Cell) -> bool:

@@ -41,7 +41,8 @@ def filled(dist: Reals, angle: Reals, max_gap: float) -> tuple[Reals, Reals]:
     and without interpolation a scan would fit best where its points coincide with those of the
     previous scan. A laser with many beams needs none: interpolation would round off corners.
     """
-    down, right = dist * portable.cos(np.radians(angle)), dist * portable.sin(np.radians(angle))
+    cos, sin = portable.cos_sin(np.radians(angle))
+    down, right = dist * cos, dist * sin
     far_down, far_right = np.roll(down, -1) - down, np.roll(right, -1) - right
     gaps = portable.hypot(far_down, far_right)
     counts = np.where(gaps <= max_gap, np.maximum(np.ceil(gaps), 1), 1).astype(np.intp)

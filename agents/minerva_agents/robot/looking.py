@@ -21,9 +21,9 @@ def look(grid: Cells, pose: GridPose, fov: float, reach: float) -> None:
     # Neighbouring rays are at most one cell apart at full range.
     rays = 2 + int(math.radians(fov) * reach)
     headings = np.radians(pose.angle + fov * (np.arange(rays) / (rays - 1) - 0.5))
+    down, across = portable.cos_sin(headings)
     steps = np.arange(int(reach) + 1, dtype=np.float64)
-    rows = _along(pose.row, steps, portable.cos(headings))
-    columns = _along(pose.column, steps, portable.sin(headings))
+    rows, columns = _along(pose.row, steps, down), _along(pose.column, steps, across)
     inside = (rows >= 0) & (rows < grid.shape[0]) & (columns >= 0) & (columns < grid.shape[1])
     # Positions off the grid read cell 0, but they end their ray, so its code has no effect.
     flat = np.where(inside, rows * grid.shape[1] + columns, 0)

@@ -121,11 +121,10 @@ class _Search:
         uncertainty: Uncertainty,
     ) -> None:
         self._dist, angle = hits
-        headings = np.radians(angle)
         # Directions of the beams are computed once. Each heading then needs four products per beam
         # instead of a sine and a cosine.
-        self._ahead = self._dist * portable.cos(headings)
-        self._aside = self._dist * portable.sin(headings)
+        cos, sin = portable.cos_sin(np.radians(angle))
+        self._ahead, self._aside = self._dist * cos, self._dist * sin
         self._guess = guess
         self._uncertainty = Uncertainty(uncertainty.metres / cell, uncertainty.degrees)
         self.steps = math.ceil(_WIDTH * uncertainty.metres / cell)
@@ -158,8 +157,7 @@ class _Search:
 
         As a fraction of the maximum; (n, n) where n steps are tried along each axis.
         """
-        turn = math.radians(angle)
-        cos, sin = portable.cos(turn), portable.sin(turn)
+        cos, sin = portable.cos_sin(math.radians(angle))
         down = centre.row - self._row + (self._ahead * cos - self._aside * sin)
         right = centre.column - self._column + (self._ahead * sin + self._aside * cos)
         # All positions of a heading at once: turning the scan is costlier than shifting it.

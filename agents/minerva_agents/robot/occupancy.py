@@ -104,5 +104,4 @@ class OccupancyMap:
         return self.resolution, self.x, self.y, self.angle, self.markers, self.start
 
     def _heading(self) -> Point:
-        turn = math.radians(self.angle)
-        return portable.cos(turn), portable.sin(turn)
+        return portable.cos_sin(math.radians(self.angle))

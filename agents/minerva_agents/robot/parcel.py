@@ -69,5 +69,5 @@ class AParcel(Agent, symbol="AParcel"):
         self._place(x, y, _FROM_MARKER)
 
     def _place(self, x: float, y: float, dist: float) -> None:
-        side = math.radians(self.side)
-        self.x, self.y = x + dist * portable.cos(side), y + dist * portable.sin(side)
+        cos, sin = portable.cos_sin(math.radians(self.side))
+        self.x, self.y = x + dist * cos, y + dist * sin

@@ -131,13 +131,9 @@ def _rays(sight: float) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.
     A step's weight is the width of the ray's sector there, as a fraction of the circle.
     """
     steps = np.arange(1.0, max(sight, 1.5))  # one cell per step, so that no wall is skipped
-    angles = [math.radians(i * 360.0 / RAYS) for i in range(RAYS)]
-    rows = np.floor(np.outer([portable.cos(angle) for angle in angles], steps) + 0.5).astype(
-        np.intp
-    )
-    columns = np.floor(np.outer([portable.sin(angle) for angle in angles], steps) + 0.5).astype(
-        np.intp
-    )
+    down, across = portable.cos_sin(np.radians(np.arange(RAYS) * 360.0 / RAYS))
+    rows = np.floor(np.outer(down, steps) + 0.5).astype(np.intp)
+    columns = np.floor(np.outer(across, steps) + 0.5).astype(np.intp)
     return rows, columns, np.rint(steps).astype(np.int32)
 
 

@@ -89,17 +89,15 @@ class Body:
 
     def course(self, forward_m: float) -> MovingDisc:
         """The displacement along the heading that a command asks for."""
-        heading = math.radians(self.pose.angle)
-        move = forward_m * portable.cos(heading), forward_m * portable.sin(heading)
-        return MovingDisc(self.centre, move, self.radius)
+        cos, sin = portable.cos_sin(math.radians(self.pose.angle))
+        return MovingDisc(self.centre, (forward_m * cos, forward_m * sin), self.radius)
 
     def driven(self, moved_m: float, *, collided: bool) -> Body:
         """The body after driving, at exactly the position given by dead reckoning."""
-        heading = math.radians(self.pose.angle)
+        cos, sin = portable.cos_sin(math.radians(self.pose.angle))
         # Not `course(...).at(...)`, which multiplies in another order and therefore rounds
         # differently from the dead reckoning that `Arena.step` promises.
-        x = self.pose.x + moved_m * portable.cos(heading)
-        y = self.pose.y + moved_m * portable.sin(heading)
+        x, y = self.pose.x + moved_m * cos, self.pose.y + moved_m * sin
         odometer = Odometer(
             self.odometer.driven_m + abs(moved_m), self.odometer.collisions + collided
         )

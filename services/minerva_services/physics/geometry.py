@@ -150,5 +150,4 @@ def _within(outer: Pose, x: float, y: float, angle: float) -> Pose:
 @lru_cache(maxsize=1024)
 def _direction(angle: float) -> tuple[float, float]:
     """Cosine and sine of an angle in degrees; most poses of a frame are those of the last."""
-    heading = math.radians(angle)
-    return portable.cos(heading), portable.sin(heading)
+    return portable.cos_sin(math.radians(angle))

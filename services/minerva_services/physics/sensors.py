@@ -35,8 +35,8 @@ def laser(pose: Pose, angles: Iterable[float], range_max: float, ray: Ray) -> Di
 
     """
     headings = np.radians(pose.angle + np.fromiter(angles, np.float64))
-    x = pose.x + range_max * portable.cos(headings)
-    y = pose.y + range_max * portable.sin(headings)
+    cos, sin = portable.cos_sin(headings)
+    x, y = pose.x + range_max * cos, pose.y + range_max * sin
     start = pose.x, pose.y
     ends = zip(x.tolist(), y.tolist(), strict=True)
     return range_max * np.array([ray(start, end) for end in ends], dtype=np.float64)
@@ -55,8 +55,7 @@ def camera(
         ray: free fraction of the line between two points.
 
     """
-    heading = math.radians(pose.angle)
-    axis = portable.cos(heading), portable.sin(heading)
+    axis = portable.cos_sin(math.radians(pose.angle))
     sightings = (_sighting(pose, axis, name, markers[name]) for name in sorted(markers))
     return tuple(
         seen

@@ -81,7 +81,7 @@ def _on_columns(runs: NDArray[np.int64]) -> Segments:
 
 def _placed(segments: Segments, x: float, y: float, angle: float) -> Segments:
     """The segments, rotated by `angle` degrees about the origin and shifted by (x, y)."""
-    cos, sin = portable.cos(math.radians(angle)), portable.sin(math.radians(angle))
+    cos, sin = portable.cos_sin(math.radians(angle))
     along, across = segments[:, 0::2], segments[:, 1::2]
     placed = np.empty_like(segments)
     placed[:, 0::2] = x + (along * cos - across * sin)

@@ -178,10 +178,9 @@ def _mount(line: LaserLine, offset: float) -> Mount:
     """The laser's mount: from a parameter, or from both poses of a line."""
     if line.laser is None or line.robot is None:
         return Mount(offset)
-    turn = math.radians(line.robot.angle)
+    cos, sin = portable.cos_sin(math.radians(line.robot.angle))
     east, north = line.laser.x - line.robot.x, line.laser.y - line.robot.y
-    ahead = portable.cos(turn) * east + portable.sin(turn) * north
-    left = portable.cos(turn) * north - portable.sin(turn) * east
+    ahead, left = cos * east + sin * north, cos * north - sin * east
     angle = (line.laser.angle - line.robot.angle + 180.0) % 360.0 - 180.0
     # The difference of two large coordinates is noisy in its last bits; rounded, the mount is the
     # same for every scan. Adding 0.0 turns -0.0 into 0.0.
@@ -191,7 +190,7 @@ def _mount(line: LaserLine, offset: float) -> Mount:
 def _carrier(laser: Pose, mount: Mount) -> Pose:
     """The robot's pose for a pose of its laser."""
     angle = laser.angle - mount.angle
-    cos, sin = portable.cos(math.radians(angle)), portable.sin(math.radians(angle))
+    cos, sin = portable.cos_sin(math.radians(angle))
     x = laser.x - (cos * mount.x - sin * mount.y)
     y = laser.y - (sin * mount.x + cos * mount.y)
     return Pose(x, y, angle)

@@ -139,7 +139,7 @@ def _place(corners: NDArray[np.float64], size: float, lens: Lens) -> tuple[float
 
 def from_centre(ahead: float, left: float, mount: Mount) -> tuple[float, float]:
     """Distance (m) and angle (deg) from the robot's centre of a point seen by its camera."""
-    cos, sin = portable.cos(math.radians(mount.angle)), portable.sin(math.radians(mount.angle))
+    cos, sin = portable.cos_sin(math.radians(mount.angle))
     x = mount.x + ahead * cos - left * sin
     y = mount.y + ahead * sin + left * cos
     return portable.hypot(x, y), math.degrees(portable.atan2(y, x))
