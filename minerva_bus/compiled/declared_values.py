@@ -80,7 +80,10 @@ class DeclaredValues(Expressions):
             raise self.problem(node, "arguments with *", "write each argument")
         if len(positional) > len(fields.names):
             raise self.problem(node, f"{owner} takes {len(fields.names)} values")
-        given = dict(zip(fields.names, positional, strict=False)) | dict(named)
+        given = dict(zip(fields.names, positional, strict=False))
+        for name in given.keys() & named.keys():
+            raise self.problem(node, f"two values of {name} for {owner}", "leave out one of them")
+        given |= named
         for name in given:
             if name not in fields.names:
                 listed = ", ".join(fields.names) or "none"

@@ -8,6 +8,7 @@ from types import FunctionType
 from typing import Any, Final, cast
 
 from minerva_bus.compiled.arithmetic import Arithmetic
+from minerva_bus.compiled.draw_calls import draw
 from minerva_bus.compiled.form import (
     BinaryOperation,
     Call,
@@ -20,10 +21,8 @@ from minerva_bus.compiled.form import (
     ValueKind,
     Variable,
 )
-from minerva_bus.compiled.functions import DISTRIBUTIONS, FUNCTIONS, Distribution
+from minerva_bus.compiled.functions import FUNCTIONS, instead_of
 from minerva_bus.compiled.names import (
-    ROW,
-    WORDS,
     AgentItself,
     BoundMethod,
     Chance,
@@ -35,8 +34,7 @@ from minerva_bus.compiled.names import (
     Reference,
     joined,
 )
-from minerva_bus.compiled.refused import EXPRESSIONS, FUNCTIONS_INSTEAD
-from minerva_bus.errors import nearest
+from minerva_bus.compiled.refused import EXPRESSIONS
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.symbols import EventType
 
@@ -148,22 +146,32 @@ class Expressions(Arithmetic):
         return BinaryOperation(ValueKind.BOOL, sign, left, right)
 
     def _membership(self, node: ast.Compare) -> Expression:
-        members = node.comparators[0]
-        value = self.value(node.left)
-        if not isinstance(members, ast.Tuple | ast.List | ast.Set) or not members.elts:
-            raise self.problem(
-                node, "`in` of something else than a tuple", 'write the values: x in ("a", "b")'
-            )
+        value, members = self.value(node.left), self._members(node)
         if not isinstance(value, Constant | Variable | Item):
             raise self.problem(
                 node, "`in` of a computed value", "assign that value to a variable first"
             )
-        parts = [self.compared(node, ast.Eq(), value, self.value(each)) for each in members.elts]
+        parts = [self.compared(node, ast.Eq(), value, each) for each in members]
         either = parts[0] if len(parts) == 1 else Logic("or", tuple(parts))
         return (
             UnaryOperation(ValueKind.BOOL, "not", either)
             if isinstance(node.ops[0], ast.NotIn)
             else either
+        )
+
+    def _members(self, node: ast.Compare) -> list[Expression]:
+        """The values of a tuple, which is written here or a constant of the module or class."""
+        given = node.comparators[0]
+        if isinstance(given, ast.Tuple | ast.List | ast.Set) and given.elts:
+            return [self.value(each) for each in given.elts]
+        known = self.reference(given) if isinstance(given, ast.Name | ast.Attribute) else None
+        values: Any = known.value if isinstance(known, Known) else None
+        if type(values) is tuple:
+            members = [self.constant_of(each) for each in cast("tuple[Any, ...]", values)]
+            if members and None not in members:
+                return [each for each in members if each is not None]
+        raise self.problem(
+            node, "`in` of something else than a tuple", 'write the values: x in ("a", "b")'
         )
 
     # --- items of sequences ---
@@ -220,7 +228,7 @@ class Expressions(Arithmetic):
         if isinstance(node.func, ast.Attribute):
             base = self.reference(node.func.value)
             if isinstance(base, Chance):
-                return self._draw(node, node.func.attr)
+                return draw(self, node, node.func.attr)
             if isinstance(base, Moment):
                 raise self.problem(
                     node, f"moment.{node.func.attr}(...) here", "write it as a statement of its own"
@@ -253,10 +261,7 @@ class Expressions(Arithmetic):
         if isinstance(function, EventType):
             raise self.problem(node, "an event as a value", "write moment.emit(...) around it")
         name = ast.unparse(node.func)
-        instead = FUNCTIONS_INSTEAD.get(
-            name.rpartition(".")[2], "compute it with numbers and operators"
-        )
-        raise self.problem(node, f"the function {name}", instead)
+        raise self.problem(node, f"the function {name}", instead_of(name))
 
     def _length(self, node: ast.Call) -> Expression:
         if len(node.args) == 1 and not node.keywords:
@@ -275,46 +280,6 @@ class Expressions(Arithmetic):
         return BinaryOperation(
             ValueKind.INT, "-", Variable(ValueKind.INT, "e_end"), Variable(ValueKind.INT, "e_begin")
         )
-
-    def _draw(self, node: ast.Call, name: str) -> Expression:
-        distribution = DISTRIBUTIONS.get(name)
-        if distribution is None:
-            near = nearest(name, list(DISTRIBUTIONS))
-            raise self.problem(node, f"moment.chance has no {name}{near}")
-        arguments = self._arguments(node, distribution)
-        self.method.draws = True
-        if name == "exponential":
-            # As in Python: the negative of an int 0 is 0, which a conversion before would change.
-            arguments = [self.negative(node, arguments[0])]
-        convert = self._bound if name == "integers" else self.as_mixed
-        given = [convert(argument) for argument in arguments]
-        if name == "integers":
-            return self.fault(distribution.kind, "draw_integers", WORDS, ROW, *given)
-        return Call(distribution.kind, f"draw_{name}", (WORDS, ROW, *given))
-
-    def _bound(self, value: Expression) -> Expression:
-        return self.fault(ValueKind.INT, "bound", value)
-
-    def _arguments(self, node: ast.Call, distribution: Distribution) -> list[Expression]:
-        given: dict[str, ast.expr] = dict(zip(distribution.names, node.args, strict=False))
-        names = {keyword.arg for keyword in node.keywords}
-        if len(node.args) > len(distribution.names) or not names <= set(distribution.names):
-            raise self.problem(node, f"these arguments; expected {', '.join(distribution.names)}")
-        given |= {str(keyword.arg): keyword.value for keyword in node.keywords}
-        values = {
-            name: self.as_number(argument, self.value(argument)) for name, argument in given.items()
-        }
-        if distribution.kind is ValueKind.INT:
-            if any(value.kind is not ValueKind.INT for value in values.values()):
-                raise self.problem(node, "bounds that are not ints", "convert with int(...)")
-            if "high" not in values and "low" in values:
-                values = {"low": Constant(ValueKind.INT, 0), "high": values["low"]}
-        for name, default in distribution.defaults.items():
-            values.setdefault(name, Constant(ValueKind.REAL, default))
-        missing = [name for name in distribution.names if name not in values]
-        if missing:
-            raise self.problem(node, f"the argument {missing[0]} is missing")
-        return [values[name] for name in distribution.names]
 
     def helper(
         self, node: ast.Call, function: FunctionType, bound: tuple[Reference, ...]

@@ -7,6 +7,7 @@ Python; those of `portable` are the project's own, compiled from the same source
 from __future__ import annotations
 
 import ast
+import builtins
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -14,6 +15,7 @@ from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
 from minerva_bus import portable
 from minerva_bus.compiled.form import BinaryOperation, Call, Constant, Expression, ValueKind
+from minerva_bus.compiled.refused import FUNCTIONS_INSTEAD, TEXT_AS_NUMBER
 
 if TYPE_CHECKING:
     from minerva_bus.compiled.expressions import Expressions
@@ -90,6 +92,8 @@ def _round(check: Expressions, node: ast.Call, arguments: Sequence[Expression]) 
 
 
 def _real(check: Expressions, node: ast.Call, arguments: Sequence[Expression]) -> Expression:
+    if any(value.kind is ValueKind.TEXT for value in arguments):
+        raise check.problem(node, *TEXT_AS_NUMBER)
     (value,) = _numbers(check, node, arguments, 1, 1)
     if value.kind is ValueKind.MIXED:
         return Call(ValueKind.REAL, "float", (value,))
@@ -197,3 +201,15 @@ FUNCTIONS: Final[dict[Any, Checked]] = {
     **{getattr(math, name): _reals(1, f"math_{name}") for name in OF_MATH},
     **{getattr(portable, name): _reals(1, f"portable_{name}") for name in OF_PORTABLE},
 }
+
+
+def instead_of(name: str) -> str:
+    """What to write in place of a function that has no machine code."""
+    last = name.rpartition(".")[2]
+    if last in FUNCTIONS_INSTEAD:
+        return FUNCTIONS_INSTEAD[last]
+    for module in (portable, math, builtins):
+        if getattr(module, last, None) in FUNCTIONS:
+            owner = "" if module is builtins else f"{module.__name__.rpartition('.')[2]}."
+            return f"use {owner}{last}"
+    return "compute it with numbers and operators"

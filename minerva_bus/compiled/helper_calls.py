@@ -53,8 +53,11 @@ class HelperCalls(Assignments):
             call = inspect.signature(function).bind(*arguments, **named)
         except TypeError as error:
             raise self.problem(node, f"this call of {function.__name__}: {error}") from None
+        # Python evaluates arguments in the order in which they are written, and draws are in it.
+        order = [*list(call.arguments)[: len(arguments)], *named]
         call.apply_defaults()
-        given = {name: self._plain(node, value) for name, value in call.arguments.items()}
+        order += [name for name in call.arguments if name not in order]
+        given = {name: self._plain(node, call.arguments[name]) for name in order}
         made = self._made(node, function, given)
         passed = [self._passed_on(slot, given) for slot in made.parameters]
         return Call(made.kind, made.name, (STATE, WORDS, ROW, *passed))

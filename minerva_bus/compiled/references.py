@@ -234,6 +234,10 @@ class References:
             return self.given(name, ValueKind.INT)
         if name == "random":
             raise self.problem(node, "moment.random", "draw from moment.chance")
+        if name == "chance":
+            raise self.problem(
+                node, "moment.chance as a value", "write it in each draw: moment.chance.random()"
+            )
         raise self.problem(node, f"moment.{name} as a value", "use dt, time, number and chance")
 
     def _of_event(self, node: ast.Attribute, event: EventItself) -> Expression:

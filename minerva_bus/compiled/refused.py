@@ -51,6 +51,11 @@ FUNCTIONS_INSTEAD: Final[Mapping[str, str]] = {
     "print": "emit an event, or log in a method that is not compiled",
     "sum": LOOP,
     "sorted": "keep the least value in a variable of a for loop",
+    "reversed": "count down: for i in range(len(x) - 1, -1, -1)",
+    "clip": "write max(low, min(high, x))",
+    "gcd": "write a while loop: while b != 0: a, b = b, a % b",
+    "isqrt": "write int(math.sqrt(n)), if that is precise enough",
+    "isclose": "compare the difference: abs(a - b) < 1e-9",
     "range": "use it in `for i in range(n)` only",
     "enumerate": "write `for i in range(n)` and index the tuple",
     "zip": "write `for i in range(n)` and index both tuples",
@@ -70,3 +75,16 @@ FUNCTIONS_INSTEAD: Final[Mapping[str, str]] = {
     "open": "a method uses no files; services do",
 }
 """What to write in place of a function, by its name."""
+
+_AN_INDEX: Final = "draw an index: TABLE[moment.chance.integers(len(TABLE))]"
+CHOICES: Final[Mapping[str, str]] = {
+    "choice": _AN_INDEX,
+    "choices": _AN_INDEX,
+    "sample": _AN_INDEX,
+    "randint": "write moment.chance.integers(low, high), without high itself",
+    "gauss": "write moment.chance.normal(mean, deviation)",
+    "poisson": "add up intervals of moment.chance.exponential() in a loop",
+}
+"""What to write in place of a draw that `moment.chance` does not have, by its name."""
+TEXT_AS_NUMBER: Final = "a number in a text", "write the number, or math.inf"
+"""`float("inf")`: what it is, and what to write instead."""

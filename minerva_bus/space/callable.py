@@ -19,7 +19,7 @@ from minerva_bus.compiled.refused import FUNCTIONS_INSTEAD
 from minerva_bus.compiled.sources import is_portable
 from minerva_bus.space.kernels import Kernel
 
-_OF_LOOPS: Final = (enumerate, len, print, range, reversed, zip)
+_OF_LOOPS: Final = (enumerate, len, print, range, zip)
 _OF_NUMPY: Final = frozenset(
     (
         "absolute", "fabs", "full", "isfinite", "isinf", "isnan", "maximum", "minimum", "ones",

@@ -13,7 +13,7 @@ from typing import Any, Final, cast
 import numpy as np
 
 from minerva_bus.compiled.origin import MISSING, NotCompilable, Origin
-from minerva_bus.compiled.refused import EXPRESSIONS, REAL_EVERYWHERE, STATEMENTS
+from minerva_bus.compiled.refused import EXPRESSIONS, REAL_EVERYWHERE, STATEMENTS, TEXT_AS_NUMBER
 from minerva_bus.errors import nearest
 from minerva_bus.space import draws
 from minerva_bus.space.callable import called, check_called
@@ -229,7 +229,8 @@ class _Body:
             raise self._origin.problem(node, f"{shown}, a random stream, has no methods", instead)
         if known is not None and known.names and node.attr not in known.names:
             hint = nearest(node.attr, list(known.names))
-            raise self._origin.problem(node, f"{shown} has no {node.attr}{hint}", _REMEDY)
+            instead = f"declare it in the class of {shown}: {node.attr}: Column"
+            raise self._origin.problem(node, f"{shown} has no {node.attr}{hint}", instead)
 
     def _check_index(self, node: ast.Subscript) -> None:
         """An index is one number, and what it assigns to may be changed."""
@@ -294,12 +295,18 @@ class _Body:
         if isinstance(kernel, Kernel):
             _check_arguments(self._origin, node, cast("Kernel[..., Any]", kernel))
             return
+        if kernel is float and any(_is_text(each) for each in node.args):
+            raise self._origin.problem(node, *TEXT_AS_NUMBER)
         if isinstance(node.func, ast.Attribute):
             self._check_name(node.func)
         check_called(self._origin, node)
         if kernel is not MISSING:  # as a kernel is that is defined below the rule
             for argument in node.args:
                 self._check_whole(argument)
+
+
+def _is_text(node: ast.expr) -> bool:
+    return isinstance(node, ast.Constant) and isinstance(node.value, str)
 
 
 def _check_arguments(origin: Origin, node: ast.Call, kernel: Kernel[..., Any]) -> None:

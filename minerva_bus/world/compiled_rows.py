@@ -178,10 +178,10 @@ class KernelCall:
         # The kernel returns early if an output is full, and after long loops, for signals.
         while True:
             flat = [array for arrays in self._outputs for array in arrays]
-            start = kernel(start, *fixed, *flat)
+            before, start = start, kernel(start, *fixed, *flat)
             if start == len(rows):
                 return outcomes
-            self._enlarge()
+            self._enlarge(every=start == before)
 
     def _column(self, name: str) -> NDArray[Any]:
         state = self._state
@@ -220,12 +220,10 @@ class KernelCall:
             return np.broadcast_to(self.codes.of(np.array([""], object)), event.count)
         return self.codes.of(event.senders.column)
 
-    def _enlarge(self) -> None:
-        """Double the outputs that have no free row."""
+    def _enlarge(self, *, every: bool) -> None:
+        """Double the outputs that are half full; `every` one if a single row did not fit."""
         for index, arrays in enumerate(self._outputs):
-            count = int(self._counts[index])
-            # Rows before the one that did not fit have filled it up to a few rows.
-            if len(arrays[0]) - count < len(arrays[0]) // 2:
+            if every or 2 * int(self._counts[index]) > len(arrays[0]):
                 self._outputs[index] = [np.resize(array, 2 * len(array)) for array in arrays]
 
     def store(self) -> None:

@@ -493,6 +493,81 @@ def test_a_changed_constant_is_compiled_again():
         LIMIT = 8
 
 
+def test_an_agent_may_emit_more_events_than_there_are_rows():
+    """Half of the room for them was left, so nothing was enlarged, for ever."""
+
+    def make(compiled):
+        class Singer(Agent, symbol="ASinger"):
+            calls: int = 0
+            births: int = 0
+
+            @on("eDay", compiled=compiled)
+            def sing(self, day, moment):
+                for turn in range(self.calls):
+                    moment.emit(eCall(loud=1.0 * turn, word="la", receivers=[self.id]))
+
+            @on("eHit", compiled=compiled)
+            def split(self, hit, moment):
+                young = EMPTY
+                for turn in range(self.calls):
+                    young = young + self.child(calls=turn)
+                return self.string + young
+
+        return Singer
+
+    calls = np.resize([1, 0, 2, 64, 300], 40)
+    same(make, lambda cls: many(cls, 40, calls=calls), [[day()], [eHit(amount=1.0)]])
+
+
+def test_membership_in_constant_tuples():
+    def make(compiled):
+        class Member(Agent, symbol="AMember"):
+            n: int = 0
+            name: str = ""
+            among: bool = False
+            WANTED = (1, 2.5, True, 7)
+
+            @on("eDay", compiled=compiled)
+            def look(self, day, moment):
+                self.among = self.n in self.WANTED or self.name in NAMES
+                if self.n not in WEIGHTS and day.name not in NAMES:
+                    self.n += 1
+
+        return Member
+
+    texts = np.resize(np.array(["a", "x", "c", ""], object), 40)
+    same(make, lambda cls: many(cls, 40, n=np.arange(40) % 8, name=texts), [[day()]] * 2)
+
+
+def mixed(x, y=1.0, *, z=0.5):
+    return x + 10 * y + 100 * z
+
+
+def test_arguments_are_evaluated_in_the_order_in_which_they_are_written():
+    def make(compiled):
+        class Player(Agent, symbol="APlayer"):
+            x: float = 0.0
+            births: int = 0
+
+            @on("eDay", compiled=compiled)
+            def play(self, day, moment):
+                self.x = mixed(y=moment.chance.random(), x=moment.chance.random())
+                self.x += mixed(
+                    moment.chance.random(), z=moment.chance.random(), y=moment.chance.random()
+                )
+                self.x += moment.chance.normal(
+                    mean=moment.chance.random(), deviation=moment.chance.random()
+                )
+                moment.emit(eCall(word="a", loud=moment.chance.random()))
+                return self.string + self.child(
+                    births=moment.chance.integers(5), x=moment.chance.random()
+                )
+
+        return Player
+
+    same(make, many, [[day()], [day()]])
+
+
 def test_texts_of_a_compiled_method_stay_coded():
     """Otherwise each frame codes, compares and checks a text for each agent."""
     from minerva_bus import evolve

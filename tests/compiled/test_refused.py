@@ -12,6 +12,7 @@ from minerva_bus.compiled.origin import NotCompilable
 
 HEAD = """
 import math
+import numpy as np
 from functools import wraps
 from minerva_bus import EMPTY, Agent, EventType, Scene, on
 
@@ -89,6 +90,23 @@ REFUSED = {
     "numpy draw": ("self.x = moment.random.normal()", "moment.random", "moment.random",
                    "moment.chance"),
     "no such draw": ("self.x = moment.chance.gauss()", "moment.chance.gauss()", "no gauss", ""),
+    "choice": ("self.x = moment.chance.choice(STARTS)", "moment.chance.choice", "no choice", "an index"),
+    "alias of chance": ("d = moment.chance", "moment.chance", "as a value", "in each draw"),
+    "order of draws": (
+        "self.x = moment.chance.normal(deviation=moment.chance.random(), mean=1.0)",
+        "moment.chance.normal", "another order", "mean, deviation",
+    ),
+    "two values of a draw": ("self.x = moment.chance.normal(1.0, mean=2.0)",
+                             "moment.chance.normal", "expected mean, deviation", ""),
+    "two values of a datum": ("moment.emit(eCall(1.0, loud=2.0))", "eCall(1.0, loud=2.0)",
+                              "two values of loud", "leave out"),
+    "infinity as text": ("self.x = float('inf')", "float('inf')", "number in a text", "math.inf"),
+    "numpy sqrt": ("self.x = np.sqrt(2.0)", "np.sqrt(2.0)", "function np.sqrt", "math.sqrt"),
+    "numpy abs": ("self.x = np.abs(2.0)", "np.abs(2.0)", "function np.abs", "use abs"),
+    "numpy exp": ("self.x = np.exp(2.0)", "np.exp(2.0)", "function np.exp", "portable.exp"),
+    "clip": ("self.x = np.clip(2.0, 0, 1)", "np.clip(2.0, 0, 1)", "np.clip", "max(low"),
+    "reversed": ("for x in reversed(STARTS): pass", "reversed(STARTS)", "reversed", "range(len"),
+    "in of a dict": ("self.calm = self.name in TABLE", "self.name in TABLE", "`in`", "values"),
     "missing datum": ("self.x = day.grsas", "day.grsas", "eDay has no grsas", "grass"),
     "list as datum": ("self.x = day.parts[0]", "day.parts", "", ""),
     "event as a value": ("e = eCall(loud=1.0)", "eCall(loud=1.0)", "an event as a value", "emit"),
